@@ -1,0 +1,70 @@
+# Everything runs from .venv, which the targets make and keep up to date by themselves.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMPS := $(VENV)/stamps
+
+# Tests and demo keep to this machine, and two runs at once on it do not hear each other.
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+export ROS_DOMAIN_ID := $(shell echo $$(($$$$ % 100 + 1)))
+
+# A ROS installation that is sourced would mix its packages and settings with those of .venv.
+unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH
+unexport RMW_IMPLEMENTATION ROS_DISCOVERY_SERVER ROS_LOCALHOST_ONLY ROS_STATIC_PEERS
+unexport FASTRTPS_DEFAULT_PROFILES_FILE FASTDDS_DEFAULT_PROFILES_FILE
+# Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+.PHONY: help venv test demo colcon bench format clean FORCE
+
+help:
+	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation'
+	@echo 'make test     style and tests'
+	@echo 'make colcon   build and test both packages as a colcon workspace, in .colcon'
+	@echo 'make bench    run the benchmarks'
+	@echo 'make format   format the sources and fix what can be fixed'
+	@echo 'make venv     only set up .venv'
+	@echo 'make clean    remove .venv and all that was built'
+	@echo 'Each sets up .venv on its own; another Python than python3: make PYTHON=python3.12 ...'
+
+venv: $(STAMPS)/messages $(STAMPS)/package
+
+test: venv
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/python -m pytest
+
+demo: venv
+	$(BIN)/python -m isotruss_ros.demo
+
+colcon: venv
+	tools/colcon.sh $(VENV) .colcon
+
+bench: venv
+	set -e; for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script; done
+
+format: venv
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf $(VENV) .colcon build install log *.egg-info .pytest_cache .ruff_cache .hypothesis
+
+# The script leaves the stamp alone while the same Python serves the same folder.
+$(STAMPS)/python: FORCE
+	@tools/make_venv.sh '$(PYTHON)' $(VENV)
+
+$(STAMPS)/packages: $(STAMPS)/python requirements.txt tools/make_venv.sh tools/install_packages.sh \
+		tools/python_headers.sh tools/relocate_wheels.py
+	@tools/install_packages.sh $(VENV)
+	@touch $@
+
+# Folders are listed too: their time changes when a message is removed.
+$(STAMPS)/messages: $(STAMPS)/packages tools/build_messages.sh $(shell find msg_defs)
+	@tools/build_messages.sh $(VENV)
+	@touch $@
+
+$(STAMPS)/package: $(STAMPS)/packages setup.py setup.cfg package.xml
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --use-pep517 --editable .
+	@touch $@

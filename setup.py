@@ -1,0 +1,45 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package_name = 'isotruss_ros'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    description='Kinematics and manipulation control of isoperimetric truss robots.',
+    author='isotruss_ros maintainers',
+    author_email='maintainers@example.org',
+    maintainer='isotruss_ros maintainers',
+    maintainer_email='maintainers@example.org',
+    license='Apache-2.0',
+    python_requires='>=3.10',
+    # The presets live at the top, where ROS users look for them; as data of a sub-package they are
+    # also there after a plain `pip install .`, which knows no share folder.
+    packages=[*find_packages(include=[package_name, f'{package_name}.*']), f'{package_name}.config'],
+    package_dir={f'{package_name}.config': 'config'},
+    package_data={f'{package_name}.config': ['*.yaml', '*.json']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+        (f'share/{package_name}/config', glob('config/*.yaml') + glob('config/*.json')),
+        (f'share/{package_name}/launch', glob('launch/*.launch.py')),
+    ],
+    # Only what `isotruss_ros.core` imports, so that it installs where there is no ROS.
+    install_requires=['numpy', 'scipy', 'PyYAML', 'jsonschema', 'qpsolvers', 'quadprog'],
+    extras_require={
+        'fast': ['daqp'],
+        'demo': ['matplotlib', 'pillow', 'rich'],
+        # colcon runs pytest where it finds it here.
+        'test': ['pytest', 'pytest-timeout', 'hypothesis', 'psutil'],
+    },
+    zip_safe=True,
+    entry_points={
+        'console_scripts': [
+            'simulator = isotruss_ros.nodes.simulator:main',
+            'manipulation = isotruss_ros.nodes.manipulation:main',
+            'teleop = isotruss_ros.nodes.teleop:main',
+            'demo = isotruss_ros.demo.__main__:main',
+        ],
+    },
+)

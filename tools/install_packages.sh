@@ -1,0 +1,27 @@
+#!/bin/sh
+# Installs the pinned packages into the virtual environment and makes the ROS wheels build messages.
+# usage: install_packages.sh VENV
+set -eu
+
+tools=$(dirname "$0")
+venv=$(cd "$1" && pwd)
+python=$venv/bin/python
+log=$venv/install.log
+
+install() {
+    "$python" -m pip install --quiet --disable-pip-version-check "$@" 2> "$log" || {
+        cat "$log" >&2
+        echo 'Installing the packages of requirements.txt failed (see above); run the same command again' \
+            'once the network answers: what was fetched is kept.' >&2
+        exit 1
+    }
+}
+
+# The installers come first and build what has no wheel, so that their versions are the pinned ones too.
+grep -E '^(pip|setuptools|wheel)==' requirements.txt > "$venv/installers.txt"
+echo 'Installing the packages of requirements.txt'
+install -r "$venv/installers.txt"
+install --no-build-isolation -r requirements.txt
+
+"$tools/python_headers.sh" "$venv"
+"$python" "$tools/relocate_wheels.py"
