@@ -1,0 +1,45 @@
+"""
+The mathematics of isoperimetric truss robots, without ROS.
+
+robot -> configuration -> grasp -> twist to rollers; see docs/kinematics.md for the equations.
+"""
+
+from isotruss_ros.core.configuration import Configuration
+from isotruss_ros.core.errors import (
+    ConfigurationError,
+    GraspError,
+    IsotrussError,
+    RobotFileError,
+    SolverError,
+)
+from isotruss_ros.core.grasp import Grasp, snug_center
+from isotruss_ros.core.limits import Limit, MemberLengthLimit, RollerSpeedLimit
+from isotruss_ros.core.manipulation import RollerCommand, solve_twist, task_jacobian
+from isotruss_ros.core.motion import HeldObject, Pose, solve_twist_ahead
+from isotruss_ros.core.robot import load_robot, Robot
+from isotruss_ros.core.robot_file import preset_names
+from isotruss_ros.core.status import Status
+
+__all__ = [
+    'Configuration',
+    'ConfigurationError',
+    'Grasp',
+    'GraspError',
+    'HeldObject',
+    'IsotrussError',
+    'Limit',
+    'MemberLengthLimit',
+    'Pose',
+    'Robot',
+    'RobotFileError',
+    'RollerCommand',
+    'RollerSpeedLimit',
+    'SolverError',
+    'Status',
+    'load_robot',
+    'preset_names',
+    'snug_center',
+    'solve_twist',
+    'solve_twist_ahead',
+    'task_jacobian',
+]

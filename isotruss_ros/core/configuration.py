@@ -1,0 +1,134 @@
+"""A configuration: where every node of the robot is at given roller travel."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from isotruss_ros.core.constraints import Points, Targets
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.kinematics import follow_branch
+from isotruss_ros.core.linear import Factor, factorize
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from isotruss_ros.core.robot import Robot
+
+Array = NDArray[np.float64]
+
+#: No member changes by more than this share of the shortest in one step along a branch.
+MAX_STEP = 0.25
+#: Where a step this small (share of the whole way) fails, the branch ends.
+MIN_STEP = 1e-4
+
+
+class Configuration:
+    """
+    The shape of a robot; made by `Robot.configuration`, never changed afterwards.
+
+    :ivar robot: the robot.
+    :ivar roller_positions: (r,) travel of the tube through each roller since home [m].
+    :ivar points: (n,) node positions x + iy in the robot's frame [m].
+    """
+
+    def __init__(self, robot: Robot, roller_positions: Array, points: Points) -> None:
+        self.robot = robot
+        self.roller_positions = roller_positions
+        self.points = points
+        roller_positions.flags.writeable = False
+        points.flags.writeable = False
+
+    @property
+    def nodes(self) -> Array:
+        """Return the (n, 2) node positions in `Robot.node_names` order, robot frame [m]."""
+        return self.points.view(np.float64).reshape(-1, 2)
+
+    @property
+    def member_lengths(self) -> Array:
+        """Return the (m,) member lengths, pinch to pinch, in `Robot.member_names` order [m]."""
+        return self.robot.constraints.lengths(self.points)[: self.robot.layout.n_modules]
+
+    @cached_property
+    def matrix(self) -> Array:
+        """Return the square matrix of (12): tube, module, bisection and ground rows, dense."""
+        matrix = self.robot.constraints.matrix(self.points)
+        return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
+
+    @cached_property
+    def factor(self) -> Factor:
+        """
+        Return the factored matrix of (12).
+
+        :raises ConfigurationError: the matrix is singular: the shape is not rigid.
+        """
+        try:
+            return factorize(self.robot.constraints.matrix(self.points))
+        except np.linalg.LinAlgError as error:
+            raise ConfigurationError(
+                f'robot {self.robot.name}: the shape at roller positions '
+                f'{self.roller_positions.tolist()} m is not rigid; stay away from it'
+            ) from error
+
+    def residual(self) -> Array:
+        """Return what is left of the constraints: [m] and, for the bisection rows, [rad]."""
+        return self.robot.constraints.residual(
+            self.points, _targets(self.robot, self.roller_positions)
+        )
+
+    def node_velocities(self, roller_velocities: ArrayLike) -> Array:
+        """
+        Return the node velocities by equation (12).
+
+        :param roller_velocities: (r,) speed of the tube through each roller [m/s].
+        :return: (n, 2) [m/s].
+        """
+        rollers = self.robot.check_rollers(roller_velocities, 'roller velocities [m/s]')
+        right = np.zeros(self.robot.constraints.n_rows)
+        right[: self.robot.layout.n_modules] = self.robot.layout.length_change(rollers)
+        return self.factor.solve(right).reshape(-1, 2)
+
+    def moved_to(self, roller_positions: ArrayLike) -> Configuration:
+        """
+        Return the configuration at other roller travel, reached without leaving the branch.
+
+        :param roller_positions: (r,) travel since home [m].
+        :raises ConfigurationError: wrong shape or not finite; a member would have no length; or
+            the straight way there in roller travel passes a shape that the robot cannot take.
+        """
+        robot = self.robot
+        goal = robot.check_rollers(roller_positions, 'roller positions [m]')
+        start = self.roller_positions
+        m = robot.layout.n_modules
+        goal_lengths = _targets(robot, goal).lengths[:m]
+        if goal_lengths.min() <= 0.0:
+            worst = int(goal_lengths.argmin())
+            raise ConfigurationError(
+                f'robot {robot.name}: roller positions {goal.tolist()} m make member '
+                f'{robot.member_names[worst]} {goal_lengths[worst]:.6g} m long; must be positive'
+            )
+        lengths = self.member_lengths
+        change = float(np.abs(goal_lengths - lengths).max())
+        shortest = float(min(lengths.min(), goal_lengths.min()))
+        share = 1.0 if change <= MAX_STEP * shortest else MAX_STEP * shortest / change
+        points, factor, done = self.points, self.__dict__.get('factor'), 0.0
+        while done < 1.0:
+            end = 1.0 if done + share > 1.0 - 1e-9 else done + share
+            rollers = goal if end == 1.0 else start + end * (goal - start)
+            found = follow_branch(robot.constraints, points, _targets(robot, rollers), factor)
+            if found is not None:
+                points, factor, done = found, None, end
+            elif share < MIN_STEP:
+                raise ConfigurationError(
+                    f'robot {robot.name}: roller positions {goal.tolist()} m: no shape of the '
+                    f'robot beyond {100 * done:.3g} % of the way from {start.tolist()} m'
+                )
+            else:
+                share *= 0.5
+        return Configuration(robot, goal, points)
+
+
+def _targets(robot: Robot, roller_positions: Array) -> Targets:
+    lengths = robot.home_targets.lengths.copy()
+    lengths[: robot.layout.n_modules] += robot.layout.length_change(roller_positions)
+    return Targets(lengths, robot.home_targets.ground)

@@ -1,0 +1,133 @@
+"""
+The constraints that tie the nodes together, and their derivative: the matrix of equation (12).
+
+Points of the plane are complex numbers x + iy here. For a vector v with direction angle t,
+d|v| = Re(conj(e) dv) with e = v/|v|, and dt = Re(conj(g) dv) with g = i v/|v|^2: every row of the
+matrix is a list of nodes with one complex gradient each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.layout import Layout
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csc_matrix
+
+Array = NDArray[np.float64]
+Points = NDArray[np.complex128]
+
+#: Above this many coordinates sparse factors are quicker than dense ones (benchmarks/scaling.py).
+DENSE_UP_TO = 160
+
+
+@dataclass(frozen=True)
+class Targets:
+    """The goals: lengths (4m,) [m] of members, AB, AC and BC; grounded coordinates (g,) [m]."""
+
+    lengths: Array
+    ground: Array
+
+
+class Constraints:
+    """
+    Residuals and matrix of the rows of (12), in its order: tube, module, bisection, ground.
+
+    :param layout: the robot's connections.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout = layout
+        m, n = layout.n_modules, layout.n_nodes
+        a, b, c, following, previous = layout.joint, layout.b, layout.c, layout.next, layout.prev
+        self.n_rows = 5 * m + len(layout.grounded)
+        self.n_columns = 2 * n
+        self._heads = np.concatenate([c[following], b, c, c])
+        self._tails = np.concatenate([b, a, a, b])
+        stretch = np.arange(4 * m)
+        bend = 4 * m + np.arange(m)
+        self._rows = np.concatenate([stretch, stretch, bend, bend, bend, bend, bend])
+        self._nodes = np.concatenate(
+            [self._heads, self._tails, c[following], b, c, a, b[previous]]
+        )
+        self._ground_rows = 5 * m + np.arange(len(layout.grounded))
+        self._places = self._rows * n + self._nodes
+        self._sparse = self._sparse_structure() if self.n_columns > DENSE_UP_TO else None
+
+    def _sparse_structure(self) -> csc_matrix:
+        """Return the pattern; its data say which of the values goes where."""
+        rows = np.concatenate([np.repeat(self._rows, 2), self._ground_rows])
+        columns = np.concatenate(
+            [
+                np.stack([2 * self._nodes, 2 * self._nodes + 1], axis=1).ravel(),
+                self._layout.grounded,
+            ]
+        )
+        order = np.arange(1, len(rows) + 1)  # from 1: a stored zero could be dropped
+        return coo_matrix((order, (rows, columns)), shape=(self.n_rows, self.n_columns)).tocsc()
+
+    def residual(self, points: Points, targets: Targets) -> Array:
+        """
+        Return how far the nodes are from fulfilling the constraints.
+
+        :param points: (n,) nodes [m].
+        :param targets: what the lengths and the grounded coordinates are to be.
+        :return: (5m + g,) of members, modules [m], bisection (3) [rad] and ground [m].
+        """
+        stretched = points[self._heads] - points[self._tails]
+        return np.concatenate(
+            [
+                np.abs(stretched) - targets.lengths,
+                self._bisection(stretched),
+                points.view(np.float64)[self._layout.grounded] - targets.ground,
+            ]
+        )
+
+    def _bisection(self, stretched: Points) -> Array:
+        """Return the difference of the two angles of (3), rod to one side and to the other."""
+        m = self._layout.n_modules
+        side = stretched[:m]
+        rod = (stretched[m : 2 * m] + stretched[2 * m : 3 * m]).conj()
+        return np.angle(-side * side[self._layout.prev] * rod * rod)
+
+    def lengths(self, points: Points) -> Array:
+        """Return the (4m,) lengths of members, AB, AC and BC [m]."""
+        return np.abs(points[self._heads] - points[self._tails])
+
+    def matrix(self, points: Points) -> Array | csc_matrix:
+        """
+        Return the derivative of the residual by the node coordinates (x0, y0, x1, y1, ...).
+
+        :param points: (n,) nodes [m].
+        :return: (5m + g, 2n), dense or, for a large robot, sparse.
+        """
+        m = self._layout.n_modules
+        stretched = points[self._heads] - points[self._tails]
+        unit = stretched / np.abs(stretched)
+        rod = 0.5 * (stretched[m : 2 * m] + stretched[2 * m : 3 * m])
+        to_next = 1j / stretched[:m].conj()
+        to_previous = -to_next[self._layout.prev]
+        turn = 1j / rod.conj()
+        values = np.concatenate(
+            [
+                unit,
+                -unit,
+                to_next,
+                -to_next - turn,
+                -to_previous - turn,
+                2.0 * turn,
+                to_previous,
+            ]
+        )
+        if self._sparse is not None:
+            data = np.concatenate([values.view(np.float64), np.ones(len(self._ground_rows))])
+            pattern = self._sparse
+            return csc_matrix(
+                (data[pattern.data - 1], pattern.indices, pattern.indptr), shape=pattern.shape
+            )
+        gradients = np.zeros(self.n_rows * self._layout.n_nodes, dtype=np.complex128)
+        gradients[self._places] = values
+        matrix = gradients.view(np.float64).reshape(self.n_rows, self.n_columns)
+        matrix[self._ground_rows, self._layout.grounded] = 1.0
+        return matrix

@@ -1,0 +1,21 @@
+"""The exceptions of the package, all of one base class."""
+
+
+class IsotrussError(Exception):
+    """Base of every error that this package raises on purpose."""
+
+
+class RobotFileError(IsotrussError, ValueError):
+    """A robot file cannot be read, or describes no robot that could work."""
+
+
+class ConfigurationError(IsotrussError, ValueError):
+    """No configuration of the robot belongs to what was given."""
+
+
+class GraspError(IsotrussError, ValueError):
+    """The grasp, the twist or the list of failed rollers is not usable."""
+
+
+class SolverError(IsotrussError, RuntimeError):
+    """A quadratic program was not solved, although it has a solution."""

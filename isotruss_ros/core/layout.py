@@ -1,0 +1,130 @@
+"""Who is connected to whom: names and index arrays of a robot's joints, modules and members."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from isotruss_ros.core.robot_file import RobotDescription
+import numpy as np
+from numpy.typing import NDArray
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """
+    Index arrays over modules i = 0..m-1, in the order of the robot file.
+
+    Nodes are numbered joints first, then B and C of module after module. Member i leaves module i
+    at B and enters module `next[i]` at C, so members and modules share their numbers.
+    """
+
+    joint_names: tuple[str, ...]
+    tube_names: tuple[str, ...]
+    module_names: tuple[str, ...]
+    joint: Indices  #: (m,) node A of each module
+    next: Indices  #: (m,) the module that follows along the tube
+    prev: Indices  #: (m,) the module before it
+    tube: Indices  #: (m,) the tube of each module
+    driven: Indices  #: (r,) the modules that have a motor
+    grounded: Indices  #: (g,) grounded coordinates, numbered 2 node + (0 for x, 1 for y)
+
+    @property
+    def n_modules(self) -> int:
+        """Return the number of modules, which is the number of members."""
+        return len(self.module_names)
+
+    @property
+    def n_nodes(self) -> int:
+        """Return the number of kinematic nodes: joints and pinch points."""
+        return len(self.joint_names) + 2 * self.n_modules
+
+    @cached_property
+    def b(self) -> Indices:
+        """Return node B of each module, (m,)."""
+        return len(self.joint_names) + 2 * np.arange(self.n_modules)
+
+    @cached_property
+    def c(self) -> Indices:
+        """Return node C of each module, (m,)."""
+        return self.b + 1
+
+    @cached_property
+    def node_names(self) -> tuple[str, ...]:
+        """Return the names of the kinematic nodes: joints, then t/j/B and t/j/C."""
+        pinch = [f'{module}/{node}' for module in self.module_names for node in 'BC']
+        return (*self.joint_names, *pinch)
+
+    @cached_property
+    def member_names(self) -> tuple[str, ...]:
+        """Return the members' names t/j-k, in module order."""
+        ends = self.joint[self.next]
+        return tuple(
+            f'{module}-{self.joint_names[end]}'
+            for module, end in zip(self.module_names, ends, strict=True)
+        )
+
+    @cached_property
+    def roller_names(self) -> tuple[str, ...]:
+        """Return the names of the driven modules, in module order."""
+        return tuple(self.module_names[i] for i in self.driven)
+
+    @cached_property
+    def incidence(self) -> NDArray[np.float64]:
+        """Return the (m, r) matrix that maps roller speeds to member length rates."""
+        matrix = np.zeros((self.n_modules, self.n_modules))
+        members = np.arange(self.n_modules)
+        matrix[members, members] = 1.0
+        matrix[members, self.next] = -1.0
+        return matrix[:, self.driven]
+
+    def length_change(self, rollers: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Return what the rollers do to the members: dL_i = dphi_i - dphi_next(i).
+
+        :param rollers: (r,) travel [m] or speeds [m/s] of the driven modules.
+        :return: (m,) changes [m] or rates [m/s] of the member lengths.
+        """
+        travel = np.zeros(self.n_modules)
+        travel[self.driven] = rollers
+        return travel - travel[self.next]
+
+
+def make_layout(description: RobotDescription) -> Layout:
+    """Number the nodes, modules and members of a robot in the order of its file."""
+    joint_names = tuple(description.joints)
+    number = {name: index for index, name in enumerate(joint_names)}
+    module_names: list[str] = []
+    joint: list[int] = []
+    following: list[int] = []
+    previous: list[int] = []
+    tube_of: list[int] = []
+    driven: list[int] = []
+    for index, tube in enumerate(description.tubes):
+        first, count = len(module_names), len(tube.joints)
+        for place, name in enumerate(tube.joints):
+            if name != tube.passive:
+                driven.append(first + place)
+            module_names.append(f'{tube.name}/{name}')
+            joint.append(number[name])
+            following.append(first + (place + 1) % count)
+            previous.append(first + (place - 1) % count)
+            tube_of.append(index)
+    grounded = [
+        2 * number[name] + 'xy'.index(axis)
+        for name, axes in description.supports.items()
+        for axis in sorted(axes)
+    ]
+    return Layout(
+        joint_names=joint_names,
+        tube_names=tuple(tube.name for tube in description.tubes),
+        module_names=tuple(module_names),
+        joint=np.array(joint, dtype=np.intp),
+        next=np.array(following, dtype=np.intp),
+        prev=np.array(previous, dtype=np.intp),
+        tube=np.array(tube_of, dtype=np.intp),
+        driven=np.array(driven, dtype=np.intp),
+        grounded=np.array(grounded, dtype=np.intp),
+    )

@@ -1,0 +1,213 @@
+"""From the desired twist of the grasped object to roller velocities: equations (11) and (20)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from isotruss_ros.core.configuration import Configuration
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.grasp import finite_numbers, Grasp, grasp_rows
+from isotruss_ros.core.limits import Limit, MemberLengthLimit, RollerSpeedLimit, Rows
+from isotruss_ros.core.program import furthest
+from isotruss_ros.core.robot import Robot
+from isotruss_ros.core.status import Status
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: A direction in which a unit of roller speed moves the object's surface less than this is lost.
+RANK_TOLERANCE = 1e-6
+#: A twist is out of reach when this share of it is.
+REACH_TOLERANCE = 1e-9
+#: Solutions are exact to rounding; a scale this close to 1 is 1.
+SCALE_TOLERANCE = 1e-9
+#: Bounds and twists this many times larger than what matters are as good as infinite.
+MAX_REACH = 1e9
+#: A limit binds when its row is this close to its bound, as a share of the largest roller speed.
+BINDING_TOLERANCE = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class RollerCommand:
+    """
+    What the rollers are to do, and what the object does then.
+
+    :ivar roller_velocities: (r,) speed of the tube through each roller [m/s].
+    :ivar achieved_twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame,
+        computed from `roller_velocities`.
+    :ivar scale: 0 to 1, by which the limits shrank the (nearest reachable) twist.
+    :ivar status: how the twist was answered.
+    :ivar limiting: the rollers or members whose limits bind, empty at scale 1.
+    """
+
+    roller_velocities: Array
+    achieved_twist: Array
+    scale: float
+    status: Status
+    limiting: tuple[str, ...] = ()
+
+
+def default_limits(robot: Robot) -> tuple[Limit, ...]:
+    """Return the limits that the robot file states."""
+    file = robot.description
+    return (
+        RollerSpeedLimit(file.max_speed),
+        MemberLengthLimit(file.min_length, file.max_length),
+    )
+
+
+def task_jacobian(config: Configuration, grasp: Grasp) -> Array:
+    """
+    Return the map from roller speeds to what they do to the grasped object.
+
+    Nodes follow the rollers by (12); the transposed solve needs one right-hand side for each row.
+
+    :return: (4, r): rows vx, vy [m/s], omega [rad/s] and opening rate of the grip [rad/s], for
+        1 m/s at each roller.
+    :raises GraspError: see `grasp_rows`.
+    :raises ConfigurationError: the configuration is singular.
+    """
+    layout = config.robot.layout
+    rows = grasp_rows(config, grasp)
+    by_length = config.factor.solve_transposed(rows.nodes.T)[: layout.n_modules]
+    jacobian = (by_length - by_length[layout.prev]).T  # dL_i = dphi_i - dphi_next(i)
+    module = config.robot.module_names.index(grasp.module)
+    jacobian[:, module] += rows.rolling
+    return jacobian[:, layout.driven]
+
+
+def solve_twist(
+    config: Configuration,
+    grasp: Grasp,
+    twist: ArrayLike,
+    failed: Collection[str] = (),
+    limits: Sequence[Limit] | None = None,
+) -> RollerCommand:
+    """
+    Find the roller velocities that move the grasped object as asked, at least change of members.
+
+    The grip keeps its opening angle (14) and every tube its length (13), whatever is asked. A
+    twist that cannot be reached is replaced by the nearest that can, in the measure
+    |v|^2 + |omega d/2|^2. When limits bind, the direction is kept and the size scaled.
+
+    :param config: where the robot is.
+    :param grasp: what it holds, and where.
+    :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
+    :param failed: names of rollers that stand still whatever they are told.
+    :param limits: limits in place of those of the robot file.
+    :raises GraspError: the grasp, the twist or a name in `failed` is not usable.
+    :raises ConfigurationError: the configuration is singular.
+    :raises SolverError: the program was not solved.
+    """
+    robot = config.robot
+    wanted = finite_numbers(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])')
+    working = _working_rollers(robot, failed)
+    jacobian = task_jacobian(config, grasp)
+    velocities = np.zeros(len(robot.roller_names))
+    if not wanted.any():
+        return RollerCommand(velocities, np.zeros(3), 1.0, Status.IDLE)
+
+    task = Task(jacobian[:, working], 0.5 * grasp.diameter, wanted)
+    status = Status.OK if task.reachable else Status.UNREACHABLE
+    scale, limiting = 1.0, ()
+    if task.speed > 0.0:
+        limit_rows = [
+            (limit, limit.rows(config))
+            for limit in (default_limits(robot) if limits is None else limits)
+        ]
+        velocities[working], scale = _drive(robot, working, task, [rows for _, rows in limit_rows])
+        if scale < 1.0:
+            slowed, limiting = _binding(config, velocities, limit_rows)
+            status = slowed if task.reachable else status
+    return RollerCommand(velocities, jacobian[:3] @ velocities, scale, status, limiting)
+
+
+def _working_rollers(robot: Robot, failed: Collection[str]) -> Indices:
+    names = {failed} if isinstance(failed, str) else set(failed)
+    unknown = names - set(robot.roller_names)
+    if unknown:
+        raise GraspError(
+            f'failed rollers {", ".join(sorted(map(repr, unknown)))}: robot {robot.name} has no '
+            f'such rollers; its rollers are {", ".join(robot.roller_names)}'
+        )
+    return np.array(
+        [i for i, name in enumerate(robot.roller_names) if name not in names], dtype=int
+    )
+
+
+class Task:
+    """
+    The wanted twist cut down to what the working rollers can bring about.
+
+    Everything is in speeds of the object's surface, so that turning and moving compare.
+
+    :ivar equality: (k, w) rows that the rollers must fulfil: reachable directions, then the grip.
+    :ivar direction: (k,) unit vector of the nearest reachable twist in these rows.
+    :ivar speed: its size [m/s], zero where nothing of the twist can be reached.
+    :ivar reachable: whether it is the wanted twist.
+    """
+
+    def __init__(self, active: Array, radius: float, wanted: Array) -> None:
+        surface = np.array([1.0, 1.0, radius])
+        size = float(np.abs(wanted).max())
+        unit = surface * (wanted / size)  # a twist of any finite size must not overflow
+        grip = active[3] * radius
+        task = surface[:, None] * active[:3]
+        square = float(grip @ grip)
+        held = square > RANK_TOLERANCE**2
+        keeping = task - np.outer(task @ grip, grip / square) if held else task
+        basis, gains, _ = np.linalg.svd(keeping, full_matrices=False)
+        reached = basis[:, gains > RANK_TOLERANCE].T
+        nearest = reached @ unit
+        length = float(np.linalg.norm(nearest))
+        missed = float(np.linalg.norm(reached.T @ nearest - unit))
+        self.reachable = missed <= REACH_TOLERANCE * float(np.linalg.norm(unit))
+        self.speed = (
+            size * length if length > REACH_TOLERANCE * float(np.linalg.norm(unit)) else 0.0
+        )
+        self.equality = np.vstack([reached @ task, grip]) if held else reached @ task
+        self.direction = np.zeros(len(self.equality))
+        if self.speed > 0.0:
+            self.direction[: len(nearest)] = nearest / length
+
+
+def _drive(
+    robot: Robot, working: Indices, task: Task, limit_rows: list[Rows]
+) -> tuple[Array, float]:
+    """Return the velocities (w,) [m/s] of the working rollers and the scale."""
+    # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
+    unit = min(robot.description.max_speed, task.speed)
+    matrix = np.vstack([rows.matrix for rows in limit_rows])[:, working]
+    upper = np.concatenate([rows.upper for rows in limit_rows])
+    lower = np.concatenate([rows.lower for rows in limit_rows])
+    incidence = robot.layout.incidence[:, working]
+    solution, reached = furthest(
+        incidence.T @ incidence,
+        task.equality,
+        task.direction,
+        min(task.speed / unit, MAX_REACH),
+        np.vstack([matrix, -matrix]),
+        np.minimum(np.concatenate([upper, -lower]) / unit, MAX_REACH),
+    )
+    scale = min(1.0, reached * unit / task.speed)
+    return solution * unit, 1.0 if scale > 1.0 - SCALE_TOLERANCE else scale
+
+
+def _binding(
+    config: Configuration, velocities: Array, limit_rows: list[tuple[Limit, Rows]]
+) -> tuple[Status, tuple[str, ...]]:
+    """Return the status of the first limit that binds, and the names of all rows that do."""
+    tolerance = BINDING_TOLERANCE * config.robot.description.max_speed
+    statuses: list[Status] = []
+    names: list[str] = []
+    for limit, rows in limit_rows:
+        values = rows.matrix @ velocities
+        close = (values > rows.upper - tolerance) | (values < rows.lower + tolerance)
+        moving = close & (np.abs(values) > tolerance) | (rows.upper - rows.lower < tolerance)
+        if moving.any():
+            statuses.append(limit.status)
+            names += [limit.row_names(config)[i] for i in np.flatnonzero(moving)]
+    return (statuses[0] if statuses else Status.SLOWED_ROLLER_SPEED), tuple(names)
