@@ -16,7 +16,10 @@ setup(
     python_requires='>=3.10',
     # The presets live at the top, where ROS users look for them; as data of a sub-package they are
     # also there after a plain `pip install .`, which knows no share folder.
-    packages=[*find_packages(include=[package_name, f'{package_name}.*']), f'{package_name}.config'],
+    packages=[
+        *find_packages(include=[package_name, f'{package_name}.*']),
+        f'{package_name}.config',
+    ],
     package_dir={f'{package_name}.config': 'config'},
     package_data={f'{package_name}.config': ['*.yaml', '*.json']},
     data_files=[
@@ -26,7 +29,7 @@ setup(
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
     ],
     # Only what `isotruss_ros.core` imports, so that it installs where there is no ROS.
-    install_requires=['numpy', 'scipy', 'PyYAML', 'jsonschema', 'qpsolvers', 'quadprog'],
+    install_requires=['numpy', 'scipy', 'ruamel.yaml', 'jsonschema', 'qpsolvers', 'quadprog'],
     extras_require={
         'fast': ['daqp'],
         'demo': ['matplotlib', 'pillow', 'rich'],
