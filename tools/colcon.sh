@@ -11,13 +11,12 @@ export PATH="$venv/bin:$PATH" AMENT_PREFIX_PATH="$venv" CMAKE_PREFIX_PATH="$venv
 export COLCON_LOG_PATH="$folder/log" PYTHONWARNINGS=ignore::DeprecationWarning
 
 # colcon looks no deeper where it found a package: msg_defs has to be named.
-set -- --base-paths . msg_defs --build-base "$folder/build" --install-base "$folder/install" \
-    --event-handlers console_cohesion+
+set -- --base-paths . msg_defs --build-base "$folder/build" --install-base "$folder/install"
 colcon build "$@" --cmake-args -Wno-deprecated \
     -DPython3_EXECUTABLE="$venv/bin/python" \
     -DPython3_INCLUDE_DIR="$(echo "$venv"/include/python3.*)"
 # Reports of tests that are no more would count.
 find "$folder/build" -name '*.xml' -path '*test_results*' -delete
-colcon test "$@" --return-code-on-test-failure || failed=1
+colcon test "$@" --event-handlers console_direct+ --return-code-on-test-failure || failed=1
 colcon test-result --test-result-base "$folder/build" --verbose
 exit "${failed:-0}"
