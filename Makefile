@@ -66,5 +66,6 @@ $(STAMPS)/messages: $(STAMPS)/packages tools/build_messages.sh $(shell find msg_
 	@touch $@
 
 $(STAMPS)/package: $(STAMPS)/packages setup.py setup.cfg package.xml
-	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --use-pep517 --editable .
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps \
+		--no-build-isolation --use-pep517 --editable .
 	@touch $@

@@ -11,10 +11,11 @@ missing() {
 apt='sudo apt install build-essential python3-venv'
 command -v "$1" > /dev/null || missing "There is no command '$1'; install Python 3.10 to 3.13 with: $apt"
 # A virtual environment that is active, maybe the very one to be made, is only a shell around this one.
-python=$("$1" -c 'import sys; print(getattr(sys, "_base_executable", sys.executable))')
-about=$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2], sys.implementation.name)')
+python=$("$1" -c 'import sys; print(getattr(sys, "_base_executable", sys.executable))' 2> /dev/null) ||
+    missing "'$1' is no Python; name one of 3.10 to 3.13: make PYTHON=python3.12"
+about=$("$python" -c 'import platform as p; print(p.python_version()[:4] + " " + p.python_implementation())')
 case $about in
-    '3.10 cpython' | '3.11 cpython' | '3.12 cpython' | '3.13 cpython') ;;
+    '3.10 CPython' | '3.11 CPython' | '3.12 CPython' | '3.13 CPython') ;;
     *) missing "'$1' is Python $about, and CPython 3.10 to 3.13 is needed; name one: make PYTHON=python3.12" ;;
 esac
 "$python" -c 'import ensurepip, venv' 2> /dev/null ||

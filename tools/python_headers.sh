@@ -21,7 +21,7 @@ fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 if ! (cd "$work" && apt-get download "lib$version-dev" && dpkg-deb -x ./*.deb .) > "$work/log" 2>&1; then
-    echo "Python's C headers are missing; install them with: sudo apt install $version-dev" >&2
+    echo "Python's C headers are missing; install them with: sudo apt update; sudo apt install $version-dev" >&2
     exit 1
 fi
 cp -r "$work/usr/include/$version" "$target"
