@@ -36,7 +36,7 @@ setup(
         # colcon runs pytest where it finds it here.
         'test': ['pytest', 'pytest-timeout', 'hypothesis', 'psutil'],
     },
-    zip_safe=True,
+    zip_safe=False,
     entry_points={
         'console_scripts': [
             'simulator = isotruss_ros.nodes.simulator:main',

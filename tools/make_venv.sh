@@ -13,7 +13,7 @@ command -v "$1" > /dev/null || missing "There is no command '$1'; install Python
 # A virtual environment that is active, maybe the very one to be made, is only a shell around this one.
 python=$("$1" -c 'import sys; print(getattr(sys, "_base_executable", sys.executable))' 2> /dev/null) ||
     missing "'$1' is no Python; name one of 3.10 to 3.13: make PYTHON=python3.12"
-about=$("$python" -c 'import platform as p; print(p.python_version()[:4] + " " + p.python_implementation())')
+about=$("$python" -c 'import platform as p; print("%s.%s " % p.python_version_tuple()[:2] + p.python_implementation())')
 case $about in
     '3.10 CPython' | '3.11 CPython' | '3.12 CPython' | '3.13 CPython') ;;
     *) missing "'$1' is Python $about, and CPython 3.10 to 3.13 is needed; name one: make PYTHON=python3.12" ;;
@@ -21,7 +21,7 @@ esac
 "$python" -c 'import ensurepip, venv' 2> /dev/null ||
     missing "The venv module of '$1' is missing or incomplete; install it with: sudo apt install python3-venv (or python${about% *}-venv)"
 for tool in cc c++; do
-    command -v "${tool}" > /dev/null || missing "There is no compiler ('${tool}'); install one with: $apt"
+    command -v "$tool" > /dev/null || missing "There is no compiler ('$tool'); install one with: $apt"
 done
 
 # Scripts in the environment hold its path, and its libraries fit one Python only.
