@@ -18,11 +18,14 @@ from isotruss_ros.core.manipulation import RollerCommand, solve_twist, task_jaco
 from isotruss_ros.core.motion import HeldObject, Pose, solve_twist_ahead
 from isotruss_ros.core.robot import load_robot, Robot
 from isotruss_ros.core.robot_file import preset_names
+from isotruss_ros.core.servo import Decision, Refusal, Sample, TwistServo
+from isotruss_ros.core.simulation import RollerFaults, SimulatedRobot
 from isotruss_ros.core.status import Status
 
 __all__ = [
     'Configuration',
     'ConfigurationError',
+    'Decision',
     'Grasp',
     'GraspError',
     'HeldObject',
@@ -30,12 +33,17 @@ __all__ = [
     'Limit',
     'MemberLengthLimit',
     'Pose',
+    'Refusal',
     'Robot',
     'RobotFileError',
     'RollerCommand',
+    'RollerFaults',
     'RollerSpeedLimit',
+    'Sample',
+    'SimulatedRobot',
     'SolverError',
     'Status',
+    'TwistServo',
     'load_robot',
     'preset_names',
     'snug_center',

@@ -1,0 +1,191 @@
+"""
+Twist servo: in every cycle, move or halt, by what is known and how old it is.
+
+Each cycle starts from the measured state. Nothing that was computed in an earlier cycle says where
+the robot or the object is, so motion resumes from wherever they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from isotruss_ros.core.configuration import Configuration
+from isotruss_ros.core.errors import ConfigurationError, GraspError, IsotrussError
+from isotruss_ros.core.grasp import Grasp
+from isotruss_ros.core.manipulation import RollerCommand
+from isotruss_ros.core.motion import solve_twist_ahead
+from isotruss_ros.core.robot import Robot
+from isotruss_ros.core.status import Status
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Sample(NamedTuple):
+    """A measured or commanded value and the time for which it holds [s]."""
+
+    value: Sequence[float] | Array
+    time: float
+
+
+class Refusal(NamedTuple):
+    """What came in place of a value, and why it cannot be used."""
+
+    reason: str
+
+
+Input = Sample | Refusal | None
+
+
+@dataclass(frozen=True)
+class Decision:
+    """
+    What the rollers are to do in this cycle.
+
+    :ivar command: velocities (zero when halted), achieved twist, scale and status.
+    :ivar twist: (3,) the twist asked for, zero if there is none to go by.
+    :ivar message: what is wrong and what would be right; empty when all is well.
+    """
+
+    command: RollerCommand
+    twist: Array
+    message: str
+
+
+class HaltError(IsotrussError):
+    """
+    The rollers must stop.
+
+    :ivar status: which of the ways of being stopped it is.
+    """
+
+    def __init__(self, status: Status, message: str) -> None:
+        super().__init__(message)
+        self.status = status
+
+
+class Refused(NamedTuple):
+    """The statuses of an input that cannot be relied on."""
+
+    missing: Status
+    stale: Status
+    invalid: Status
+
+
+TWIST = Refused(Status.HALT_NO_TWIST, Status.HALT_NO_TWIST, Status.HALT_INVALID_TWIST)
+JOINT_STATES = Refused(
+    Status.HALT_NO_JOINT_STATES, Status.HALT_STALE_JOINT_STATES, Status.HALT_INVALID_JOINT_STATES
+)
+OBJECT_POSE = Refused(
+    Status.HALT_NO_OBJECT_POSE, Status.HALT_STALE_OBJECT_POSE, Status.HALT_INVALID_OBJECT_POSE
+)
+
+
+class TwistServo:
+    """
+    State of the control loop: the latest inputs, each a sample, a refusal, or None for none yet.
+
+    :ivar twist: (vx, vy, omega) in the robot frame [m/s, rad/s].
+    :ivar rollers: (r,) measured roller travel [m].
+    :ivar center: (x, y) measured centre of the object in the robot frame [m].
+    :param robot: the robot.
+    :param grip_module: the module `t/j` that holds the object.
+    :param object_diameter: the object's own diameter [m].
+    :param period: time from cycle to cycle [s].
+    :param timeout: inputs older than this stop the rollers [s].
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        grip_module: str,
+        object_diameter: float,
+        period: float,
+        timeout: float,
+    ) -> None:
+        self.robot = robot
+        self.grip_module = grip_module
+        self.object_diameter = object_diameter
+        self.period = period
+        self.timeout = timeout
+        self.twist: Input = None
+        self.rollers: Input = None
+        self.center: Input = None
+        self._config = robot.home
+
+    def decide(self, now: float) -> Decision:
+        """
+        Return what the rollers are to do in the cycle that begins now.
+
+        Never raises for an input: whatever is wrong becomes a halt with a status and a message.
+
+        :param now: time on the clock of the samples [s].
+        """
+        twist = np.zeros(3)
+        try:
+            twist = self._fresh('twist', self.twist, now, TWIST)
+            rollers = self._fresh('joint states', self.rollers, now, JOINT_STATES)
+            center = self._fresh('object pose', self.center, now, OBJECT_POSE)
+            lead = max(0.0, now - self.rollers.time) + 0.5 * self.period
+            command = self._solve(rollers, center, twist, lead)
+        except HaltError as halt:
+            stopped = np.zeros(len(self.robot.roller_names))
+            command = RollerCommand(stopped, np.zeros(3), 0.0, halt.status)
+            return Decision(command, twist, str(halt))
+        return Decision(command, twist, _remark(command))
+
+    def _fresh(self, what: str, given: Input, now: float, refused: Refused) -> Array:
+        """Return the value of an input that can be relied on."""
+        if given is None:
+            raise HaltError(refused.missing, f'{what}: none received yet')
+        if isinstance(given, Refusal):
+            raise HaltError(refused.invalid, given.reason)
+        age = now - given.time
+        if age > self.timeout:
+            raise HaltError(
+                refused.stale, f'{what}: {age:.3f} s old; must be at most {self.timeout} s'
+            )
+        if age < -self.timeout:
+            raise HaltError(
+                refused.invalid,
+                f'{what}: stamped {-age:.3f} s in the future; synchronise the clocks',
+            )
+        return np.asarray(given.value, dtype=np.float64)
+
+    def _solve(self, rollers: Array, center: Array, twist: Array, lead: float) -> RollerCommand:
+        try:
+            config = self._configuration(rollers)
+            grasp = Grasp(self.grip_module, (center[0], center[1]), self.object_diameter)
+            return solve_twist_ahead(config, grasp, twist, lead)
+        except GraspError as error:
+            raise HaltError(Status.HALT_NO_GRASP, str(error)) from error
+        except IsotrussError as error:
+            raise HaltError(Status.HALT_KINEMATICS, str(error)) from error
+
+    def _configuration(self, rollers: Array) -> Configuration:
+        """Return the measured configuration; the last one only makes the search short."""
+        if not np.array_equal(rollers, self._config.roller_positions):
+            try:
+                self._config = self._config.moved_to(rollers)
+            except ConfigurationError:
+                self._config = self.robot.configuration(rollers)
+        return self._config
+
+
+def _remark(command: RollerCommand) -> str:
+    """Return what a user should know of a command that is not as asked."""
+    parts = []
+    if command.status is Status.UNREACHABLE:
+        vx, vy, omega = command.achieved_twist
+        parts.append(
+            f'the twist is out of reach; the nearest is '
+            f'({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
+        )
+    if command.scale < 1.0:
+        parts.append(
+            f'slowed to {100 * command.scale:.3g} % by the limits of {", ".join(command.limiting)}'
+        )
+    return '; '.join(parts)

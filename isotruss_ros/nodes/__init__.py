@@ -1,0 +1,1 @@
+"""The ROS nodes: messages in, messages out; the mathematics is in `isotruss_ros.core`."""

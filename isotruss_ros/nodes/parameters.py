@@ -1,0 +1,118 @@
+"""Node parameters: declared once with type, range and description, checked at start and later."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from isotruss_ros.core import IsotrussError, Robot
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+Value = bool | int | float | str
+
+
+class ParameterError(IsotrussError, ValueError):
+    """A parameter has a value with which the node cannot work."""
+
+
+@dataclass(frozen=True)
+class Spec:
+    """
+    What a parameter is.
+
+    :ivar default: also says the type.
+    :ivar bounds: smallest and largest value of a number.
+    :ivar read_only: set at start only.
+    """
+
+    name: str
+    default: Value
+    description: str
+    bounds: tuple[float, float] | None = None
+    read_only: bool = False
+
+    def descriptor(self) -> ParameterDescriptor:
+        """Return what `ros2 param describe` shows."""
+        descriptor = ParameterDescriptor(
+            name=self.name, description=self.description, read_only=self.read_only
+        )
+        if self.bounds is not None:
+            low, high = self.bounds
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        return descriptor
+
+
+ROBOT = Spec('robot', 'nine_member', 'Preset, or path of a robot file', read_only=True)
+OBJECT_DIAMETER = Spec(
+    'object_diameter', 0.3, "The object's own diameter [m]", bounds=(0.001, 100.0)
+)
+GRIP_MODULE = Spec('grip_module', 'east/Q', 'Module t/j whose two sides hold the object')
+RATE = Spec('rate', 200.0, 'Cycles per second [Hz]', bounds=(1.0, 2000.0))
+COMMAND_TIMEOUT = Spec(
+    'command_timeout', 0.2, 'Inputs older than this stop the rollers [s]', bounds=(0.001, 10.0)
+)
+USE_STAMPED_TWIST = Spec(
+    'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist', read_only=True
+)
+
+
+class Parameters:
+    """
+    The parameters of one node.
+
+    :param node: declares them, and answers when they are set.
+    :param specs: what they are.
+    :raises ParameterError: an override is of another type, out of range, or unusable.
+    """
+
+    def __init__(self, node: Node, specs: Sequence[Spec]) -> None:
+        self._node = node
+        for spec in specs:
+            try:
+                node.declare_parameter(spec.name, spec.default, spec.descriptor())
+            except ParameterException as error:
+                raise ParameterError(f'parameter {spec.name}: {error}') from error
+
+    def __getitem__(self, spec: Spec) -> Value:
+        """Return the present value."""
+        return self._node.get_parameter(spec.name).value
+
+    def on_change(
+        self, check: Callable[[dict[str, Value]], None], apply: Callable[[], None]
+    ) -> None:
+        """
+        Check values now and before every change, and tell the node after every change.
+
+        :param check: gets new values by name; raises IsotrussError for one that is unusable.
+        :param apply: called when values have changed.
+        :raises IsotrussError: a value at start is unusable.
+        """
+
+        def refuse(parameters: list[Parameter]) -> SetParametersResult:
+            try:
+                check({parameter.name: parameter.value for parameter in parameters})
+            except IsotrussError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=True)
+
+        present = self._node.get_parameters_by_prefix('')
+        check({name: parameter.value for name, parameter in present.items()})
+        self._node.add_on_set_parameters_callback(refuse)
+        self._node.add_post_set_parameters_callback(lambda _parameters: apply())
+
+
+def check_grip_module(robot: Robot, values: dict[str, Value]) -> None:
+    """
+    Refuse a grip module that the robot does not have.
+
+    :raises ParameterError: names the modules there are.
+    """
+    module = values.get(GRIP_MODULE.name)
+    if module is not None and module not in robot.module_names:
+        raise ParameterError(
+            f'parameter grip_module: {module!r}: robot {robot.name} has no such module; '
+            f'must be one of {", ".join(robot.module_names)}'
+        )

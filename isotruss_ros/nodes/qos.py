@@ -1,0 +1,22 @@
+"""
+Quality of service of each topic.
+
+State and twists are worth something only while they are new: subscribers keep the last one and do
+not ask for it again, and so match reliable and best-effort publishers alike. What we publish is
+reliable, because ros2_control's controllers and the standard tools ask for that.
+"""
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+LATEST = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)
+RELIABLE = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)

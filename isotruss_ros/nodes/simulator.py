@@ -1,0 +1,150 @@
+"""Node `simulator`: a robot with an object in its grip that follows roller commands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+import sys
+
+from geometry_msgs.msg import PoseStamped
+from isotruss_ros.core import (
+    ConfigurationError,
+    Grasp,
+    HeldObject,
+    load_robot,
+    RollerFaults,
+    SimulatedRobot,
+    snug_center,
+)
+from isotruss_ros.nodes import parameters as params
+from isotruss_ros.nodes.messages import pose_message, stamp
+from isotruss_ros.nodes.qos import LATEST, RELIABLE
+from isotruss_ros.nodes.report import Reporter
+from isotruss_ros.nodes.runner import run, StoppableNode
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+# The simulated object is in the grip from the start and stays there.
+GRIP_MODULE = replace(params.GRIP_MODULE, read_only=True)
+OBJECT_DIAMETER = replace(params.OBJECT_DIAMETER, read_only=True)
+NOISE = params.Spec(
+    'roller_noise',
+    0.0,
+    'Standard deviation of the speed of a moving roller [m/s]',
+    bounds=(0.0, 1.0),
+    read_only=True,
+)
+SPEED_LIMIT = params.Spec(
+    'speed_limit',
+    1.0,
+    'Rollers cut larger commands to this [m/s]',
+    bounds=(0.0, 10.0),
+    read_only=True,
+)
+STUCK_ROLLER = params.Spec(
+    'stuck_roller', '', 'Roller t/j that does not move; none if empty', read_only=True
+)
+SEED = params.Spec('seed', 0, 'Seed of the noise, not negative', read_only=True)
+
+
+class Simulator(StoppableNode):
+    """
+    Takes roller velocity commands, gives joint states and the object's pose.
+
+    :raises IsotrussError: a parameter is unusable; says which and what would be right.
+    """
+
+    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
+        super().__init__('simulator', parameter_overrides=list(parameter_overrides))
+        self._values = params.Parameters(
+            self,
+            (
+                params.ROBOT,
+                OBJECT_DIAMETER,
+                GRIP_MODULE,
+                params.RATE,
+                params.COMMAND_TIMEOUT,
+                NOISE,
+                SPEED_LIMIT,
+                STUCK_ROLLER,
+                SEED,
+            ),
+        )
+        self._robot = load_robot(self._values[params.ROBOT])
+        self._simulated = self._make_robot()
+        self._reporter = Reporter(self.get_logger())
+        self._joint_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
+        self._object_pose = self.create_publisher(PoseStamped, 'object_pose', RELIABLE)
+        self.create_subscription(
+            Float64MultiArray, 'roller_velocity_controller/commands', self._take_command, LATEST
+        )
+        self._time = self._commanded = self._now()
+        self._timer = self.create_timer(1.0 / self._values[params.RATE], self._cycle)
+        self._values.on_change(lambda _values: None, self._apply)
+
+    def _make_robot(self) -> SimulatedRobot:
+        values = self._values
+        module, diameter = values[GRIP_MODULE], values[OBJECT_DIAMETER]
+        params.check_grip_module(self._robot, {GRIP_MODULE.name: module})
+        if values[SEED] < 0:
+            raise params.ParameterError(f'parameter seed: {values[SEED]}: must not be negative')
+        home = self._robot.home
+        grasp = Grasp(module, snug_center(home, module, diameter), diameter)
+        faults = RollerFaults(
+            values[SPEED_LIMIT], values[NOISE], frozenset({values[STUCK_ROLLER]} - {''})
+        )
+        return SimulatedRobot(home, HeldObject.attach(home, grasp), faults, values[SEED])
+
+    def _now(self) -> float:
+        return 1e-9 * self.get_clock().now().nanoseconds
+
+    def _apply(self) -> None:
+        self._timer.timer_period_ns = int(1e9 / self._values[params.RATE])
+
+    def _take_command(self, message: Float64MultiArray) -> None:
+        # Until now the command before was in force: integrate it before it is replaced.
+        self._advance()
+        try:
+            self._simulated.command(message.data)
+        except ConfigurationError as error:
+            self._simulated.stop()
+            self._reporter.warn('command', f'rollers stopped: {error}')
+        self._commanded = self._time
+
+    def _advance(self) -> None:
+        """Integrate to now; a command that is not renewed ends after `command_timeout`."""
+        now = self._now()
+        expiry = self._commanded + self._values[params.COMMAND_TIMEOUT]
+        try:
+            self._simulated.advance(max(0.0, min(now, expiry) - self._time))
+        except ConfigurationError as error:
+            self._simulated.stop()
+            self._reporter.warn('blocked', f'rollers block: {error}')
+        if now > expiry:
+            self._simulated.stop()
+            self._simulated.advance(0.0)
+        self._time = now
+
+    def _cycle(self) -> None:
+        self._advance()
+        now = self.get_clock().now()
+        joints = JointState(
+            name=list(self._robot.roller_names),
+            position=self._simulated.config.roller_positions.tolist(),
+            velocity=self._simulated.roller_velocities.tolist(),
+        )
+        stamp(joints.header, now)
+        self._joint_states.publish(joints)
+        pose = PoseStamped(pose=pose_message(self._simulated.object_pose))
+        stamp(pose.header, now, self._robot.frame)
+        self._object_pose.publish(pose)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the simulator until it is interrupted."""
+    return run(Simulator, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,137 @@
+"""Node `teleop`: the keyboard moves the grasped object, by the Twist that any teleop publishes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+import contextlib
+import os
+import select
+import sys
+import termios
+import threading
+import tty
+
+from geometry_msgs.msg import Twist, TwistStamped
+from isotruss_ros.nodes import parameters as params
+from isotruss_ros.nodes.messages import stamp, twist_message
+from isotruss_ros.nodes.qos import RELIABLE
+from isotruss_ros.nodes.runner import run, StoppableNode
+from rclpy.parameter import Parameter
+
+HELP = """
+Move the grasped object (hold a key; let go to stop):
+
+        w up                q turn left (counter-clockwise)
+  a left     d right        e turn right (clockwise)
+        s down              space stop
+
+  + faster   - slower       Ctrl-C quit
+"""
+
+#: Key to direction (vx, vy, omega).
+KEYS = {
+    'w': (0.0, 1.0, 0.0),
+    's': (0.0, -1.0, 0.0),
+    'a': (-1.0, 0.0, 0.0),
+    'd': (1.0, 0.0, 0.0),
+    'q': (0.0, 0.0, 1.0),
+    'e': (0.0, 0.0, -1.0),
+    ' ': (0.0, 0.0, 0.0),
+}
+FASTER = {'+': 1.25, '-': 0.8}
+
+SPEED = params.Spec('speed', 0.03, 'Speed of translation [m/s]', bounds=(0.0, 1.0))
+TURN = params.Spec('turn', 0.2, 'Speed of rotation [rad/s]', bounds=(0.0, 10.0))
+KEY_TIMEOUT = params.Spec(
+    'key_timeout',
+    0.6,
+    'A key counts this long; longer than the delay of the key repeat [s]',
+    bounds=(0.01, 5.0),
+)
+FRAME = params.Spec('frame_id', '', 'Frame of a TwistStamped', read_only=True)
+
+
+class Teleop(StoppableNode):
+    """Publishes the twist of the last key at `rate`, and zero once the key is let go."""
+
+    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
+        super().__init__('teleop', parameter_overrides=list(parameter_overrides))
+        rate = params.Spec('rate', 20.0, 'Twists per second [Hz]', bounds=(1.0, 200.0))
+        self._values = params.Parameters(
+            self, (rate, SPEED, TURN, KEY_TIMEOUT, params.USE_STAMPED_TWIST, FRAME)
+        )
+        self._stamped = self._values[params.USE_STAMPED_TWIST]
+        kind = TwistStamped if self._stamped else Twist
+        self._twists = self.create_publisher(kind, 'cmd_vel', RELIABLE)
+        self._direction = KEYS[' ']
+        self._pressed = self.get_clock().now()
+        self._gain = 1.0
+        self.create_timer(1.0 / self._values[rate], self._cycle)
+
+    def press(self, key: str) -> None:
+        """Take a key."""
+        self._gain = min(10.0, max(0.1, self._gain * FASTER.get(key, 1.0)))
+        if key not in FASTER:
+            self._direction = KEYS.get(key, KEYS[' '])
+            self._pressed = self.get_clock().now()
+
+    def stop(self) -> None:
+        """Leave with a zero twist."""
+        self._send(KEYS[' '])
+
+    def _cycle(self) -> None:
+        held = 1e-9 * (self.get_clock().now() - self._pressed).nanoseconds
+        self._send(self._direction if held < self._values[KEY_TIMEOUT] else KEYS[' '])
+
+    def _send(self, direction: Sequence[float]) -> None:
+        speed, turn = self._gain * self._values[SPEED], self._gain * self._values[TURN]
+        twist = twist_message([speed * direction[0], speed * direction[1], turn * direction[2]])
+        if self._stamped:
+            message = TwistStamped(twist=twist)
+            stamp(message.header, self.get_clock().now(), self._values[FRAME])
+            self._twists.publish(message)
+        else:
+            self._twists.publish(twist)
+
+
+@contextlib.contextmanager
+def _unbuffered_keys() -> Iterator[None]:
+    """Get every key at once and unechoed; leave the terminal as it was."""
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin)
+    try:
+        yield
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+def _read_keys(node: Teleop, done: threading.Event) -> None:
+    while not done.is_set():
+        if select.select([sys.stdin], [], [], 0.1)[0]:
+            # Not sys.stdin.read: what it buffers select does not see.
+            for key in os.read(sys.stdin.fileno(), 64).decode(errors='replace'):
+                node.press(key)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Publish twists from the keyboard until it is interrupted."""
+    if not sys.stdin.isatty():
+        print('teleop: standard input is not a terminal; run it in one', file=sys.stderr)
+        return 1
+    done = threading.Event()
+
+    def make_node() -> Teleop:
+        node = Teleop()
+        print(HELP)
+        threading.Thread(target=_read_keys, args=(node, done), daemon=True).start()
+        return node
+
+    with _unbuffered_keys():
+        try:
+            return run(make_node, args)
+        finally:
+            done.set()
+
+
+if __name__ == '__main__':
+    sys.exit(main())
