@@ -1,0 +1,315 @@
+"""
+How long forward kinematics and twist-to-rollers take on the nine-member robot, one core.
+
+Medians and 99th percentiles over random reachable states, each next to a peer that is called in
+the same loop. Nothing is prepared: a timed call starts from a configuration whose matrix has been
+neither built nor factored, unless its row says so.
+
+    python benchmarks/kinematics.py
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+import os
+
+os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
+
+from isotruss_ros import core
+from isotruss_ros.core.constraints import Targets
+from isotruss_ros.core.grasp import grasp_rows, module_index
+from isotruss_ros.core.program import installed_solvers, OPTIONS, PENALTY
+from measuring import print_machine, print_table, timed
+import numpy as np
+from numpy.typing import NDArray
+import qpsolvers
+import scipy.optimize
+
+Array = NDArray[np.float64]
+
+STATES = 2000
+#: Roller travel of random states [m]: members from 0.3 to 1.5 m, corners from 20 to 130 degrees.
+TRAVEL = 0.4
+DIAMETER = 0.15
+TARGET = 300e-6
+#: The paper's cost sees only length rates; solvers want it positive definite in all coordinates.
+REGULAR = 1e-9
+
+
+@dataclass(frozen=True)
+class State:
+    """A random reachable state: configuration, grasp and the twist that just meets a limit."""
+
+    config: core.Configuration
+    grasp: core.Grasp
+    twist: Array
+
+
+def random_states(robot: core.Robot, count: int, seed: int) -> list[State]:
+    """Draw states in which members keep their limits and the object fits its grip."""
+    rng = np.random.default_rng(seed)
+    limits = robot.description
+    surface = np.array([1.0, 1.0, 0.5 * DIAMETER])
+    states: list[State] = []
+    while len(states) < count:
+        module = str(rng.choice(robot.roller_names))
+        travel = rng.uniform(-TRAVEL, TRAVEL, len(robot.roller_names))
+        direction = rng.standard_normal(3)
+        twist = direction / np.linalg.norm(direction) / surface
+        try:
+            config = robot.configuration(travel)
+            grasp = core.Grasp(module, core.snug_center(config, module, DIAMETER), DIAMETER)
+            command = core.solve_twist(config, grasp, twist)
+        except (core.ConfigurationError, core.GraspError):
+            continue
+        lengths = config.member_lengths
+        inside = lengths.min() > limits.min_length and lengths.max() < limits.max_length
+        if inside and command.status != core.Status.UNREACHABLE and command.scale < 1.0:
+            states.append(State(config, grasp, command.scale * twist))
+    return states
+
+
+def unprepared(config: core.Configuration) -> core.Configuration:
+    """Return the same configuration without anything that it keeps for later."""
+    return core.Configuration(config.robot, config.roller_positions, config.points)
+
+
+@dataclass
+class Row:
+    """One line of the table: times [s] of ours and of the peer."""
+
+    name: str
+    peer: str
+    target: float | None = TARGET
+    ours: list[float] = field(default_factory=list)
+    peers: list[float] = field(default_factory=list)
+    differences: list[float] = field(default_factory=list)
+
+    def add(
+        self, ours: Callable[[], Array], peer: Callable[[], Array | None], unit: float
+    ) -> None:
+        """
+        Time both on one state.
+
+        :param unit: results that differ by more than this are of another branch or failed.
+        """
+        time, result = timed(ours)
+        self.ours.append(time)
+        time, expected = timed(peer)
+        self.peers.append(time)
+        difference = np.inf if expected is None else float(np.abs(result - expected).max())
+        self.differences.append(difference / unit)
+
+    def cells(self) -> list[str]:
+        """Return the row as text."""
+        median, high = np.percentile(self.ours, [50, 99])
+        peer = float(np.median(self.peers))
+        verdict = '' if self.target is None else 'pass' if median < self.target else 'FAIL'
+        same = np.array([difference for difference in self.differences if difference < 1.0])
+        typical = f'{np.median(same):.0e}' if len(same) else '-'
+        return [
+            self.name,
+            f'{1e6 * median:.0f}',
+            f'{1e6 * high:.0f}',
+            '' if self.target is None else f'< {1e6 * self.target:.0f}',
+            verdict,
+            self.peer,
+            f'{1e6 * peer:.0f}',
+            f'{peer / median:.1f}',
+            f'{len(self.differences) - len(same)}',
+            typical,
+        ]
+
+
+def nodes_at(near: core.Configuration, travel: Array) -> Array:
+    """Forward kinematics by the package."""
+    return near.moved_to(travel).nodes
+
+
+def roller_velocities(config: core.Configuration, grasp: core.Grasp, twist: Array) -> Array:
+    """Twist to rollers by the package."""
+    return core.solve_twist(config, grasp, twist).roller_velocities
+
+
+def root_by_hybr(near: core.Configuration, travel: Array) -> Array | None:
+    """Forward kinematics by MINPACK's hybr, with the same residual and Jacobian."""
+    robot = near.robot
+    lengths = robot.home_targets.lengths.copy()
+    lengths[: robot.layout.n_modules] += robot.layout.length_change(travel)
+    targets = Targets(lengths, robot.home_targets.ground)
+    found = scipy.optimize.root(
+        lambda x: robot.constraints.residual(x.view(np.complex128), targets),
+        near.points.view(np.float64),
+        jac=lambda x: robot.constraints.matrix(x.view(np.complex128)),
+        method='hybr',
+        tol=1e-12,
+    )
+    return found.x.reshape(-1, 2) if found.success else None
+
+
+class PaperProgram:
+    """
+    The program (11) with the rows of (20), in node velocities as the paper has it.
+
+    :ivar rollers_by_lengths: constant maps, made once: roller speeds and tubes from length rates.
+    """
+
+    def __init__(self, robot: core.Robot) -> None:
+        layout = robot.layout
+        self.robot = robot
+        self.rollers_by_lengths = np.linalg.pinv(layout.incidence)
+        self.tubes = (np.arange(len(layout.tube_names))[:, None] == layout.tube).astype(float)
+
+    def _rows(self, state: State) -> tuple[Array, Array, Array]:
+        """Return R_tube, the rows of (20) above M, and M with rolling expressed in nodes."""
+        config = unprepared(state.config)
+        m = self.robot.layout.n_modules
+        matrix = config.matrix
+        lengths = matrix[:m]
+        grasp = grasp_rows(config, state.grasp)
+        roller = self.robot.layout.driven.searchsorted(
+            module_index(self.robot, state.grasp.module)
+        )
+        speed = self.rollers_by_lengths[roller] @ lengths
+        task = grasp.nodes + np.outer(grasp.rolling, speed)
+        return lengths, np.vstack([self.tubes @ lengths, matrix[m:]]), task
+
+    def solve(self, state: State, twist: Array) -> Array | None:
+        """Solve (11) with (20), which knows no limits, by the solver that the package uses."""
+        lengths, fixed, task = self._rows(state)
+        nodes = qpsolvers.solve_qp(
+            lengths.T @ lengths + REGULAR * np.eye(lengths.shape[1]),
+            np.zeros(lengths.shape[1]),
+            A=np.vstack([fixed, task]),
+            b=np.concatenate([np.zeros(len(fixed)), twist, [0.0]]),
+            solver=installed_solvers()[0],
+            **OPTIONS.get(installed_solvers()[0], {}),
+        )
+        return None if nodes is None else self.rollers_by_lengths @ lengths @ nodes
+
+    def solve_kkt(self, state: State, twist: Array) -> Array:
+        """Solve (11) with (20) as one linear system, dense, by NumPy."""
+        lengths, fixed, task = self._rows(state)
+        equality = np.vstack([fixed, task])
+        k, n = equality.shape
+        system = np.zeros((n + k, n + k))
+        system[:n, :n] = lengths.T @ lengths
+        system[n:, :n] = equality
+        system[:n, n:] = equality.T
+        right = np.zeros(n + k)
+        right[n + len(fixed) : n + len(fixed) + 3] = twist
+        return self.rollers_by_lengths @ lengths @ np.linalg.solve(system, right)[:n]
+
+    def solve_within_limits(self, state: State, twist: Array) -> Array | None:
+        """Solve (11) with (20), the limits as rows, and the scale of the twist as a variable."""
+        lengths, fixed, task = self._rows(state)
+        limits = [
+            limit.rows(state.config) for limit in core.manipulation.default_limits(self.robot)
+        ]
+        by_nodes = self.rollers_by_lengths @ lengths
+        inequality = np.vstack([rows.matrix @ by_nodes for rows in limits])
+        upper = np.concatenate([rows.upper for rows in limits])
+        lower = np.concatenate([rows.lower for rows in limits])
+        n = lengths.shape[1]
+        unit = self.robot.description.max_speed
+        hessian = np.zeros((n + 1, n + 1))
+        hessian[:n, :n] = lengths.T @ lengths + REGULAR * np.eye(n)
+        hessian[n, n] = 0.5 * PENALTY
+        linear = np.zeros(n + 1)
+        linear[n] = -PENALTY
+        right = np.zeros(len(fixed) + 4)
+        right[len(fixed) : len(fixed) + 3] = twist / unit
+        bounds = np.full(n + 1, np.inf)
+        bounds[n] = 1.0
+        found = qpsolvers.solve_qp(
+            hessian,
+            linear,
+            np.column_stack([np.vstack([inequality, -inequality]), np.zeros(2 * len(upper))]),
+            np.concatenate([upper, -lower]) / unit,
+            np.column_stack([np.vstack([fixed, task]), -right]),
+            np.zeros(len(right)),
+            np.append(np.full(n, -np.inf), 0.0),
+            bounds,
+            solver=installed_solvers()[0],
+            **OPTIONS.get(installed_solvers()[0], {}),
+        )
+        return None if found is None else unit * (by_nodes @ found[:n])
+
+
+def forward_rows(robot: core.Robot, states: list[State], rng: np.random.Generator) -> list[Row]:
+    """Measure forward kinematics; differences in units of 1 cm at the nodes."""
+    speed = robot.description.max_speed
+    rows: list[Row] = []
+    for name, step, prepared, target in (
+        ('one cycle at 200 Hz, full speed', speed / 200.0, False, TARGET),
+        ('one cycle at 1 kHz, full speed', speed / 1000.0, False, TARGET),
+        ('one cycle at 1 kHz, factor at hand', speed / 1000.0, True, TARGET),
+        ('1 s at full speed in one step', speed, False, None),
+        ('from home', None, False, None),
+    ):
+        row = Row(f'forward kinematics, {name}', 'scipy root(hybr)', target)
+        for state in states:
+            near = unprepared(robot.home if step is None else state.config)
+            if prepared:
+                _ = near.factor
+            goal = state.config.roller_positions
+            if step is not None:
+                goal = goal + step * rng.choice([-1.0, 1.0], len(goal))
+            try:
+                near.moved_to(goal)
+            except core.ConfigurationError:
+                continue  # a long step can end outside of what the robot can reach
+            near = unprepared(near)
+            if prepared:
+                _ = near.factor
+            row.add(
+                partial(nodes_at, near, goal),
+                partial(root_by_hybr, near, goal),
+                unit=0.01,
+            )
+        rows.append(row)
+    return rows
+
+
+def twist_rows(robot: core.Robot, states: list[State]) -> list[Row]:
+    """Measure twist to rollers; differences in units of 1 % of the largest roller speed."""
+    paper = PaperProgram(robot)
+    solver = installed_solvers()[0]
+    rows: list[Row] = []
+    for name, size, peer, solve in (
+        ('half of what the limits allow', 0.5, f'(20) by {solver}, no limits', paper.solve),
+        ('half of what the limits allow', 0.5, '(20) as KKT, no limits', paper.solve_kkt),
+        ('twice what the limits allow', 2.0, f'(20) by {solver}', paper.solve_within_limits),
+    ):
+        row = Row(f'twist to rollers, {name}', peer)
+        for state in states:
+            config, twist = unprepared(state.config), size * state.twist
+            row.add(
+                partial(roller_velocities, config, state.grasp, twist),
+                partial(solve, state, twist),
+                unit=0.01 * robot.description.max_speed,
+            )
+        rows.append(row)
+    return rows
+
+
+def main() -> None:
+    """Print the table."""
+    print_machine()
+    robot = core.load_robot('nine_member')
+    states = random_states(robot, STATES, seed=1)
+    forward_rows(robot, states[:20], np.random.default_rng(2))  # warm up, not counted
+    twist_rows(robot, states[:20])
+    rows = [*forward_rows(robot, states, np.random.default_rng(2)), *twist_rows(robot, states)]
+    print(f'{robot.name}: {STATES} random reachable states, times in us; matrix, factorization,')
+    print('Jacobians and program included; "ratio" is peer / ours; "apart": how often the peer')
+    print('failed or ended elsewhere; "typical": the median difference otherwise, 1 = 1 cm or 1 %')
+    print('of the largest roller speed. CPU time of the calling thread.\n')
+    header = ['case', 'median', 'p99', 'target', '', 'peer', 'its median', 'ratio', 'apart']
+    print_table([*header, 'typical'], [row.cells() for row in rows])
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,101 @@
+"""
+Robots of any size that are rigid by construction: nested triangles (a Sierpinski gasket).
+
+Where a triangular tube stood, three of half its size are put corner to corner. Seen from outside
+they are a rigid triangle again (a three-hinged arch on a base), so the robot stays isostatic:
+6 modules and 3 joints more, twice. Every joint belongs to one or two tubes, every corner has
+60 degrees, and joints are 1 m or 2 m apart: with 9 modules it has the shape of the preset
+nine_member.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+import math
+
+from isotruss_ros.core.robot_file import Module, RobotDescription, Tube
+
+#: Sizes from one triangle to 300 modules.
+SIZES = (3, 9, 15, 27, 51, 99, 147, 201, 303)
+#: The tube at the top; its module at `TOP_JOINT` is driven and grips well.
+TOP_JOINT = 'top'
+
+
+def nested_triangles(n_modules: int) -> RobotDescription:
+    """
+    Describe a robot of nested triangles that stands on its two lower corners.
+
+    :param n_modules: 3, 9, 15, ... (3 more than a multiple of 6).
+    """
+    steps, rest = divmod(n_modules - 3, 6)
+    if rest or steps < 0:
+        raise ValueError(f'{n_modules} modules: must be 3, 9, 15, ...')
+    # Corners (i, j) of a triangular grid: i to the right, j up to the right; lower left and size.
+    size = 2 ** math.ceil(math.log(2 * steps + 1, 3) - 1e-9)
+    triangles = deque([(0, 0, size)])
+    for _ in range(steps):  # the largest first, so that sizes differ by a factor of 2 at most
+        i, j, edge = triangles.popleft()
+        half = edge // 2
+        triangles += [(i, j, half), (i + half, j, half), (i, j + half, half)]
+
+    names = {(0, 0): 'left', (size, 0): 'right', (0, size): TOP_JOINT}
+    joints: dict[str, tuple[float, float]] = {}
+    tubes: list[Tube] = []
+    for i, j, edge in sorted(triangles):
+        corners = [(i, j), (i + edge, j), (i, j + edge)]
+        around = tuple(names.get(corner, 'j{}_{}'.format(*corner)) for corner in corners)
+        for name, (right, up) in zip(around, corners, strict=True):
+            joints[name] = (right + 0.5 * up, math.sqrt(0.75) * up)
+        tubes.append(Tube(f't{i}_{j}', around, passive=around[0]))
+    return RobotDescription(
+        source=f'nested triangles with {n_modules} modules',
+        name=f'nested_{n_modules}',
+        frame='truss',
+        joints=joints,
+        tubes=tuple(tubes),
+        module=Module(0.12, 0.10, 0.08, axial_rigidity=5.0e6, flexural_rigidity=2.0e3),
+        tube_diameter=0.102,
+        pressure=34500.0,
+        stiffness={'model': 'inflatable_beam'},
+        supports={'left': ('x', 'y'), 'right': ('y',)},
+        max_speed=0.10,
+        min_length=0.25,
+        max_length=3.0,
+    )
+
+
+def top_module(description: RobotDescription) -> str:
+    """Return the module at the top of the robot, a driven one."""
+    tube = next(tube for tube in description.tubes if TOP_JOINT in tube.joints)
+    return f'{tube.name}/{TOP_JOINT}'
+
+
+def write_robot_file(description: RobotDescription) -> str:
+    """Return a description as the text of a robot file."""
+    module = description.module
+    lines = [
+        f'name: {description.name}',
+        f'frame: {description.frame}',
+        'joints:',
+        *(f'  {name}: [{x!r}, {y!r}]' for name, (x, y) in description.joints.items()),
+        'tubes:',
+        *(
+            f'  {tube.name}: {{joints: [{", ".join(tube.joints)}], passive: {tube.passive}}}'
+            for tube in description.tubes
+        ),
+        'module:',
+        f'  pinch_separation: {module.pinch_separation}',
+        f'  rod_length: {module.rod_length}',
+        f'  guide_ring_distance: {module.guide_ring_distance}',
+        f'  axial_rigidity: {module.axial_rigidity}',
+        f'  flexural_rigidity: {module.flexural_rigidity}',
+        'tube:',
+        f'  diameter: {description.tube_diameter}',
+        f'  pressure: {description.pressure}',
+        f'  stiffness: {{model: {description.stiffness["model"]}}}',
+        'supports:',
+        *(f'  {joint}: [{", ".join(axes)}]' for joint, axes in description.supports.items()),
+        f'rollers: {{max_speed: {description.max_speed}}}',
+        f'members: {{min_length: {description.min_length}, max_length: {description.max_length}}}',
+    ]
+    return '\n'.join(lines) + '\n'
