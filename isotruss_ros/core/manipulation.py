@@ -9,7 +9,7 @@ from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasp import finite_numbers, Grasp, grasp_rows
 from isotruss_ros.core.limits import Limit, MemberLengthLimit, RollerSpeedLimit, Rows
-from isotruss_ros.core.program import furthest
+from isotruss_ros.core.program import furthest, least
 from isotruss_ros.core.robot import Robot
 from isotruss_ros.core.status import Status
 import numpy as np
@@ -26,7 +26,7 @@ REACH_TOLERANCE = 1e-9
 SCALE_TOLERANCE = 1e-9
 #: Bounds and twists this many times larger than what matters are as good as infinite.
 MAX_REACH = 1e9
-#: A limit binds when its row is this close to its bound, as a share of the largest roller speed.
+#: A limit binds when its row is this close to its bound, as a share of the rollers' speeds.
 BINDING_TOLERANCE = 1e-7
 
 
@@ -114,13 +114,11 @@ def solve_twist(
     status = Status.OK if task.reachable else Status.UNREACHABLE
     scale, limiting = 1.0, ()
     if task.speed > 0.0:
-        limit_rows = [
-            (limit, limit.rows(config))
-            for limit in (default_limits(robot) if limits is None else limits)
-        ]
-        velocities[working], scale = _drive(robot, working, task, [rows for _, rows in limit_rows])
+        limits = default_limits(robot) if limits is None else limits
+        rows = [limit.rows(config) for limit in limits]
+        velocities[working], scale, binding = _drive(robot, working, task, rows)
         if scale < 1.0:
-            slowed, limiting = _binding(config, velocities, limit_rows)
+            slowed, limiting = _binding(config, limits, rows, binding)
             status = slowed if task.reachable else status
     return RollerCommand(velocities, jacobian[:3] @ velocities, scale, status, limiting)
 
@@ -175,39 +173,59 @@ class Task:
 
 
 def _drive(
-    robot: Robot, working: Indices, task: Task, limit_rows: list[Rows]
-) -> tuple[Array, float]:
-    """Return the velocities (w,) [m/s] of the working rollers and the scale."""
-    # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
-    unit = min(robot.description.max_speed, task.speed)
-    matrix = np.vstack([rows.matrix for rows in limit_rows])[:, working]
-    upper = np.concatenate([rows.upper for rows in limit_rows])
-    lower = np.concatenate([rows.lower for rows in limit_rows])
+    robot: Robot, working: Indices, task: Task, limit_rows: Sequence[Rows]
+) -> tuple[Array, float, NDArray[np.bool_]]:
+    """Return the velocities (w,) [m/s] of the working rollers, the scale, and which rows bind."""
     incidence = robot.layout.incidence[:, working]
+    cost = incidence.T @ incidence
+    matrix = np.vstack([incidence[:0], *(rows.matrix[:, working] for rows in limit_rows)])
+    upper = np.concatenate([np.zeros(0), *(rows.upper for rows in limit_rows)])
+    lower = np.concatenate([np.zeros(0), *(rows.lower for rows in limit_rows)])
+    # What the rollers would do without limits, of size 1, and how quick that is [m/s].
+    wish = least(cost, task.equality, task.direction)
+    gain = float(np.abs(wish).max())
+    wish, asked = wish / gain, gain * task.speed
+    pull = matrix @ wish
+    with np.errstate(over='ignore'):
+        free = (pull <= upper / asked) & (pull >= lower / asked)
+    if free.all():
+        return wish * asked, 1.0, ~free
+    # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
+    unit = min(robot.description.max_speed, asked)
+    with np.errstate(over='ignore'):
+        bound = np.minimum(np.concatenate([upper, -lower]) / unit, MAX_REACH)
     solution, reached = furthest(
-        incidence.T @ incidence,
+        cost,
         task.equality,
-        task.direction,
-        min(task.speed / unit, MAX_REACH),
+        task.direction / gain,
+        min(asked / unit, MAX_REACH),
         np.vstack([matrix, -matrix]),
-        np.minimum(np.concatenate([upper, -lower]) / unit, MAX_REACH),
+        bound,
     )
-    scale = min(1.0, reached * unit / task.speed)
-    return solution * unit, 1.0 if scale > 1.0 - SCALE_TOLERANCE else scale
+    # A step toward the wish would go on along the twist: a row at its bound must forbid it.
+    slack = bound.reshape(2, -1) - np.array([1.0, -1.0])[:, None] * (matrix @ solution)
+    scale = min(1.0, reached * unit / gain / task.speed)
+    return (
+        solution * unit,
+        1.0 if scale > 1.0 - SCALE_TOLERANCE else scale,
+        (slack.min(axis=0) < BINDING_TOLERANCE) & ~free,
+    )
 
 
 def _binding(
-    config: Configuration, velocities: Array, limit_rows: list[tuple[Limit, Rows]]
+    config: Configuration,
+    limits: Sequence[Limit],
+    limit_rows: Sequence[Rows],
+    binding: NDArray[np.bool_],
 ) -> tuple[Status, tuple[str, ...]]:
     """Return the status of the first limit that binds, and the names of all rows that do."""
-    tolerance = BINDING_TOLERANCE * config.robot.description.max_speed
     statuses: list[Status] = []
     names: list[str] = []
-    for limit, rows in limit_rows:
-        values = rows.matrix @ velocities
-        close = (values > rows.upper - tolerance) | (values < rows.lower + tolerance)
-        moving = close & (np.abs(values) > tolerance) | (rows.upper - rows.lower < tolerance)
-        if moving.any():
+    start = 0
+    for limit, rows in zip(limits, limit_rows, strict=True):
+        binds = np.flatnonzero(binding[start : start + len(rows.upper)])
+        start += len(rows.upper)
+        if len(binds):
             statuses.append(limit.status)
-            names += [limit.row_names(config)[i] for i in np.flatnonzero(moving)]
+            names += [limit.row_names(config)[i] for i in binds]
     return (statuses[0] if statuses else Status.SLOWED_ROLLER_SPEED), tuple(names)

@@ -5,7 +5,8 @@ The quadratic program: as far along a direction as the limits allow, at the leas
     subject to J u = s * direction,  0 <= s <= reach,  lower <= G u <= upper
 
 The second term is an exact penalty: its slope is at least rho / 2 everywhere, more than any saving
-in the first term is worth, so s is the largest one possible and the cost the least one there.
+in the first term is worth, so s is the largest one possible and the cost the least one there. That
+needs the direction scaled so that u and s are of like size; where no limit binds, `least` does it.
 """
 
 from __future__ import annotations
@@ -40,6 +41,20 @@ def installed_solvers() -> tuple[str, ...]:
             f'no solver for quadratic programs is installed; install one of {", ".join(PREFERRED)}'
         )
     return names
+
+
+def least(cost: Array, equality: Array, direction: Array) -> Array:
+    """
+    Return the u (r,) of the least |C u|^2 with J u = direction, limits aside.
+
+    :param cost: (r, r) C^T C, positive definite.
+    :param equality: (k, r) J, of full row rank.
+    :param direction: (k,).
+    """
+    root = np.linalg.cholesky(cost)
+    # |C u| = |y| with y = root^T u, and the shortest y lies in the span of the rows.
+    span, factor = np.linalg.qr(np.linalg.solve(root, equality.T))
+    return np.linalg.solve(root.T, span @ np.linalg.solve(factor.T, direction))
 
 
 def furthest(
