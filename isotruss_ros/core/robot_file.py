@@ -88,11 +88,11 @@ def find_robot_file(name_or_path: str | Path) -> Path:
     given = str(name_or_path)
     if given in preset_names():
         return config_directory() / f'{given}.yaml'
-    path = Path(name_or_path).expanduser()
     try:
+        path = Path(name_or_path).expanduser()
         if path.is_file():
             return path
-    except (OSError, ValueError):  # a name too long for the system, or one with a null byte
+    except (OSError, ValueError, RuntimeError):  # name too long, null byte, ~ of an unknown user
         pass
     raise RobotFileError(
         f'robot {given!r}: there is no such preset and no such file; '
@@ -110,13 +110,12 @@ def read_robot_file(name_or_path: str | Path) -> RobotDescription:
     """
     path = find_robot_file(name_or_path)
     try:
-        data = path.read_bytes()
+        with path.open('rb') as file:
+            data = file.read(MAX_FILE_SIZE + 1)
     except OSError as error:
         raise RobotFileError(f'{path}: cannot be read: {error.strerror}') from error
     if len(data) > MAX_FILE_SIZE:
-        raise RobotFileError(
-            f'{path}: {len(data)} bytes; a robot file has at most {MAX_FILE_SIZE} bytes'
-        )
+        raise RobotFileError(f'{path}: too long; a robot file has at most {MAX_FILE_SIZE} bytes')
     try:
         content = _parse(path, data.decode('utf-8'))
         _check_form(path, content)
@@ -142,7 +141,10 @@ def _parse(path: Path, text: str) -> Any:
         where = f'line {mark.line + 1}, column {mark.column + 1}: ' if mark else ''
         problem = getattr(error, 'problem', None) or str(error).splitlines()[0]
         raise RobotFileError(f'{path}: {where}not YAML 1.2: {problem}') from error
-    except ValueError as error:  # the reader's own constructors: dates, very long integers
+    except RobotFileError:
+        raise
+    # The reader's own constructors: dates, very long integers, tags on what does not fit them.
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
         raise RobotFileError(f'{path}: not YAML 1.2: {error}') from error
 
 
