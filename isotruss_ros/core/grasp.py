@@ -17,6 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+#: No object is smaller or farther away [m]; products of such numbers neither vanish nor overflow.
+MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
+
 
 @dataclass(frozen=True)
 class Grasp:
@@ -26,7 +29,8 @@ class Grasp:
     :ivar module: the module `t/j` whose two sides hold the object.
     :ivar center: the object's centre (x, y) in the robot frame [m].
     :ivar diameter: the object's own diameter d [m].
-    :raises GraspError: the centre is not two finite numbers, or the diameter not positive.
+    :raises GraspError: the centre is not two finite numbers, the diameter is not positive, or
+        either is of no sensible size.
     """
 
     module: str
@@ -39,6 +43,11 @@ class Grasp:
         diameter = finite_numbers([self.diameter], 1, "the object's diameter [m]")[0]
         if diameter <= 0.0:
             raise GraspError(f"the object's diameter {self.diameter!r} m: must be positive")
+        if diameter < MIN_DIAMETER or max(diameter, *np.abs(center)) > MAX_DISTANCE:
+            raise GraspError(
+                f"the object's centre {self.center!r} m, diameter {self.diameter!r} m: must be "
+                f'within {MAX_DISTANCE:g} m, and the diameter at least {MIN_DIAMETER:g} m'
+            )
         object.__setattr__(self, 'center', (float(center[0]), float(center[1])))
         object.__setattr__(self, 'diameter', float(diameter))
 
@@ -83,7 +92,7 @@ def finite_numbers(values: ArrayLike, count: int, what: str) -> Array:
     """
     try:
         array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise GraspError(f'{what}: {values!r}: must be {count} finite numbers') from error
     if array.shape != (count,) or not np.isfinite(array).all():
         raise GraspError(f'{what}: {values!r}: must be {count} finite numbers')

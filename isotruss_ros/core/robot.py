@@ -93,7 +93,7 @@ class Robot:
         """
         try:
             array = np.array(values, dtype=np.float64)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise ConfigurationError(f'{what}: {values!r}: must be numbers') from error
         if array.shape != (len(self.roller_names),):
             raise ConfigurationError(
