@@ -8,7 +8,7 @@ venv=$(cd "$1" && pwd)
 folder=$2
 # What sourcing a ROS installation would have set.
 export PATH="$venv/bin:$PATH" AMENT_PREFIX_PATH="$venv" CMAKE_PREFIX_PATH="$venv"
-export COLCON_LOG_PATH="$folder/log" PYTHONWARNINGS=ignore::DeprecationWarning
+export COLCON_LOG_PATH="$folder/log"
 
 # colcon looks no deeper where it found a package: msg_defs has to be named.
 set -- --base-paths . msg_defs --build-base "$folder/build" --install-base "$folder/install"
