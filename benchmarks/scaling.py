@@ -1,0 +1,177 @@
+"""
+How loading, forward kinematics and twist-to-rollers grow from 3 to 300 modules, one core.
+
+Robots of nested triangles (see large_robots.py). The second table compares dense with sparse
+factors; `DENSE_UP_TO` in core/constraints.py is its crossover.
+
+    python benchmarks/scaling.py
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import os
+from pathlib import Path
+import tempfile
+import tracemalloc
+
+os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
+
+from isotruss_ros import core
+from isotruss_ros.core import constraints
+from isotruss_ros.core.linear import factorize
+from isotruss_ros.core.robot_file import RobotDescription
+from large_robots import nested_triangles, SIZES, top_module, write_robot_file
+from measuring import median_time, print_machine, print_table, timed
+import numpy as np
+
+DIAMETER = 0.15
+#: Random roller travel from home [m]; a hundred modules add up, so it is small.
+TRAVEL = 0.02
+#: How long to repeat each call [s].
+BUDGET = 0.2
+#: Sizes around the crossover from dense to sparse.
+CROSSOVER_SIZES = (9, 15, 21, 27, 33, 39, 51, 75, 99, 201, 303)
+
+
+@dataclass(frozen=True)
+class Times:
+    """Medians [s] on one robot; peak memory of a twist [bytes]."""
+
+    forward: float
+    factor: float
+    free: float
+    limited: float
+    memory: int
+
+
+def measure(robot: core.Robot, module: str) -> Times:
+    """Measure one robot in a random state near home; no call finds anything prepared."""
+    rng = np.random.default_rng(1)
+    rollers = len(robot.roller_names)
+    state = robot.configuration(rng.uniform(-TRAVEL, TRAVEL, rollers))
+    step = robot.description.max_speed / 200.0 * rng.choice([-1.0, 1.0], rollers)
+    grasp = core.Grasp(module, core.snug_center(state, module, DIAMETER), DIAMETER)
+    twist = np.array([1.0, 0.5, 4.0])
+    limit = core.solve_twist(state, grasp, twist).scale * twist
+
+    def fresh() -> core.Configuration:
+        return core.Configuration(robot, state.roller_positions, state.points)
+
+    def solve(size: float) -> core.RollerCommand:
+        return core.solve_twist(fresh(), grasp, size * limit)
+
+    solve(0.5)
+    tracemalloc.start()
+    solve(2.0)
+    memory = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return Times(
+        forward=median_time(lambda: fresh().moved_to(state.roller_positions + step), BUDGET),
+        factor=median_time(lambda: factorize(robot.constraints.matrix(state.points)), BUDGET),
+        free=median_time(lambda: solve(0.5), BUDGET),
+        limited=median_time(lambda: solve(2.0), BUDGET),
+        memory=memory,
+    )
+
+
+def load_time(description: RobotDescription, folder: Path) -> float:
+    """Return the time that it takes to load a robot from its file [s]."""
+    path = folder / f'{description.name}.yaml'
+    path.write_text(write_robot_file(description), encoding='utf-8')
+    return min(timed(lambda: core.load_robot(path))[0] for _ in range(3))
+
+
+def with_factors(description: RobotDescription, dense: bool) -> core.Robot:
+    """Make a robot that uses dense or sparse factors whatever its size."""
+    chosen = constraints.DENSE_UP_TO
+    try:
+        constraints.DENSE_UP_TO = 1_000_000 if dense else 0
+        return core.Robot(description)
+    finally:
+        constraints.DENSE_UP_TO = chosen
+
+
+def growth() -> None:
+    """Print how everything grows with the number of modules."""
+    rows: list[list[str]] = []
+    sizes: list[int] = []
+    times: list[list[float]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for n_modules in SIZES:
+            description = nested_triangles(n_modules)
+            load = load_time(description, Path(folder))
+            robot = core.Robot(description)
+            found = measure(robot, top_module(description))
+            sizes.append(n_modules)
+            times.append([load, found.forward, found.free, found.limited])
+            nine = times[min(1, len(times) - 1)]
+            rows.append(
+                [
+                    str(n_modules),
+                    str(robot.constraints.n_columns),
+                    f'{1e3 * load:.1f}',
+                    *(
+                        text
+                        for time, base in zip(times[-1][1:], nine[1:], strict=True)
+                        for text in (
+                            f'{1e6 * time:.0f}',
+                            f'{time / base:.1f}' if n_modules >= 9 else '',
+                        )
+                    ),
+                    f'{found.memory / 1024:.0f}',
+                ]
+            )
+    # The exponent of the larger half: small robots cost what Python calls cost.
+    large = np.array(sizes) >= 51
+    exponents = np.polyfit(np.log(np.array(sizes)[large]), np.log(np.array(times)[large]), 1)[0]
+    load, *others = (f'{exponent:.1f}' for exponent in exponents)
+    rows.append(
+        ['exponent from 51 on', '', load, *(x for other in others for x in (other, '')), '']
+    )
+    print('Times in us (loading: ms); "/ 9": ratio to 9 modules; a twist at half and at twice of')
+    print('what the limits allow; memory: peak of one limited twist [kB].\n')
+    header = ['modules', 'coordinates', 'load', 'forward step', '/ 9', 'free twist', '/ 9']
+    print_table([*header, 'limited twist', '/ 9', 'memory'], rows)
+
+
+def crossover() -> None:
+    """Print dense and sparse side by side."""
+    rows: list[list[str]] = []
+    for n_modules in CROSSOVER_SIZES:
+        description = nested_triangles(n_modules)
+        module = top_module(description)
+        dense = measure(with_factors(description, dense=True), module)
+        sparse = measure(with_factors(description, dense=False), module)
+        coordinates = with_factors(description, dense=True).constraints.n_columns
+        rows.append(
+            [
+                str(n_modules),
+                str(coordinates),
+                *(
+                    text
+                    for a, b in (
+                        (dense.factor, sparse.factor),
+                        (dense.forward, sparse.forward),
+                        (dense.free, sparse.free),
+                    )
+                    for text in (f'{1e6 * a:.0f}', f'{1e6 * b:.0f}', f'{a / b:.2f}')
+                ),
+            ]
+        )
+    print('\nDense and sparse [us], ratio dense / sparse; matrix and factor, forward step, free')
+    print(f'twist. DENSE_UP_TO is {constraints.DENSE_UP_TO} coordinates.\n')
+    names = ('matrix+factor', 'forward', 'twist')
+    columns = [text for name in names for text in (f'{name}: dense', 'sparse', 'ratio')]
+    print_table(['modules', 'coordinates', *columns], rows)
+
+
+def main() -> None:
+    """Print both tables."""
+    print_machine()
+    growth()
+    crossover()
+
+
+if __name__ == '__main__':
+    main()
