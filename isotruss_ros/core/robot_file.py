@@ -14,10 +14,12 @@ from isotruss_ros.core.errors import RobotFileError
 import jsonschema
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
-from ruamel.yaml.events import AliasEvent
+from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
 
 #: A robot of 300 modules needs 30 kB; beyond this size the file is something else.
 MAX_FILE_SIZE = 1_000_000
+#: The keys go four levels deep; the reader takes time in the square of the depth.
+MAX_DEPTH = 20
 #: Beyond this magnitude a number is a slip of the keyboard and overflows in products.
 MAX_MAGNITUDE = 1e12
 DEFAULT_FRAME = 'truss'
@@ -122,13 +124,19 @@ def read_robot_file(name_or_path: str | Path) -> RobotDescription:
         return _describe(path, content)
     except UnicodeDecodeError as error:
         raise RobotFileError(f'{path}: byte {error.start}: not UTF-8 text') from error
-    except RecursionError as error:
-        raise RobotFileError(f'{path}: nested too deeply to be a robot file') from error
 
 
 def _parse(path: Path, text: str) -> Any:
     try:
+        depth = 0
         for event in YAML(typ='safe', pure=True).parse(text):
+            depth += isinstance(event, CollectionStartEvent)
+            depth -= isinstance(event, CollectionEndEvent)
+            if depth > MAX_DEPTH:
+                raise RobotFileError(
+                    f'{path}: line {event.start_mark.line + 1}: nested too deeply '
+                    'to be a robot file'
+                )
             # An alias can name its own parent, or unfold a small file into gigabytes.
             if isinstance(event, AliasEvent):
                 raise RobotFileError(
