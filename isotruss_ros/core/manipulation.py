@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+import functools
 
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.errors import GraspError
@@ -104,36 +105,54 @@ def solve_twist(
     """
     robot = config.robot
     wanted = finite_numbers(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])')
-    working = _working_rollers(robot, failed)
+    working = _working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
     jacobian = task_jacobian(config, grasp)
     velocities = np.zeros(len(robot.roller_names))
     if not wanted.any():
         return RollerCommand(velocities, np.zeros(3), 1.0, Status.IDLE)
 
-    task = Task(jacobian[:, working], 0.5 * grasp.diameter, wanted)
+    task = Task(jacobian[:, working.places], 0.5 * grasp.diameter, wanted)
     status = Status.OK if task.reachable else Status.UNREACHABLE
     scale, limiting = 1.0, ()
     if task.speed > 0.0:
         limits = default_limits(robot) if limits is None else limits
         rows = [limit.rows(config) for limit in limits]
-        velocities[working], scale, binding = _drive(robot, working, task, rows)
+        velocities, scale, binding = _drive(robot, working, task, rows)
         if scale < 1.0:
             slowed, limiting = _binding(config, limits, rows, binding)
             status = slowed if task.reachable else status
     return RollerCommand(velocities, jacobian[:3] @ velocities, scale, status, limiting)
 
 
-def _working_rollers(robot: Robot, failed: Collection[str]) -> Indices:
-    names = {failed} if isinstance(failed, str) else set(failed)
-    unknown = names - set(robot.roller_names)
+@dataclass(frozen=True, eq=False)
+class WorkingRollers:
+    """
+    The rollers that do not stand still, and what is constant as long as they are the same.
+
+    :ivar places: (w,) where they are among all rollers.
+    :ivar cost: (w, w) C^T C, the cost (11) of their speeds.
+    :ivar even: (w, w) E with |C E y| = |y|: speeds that cost alike.
+    """
+
+    places: Indices
+    cost: Array
+    even: Array
+
+
+@functools.lru_cache(maxsize=16)
+def _working_rollers(robot: Robot, failed: frozenset[str]) -> WorkingRollers:
+    unknown = failed - set(robot.roller_names)
     if unknown:
         raise GraspError(
             f'failed rollers {", ".join(sorted(map(repr, unknown)))}: robot {robot.name} has no '
             f'such rollers; its rollers are {", ".join(robot.roller_names)}'
         )
-    return np.array(
-        [i for i, name in enumerate(robot.roller_names) if name not in names], dtype=int
+    places = np.array(
+        [i for i, name in enumerate(robot.roller_names) if name not in failed], dtype=int
     )
+    incidence = robot.layout.incidence[:, places]
+    cost = incidence.T @ incidence
+    return WorkingRollers(places, cost, np.linalg.inv(np.linalg.cholesky(cost)).T)
 
 
 class Task:
@@ -173,19 +192,17 @@ class Task:
 
 
 def _drive(
-    robot: Robot, working: Indices, task: Task, limit_rows: Sequence[Rows]
+    robot: Robot, working: WorkingRollers, task: Task, limit_rows: Sequence[Rows]
 ) -> tuple[Array, float, NDArray[np.bool_]]:
-    """Return the velocities (w,) [m/s] of the working rollers, the scale, and which rows bind."""
-    incidence = robot.layout.incidence[:, working]
-    cost = incidence.T @ incidence
-    matrix = np.vstack([incidence[:0], *(rows.matrix[:, working] for rows in limit_rows)])
+    """Return the velocities (r,) [m/s] of all rollers, the scale, and which rows bind."""
     upper = np.concatenate([np.zeros(0), *(rows.upper for rows in limit_rows)])
     lower = np.concatenate([np.zeros(0), *(rows.lower for rows in limit_rows)])
     # What the rollers would do without limits, of size 1, and how quick that is [m/s].
-    wish = least(cost, task.equality, task.direction)
+    wish = np.zeros(len(robot.roller_names))
+    wish[working.places] = least(working.even, task.equality, task.direction)
     gain = float(np.abs(wish).max())
     wish, asked = wish / gain, gain * task.speed
-    pull = matrix @ wish
+    pull = np.concatenate([np.zeros(0), *(rows.matrix @ wish for rows in limit_rows)])
     with np.errstate(over='ignore'):
         free = (pull <= upper / asked) & (pull >= lower / asked)
     if free.all():
@@ -193,22 +210,27 @@ def _drive(
     # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
     unit = min(robot.description.max_speed, asked)
     with np.errstate(over='ignore'):
-        bound = np.minimum(np.concatenate([upper, -lower]) / unit, MAX_REACH)
+        lower, upper = np.maximum(lower / unit, -MAX_REACH), np.minimum(upper / unit, MAX_REACH)
+    matrix = np.vstack([rows.matrix for rows in limit_rows])[:, working.places]
     solution, reached = furthest(
-        cost,
+        working.cost,
         task.equality,
         task.direction / gain,
         min(asked / unit, MAX_REACH),
-        np.vstack([matrix, -matrix]),
-        bound,
+        matrix,
+        lower,
+        upper,
     )
     # A step toward the wish would go on along the twist: a row at its bound must forbid it.
-    slack = bound.reshape(2, -1) - np.array([1.0, -1.0])[:, None] * (matrix @ solution)
+    value = matrix @ solution
+    slack = np.minimum(upper - value, value - lower)
     scale = min(1.0, reached * unit / gain / task.speed)
+    velocities = np.zeros(len(robot.roller_names))
+    velocities[working.places] = solution * unit
     return (
-        solution * unit,
+        velocities,
         1.0 if scale > 1.0 - SCALE_TOLERANCE else scale,
-        (slack.min(axis=0) < BINDING_TOLERANCE) & ~free,
+        (slack < BINDING_TOLERANCE) & ~free,
     )
 
 

@@ -43,22 +43,27 @@ def installed_solvers() -> tuple[str, ...]:
     return names
 
 
-def least(cost: Array, equality: Array, direction: Array) -> Array:
+def least(even: Array, equality: Array, direction: Array) -> Array:
     """
     Return the u (r,) of the least |C u|^2 with J u = direction, limits aside.
 
-    :param cost: (r, r) C^T C, positive definite.
+    :param even: (r, r) E with |C E y| = |y|.
     :param equality: (k, r) J, of full row rank.
     :param direction: (k,).
     """
-    root = np.linalg.cholesky(cost)
-    # |C u| = |y| with y = root^T u, and the shortest y lies in the span of the rows.
-    span, factor = np.linalg.qr(np.linalg.solve(root, equality.T))
-    return np.linalg.solve(root.T, span @ np.linalg.solve(factor.T, direction))
+    # u = E y, and the shortest y lies in the span of the rows of J E.
+    span, factor = np.linalg.qr((equality @ even).T)
+    return even @ (span @ np.linalg.solve(factor.T, direction))
 
 
 def furthest(
-    cost: Array, equality: Array, direction: Array, reach: float, inequality: Array, bound: Array
+    cost: Array,
+    equality: Array,
+    direction: Array,
+    reach: float,
+    inequality: Array,
+    lower: Array,
+    upper: Array,
 ) -> tuple[Array, float]:
     """
     Solve the program of this module; all quantities are without units, |u| of the order of 1.
@@ -67,8 +72,9 @@ def furthest(
     :param equality: (k, r) J, of full row rank.
     :param direction: (k,) what J u is at s = 1.
     :param reach: the largest s that is of use, positive.
-    :param inequality: (l, r) rows of G u <= bound.
-    :param bound: (l,) not negative, so that u = 0 is a solution.
+    :param inequality: (l, r) G.
+    :param lower: (l,) not positive, so that u = 0 is a solution.
+    :param upper: (l,) not negative.
     :return: u (r,) and s.
     :raises SolverError: the solver gave up.
     """
@@ -80,11 +86,21 @@ def furthest(
     linear[r] = -PENALTY
     low, high = np.full(r + 1, -np.inf), np.full(r + 1, np.inf)
     low[r], high[r] = 0.0, reach
+    # A row with one entry bounds one roller, which costs a solver next to nothing.
+    present = inequality != 0.0
+    entries = present.sum(axis=1)
+    single, several = entries == 1, entries > 1
+    place = present[single].argmax(axis=1)
+    entry = inequality[single, place]
+    one_end, other_end = lower[single] / entry, upper[single] / entry
+    np.maximum.at(low, place, np.minimum(one_end, other_end))
+    np.minimum.at(high, place, np.maximum(one_end, other_end))
+    rows = np.column_stack([inequality[several], np.zeros(several.sum())])
     problem = qpsolvers.Problem(
         hessian,
         linear,
-        np.column_stack([inequality, np.zeros(len(bound))]),
-        bound,
+        np.vstack([rows, -rows]),
+        np.concatenate([upper[several], -lower[several]]),
         np.column_stack([equality, -direction]),
         np.zeros(len(direction)),
         low,
