@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Points = NDArray[np.complex128]
 
 #: Above this many coordinates sparse factors are quicker than dense ones (benchmarks/scaling.py).
-DENSE_UP_TO = 160
+DENSE_UP_TO = 180
 
 
 @dataclass(frozen=True)
