@@ -100,7 +100,8 @@ class Configuration:
         goal = robot.check_rollers(roller_positions, 'roller positions [m]')
         start = self.roller_positions
         m = robot.layout.n_modules
-        goal_lengths = _targets(robot, goal).lengths[:m]
+        goal_targets = _targets(robot, goal)
+        goal_lengths = goal_targets.lengths[:m]
         if goal_lengths.min() <= 0.0:
             worst = int(goal_lengths.argmin())
             raise ConfigurationError(
@@ -114,8 +115,8 @@ class Configuration:
         points, factor, done = self.points, self.__dict__.get('factor'), 0.0
         while done < 1.0:
             end = 1.0 if done + share > 1.0 - 1e-9 else done + share
-            rollers = goal if end == 1.0 else start + end * (goal - start)
-            found = follow_branch(robot.constraints, points, _targets(robot, rollers), factor)
+            targets = goal_targets if end == 1.0 else _targets(robot, start + end * (goal - start))
+            found = follow_branch(robot.constraints, points, targets, factor)
             if found is not None:
                 points, factor, done = found, None, end
             elif share < MIN_STEP:
