@@ -9,7 +9,7 @@ from launch import LaunchDescription
 
 ARGUMENTS = {
     'robot': ('nine_member', str, 'Preset, or path of a robot file'),
-    'grip_module': ('east/Q', str, 'Module t/j whose two sides hold the object'),
+    'grip_module': ('north/Z', str, 'Module t/j whose two sides hold the object'),
     'object_diameter': ('0.3', float, "The object's own diameter [m]"),
     'rate': ('200.0', float, 'Cycles per second of both nodes [Hz]'),
     'command_timeout': ('0.2', float, 'Inputs older than this stop the rollers [s]'),

@@ -1,0 +1,81 @@
+"""The picture in the manner of the paper's Fig. 9, and an animation of the same."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from isotruss_ros.core import Configuration, Robot
+from isotruss_ros.demo.client import PhaseRecord, Snapshot
+from isotruss_ros.demo.drawing import draw_object, draw_robot, frame, PATH_COLOR
+from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
+
+MARGIN = 0.12
+#: The animation shows this many pictures per second, and time this many times quicker.
+FRAMES_PER_SECOND = 12
+SPEED_UP = 3.0
+
+Box = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def draw_panels(
+    robot: Robot, diameter: float, start: Snapshot, records: Sequence[PhaseRecord], path: Path
+) -> None:
+    """Write one panel for the start and one for the end of each phase."""
+    stops = [start] + [record.snapshots[-1] for record in records]
+    titles = ['start'] + [record.name for record in records]
+    configs = [robot.configuration(stop.rollers) for stop in stops]
+    box = _box(configs)
+    figure = Figure(figsize=(10.0, 8.2), layout='constrained')
+    for i, axes in enumerate(figure.subplots(2, 2).ravel()):
+        draw_robot(axes, configs[i])
+        if i > 0:
+            travelled = [snap for record in records[:i] for snap in record.snapshots]
+            _draw_path(axes, travelled)
+        draw_object(axes, stops[i].pose, diameter)
+        frame(axes, *box)
+        axes.set_title(f'({"abcd"[i]}) {titles[i]}', loc='left')
+    figure.savefig(path, dpi=110)
+
+
+def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path: Path) -> None:
+    """Write the whole motion as an animated GIF."""
+    snapshots = [snap for record in records for snap in record.snapshots]
+    times = np.array([snap.time for snap in snapshots])
+    ticks = np.arange(times[0], times[-1], SPEED_UP / FRAMES_PER_SECOND)
+    chosen = [snapshots[i] for i in np.searchsorted(times, ticks)]
+    configs = []
+    for snap in chosen:
+        near = configs[-1] if configs else None
+        configs.append(robot.configuration(snap.rollers, near=near))
+    box = _box(configs)
+    figure = Figure(figsize=(5.2, 4.6), layout='constrained')
+    axes = figure.subplots()
+
+    def show(i: int) -> None:
+        axes.clear()
+        draw_robot(axes, configs[i])
+        _draw_path(axes, chosen[: i + 1])
+        draw_object(axes, chosen[i].pose, diameter)
+        frame(axes, *box)
+
+    animation = FuncAnimation(figure, show, frames=len(chosen))
+    animation.save(path, writer=PillowWriter(fps=FRAMES_PER_SECOND), dpi=70)
+
+
+def _draw_path(axes: object, snapshots: Sequence[Snapshot]) -> None:
+    axes.plot(
+        [snap.pose.x for snap in snapshots],
+        [snap.pose.y for snap in snapshots],
+        color=PATH_COLOR,
+        lw=1.8,
+        zorder=7,
+    )
+
+
+def _box(configs: Sequence[Configuration]) -> Box:
+    nodes = np.concatenate([config.nodes for config in configs])
+    return nodes.min(axis=0) - MARGIN, nodes.max(axis=0) + MARGIN

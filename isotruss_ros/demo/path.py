@@ -1,0 +1,82 @@
+"""The path of the paper's Fig. 9 as twists: up, a turn in place by rolling, a circular arc."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import math
+
+#: (vx, vy, omega) in the robot frame [m/s, rad/s].
+Twist = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Phase:
+    """
+    One part of the path.
+
+    :ivar name: what the object does.
+    :ivar duration: [s].
+    :ivar twist: the twist at a time since the phase began [s].
+    """
+
+    name: str
+    duration: float
+    twist: Callable[[float], Twist]
+
+
+def _progress(time: float, duration: float) -> tuple[float, float]:
+    """Return the share of a motion that is done, and its rate [1/s]; both ends are at rest."""
+    phase = 2.0 * math.pi * min(max(time / duration, 0.0), 1.0)
+    return (phase - math.sin(phase)) / (2.0 * math.pi), (1.0 - math.cos(phase)) / duration
+
+
+def translation(name: str, duration: float, dx: float, dy: float) -> Phase:
+    """Return a straight motion by (dx, dy) [m]."""
+
+    def twist(time: float) -> Twist:
+        _, rate = _progress(time, duration)
+        return rate * dx, rate * dy, 0.0
+
+    return Phase(name, duration, twist)
+
+
+def rotation(name: str, duration: float, angle: float) -> Phase:
+    """Return a rotation in place by an angle [rad]."""
+
+    def twist(time: float) -> Twist:
+        return 0.0, 0.0, _progress(time, duration)[1] * angle
+
+    return Phase(name, duration, twist)
+
+
+def arc(name: str, duration: float, radius: float, heading: float, angle: float) -> Phase:
+    """
+    Return a circular arc on which the orientation turns with the path.
+
+    :param radius: positive [m].
+    :param heading: direction of motion at the start [rad].
+    :param angle: the angle of the arc, positive for a left turn [rad].
+    """
+
+    def twist(time: float) -> Twist:
+        done, rate = _progress(time, duration)
+        direction = heading + done * angle
+        speed = radius * rate * abs(angle)
+        return speed * math.cos(direction), speed * math.sin(direction), rate * angle
+
+    return Phase(name, duration, twist)
+
+
+def figure_9() -> tuple[Phase, ...]:
+    """
+    Return the path of Fig. 9 for an object held at the top, north/Z, of the nine-member robot.
+
+    The object's orientation, 0 at the start, is normal to the arc after the turn by 90 degrees.
+    """
+    quarter = 0.5 * math.pi
+    return (
+        translation('up', 6.0, 0.0, 0.2),
+        rotation('turn', 7.0, quarter),
+        arc('arc', 12.0, 0.25, 0.0, -quarter),
+    )

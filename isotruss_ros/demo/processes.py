@@ -1,0 +1,106 @@
+"""Start the nodes as processes of their own, and stop them as a user would: with Ctrl-C."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+import contextlib
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+from isotruss_ros.core import IsotrussError
+
+#: A node that has not gone this long after Ctrl-C is killed [s].
+STOP_TIMEOUT = 5.0
+
+
+class NodeError(IsotrussError, RuntimeError):
+    """A node process ended, or did not stop when asked to."""
+
+
+class NodeProcess:
+    """
+    One running node.
+
+    :param name: module of `isotruss_ros.nodes`.
+    :param parameters: ROS parameters by name.
+    :param log: file that gets what the node prints.
+    """
+
+    def __init__(self, name: str, parameters: Mapping[str, object], log: Path) -> None:
+        self.name = name
+        self.log = log
+        arguments = [f'{key}:={value}' for key, value in parameters.items()]
+        with log.open('wb') as output:
+            self.process = subprocess.Popen(
+                [
+                    sys.executable,
+                    '-m',
+                    f'isotruss_ros.nodes.{name}',
+                    '--ros-args',
+                    *(part for argument in arguments for part in ('-p', argument)),
+                ],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                # A Ctrl-C in the terminal is for the parent, which stops its children in order.
+                start_new_session=True,
+            )
+
+    def require_running(self) -> None:
+        """
+        Check that the node is still there.
+
+        :raises NodeError: it has ended; with the last lines that it printed.
+        """
+        if self.process.poll() is not None:
+            printed = self.log.read_text(errors='replace').strip().splitlines()[-5:]
+            raise NodeError(
+                f'node {self.name} ended with code {self.process.returncode}: '
+                + ' | '.join(printed)
+            )
+
+    def stop(self) -> int:
+        """Send Ctrl-C, wait, and return the exit code (-9 if it had to be killed)."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            return self.process.wait(STOP_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            return self.process.wait()
+
+
+@contextlib.contextmanager
+def running_nodes(
+    nodes: Sequence[tuple[str, Mapping[str, object]]], logs: Path
+) -> Iterator[list[NodeProcess]]:
+    """
+    Run nodes while a block is executed.
+
+    :param nodes: (name, parameters) of each.
+    :param logs: folder for what they print.
+    """
+    processes = []
+    try:
+        for name, parameters in nodes:
+            processes.append(NodeProcess(name, parameters, logs / f'{name}.log'))
+        yield processes
+    finally:
+        for process in reversed(processes):
+            process.stop()
+
+
+def keep_to_this_machine() -> int:
+    """
+    Cut this process and its children off from every robot on the network.
+
+    :return: the domain id that they use.
+    """
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    # Not 0, which a robot may have on this very machine; up to 101 the ports are free on Linux.
+    domain = int(os.environ.get('ROS_DOMAIN_ID') or 1 + os.getpid() % 101)
+    os.environ['ROS_DOMAIN_ID'] = str(domain)
+    return domain
