@@ -23,11 +23,11 @@ def condition_number(matrix: Array | csc_matrix) -> float:
         factor = factorize(matrix.copy() if dense else matrix)
     except np.linalg.LinAlgError:
         return float('inf')
-    # Power steps on (A^T A)^-1 from fixed starts: the estimate must not change from call to call.
+    # Power steps on (A A^T)^-1 from fixed starts: the estimate must not change from call to call.
     start = np.random.default_rng(0).standard_normal((matrix.shape[0], 3))
     for _ in range(4):
         start = start / np.abs(start).max(axis=0)
-        start = factor.solve(factor.solve_transposed(start))
+        start = factor.solve_transposed(factor.solve(start))
         if not np.isfinite(start).all():
             return float('inf')
     vector = start / np.abs(start).sum(axis=0)
