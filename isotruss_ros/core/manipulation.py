@@ -245,8 +245,9 @@ def _binding(
     names: list[str] = []
     start = 0
     for limit, rows in zip(limits, limit_rows, strict=True):
-        binds = np.flatnonzero(binding[start : start + len(rows.upper)])
-        start += len(rows.upper)
+        stop = start + len(rows.upper)
+        binds = np.flatnonzero(binding[start:stop])
+        start = stop
         if len(binds):
             statuses.append(limit.status)
             names += [limit.row_names(config)[i] for i in binds]
