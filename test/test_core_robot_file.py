@@ -515,6 +515,7 @@ def test_file_with_changed_characters_loads_or_is_refused(data):
     junk = strategies.binary(max_size=3) | strategies.text(SIGNS, max_size=3).map(str.encode)
     for _ in range(data.draw(strategies.integers(1, 5))):
         start = data.draw(strategies.integers(0, len(text) - 1))
-        text[start : start + data.draw(strategies.integers(0, 3))] = data.draw(junk)
+        stop = start + data.draw(strategies.integers(0, 3))
+        text[start:stop] = data.draw(junk)
     message = complaint(bytes(text))
     assert not message or message.startswith('FILE: ')
