@@ -21,6 +21,7 @@ from isotruss_ros import core
 from isotruss_ros.core import constraints
 from isotruss_ros.core.linear import factorize
 from isotruss_ros.core.robot_file import RobotDescription
+from kinematics import PaperProgram, State
 from large_robots import nested_triangles, SIZES, top_module, write_robot_file
 from measuring import median_time, print_machine, print_table, timed
 import numpy as np
@@ -36,17 +37,32 @@ CROSSOVER_SIZES = (9, 15, 21, 27, 33, 39, 51, 75, 99, 201, 303)
 
 @dataclass(frozen=True)
 class Times:
-    """Medians [s] on one robot; peak memory of a twist [bytes]."""
+    """
+    Medians [s] on one robot.
+
+    :ivar forward: forward kinematics over one cycle at 200 Hz, full speed.
+    :ivar factor: matrix of (12) and its factorization.
+    :ivar free: twist to rollers where no limit binds.
+    :ivar limited: twist to rollers at twice of what the limits allow.
+    :ivar paper: the free twist as the paper's (20), one dense linear system; 0 if left out.
+    :ivar memory: peak of a limited twist [bytes].
+    """
 
     forward: float
     factor: float
     free: float
     limited: float
+    paper: float
     memory: int
 
 
-def measure(robot: core.Robot, module: str) -> Times:
-    """Measure one robot in a random state near home; no call finds anything prepared."""
+def measure(robot: core.Robot, module: str, peer: bool = False) -> Times:
+    """
+    Measure one robot in a random state near home; no call finds anything prepared.
+
+    :param module: the grip.
+    :param peer: whether to measure the paper's program, too.
+    """
     rng = np.random.default_rng(1)
     rollers = len(robot.roller_names)
     state = robot.configuration(rng.uniform(-TRAVEL, TRAVEL, rollers))
@@ -62,6 +78,8 @@ def measure(robot: core.Robot, module: str) -> Times:
         return core.solve_twist(fresh(), grasp, size * limit)
 
     solve(0.5)
+    paper = PaperProgram(robot)
+    given = State(state, grasp, limit)
     tracemalloc.start()
     solve(2.0)
     memory = tracemalloc.get_traced_memory()[1]
@@ -71,6 +89,7 @@ def measure(robot: core.Robot, module: str) -> Times:
         factor=median_time(lambda: factorize(robot.constraints.matrix(state.points)), BUDGET),
         free=median_time(lambda: solve(0.5), BUDGET),
         limited=median_time(lambda: solve(2.0), BUDGET),
+        paper=median_time(lambda: paper.solve_kkt(given, 0.5 * limit), BUDGET) if peer else 0.0,
         memory=memory,
     )
 
@@ -102,9 +121,9 @@ def growth() -> None:
             description = nested_triangles(n_modules)
             load = load_time(description, Path(folder))
             robot = core.Robot(description)
-            found = measure(robot, top_module(description))
+            found = measure(robot, top_module(description), peer=n_modules > 3)
             sizes.append(n_modules)
-            times.append([load, found.forward, found.free, found.limited])
+            times.append([load, found.forward, found.free, found.limited, found.paper])
             nine = times[min(1, len(times) - 1)]
             rows.append(
                 [
@@ -113,26 +132,30 @@ def growth() -> None:
                     f'{1e3 * load:.1f}',
                     *(
                         text
-                        for time, base in zip(times[-1][1:], nine[1:], strict=True)
+                        for time, base in zip(times[-1][1:4], nine[1:4], strict=True)
                         for text in (
                             f'{1e6 * time:.0f}',
                             f'{time / base:.1f}' if n_modules >= 9 else '',
                         )
                     ),
+                    f'{1e6 * found.paper:.0f}' if found.paper else '-',
+                    f'{found.paper / found.free:.1f}' if found.paper else '-',
                     f'{found.memory / 1024:.0f}',
                 ]
             )
     # The exponent of the larger half: small robots cost what Python calls cost.
     large = np.array(sizes) >= 51
     exponents = np.polyfit(np.log(np.array(sizes)[large]), np.log(np.array(times)[large]), 1)[0]
-    load, *others = (f'{exponent:.1f}' for exponent in exponents)
-    rows.append(
-        ['exponent from 51 on', '', load, *(x for other in others for x in (other, '')), '']
-    )
+    load, *ours, paper = (f'{exponent:.1f}' for exponent in exponents)
+    ours_and_gaps = [text for exponent in ours for text in (exponent, '')]
+    rows.append(['exponent from 51 on', '', load, *ours_and_gaps, paper, '', ''])
     print('Times in us (loading: ms); "/ 9": ratio to 9 modules; a twist at half and at twice of')
-    print('what the limits allow; memory: peak of one limited twist [kB].\n')
+    print(
+        'what the limits allow; "KKT": the free twist as the paper has it, (20) in the nodes, by'
+    )
+    print('numpy.linalg.solve, with its ratio to ours; memory: peak of a limited twist [kB].\n')
     header = ['modules', 'coordinates', 'load', 'forward step', '/ 9', 'free twist', '/ 9']
-    print_table([*header, 'limited twist', '/ 9', 'memory'], rows)
+    print_table([*header, 'limited twist', '/ 9', 'KKT', 'ratio', 'memory'], rows)
 
 
 def crossover() -> None:
