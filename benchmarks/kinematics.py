@@ -30,7 +30,7 @@ import scipy.optimize
 Array = NDArray[np.float64]
 
 STATES = 2000
-#: Roller travel of random states [m]: members of 0.5 to 1.6 m, corners of 15 to 134 degrees (98 %).
+#: Roller travel of random states [m]: 98 % of the corners have 15 to 134 degrees.
 TRAVEL = 0.4
 DIAMETER = 0.15
 TARGET = 300e-6
