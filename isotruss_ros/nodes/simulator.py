@@ -22,6 +22,7 @@ from isotruss_ros.nodes.qos import LATEST, RELIABLE
 from isotruss_ros.nodes.report import Reporter
 from isotruss_ros.nodes.runner import run, StoppableNode
 from rclpy.parameter import Parameter
+from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -79,7 +80,7 @@ class Simulator(StoppableNode):
         self.create_subscription(
             Float64MultiArray, 'roller_velocity_controller/commands', self._take_command, LATEST
         )
-        self._time = self._commanded = self._now()
+        self._time = self._commanded = 1e-9 * self.get_clock().now().nanoseconds
         self._timer = self.create_timer(1.0 / self._values[params.RATE], self._cycle)
         self._values.on_change(lambda _values: None, self._apply)
 
@@ -96,15 +97,12 @@ class Simulator(StoppableNode):
         )
         return SimulatedRobot(home, HeldObject.attach(home, grasp), faults, values[SEED])
 
-    def _now(self) -> float:
-        return 1e-9 * self.get_clock().now().nanoseconds
-
     def _apply(self) -> None:
         self._timer.timer_period_ns = int(1e9 / self._values[params.RATE])
 
     def _take_command(self, message: Float64MultiArray) -> None:
         # Until now the command before was in force: integrate it before it is replaced.
-        self._advance()
+        self._advance(self.get_clock().now())
         try:
             self._simulated.command(message.data)
         except ConfigurationError as error:
@@ -112,9 +110,9 @@ class Simulator(StoppableNode):
             self._reporter.warn('command', f'rollers stopped: {error}')
         self._commanded = self._time
 
-    def _advance(self) -> None:
-        """Integrate to now; a command that is not renewed ends after `command_timeout`."""
-        now = self._now()
+    def _advance(self, time: Time) -> None:
+        """Integrate to a time; a command that is not renewed ends after `command_timeout`."""
+        now = 1e-9 * time.nanoseconds
         expiry = self._commanded + self._values[params.COMMAND_TIMEOUT]
         try:
             self._simulated.advance(max(0.0, min(now, expiry) - self._time))
@@ -127,8 +125,8 @@ class Simulator(StoppableNode):
         self._time = now
 
     def _cycle(self) -> None:
-        self._advance()
         now = self.get_clock().now()
+        self._advance(now)
         joints = JointState(
             name=list(self._robot.roller_names),
             position=self._simulated.config.roller_positions.tolist(),

@@ -1,0 +1,178 @@
+"""A node that stands in for the rest of the world, and nodes under one executor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import contextlib
+import math
+import time
+
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from isotruss_msgs.msg import ManipulationStatus
+from isotruss_ros.core import load_robot, Pose, snug_center
+from isotruss_ros.nodes.messages import pose_message, stamp, twist_message
+from isotruss_ros.nodes.runner import StoppableNode
+import numpy as np
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+#: Far more than anything needs here; a busy machine must not fail a test.
+DEADLINE = 20.0
+ROBOT = load_robot('nine_member')
+MODULE = 'north/Z'
+DIAMETER = 0.3
+CENTER = snug_center(ROBOT.home, MODULE, DIAMETER)
+UP = (0.0, 0.02, 0.0)
+N = len(ROBOT.roller_names)
+
+
+def overrides(**values: object) -> list[Parameter]:
+    """Return parameters by name."""
+    return [Parameter(name, value=value) for name, value in values.items()]
+
+
+class Probe(Node):
+    """Publishes every input of our nodes and keeps every output with the time of its arrival."""
+
+    def __init__(self, twist_type: type) -> None:
+        super().__init__('probe')
+        self.twists = self.create_publisher(twist_type, 'cmd_vel', 1)
+        self.joint_states = self.create_publisher(JointState, 'joint_states', 1)
+        self.object_poses = self.create_publisher(PoseStamped, 'object_pose', 1)
+        self.commands = self.create_publisher(
+            Float64MultiArray, 'roller_velocity_controller/commands', 1
+        )
+        self.seen: dict[str, list] = {'command': [], 'status': [], 'joints': [], 'pose': []}
+        for kind, key, topic in (
+            (Float64MultiArray, 'command', 'roller_velocity_controller/commands'),
+            (ManipulationStatus, 'status', 'manipulation/status'),
+            (JointState, 'joints', 'joint_states'),
+            (PoseStamped, 'pose', 'object_pose'),
+        ):
+            self.create_subscription(
+                kind, topic, lambda message, key=key: self._take(key, message), 100
+            )
+
+    def _take(self, key: str, message: object) -> None:
+        self.seen[key].append((time.monotonic(), message))
+
+    def last(self, key: str) -> object | None:
+        """Return the last message of an output."""
+        return self.seen[key][-1][1] if self.seen[key] else None
+
+    def past(self, age: float) -> Time:
+        """Return the time `age` seconds ago (in the future if negative)."""
+        now = self.get_clock().now().nanoseconds
+        return Time(nanoseconds=now - int(age * 1e9), clock_type=self.get_clock().clock_type)
+
+    def send_twist(self, twist: tuple[float, float, float] = UP) -> None:
+        """Publish a twist."""
+        self.twists.publish(twist_message(twist))
+
+    def send_joints(self, age: float = 0.0, **changes: object) -> None:
+        """Publish joint states at home, changed as given."""
+        fields = {'name': list(ROBOT.roller_names), 'position': [0.0] * N} | changes
+        message = JointState(**fields)
+        stamp(message.header, self.past(age))
+        self.joint_states.publish(message)
+
+    def send_pose(
+        self, age: float = 0.0, frame: str = 'truss', center: tuple[float, float] = CENTER
+    ) -> None:
+        """Publish the object's pose, in the grip unless told otherwise."""
+        message = PoseStamped(pose=pose_message(Pose(center[0], center[1], 0.3)))
+        stamp(message.header, self.past(age), frame)
+        self.object_poses.publish(message)
+
+    def send_all(self) -> None:
+        """Publish good inputs of the manipulation node."""
+        self.send_joints()
+        self.send_pose()
+        self.send_twist()
+
+
+class World:
+    """
+    Nodes under one executor.
+
+    :param nodes: made by the test; destroyed at the end.
+    """
+
+    def __init__(self, *nodes: StoppableNode, twist_type: type = Twist) -> None:
+        self.probe = Probe(twist_type)
+        self.nodes = [self.probe, *nodes]
+        self.executor = SingleThreadedExecutor()
+        for node in self.nodes:
+            self.executor.add_node(node)
+
+    def until(
+        self,
+        what: Callable[[], bool],
+        each: Callable[[], None] = lambda: None,
+        period: float = 0.01,
+    ) -> None:
+        """
+        Spin until something holds; fail at the deadline.
+
+        :param each: called every `period` seconds meanwhile.
+        """
+        deadline = time.monotonic() + DEADLINE
+        due = 0.0
+        while not what():
+            assert time.monotonic() < deadline, f'not within {DEADLINE} s'
+            if time.monotonic() >= due:
+                each()
+                due = time.monotonic() + period
+            self.executor.spin_once(timeout_sec=min(period, 0.005))
+
+    def until_code(self, code: int, each: Callable[[], None]) -> ManipulationStatus:
+        """Spin until the manipulation node reports a code, with its command; return the report."""
+        self.until(lambda: self.code() == code, each)
+        return self.probe.last('status')
+
+    def code(self) -> int | None:
+        """Return the last code of the manipulation node."""
+        status = self.probe.last('status')
+        return None if status is None else status.code
+
+    def command(self) -> np.ndarray:
+        """Return the last roller command."""
+        message = self.probe.last('command')
+        return np.full(N, math.nan) if message is None else np.array(message.data)
+
+    def spin(self, duration: float, each: Callable[[], None] = lambda: None) -> None:
+        """Spin for a while."""
+        end = time.monotonic() + duration
+        self.until(lambda: time.monotonic() >= end, each)
+
+    def close(self) -> None:
+        """Take everything down."""
+        self.executor.shutdown()
+        for node in self.nodes:
+            node.destroy_node()
+
+
+def stamped(twist: tuple[float, float, float], time_of: Time, frame: str = '') -> TwistStamped:
+    """Return a stamped twist."""
+    message = TwistStamped(twist=twist_message(twist))
+    stamp(message.header, time_of, frame)
+    return message
+
+
+@contextlib.contextmanager
+def world(*make_nodes: Callable[[], StoppableNode], twist_type: type = Twist):
+    """Bring up a context with nodes in it, and take it down."""
+    rclpy.init()
+    made = None
+    try:
+        made = World(*(make() for make in make_nodes), twist_type=twist_type)
+        yield made
+    finally:
+        if made is not None:
+            made.close()
+        rclpy.shutdown()
