@@ -182,7 +182,7 @@ def _supports(rng, joints, tubes):
     for _ in range(50):
         grounded = rng.permutation(2 * len(joints))[:count]
         matrix = np.vstack([bars, np.eye(2 * len(joints))[grounded]])
-        if np.linalg.svd(matrix, compute_uv=False)[-1] > 0.2:
+        if np.linalg.svd(matrix, compute_uv=False)[-1] > min(0.2, 2.0 / len(joints)):
             return sorted(map(int, grounded))
     return None
 
