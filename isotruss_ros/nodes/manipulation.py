@@ -25,10 +25,13 @@ from isotruss_ros.nodes.qos import LATEST, RELIABLE
 from isotruss_ros.nodes.report import Reporter
 from isotruss_ros.nodes.runner import run, StoppableNode
 import numpy as np
+from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+#: A controller has this long to acknowledge the last command.
+LAST_WORD = Duration(seconds=0.5)
 #: Statuses that need no words in the log: nobody asks for anything, or all is well.
 SILENT = frozenset({Status.OK, Status.IDLE, Status.HALT_NO_TWIST})
 
@@ -79,8 +82,9 @@ class Manipulation(StoppableNode):
         )
 
     def stop(self) -> None:
-        """Leave the rollers at zero."""
+        """Leave the rollers at zero, and make sure that they know."""
         self._commands.publish(command_message(np.zeros(len(self._robot.roller_names))))
+        self._commands.wait_for_all_acked(LAST_WORD)
 
     def _now(self) -> float:
         return 1e-9 * self.get_clock().now().nanoseconds

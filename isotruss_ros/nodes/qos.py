@@ -2,8 +2,8 @@
 Quality of service of each topic.
 
 State and twists are worth something only while they are new: subscribers keep the last one and do
-not ask for it again, and so match reliable and best-effort publishers alike. What we publish is
-reliable, because ros2_control's controllers and the standard tools ask for that.
+not ask for it again, and so match reliable and best-effort publishers alike. What we publish, and
+the commands that the simulator takes, is reliable, as ros2_control's controllers have it.
 """
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy

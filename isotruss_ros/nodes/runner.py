@@ -35,12 +35,12 @@ def run(make_node: Callable[[], StoppableNode], args: Sequence[str] | None = Non
     """
     # Our own handlers: rclpy's would close the context before the last command is sent.
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    signal.signal(signal.SIGINT, _interrupt)
-    signal.signal(signal.SIGTERM, _interrupt)
-    executor = SingleThreadedExecutor()
     node = None
     try:
+        signal.signal(signal.SIGINT, _interrupt)
+        signal.signal(signal.SIGTERM, _interrupt)
         node = make_node()
+        executor = SingleThreadedExecutor()
         executor.add_node(node)
         executor.spin()
     except IsotrussError as error:
@@ -54,6 +54,5 @@ def run(make_node: Callable[[], StoppableNode], args: Sequence[str] | None = Non
         if node is not None:
             node.stop()
             node.destroy_node()
-        executor.shutdown()
         rclpy.shutdown()
     return 0

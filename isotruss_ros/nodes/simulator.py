@@ -18,7 +18,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.nodes import parameters as params
 from isotruss_ros.nodes.messages import pose_message, stamp
-from isotruss_ros.nodes.qos import LATEST, RELIABLE
+from isotruss_ros.nodes.qos import RELIABLE
 from isotruss_ros.nodes.report import Reporter
 from isotruss_ros.nodes.runner import run, StoppableNode
 from rclpy.parameter import Parameter
@@ -78,7 +78,7 @@ class Simulator(StoppableNode):
         self._joint_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self._object_pose = self.create_publisher(PoseStamped, 'object_pose', RELIABLE)
         self.create_subscription(
-            Float64MultiArray, 'roller_velocity_controller/commands', self._take_command, LATEST
+            Float64MultiArray, 'roller_velocity_controller/commands', self._take_command, RELIABLE
         )
         self._time = self._commanded = 1e-9 * self.get_clock().now().nanoseconds
         self._timer = self.create_timer(1.0 / self._values[params.RATE], self._cycle)

@@ -1,0 +1,204 @@
+"""The executables as processes of their own, heard and driven over DDS only."""
+
+import os
+from pathlib import Path
+import pty
+import signal
+import subprocess
+import sys
+import time
+
+from geometry_msgs.msg import Twist
+from isotruss_ros.core import load_robot, Status
+from isotruss_ros.demo.client import DemoClient
+from isotruss_ros.demo.path import arc
+from isotruss_ros.demo.processes import NodeError, NodeProcess, running_nodes
+import numpy as np
+from probe import DEADLINE
+import pytest
+import rclpy
+from std_msgs.msg import Float64MultiArray
+
+#: A busy machine delays; these tests are about what happens, not how soon.
+PATIENT = {'command_timeout': 5.0}
+
+
+@pytest.fixture
+def context():
+    """Bring up rclpy in this process."""
+    rclpy.init()
+    yield
+    rclpy.shutdown()
+
+
+@pytest.fixture
+def listener(context):
+    """Return a node of this process."""
+    node = rclpy.create_node('listener')
+    yield node
+    node.destroy_node()
+
+
+def spin_until(node, what):
+    """Spin until something holds; fail at the deadline."""
+    deadline = time.monotonic() + DEADLINE
+    while not what():
+        assert time.monotonic() < deadline
+        rclpy.spin_once(node, timeout_sec=0.05)
+
+
+def test_processes_carry_the_object_along_an_arc(context, tmp_path):
+    client = DemoClient(load_robot('nine_member').roller_names)
+    nodes = [('simulator', PATIENT), ('manipulation', PATIENT)]
+    with running_nodes(nodes, tmp_path) as processes:
+
+        def check():
+            for process in processes:
+                process.require_running()
+
+        client.wait_until_ready(check)
+        radius, heading, angle = 0.05, 0.5, -0.4
+        phase = arc('arc', 2.0, radius, heading, angle)
+        record = client.play(phase, check, lambda done: None)
+        # The chord of the arc; twists that are held for 10 ms miss it by little.
+        chord = 2.0 * radius * np.sin(0.5 * abs(angle))
+        middle = heading + 0.5 * angle
+        exact = [chord * np.cos(middle), chord * np.sin(middle), angle]
+        assert record.commanded == pytest.approx(exact, abs=2e-3)
+        assert record.statuses <= {Status.OK, Status.IDLE}
+        assert record.position_error < 1e-3
+        assert record.angle_error < np.deg2rad(0.1)
+        assert 0.0 < record.max_roller_speed <= 0.1
+        client.destroy_node()
+    assert [process.process.returncode for process in processes] == [0, 0]
+
+
+@pytest.mark.parametrize('stop', [signal.SIGINT, signal.SIGTERM])
+def test_manipulation_stops_cleanly_with_a_zero_command(listener, tmp_path, stop):
+    commands = []
+    listener.create_subscription(
+        Float64MultiArray, 'roller_velocity_controller/commands', commands.append, 10
+    )
+    twists = listener.create_publisher(Twist, 'cmd_vel', 1)
+    with running_nodes([('simulator', PATIENT), ('manipulation', PATIENT)], tmp_path) as nodes:
+        twist = Twist()
+        twist.linear.y = 0.01
+
+        def moving():
+            twists.publish(twist)
+            return bool(commands) and any(commands[-1].data)
+
+        spin_until(listener, moving)
+        nodes[1].process.send_signal(stop)
+        spin_until(listener, lambda: nodes[1].process.poll() is not None)
+        spin_until(listener, lambda: not any(commands[-1].data))
+        assert nodes[1].process.returncode == 0
+        assert 'Traceback' not in nodes[1].log.read_text()
+
+
+def test_stopping_before_anything_happens_is_clean(tmp_path):
+    process = NodeProcess('simulator', {}, tmp_path / 'log')
+    # The handlers are in place once the node prints or lives; either way the exit must be orderly.
+    time_limit = time.monotonic() + DEADLINE
+    while not _has_handler(process) and time.monotonic() < time_limit:
+        process.require_running()
+    assert process.stop() == 0
+    assert 'Traceback' not in process.log.read_text()
+
+
+def _has_handler(process):
+    """Tell whether a process has a handler of its own for SIGTERM (see proc(5), SigCgt)."""
+    status = Path(f'/proc/{process.process.pid}/status').read_text()
+    caught = int(
+        next(line for line in status.splitlines() if line.startswith('SigCgt')).split()[1], 16
+    )
+    return bool(caught >> (signal.SIGTERM - 1) & 1)
+
+
+@pytest.mark.parametrize(
+    ('name', 'parameters', 'words'),
+    [
+        ('manipulation', {'grip_module': 'nobody'}, 'must be one of'),
+        ('manipulation', {'rate': -5.0}, 'range'),
+        ('manipulation', {'rate': 'fast'}, 'rate'),
+        ('simulator', {'robot': '/nowhere/robot.yaml'}, 'no such file'),
+        ('simulator', {'object_diameter': 9.0}, 'does not fit'),
+    ],
+)
+def test_bad_parameters_end_the_process_with_one_sentence(name, parameters, words, tmp_path):
+    process = NodeProcess(name, parameters, tmp_path / 'log')
+    assert process.process.wait(DEADLINE) == 1
+    printed = process.log.read_text()
+    assert words in printed
+    assert 'Traceback' not in printed
+    with pytest.raises(NodeError, match='ended with code 1'):
+        process.require_running()
+
+
+def test_robot_files_of_ones_own(tmp_path, listener):
+    preset = Path(__file__).parents[1] / 'config' / 'triangle.yaml'
+    mine = tmp_path / 'mine.yaml'
+    mine.write_text(preset.read_text().replace('frame: truss', 'frame: lab'))
+    parameters = {'robot': str(mine), 'grip_module': 'main/T'}
+    with running_nodes([('simulator', parameters), ('manipulation', parameters)], tmp_path):
+        from isotruss_msgs.msg import ManipulationStatus
+
+        heard = []
+        listener.create_subscription(ManipulationStatus, 'manipulation/status', heard.append, 10)
+        twists = listener.create_publisher(Twist, 'cmd_vel', 1)
+
+        def idle():
+            twists.publish(Twist())
+            return bool(heard) and heard[-1].code == Status.IDLE
+
+        spin_until(listener, idle)
+        assert heard[-1].header.frame_id == 'lab'
+
+
+def test_teleop_turns_keys_into_twists_and_leaves_the_terminal_as_it_was(listener):
+    heard = []
+    listener.create_subscription(Twist, 'cmd_vel', heard.append, 10)
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'isotruss_ros.nodes.teleop'],
+        stdin=theirs,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        spin_until(listener, lambda: bool(heard))
+
+        def press(key, done):
+            def pressed():
+                os.write(ours, key)
+                return bool(heard) and done(heard[-1])
+
+            spin_until(listener, pressed)
+
+        press(b'w', lambda twist: twist.linear.y > 0.0)
+        press(b'a', lambda twist: twist.linear.x < 0.0 and twist.linear.y == 0.0)
+        press(b'e', lambda twist: twist.angular.z < 0.0 and twist.linear.x == 0.0)
+        press(b' ', lambda twist: twist == Twist())
+        press(b'd', lambda twist: twist.linear.x > 0.0)
+        # Let go: it stops by itself.
+        spin_until(listener, lambda: heard[-1] == Twist())
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=DEADLINE)
+        assert process.returncode == 0
+        assert b'Traceback' not in errors
+    finally:
+        process.kill()
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_teleop_without_a_terminal_says_so():
+    done = subprocess.run(
+        [sys.executable, '-m', 'isotruss_ros.nodes.teleop'],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        timeout=DEADLINE,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert b'not a terminal' in done.stderr
