@@ -76,8 +76,8 @@ def test_bisection_is_the_formula_of_the_paper(robot, rng):
     for i in range(m):
         b, c = points[layout.b[i]], points[layout.c[i]]
         v1 = 0.5 * (b + c) - points[layout.joint[i]]
-        v2 = points[layout.c[layout.next[i]]] - b
-        v3 = points[layout.b[layout.prev[i]]] - c
+        v2 = points[layout.c[layout.following[i]]] - b
+        v3 = points[layout.b[layout.previous[i]]] - c
         # (3) compares the sizes of the two angles; ours has a sign as well.
         assert abs(bend[i]) == pytest.approx(abs(angle(v1, v2) - angle(v1, v3)), abs=1e-9)
 

@@ -40,7 +40,13 @@ class Constraints:
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
         m, n = layout.n_modules, layout.n_nodes
-        a, b, c, following, previous = layout.joint, layout.b, layout.c, layout.next, layout.prev
+        a, b, c, following, previous = (
+            layout.joint,
+            layout.b,
+            layout.c,
+            layout.following,
+            layout.previous,
+        )
         self.n_rows = 5 * m + len(layout.grounded)
         self.n_columns = 2 * n
         self._heads = np.concatenate([c[following], b, c, c])
@@ -86,10 +92,9 @@ class Constraints:
 
     def _bisection(self, stretched: Points) -> Array:
         """Return the difference of the two angles of (3), rod to one side and to the other."""
-        m = self._layout.n_modules
-        side = stretched[:m]
-        rod = (stretched[m : 2 * m] + stretched[2 * m : 3 * m]).conj()
-        return np.angle(-side * side[self._layout.prev] * rod * rod)
+        side, to_b, to_c, _ = stretched.reshape(4, -1)
+        rod = (to_b + to_c).conj()
+        return np.angle(-side * side[self._layout.previous] * rod * rod)
 
     def lengths(self, points: Points) -> Array:
         """Return the (4m,) lengths of members, AB, AC and BC [m]."""
@@ -102,13 +107,12 @@ class Constraints:
         :param points: (n,) nodes [m].
         :return: (5m + g, 2n), dense or, for a large robot, sparse.
         """
-        m = self._layout.n_modules
         stretched = points[self._heads] - points[self._tails]
         unit = stretched / np.abs(stretched)
-        rod = 0.5 * (stretched[m : 2 * m] + stretched[2 * m : 3 * m])
-        to_next = 1j / stretched[:m].conj()
-        to_previous = -to_next[self._layout.prev]
-        turn = 1j / rod.conj()
+        side, to_b, to_c, _ = stretched.reshape(4, -1)
+        to_next = 1j / side.conj()
+        to_previous = -to_next[self._layout.previous]
+        turn = 2j / (to_b + to_c).conj()
         values = np.concatenate(
             [
                 unit,

@@ -123,7 +123,7 @@ def sides_at(config: Configuration, module: str) -> GripSides:
     layout, points = config.robot.layout, config.points
     i = module_index(config.robot, module)
     b, c = int(layout.b[i]), int(layout.c[i])
-    b_next, c_prev = int(layout.c[layout.next[i]]), int(layout.b[layout.prev[i]])
+    b_next, c_prev = int(layout.c[layout.following[i]]), int(layout.b[layout.previous[i]])
     ahead, back = complex(points[b_next] - points[b]), complex(points[c_prev] - points[c])
     side = 1.0 if (ahead.conjugate() * back).imag > 0.0 else -1.0
     return GripSides(i, (b, b_next, c, c_prev), ahead, back, side)

@@ -53,8 +53,8 @@ def _corners(
 ) -> tuple[Points, NDArray[np.float64]]:
     """Return the outward direction at each corner and +1 where its next side lies to the left."""
     here = joints[layout.joint]
-    ahead = joints[layout.joint[layout.next]] - here
-    back = joints[layout.joint[layout.prev]] - here
+    ahead = joints[layout.joint[layout.following]] - here
+    back = joints[layout.joint[layout.previous]] - here
     opening = np.angle(ahead * back.conj())
     for i in np.flatnonzero(
         (np.abs(opening) < MIN_CORNER) | (np.abs(opening) > np.pi - MIN_CORNER)
@@ -83,7 +83,8 @@ def _bisection(
     """Return the bisection residual (m,) and its (m, m) derivative by the modules' angles."""
     m = layout.n_modules
     targets = Targets(constraints.lengths(points), np.zeros(len(layout.grounded)))
-    bisection = constraints.residual(points, targets)[4 * m : 5 * m]
+    rows = slice(4 * m, 5 * m)
+    bisection = constraints.residual(points, targets)[rows]
     modules = np.tile(np.arange(m), 2)
     nodes = np.concatenate([layout.b, layout.c])
     turning = 1j * (points[nodes] - np.tile(points[layout.joint], 2))
@@ -96,8 +97,8 @@ def _bisection(
     )
     matrix = constraints.matrix(points)
     if isinstance(matrix, np.ndarray):
-        return bisection, np.ascontiguousarray(matrix[4 * m : 5 * m] @ spread)
-    return bisection, csc_matrix(matrix[4 * m : 5 * m] @ spread)
+        return bisection, np.ascontiguousarray(matrix[rows] @ spread)
+    return bisection, csc_matrix(matrix[rows] @ spread)
 
 
 def _refuse_misfits(
@@ -110,10 +111,10 @@ def _refuse_misfits(
 ) -> None:
     source, module = description.source, description.module
     ends = points[: len(layout.joint_names)][layout.joint]
-    side = points[layout.c[layout.next]] - points[layout.b]
-    along = (side.conj() * (ends[layout.next] - ends)).real
+    side = points[layout.c[layout.following]] - points[layout.b]
+    along = (side.conj() * (ends[layout.following] - ends)).real
     rod = np.exp(-1j * angles)
-    ahead, back = rod * side, -rod * side[layout.prev]
+    ahead, back = rod * side, -rod * side[layout.previous]
     # Both sides run back past the joint, B's on B's side of the rod and C's on C's.
     fits = (
         (np.abs(bisection) < 1e-9)

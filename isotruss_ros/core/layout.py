@@ -18,15 +18,15 @@ class Layout:
     Index arrays over modules i = 0..m-1, in the order of the robot file.
 
     Nodes are numbered joints first, then B and C of module after module. Member i leaves module i
-    at B and enters module `next[i]` at C, so members and modules share their numbers.
+    at B and enters module `following[i]` at C, so members and modules share their numbers.
     """
 
     joint_names: tuple[str, ...]
     tube_names: tuple[str, ...]
     module_names: tuple[str, ...]
     joint: Indices  #: (m,) node A of each module
-    next: Indices  #: (m,) the module that follows along the tube
-    prev: Indices  #: (m,) the module before it
+    following: Indices  #: (m,) the module that follows along the tube
+    previous: Indices  #: (m,) the module before it
     tube: Indices  #: (m,) the tube of each module
     driven: Indices  #: (r,) the modules that have a motor
     grounded: Indices  #: (g,) grounded coordinates, numbered 2 node + (0 for x, 1 for y)
@@ -60,7 +60,7 @@ class Layout:
     @cached_property
     def member_names(self) -> tuple[str, ...]:
         """Return the members' names t/j-k, in module order."""
-        ends = self.joint[self.next]
+        ends = self.joint[self.following]
         return tuple(
             f'{module}-{self.joint_names[end]}'
             for module, end in zip(self.module_names, ends, strict=True)
@@ -77,23 +77,23 @@ class Layout:
         matrix = np.zeros((self.n_modules, self.n_modules))
         members = np.arange(self.n_modules)
         matrix[members, members] = 1.0
-        matrix[members, self.next] = -1.0
+        matrix[members, self.following] = -1.0
         return matrix[:, self.driven]
 
     def length_change(self, rollers: NDArray[np.float64]) -> NDArray[np.float64]:
         """
-        Return what the rollers do to the members: dL_i = dphi_i - dphi_next(i).
+        Return what the rollers do to the members: dL_i = dphi_i - dphi_following(i).
 
         :param rollers: (r,) travel [m] or speeds [m/s] of the driven modules.
         :return: (m,) changes [m] or rates [m/s] of the member lengths.
         """
         travel = np.zeros(self.n_modules)
         travel[self.driven] = rollers
-        return travel - travel[self.next]
+        return travel - travel[self.following]
 
 
 def make_layout(description: RobotDescription) -> Layout:
-    """Number the nodes, modules and members of a robot in the order of its file."""
+    """Give nodes, modules and members of a robot their numbers, in the order of its file."""
     joint_names = tuple(description.joints)
     number = {name: index for index, name in enumerate(joint_names)}
     module_names: list[str] = []
@@ -122,8 +122,8 @@ def make_layout(description: RobotDescription) -> Layout:
         tube_names=tuple(tube.name for tube in description.tubes),
         module_names=tuple(module_names),
         joint=np.array(joint, dtype=np.intp),
-        next=np.array(following, dtype=np.intp),
-        prev=np.array(previous, dtype=np.intp),
+        following=np.array(following, dtype=np.intp),
+        previous=np.array(previous, dtype=np.intp),
         tube=np.array(tube_of, dtype=np.intp),
         driven=np.array(driven, dtype=np.intp),
         grounded=np.array(grounded, dtype=np.intp),

@@ -74,7 +74,7 @@ def task_jacobian(config: Configuration, grasp: Grasp) -> Array:
     layout = config.robot.layout
     rows = grasp_rows(config, grasp)
     by_length = config.factor.solve_transposed(rows.nodes.T)[: layout.n_modules]
-    jacobian = (by_length - by_length[layout.prev]).T  # dL_i = dphi_i - dphi_next(i)
+    jacobian = (by_length - by_length[layout.previous]).T  # dL_i = dphi_i - dphi_following(i)
     module = config.robot.module_names.index(grasp.module)
     jacobian[:, module] += rows.rolling
     return jacobian[:, layout.driven]

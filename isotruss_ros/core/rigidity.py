@@ -79,6 +79,7 @@ def _what_moves(layout: Layout, matrix: Array | csc_matrix) -> list[str]:
     dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
     _, values, vectors = np.linalg.svd(dense)
     rank = int((values > values[0] / MAX_CONDITION).sum())
-    free = vectors[min(rank, dense.shape[1] - 1) :].reshape(-1, layout.n_nodes, 2)
+    first = min(rank, dense.shape[1] - 1)
+    free = vectors[first:].reshape(-1, layout.n_nodes, 2)
     motion = np.linalg.norm(free[:, : len(layout.joint_names)], axis=2).max(axis=0)
     return [layout.joint_names[i] for i in np.flatnonzero(motion > 1e-3 * motion.max())]

@@ -30,7 +30,7 @@ def draw_robot(axes: Axes, config: Configuration) -> None:
     diameter = config.robot.description.tube_diameter
     for i in range(layout.n_modules):
         color = TUBE_COLORS[layout.tube[i] % len(TUBE_COLORS)]
-        outline = _tube(points[layout.b[i]], points[layout.c[layout.next[i]]], diameter)
+        outline = _tube(points[layout.b[i]], points[layout.c[layout.following[i]]], diameter)
         axes.add_patch(Polygon(outline, facecolor=color, edgecolor='white', lw=0.5, alpha=0.85))
         joint, b, c = points[[layout.joint[i], layout.b[i], layout.c[i]]]
         corner = 0.5 * (b + c) + CORNER * (0.5 * (b + c) - joint)
