@@ -5,13 +5,15 @@ The quadratic program: as far along a direction as the limits allow, at the leas
     subject to J u = s * direction,  0 <= s <= reach,  lower <= G u <= upper
 
 The second term is an exact penalty: its slope is at least rho / 2 everywhere, more than any saving
-in the first term is worth, so s is the largest one possible and the cost the least one there. That
-needs the direction scaled so that u and s are of like size; where no limit binds, `least` does it.
+in the first term is worth, so s is the largest one possible (to about 1e-6 of it) and the cost the
+least one there. That needs the direction scaled so that u and s are of like size. Where no limit
+binds, `least` does it.
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
 
 from isotruss_ros.core.errors import SolverError
 import numpy as np
@@ -24,8 +26,9 @@ Array = NDArray[np.float64]
 PREFERRED = ('daqp', 'proxqp', 'piqp', 'quadprog', 'clarabel', 'cvxopt')
 #: The default of daqp leaves inequalities open by 1e-6.
 OPTIONS = {'daqp': {'primal_tol': 1e-9}}
-#: rho, against |C u|^2 with |u| of the order of 1.
-PENALTY = 1e6
+#: rho, against |C u|^2 with |u| of the order of 1. The first is near enough to exact; where all
+#: solvers stumble over it (corners at which next to nothing can move) the others stop sooner.
+PENALTIES = (1e6, 1e4, 1e2)
 
 
 @functools.lru_cache(maxsize=1)
@@ -81,9 +84,7 @@ def furthest(
     r = cost.shape[0]
     hessian = np.zeros((r + 1, r + 1))
     hessian[:r, :r] = cost
-    hessian[r, r] = PENALTY / (2.0 * max(reach, 1.0))
     linear = np.zeros(r + 1)
-    linear[r] = -PENALTY
     low, high = np.full(r + 1, -np.inf), np.full(r + 1, np.inf)
     low[r], high[r] = 0.0, reach
     # A row with one entry bounds one roller, which costs a solver next to nothing.
@@ -107,7 +108,8 @@ def furthest(
         high,
     )
     # u = 0 always fits, so a solver that finds nothing has met a degenerate corner: ask the next.
-    for solver in installed_solvers():
+    for penalty, solver in itertools.product(PENALTIES, installed_solvers()):
+        problem.P[r, r], problem.q[r] = penalty / (2.0 * max(reach, 1.0)), -penalty
         found = qpsolvers.solve_problem(problem, solver, **OPTIONS.get(solver, {})).x
         if found is not None and np.isfinite(found).all():
             return found[:r], float(min(max(found[r], 0.0), reach))
