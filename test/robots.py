@@ -12,7 +12,7 @@ from pathlib import Path
 import tempfile
 
 from hypothesis import HealthCheck, settings, strategies
-from isotruss_ros.core import load_robot
+from isotruss_ros.core import Grasp, load_robot
 import numpy as np
 
 PRESETS = ('nine_member', 'triangle')
@@ -108,6 +108,37 @@ def random_state(robot, rng, reach=0.05):
     """Return a configuration in which no member has changed by more than 2 reach of the least."""
     step = reach * robot.home.member_lengths.min()
     return robot.configuration(rng.uniform(-step, step, len(robot.roller_names)))
+
+
+def random_grasp(robot, rng, number):
+    """
+    Return a state, a grasp somewhere between the sides of a module, and the ends of these sides.
+
+    :param number: which module, modulo their number.
+    """
+    config = random_state(robot, rng)
+    module = robot.module_names[number % len(robot.module_names)]
+    ends = side_ends(config, module)
+    # Between a point on one side and one on the other there is room for an object.
+    share = rng.uniform(0.2, 0.8, 3)
+    one = ends[0] + share[0] * (ends[1] - ends[0])
+    other = ends[2] + share[1] * (ends[3] - ends[2])
+    center = one + share[2] * (other - one)
+    return config, Grasp(module, (center.real, center.imag), rng.uniform(0.05, 0.5)), ends
+
+
+def side_ends(config, module):
+    """Return B, B', C and C' of a module, found by their names."""
+    place = dict(zip(config.robot.node_names, config.points, strict=True))
+    tube, joint = module.split('/')
+    joints = next(t.joints for t in config.robot.description.tubes if t.name == tube)
+    i = joints.index(joint)
+    return (
+        place[f'{module}/B'],
+        place[f'{tube}/{joints[(i + 1) % len(joints)]}/C'],
+        place[f'{module}/C'],
+        place[f'{tube}/{joints[i - 1]}/B'],
+    )
 
 
 def robots(kinds=KINDS):
