@@ -169,11 +169,24 @@ def test_module_fits_until_the_sides_have_no_length():
                 robots.load(document)
 
 
-@pytest.mark.parametrize('opening', [0.5, 179.5])
-def test_corner_that_is_nearly_straight_or_folded_is_refused(opening):
-    document = pinched(opening, {'pinch_separation': 1e-4, 'rod_length': 1e-4})
-    with pytest.raises(RobotFileError, match='must be between 1 and 179 degrees'):
+def test_corner_that_is_nearly_folded_is_refused():
+    document = pinched(0.5, {'pinch_separation': 1e-4, 'rod_length': 1e-4})
+    with pytest.raises(RobotFileError, match=r'module south/X does not fit .* 0\.5 degrees'):
         robots.load(document)
+
+
+@pytest.mark.parametrize('bend', [-0.4, 0.4])
+def test_corner_that_is_nearly_straight_is_refused(bend):
+    document = robots.example()
+    document['joints']['M'] = [0.5, 0.5 * np.tan(np.deg2rad(0.5 * bend))]
+    document['tubes']['south']['joints'] = ['P', 'M', 'Q', 'X']
+    document['supports'] = {'P': ['x', 'y'], 'Q': ['y'], 'M': ['y']}
+    with pytest.raises(RobotFileError) as caught:
+        robots.load(document)
+    assert 'module south/M does not fit its corner' in str(caught.value)
+    assert 'at 180 degrees; must be between 1 and 179 degrees (move the joints)' in str(
+        caught.value
+    )
 
 
 def test_robot_keeps_what_it_was_made_of():
