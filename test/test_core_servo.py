@@ -1,6 +1,16 @@
 """The servo decides from samples alone: no middleware, no clock but the one it is told."""
 
-from isotruss_ros.core import load_robot, Refusal, Sample, snug_center, Status, TwistServo
+from isotruss_ros.core import (
+    Grasp,
+    HeldObject,
+    load_robot,
+    Refusal,
+    RollerState,
+    Sample,
+    snug_center,
+    Status,
+    TwistServo,
+)
 import numpy as np
 import pytest
 
@@ -9,6 +19,13 @@ MODULE, DIAMETER = 'north/Z', 0.3
 CENTER = snug_center(ROBOT.home, MODULE, DIAMETER)
 HOME = np.zeros(len(ROBOT.roller_names))
 NOW = 1000.0
+
+
+def at(positions, velocities=0.0 * HOME):
+    """Return a roller state."""
+    return RollerState(np.asarray(positions), np.asarray(velocities))
+
+
 INPUTS = ('twist', 'rollers', 'center')
 
 
@@ -16,7 +33,7 @@ def servo(**given):
     """Return a servo with good inputs at NOW, or those given."""
     made = TwistServo(ROBOT, MODULE, DIAMETER, period=0.005, timeout=0.2)
     made.twist = Sample((0.0, 0.02, 0.1), NOW)
-    made.rollers = Sample(HOME, NOW)
+    made.rollers = Sample(at(HOME), NOW)
     made.center = Sample(CENTER, NOW)
     for name, value in given.items():
         setattr(made, name, value)
@@ -73,7 +90,7 @@ def test_an_input_is_good_until_the_timeout(name):
 
 def test_halts_without_a_grasp_and_where_no_configuration_is():
     assert servo(center=Sample((5.0, 5.0), NOW)).decide(NOW).command.status is Status.HALT_NO_GRASP
-    impossible = Sample(HOME + np.array([5.0, 0, 0, 0, 0, 0]), NOW)
+    impossible = Sample(at([5.0, 0, 0, 0, 0, 0]), NOW)
     decision = servo(rollers=impossible).decide(NOW)
     assert decision.command.status is Status.HALT_KINEMATICS
 
@@ -85,10 +102,10 @@ def test_history_does_not_matter():
     center = snug_center(config, MODULE, DIAMETER)
     travelled = servo()
     travelled.decide(NOW)
-    travelled.rollers = Sample(np.array([9.0, 0, 0, 0, 0, 0]), NOW)
+    travelled.rollers = Sample(at([9.0, 0, 0, 0, 0, 0]), NOW)
     travelled.decide(NOW)
     for made in (travelled, fresh := servo()):
-        made.rollers, made.center = Sample(there, NOW), Sample(center, NOW)
+        made.rollers, made.center = Sample(at(there), NOW), Sample(center, NOW)
     assert travelled.decide(NOW).command.roller_velocities == pytest.approx(
         fresh.decide(NOW).command.roller_velocities, abs=1e-10
     )
@@ -96,16 +113,18 @@ def test_history_does_not_matter():
 
 def test_looks_ahead_by_the_age_of_the_state_and_half_a_period():
     """The command for an old state of a moving robot is that for where it is by now."""
-    made = servo(rollers=Sample(HOME, NOW - 0.05))
+    speeds = servo().decide(NOW).command.roller_velocities
+    made = servo(rollers=Sample(at(HOME, speeds), NOW - 0.05))
     made.period = 0.02
     late = made.decide(NOW).command.roller_velocities
     lead = 0.05 + 0.01
-    moved = ROBOT.configuration(lead * servo().decide(NOW).command.roller_velocities)
-    center = np.array(CENTER) + lead * np.array([0.0, 0.02])
-    there = servo(rollers=Sample(moved.roller_positions, NOW), center=Sample(center, NOW))
-    there.period = 0.0
-    assert late == pytest.approx(there.decide(NOW).command.roller_velocities, abs=1e-5)
-    assert np.abs(late - servo().decide(NOW).command.roller_velocities).max() > 1e-5
+    moved = ROBOT.configuration(lead * speeds)
+    held = HeldObject.attach(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER))
+    there = servo(
+        rollers=Sample(at(moved.roller_positions), NOW), center=Sample(held.pose(moved)[:2], NOW)
+    )
+    assert late == pytest.approx(there.decide(NOW).command.roller_velocities, abs=1e-12)
+    assert np.abs(late - speeds).max() > 1e-5
 
 
 def test_says_what_limits():

@@ -144,6 +144,8 @@ def test_halts_on_a_twist_that_means_nothing(fields, word):
         ({'position': [math.inf] * N}, Status.HALT_INVALID_JOINT_STATES, 'finite'),
         ({'position': [0.0] * (N - 1)}, Status.HALT_INVALID_JOINT_STATES, 'as many'),
         ({'position': []}, Status.HALT_INVALID_JOINT_STATES, 'as many'),
+        ({'velocity': [0.0]}, Status.HALT_INVALID_JOINT_STATES, 'as many'),
+        ({'velocity': [math.inf] * N}, Status.HALT_INVALID_JOINT_STATES, 'at most'),
         ({'name': [], 'position': []}, Status.HALT_INVALID_JOINT_STATES, 'missing'),
         (
             {'name': ['nobody', *NAMES[1:]]},
@@ -195,6 +197,17 @@ def test_picks_the_rollers_out_of_any_order_and_company():
         w.spin(0.3, lambda: send(**shuffled))
         assert w.code() == Status.OK
         assert w.command() == pytest.approx(straight, abs=1e-4)
+
+
+def test_speeds_that_are_not_measured_are_no_reason_to_stop():
+    with world(node()) as w:
+
+        def send():
+            w.probe.send_pose()
+            w.probe.send_twist()
+            w.probe.send_joints(velocity=[math.nan] * N)
+
+        w.until_code(Status.OK, send)
 
 
 def pose_with(**changes):

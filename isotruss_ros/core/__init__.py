@@ -18,7 +18,7 @@ from isotruss_ros.core.manipulation import RollerCommand, solve_twist, task_jaco
 from isotruss_ros.core.motion import HeldObject, Pose, solve_twist_ahead
 from isotruss_ros.core.robot import load_robot, Robot
 from isotruss_ros.core.robot_file import preset_names
-from isotruss_ros.core.servo import Decision, Refusal, Sample, TwistServo
+from isotruss_ros.core.servo import Decision, Refusal, RollerState, Sample, TwistServo
 from isotruss_ros.core.simulation import RollerFaults, SimulatedRobot
 from isotruss_ros.core.status import Status
 
@@ -39,6 +39,7 @@ __all__ = [
     'RollerCommand',
     'RollerFaults',
     'RollerSpeedLimit',
+    'RollerState',
     'Sample',
     'SimulatedRobot',
     'SolverError',

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.errors import ConfigurationError, GraspError, IsotrussError
 from isotruss_ros.core.grasp import Grasp
-from isotruss_ros.core.manipulation import RollerCommand
-from isotruss_ros.core.motion import solve_twist_ahead
+from isotruss_ros.core.manipulation import RollerCommand, solve_twist
+from isotruss_ros.core.motion import HeldObject
 from isotruss_ros.core.robot import Robot
 from isotruss_ros.core.status import Status
 import numpy as np
@@ -27,8 +27,15 @@ Array = NDArray[np.float64]
 class Sample(NamedTuple):
     """A measured or commanded value and the time for which it holds [s]."""
 
-    value: Sequence[float] | Array
+    value: Any
     time: float
+
+
+class RollerState(NamedTuple):
+    """Measured travel (r,) [m] and speeds (r,) [m/s] of the rollers; zeros where not measured."""
+
+    positions: Array
+    velocities: Array
 
 
 class Refusal(NamedTuple):
@@ -88,9 +95,9 @@ class TwistServo:
     """
     State of the control loop: the latest inputs, each a sample, a refusal, or None for none yet.
 
-    :ivar twist: (vx, vy, omega) in the robot frame [m/s, rad/s].
-    :ivar rollers: (r,) measured roller travel [m].
-    :ivar center: (x, y) measured centre of the object in the robot frame [m].
+    :ivar twist: sample of (vx, vy, omega) in the robot frame [m/s, rad/s].
+    :ivar rollers: sample of the `RollerState`.
+    :ivar center: sample of (x, y), the measured centre of the object in the robot frame [m].
     :param robot: the robot.
     :param grip_module: the module `t/j` that holds the object.
     :param object_diameter: the object's own diameter [m].
@@ -126,19 +133,19 @@ class TwistServo:
         """
         twist = np.zeros(3)
         try:
-            twist = self._fresh('twist', self.twist, now, TWIST)
+            twist = np.asarray(self._fresh('twist', self.twist, now, TWIST).value)
             rollers = self._fresh('joint states', self.rollers, now, JOINT_STATES)
-            center = self._fresh('object pose', self.center, now, OBJECT_POSE)
-            lead = max(0.0, now - self.rollers.time) + 0.5 * self.period
-            command = self._solve(rollers, center, twist, lead)
+            center = self._fresh('object pose', self.center, now, OBJECT_POSE).value
+            lead = max(0.0, now - rollers.time) + 0.5 * self.period
+            command = self._solve(rollers.value, center, twist, lead)
         except HaltError as halt:
             stopped = np.zeros(len(self.robot.roller_names))
             command = RollerCommand(stopped, np.zeros(3), 0.0, halt.status)
             return Decision(command, twist, str(halt))
         return Decision(command, twist, _remark(command))
 
-    def _fresh(self, what: str, given: Input, now: float, refused: Refused) -> Array:
-        """Return the value of an input that can be relied on."""
+    def _fresh(self, what: str, given: Input, now: float, refused: Refused) -> Sample:
+        """Return an input that can be relied on."""
         if given is None:
             raise HaltError(refused.missing, f'{what}: none received yet')
         if isinstance(given, Refusal):
@@ -153,13 +160,25 @@ class TwistServo:
                 refused.invalid,
                 f'{what}: stamped {-age:.3f} s in the future; synchronise the clocks',
             )
-        return np.asarray(given.value, dtype=np.float64)
+        return given
 
-    def _solve(self, rollers: Array, center: Array, twist: Array, lead: float) -> RollerCommand:
+    def _solve(
+        self, rollers: RollerState, center: Sequence[float], twist: Array, lead: float
+    ) -> RollerCommand:
+        """
+        Solve for where the robot will be in the middle of the cycle that the command is for.
+
+        The measured state is `lead` seconds older than that; the measured speeds tell how far the
+        robot gets meanwhile. A command for the old state would be wrong in first order.
+        """
         try:
-            config = self._configuration(rollers)
+            config = self._configuration(rollers.positions)
             grasp = Grasp(self.grip_module, (center[0], center[1]), self.object_diameter)
-            return solve_twist_ahead(config, grasp, twist, lead)
+            if rollers.velocities.any():
+                held = HeldObject.attach(config, grasp)
+                config = config.moved_to(rollers.positions + lead * rollers.velocities)
+                grasp = held.grasp_in(config)
+            return solve_twist(config, grasp, twist)
         except GraspError as error:
             raise HaltError(Status.HALT_NO_GRASP, str(error)) from error
         except IsotrussError as error:

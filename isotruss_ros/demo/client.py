@@ -113,7 +113,7 @@ class DemoClient(Node):
             self._record.snapshots.append(snapshot)
 
     def _take_joints(self, message: JointState) -> None:
-        self._rollers = self._roller_states.positions(message)
+        self._rollers = self._roller_states.state(message).positions
         speed = max(map(abs, message.velocity), default=0.0)
         self._record.max_roller_speed = max(self._record.max_roller_speed, speed)
 

@@ -76,6 +76,9 @@ class Manipulation(StoppableNode):
             self.create_subscription(TwistStamped, 'cmd_vel', self._take_stamped_twist, LATEST)
         else:
             self.create_subscription(Twist, 'cmd_vel', self._take_twist, LATEST)
+        # Made once: a message with its parts costs more to make than to fill in.
+        self._status_message = ManipulationStatus()
+        self._cycle_time = 0.0
         self._timer = self.create_timer(self._servo.period, self._cycle)
         self._values.on_change(
             lambda values: params.check_grip_module(self._robot, values), self._apply
@@ -112,8 +115,8 @@ class Manipulation(StoppableNode):
 
     def _take_joint_states(self, message: JointState) -> None:
         try:
-            positions = self._roller_states.positions(message)
-            self._servo.rollers = Sample(positions, seconds(message.header))
+            state = self._roller_states.state(message)
+            self._servo.rollers = Sample(state, seconds(message.header))
         except MessageError as error:
             self._servo.rollers = Refusal(str(error))
 
@@ -128,23 +131,21 @@ class Manipulation(StoppableNode):
         began = time.perf_counter()
         decision = self._servo.decide(self._now())
         self._commands.publish(command_message(decision.command.roller_velocities))
-        self._status.publish(self._status_message(decision, time.perf_counter() - began))
-        status = decision.command.status
-        if status not in SILENT:
-            self._reporter.warn(status.name, f'{status}: {decision.message}')
+        self._report(decision)
+        self._cycle_time = time.perf_counter() - began
 
-    def _status_message(self, decision: Decision, cycle_time: float) -> ManipulationStatus:
-        command = decision.command
-        message = ManipulationStatus(
-            code=int(command.status),
-            message=decision.message,
-            commanded=twist_message(decision.twist),
-            achieved=twist_message(command.achieved_twist),
-            scale=command.scale,
-            cycle_time=cycle_time,
-        )
+    def _report(self, decision: Decision) -> None:
+        command, message = decision.command, self._status_message
         stamp(message.header, self.get_clock().now(), self._robot.frame)
-        return message
+        message.code = int(command.status)
+        message.message = decision.message
+        twist_message(decision.twist, message.commanded)
+        twist_message(command.achieved_twist, message.achieved)
+        message.scale = command.scale
+        message.cycle_time = self._cycle_time
+        self._status.publish(message)
+        if command.status not in SILENT:
+            self._reporter.warn(command.status.name, f'{command.status}: {decision.message}')
 
 
 def main(args: Sequence[str] | None = None) -> int:

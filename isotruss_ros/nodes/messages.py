@@ -7,7 +7,7 @@ import math
 
 from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseStamped, Quaternion, Twist, TwistStamped
-from isotruss_ros.core import IsotrussError, Pose
+from isotruss_ros.core import IsotrussError, Pose, RollerState
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.time import Time
@@ -15,7 +15,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
+#: No roller is quicker [m/s]; what is beyond is a broken sensor, not a motion.
+MAX_SPEED = 10.0
 #: A quaternion whose norm is further from 1 than this was never meant as a rotation.
 QUATERNION_TOLERANCE = 0.01
 
@@ -91,9 +94,9 @@ def pose_message(pose: Pose) -> PoseMessage:
     return message
 
 
-def twist_message(twist: Sequence[float] | Array) -> Twist:
-    """Return (vx, vy, omega) as a message."""
-    message = Twist()
+def twist_message(twist: Sequence[float] | Array, message: Twist | None = None) -> Twist:
+    """Return (vx, vy, omega) as a message; fill in the one that is given."""
+    message = Twist() if message is None else message
     message.linear.x, message.linear.y = float(twist[0]), float(twist[1])
     message.angular.z = float(twist[2])
     return message
@@ -114,31 +117,44 @@ class RollerStates:
     def __init__(self, names: Sequence[str]) -> None:
         self._wanted = tuple(names)
         self._seen: list[str] | None = None
-        self._places: list[int] = []
+        self._places = np.zeros(0, dtype=int)
 
-    def positions(self, message: JointState) -> Array:
+    def state(self, message: JointState) -> RollerState:
         """
-        Return the roller travel (r,) [m].
+        Return travel (r,) [m] and speeds (r,) [m/s] of the rollers.
 
-        :raises MessageError: a roller is missing or named twice, as many names as positions are
-            not there, or a position is not finite.
+        Speeds that the message leaves out, or that are NaN, as a broadcaster puts it where nothing
+        is measured, are zero.
+
+        :raises MessageError: a roller is missing or named twice, there are not as many positions
+            (or speeds) as names, or a position or a speed cannot be.
         """
         if message.name != self._seen:
             self._places = self._find(message.name)
             self._seen = list(message.name)
-        if len(message.position) != len(message.name):
-            raise MessageError(
-                f'joint states: {len(message.position)} positions for {len(message.name)} names; '
-                'must be as many'
-            )
-        positions = np.array([message.position[place] for place in self._places])
+        positions = self._pick('positions', message.position)
         if not np.isfinite(positions).all():
             raise MessageError(
                 f'joint states: roller positions {positions.tolist()} m: must be finite'
             )
-        return positions
+        if not message.velocity:
+            return RollerState(positions, np.zeros_like(positions))
+        velocities = np.nan_to_num(self._pick('velocities', message.velocity), nan=0.0)
+        if np.abs(velocities).max() > MAX_SPEED:
+            raise MessageError(
+                f'joint states: roller velocities {velocities.tolist()} m/s: '
+                f'must be at most {MAX_SPEED} m/s'
+            )
+        return RollerState(positions, velocities)
 
-    def _find(self, names: Sequence[str]) -> list[int]:
+    def _pick(self, what: str, values: Sequence[float]) -> Array:
+        if len(values) != len(self._seen):
+            raise MessageError(
+                f'joint states: {len(values)} {what} for {len(self._seen)} names; must be as many'
+            )
+        return np.asarray(values)[self._places]
+
+    def _find(self, names: Sequence[str]) -> Indices:
         missing = [name for name in self._wanted if name not in names]
         if missing:
             raise MessageError(
@@ -148,4 +164,4 @@ class RollerStates:
         twice = [name for name in self._wanted if names.count(name) > 1]
         if twice:
             raise MessageError(f'joint states: {", ".join(twice)} named twice; must be once')
-        return [names.index(name) for name in self._wanted]
+        return np.array([names.index(name) for name in self._wanted])
