@@ -2,9 +2,11 @@
 
 from hypothesis import given, strategies
 from isotruss_ros.core import load_robot, RobotFileError
+from isotruss_ros.core.robot_file import config_directory
 import numpy as np
 import pytest
 import robots
+from ruamel.yaml import YAML
 
 SEEDS = strategies.integers(0, 2**32 - 1)
 
@@ -37,7 +39,18 @@ def signed_angle(a, b):
 @given(SEEDS, strategies.sampled_from(robots.KINDS))
 def test_names_and_orders_are_those_of_the_file(seed, kind):
     document = robots.random_document(seed, kind)
-    robot = robots.load(document)
+    check_names(robots.load(document), document)
+
+
+@pytest.mark.parametrize('name', robots.PRESETS)
+def test_presets_are_what_their_files_say(name):
+    path = config_directory() / f'{name}.yaml'
+    document = YAML(typ='safe', pure=True).load(path)
+    check_names(load_robot(name), document)
+    check_home(load_robot(name), document)
+
+
+def check_names(robot, document):
     modules = modules_of(document)
     names = [f'{tube}/{joint}' for tube, joint, *_ in modules]
     assert robot.module_names == tuple(names)
@@ -54,7 +67,10 @@ def test_names_and_orders_are_those_of_the_file(seed, kind):
 @given(SEEDS, strategies.sampled_from(robots.KINDS))
 def test_home_is_what_the_file_and_the_paper_say(seed, kind):
     document = robots.random_document(seed, kind)
-    robot = robots.load(document)
+    check_home(robots.load(document), document)
+
+
+def check_home(robot, document):
     place = nodes_by_name(robot.home)
     s, h = document['module']['pinch_separation'], document['module']['rod_length']
     for joint, (x, y) in document['joints'].items():
