@@ -5,9 +5,9 @@ The quadratic program: as far along a direction as the limits allow, at the leas
     subject to J u = s * direction,  0 <= s <= reach,  lower <= G u <= upper
 
 The second term is an exact penalty: its slope is at least rho / 2 everywhere, more than any saving
-in the first term is worth, so s is the largest one possible (to about 1e-6 of it) and the cost the
-least one there. That needs the direction scaled so that u and s are of like size. Where no limit
-binds, `least` does it.
+in the first term is worth, so s is the largest one possible, but for |C u|^2 / rho, and the cost
+the least one there. That needs the direction scaled so that u and s are of like size. Where no
+limit binds, `least` does it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PREFERRED = ('daqp', 'proxqp', 'piqp', 'quadprog', 'clarabel', 'cvxopt')
 OPTIONS = {'daqp': {'primal_tol': 1e-9}}
 #: rho, against |C u|^2 with |u| of the order of 1. The first is near enough to exact; where all
 #: solvers stumble over it (corners at which next to nothing can move) the others stop sooner.
-PENALTIES = (1e6, 1e4, 1e2)
+PENALTIES = (1e6, 1e4, 1e2, 1.0)
 
 
 @functools.lru_cache(maxsize=1)
