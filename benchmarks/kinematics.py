@@ -20,7 +20,7 @@ os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy
 from isotruss_ros import core
 from isotruss_ros.core.constraints import Targets
 from isotruss_ros.core.grasp import grasp_rows, module_index
-from isotruss_ros.core.program import installed_solvers, OPTIONS, PENALTY
+from isotruss_ros.core.program import installed_solvers, OPTIONS, PENALTIES
 from measuring import print_machine, print_table, timed
 import numpy as np
 from numpy.typing import NDArray
@@ -216,9 +216,9 @@ class PaperProgram:
         unit = self.robot.description.max_speed
         hessian = np.zeros((n + 1, n + 1))
         hessian[:n, :n] = lengths.T @ lengths + REGULAR * np.eye(n)
-        hessian[n, n] = 0.5 * PENALTY
+        hessian[n, n] = 0.5 * PENALTIES[0]
         linear = np.zeros(n + 1)
-        linear[n] = -PENALTY
+        linear[n] = -PENALTIES[0]
         right = np.zeros(len(fixed) + 4)
         right[len(fixed) : len(fixed) + 3] = twist / unit
         bounds = np.full(n + 1, np.inf)

@@ -19,6 +19,7 @@ from isotruss_ros.core.errors import SolverError
 import numpy as np
 from numpy.typing import NDArray
 import qpsolvers
+from scipy.linalg import lapack
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ PREFERRED = ('daqp', 'proxqp', 'piqp', 'quadprog', 'clarabel', 'cvxopt')
 OPTIONS = {'daqp': {'primal_tol': 1e-9}}
 #: rho, against |C u|^2 with |u| of the order of 1. The first is near enough to exact; where all
 #: solvers stumble over it (corners at which next to nothing can move) the others stop sooner.
-PENALTIES = (1e6, 1e4, 1e2, 1.0)
+PENALTIES = (1e8, 1e6, 1e4, 1e2, 1.0)
 
 
 @functools.lru_cache(maxsize=1)
@@ -54,9 +55,10 @@ def least(even: Array, equality: Array, direction: Array) -> Array:
     :param equality: (k, r) J, of full row rank.
     :param direction: (k,).
     """
-    # u = E y, and the shortest y lies in the span of the rows of J E.
-    span, factor = np.linalg.qr((equality @ even).T)
-    return even @ (span @ np.linalg.solve(factor.T, direction))
+    # u = E y with the shortest y that fulfils J E y = direction.
+    right = np.zeros(even.shape[0])
+    right[: len(direction)] = direction
+    return even @ lapack.dgels(equality @ even, right)[1]
 
 
 def furthest(
