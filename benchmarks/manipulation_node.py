@@ -32,6 +32,7 @@ from std_msgs.msg import Float64MultiArray
 WARM_UP = 2.0
 DURATION = 15.0
 RATES = (200.0, 1000.0)
+#: What is asked for at the highest rate: share of a core, 99th percentile of the cycle [s].
 MAX_SHARE = 0.8
 MAX_CYCLE = 1e-3
 
@@ -134,7 +135,7 @@ def main() -> None:
                 f'{ours.share / peer.share:.1f}',
                 f'{1e6 * median:.0f}',
                 f'{1e6 * tail:.0f}',
-                'pass' if good else 'FAIL',
+                ('pass' if good else 'FAIL') if rate == max(RATES) else '',
             ]
         )
     header = ['rate', 'reached', '% core', 'peer %', 'ratio', 'cycle us', 'p99 us']

@@ -381,9 +381,15 @@ NO_ROBOTS = {
     'very long integer': ('9' * 5000, 'not YAML 1.2'),
     # The reader takes time in the square of the depth: hours for a file of brackets.
     'very deep': ('[\n' * 100_000, 'line 21: nested too deeply'),
-    'empty': ('', 'top level: None: must be an isoperimetric truss robot'),
-    'only a comment': ('# nothing\n', 'top level: None: must be an isoperimetric truss robot'),
-    'only words': ('just words', "top level: 'just words': must be an isoperimetric truss"),
+    'empty': ('', 'top level: None: must be a robot: the keys name, joints'),
+    'only a comment': (
+        '# nothing\n',
+        'top level: None: must be a robot: the keys name, joints',
+    ),
+    'only words': (
+        'just words',
+        "top level: 'just words': must be a robot: the keys name, joints",
+    ),
     'picture': (b'\x89PNG\r\n\x1a\n\x00\x00', 'byte 0: not UTF-8 text'),
     'null byte': (b'name: \x00', 'not YAML 1.2'),
     'UTF-16': ('name: x'.encode('utf-16'), 'not UTF-8 text'),

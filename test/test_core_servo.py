@@ -118,12 +118,14 @@ def test_looks_ahead_by_the_age_of_the_state_and_half_a_period():
     made.period = 0.02
     late = made.decide(NOW).command.roller_velocities
     lead = 0.05 + 0.01
+    # To first order in the way: 0.0012 m here, so 1e-6 m off in a robot of 1 m, and 1e-6 in speed.
     moved = ROBOT.configuration(lead * speeds)
     held = HeldObject.attach(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER))
     there = servo(
         rollers=Sample(at(moved.roller_positions), NOW), center=Sample(held.pose(moved)[:2], NOW)
     )
-    assert late == pytest.approx(there.decide(NOW).command.roller_velocities, abs=1e-12)
+    exact = there.decide(NOW).command.roller_velocities
+    assert np.abs(late - exact).max() < 1e-5 * np.abs(exact).max()
     assert np.abs(late - speeds).max() > 1e-5
 
 

@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 
 #: No member changes by more than this share of the shortest in one step along a branch.
 MAX_STEP = 0.25
-#: Where a step this small (share of the whole way) fails, the branch ends.
-MIN_STEP = 1e-4
+#: Where a step in which no member changes by more than this fails, the branch ends [m].
+MIN_STEP = 1e-9
 
 
 class Configuration:
@@ -84,9 +84,7 @@ class Configuration:
         :return: (n, 2) [m/s].
         """
         rollers = self.robot.check_rollers(roller_velocities, 'roller velocities [m/s]')
-        right = np.zeros(self.robot.constraints.n_rows)
-        right[: self.robot.layout.n_modules] = self.robot.layout.length_change(rollers)
-        return self.factor.solve(right).reshape(-1, 2)
+        return self._velocities(rollers).view(np.float64).reshape(-1, 2)
 
     def moved_to(self, roller_positions: ArrayLike) -> Configuration:
         """
@@ -109,24 +107,46 @@ class Configuration:
                 f'{robot.member_names[worst]} {goal_lengths[worst]:.6g} m long; must be positive'
             )
         lengths = self.member_lengths
-        change = float(np.abs(goal_lengths - lengths).max())
-        shortest = float(min(lengths.min(), goal_lengths.min()))
-        share = 1.0 if change <= MAX_STEP * shortest else MAX_STEP * shortest / change
-        points, factor, done = self.points, self.__dict__.get('factor'), 0.0
-        while done < 1.0:
-            end = 1.0 if done + share > 1.0 - 1e-9 else done + share
-            targets = goal_targets if end == 1.0 else _targets(robot, start + end * (goal - start))
+        way = float(np.abs(goal_lengths - lengths).max())
+        longest = MAX_STEP * float(min(lengths.min(), goal_lengths.min()))
+        points, factor = self.points, self.__dict__.get('factor')
+        done, step = 0.0, min(way, longest)
+        while done < way:
+            end = way if done + step > way * (1.0 - 1e-9) else done + step
+            targets = goal_targets
+            if end < way:
+                targets = _targets(robot, start + (end / way) * (goal - start))
             found = follow_branch(robot.constraints, points, targets, factor)
             if found is not None:
-                points, factor, done = found, None, end
-            elif share < MIN_STEP:
+                points, factor, done, step = found, None, end, min(2.0 * step, longest)
+            elif step < MIN_STEP:
                 raise ConfigurationError(
                     f'robot {robot.name}: roller positions {goal.tolist()} m: no shape of the '
-                    f'robot beyond {100 * done:.3g} % of the way from {start.tolist()} m'
+                    f'robot beyond {100 * done / way:.6g} % of the way from {start.tolist()} m'
                 )
             else:
-                share *= 0.5
+                step *= 0.5
         return Configuration(robot, goal, points)
+
+    def extrapolated(self, roller_velocities: Array, duration: float) -> Configuration:
+        """
+        Return where the nodes will be, to first order in the duration.
+
+        Much quicker than `moved_to`, and off the constraints by about (speed * duration)^2 over
+        the length of a member: to look ahead with, not to go on from.
+
+        :param roller_velocities: (r,) speed of the tube through each roller [m/s].
+        :param duration: [s].
+        """
+        points = self.points + duration * self._velocities(roller_velocities)
+        return Configuration(
+            self.robot, self.roller_positions + duration * roller_velocities, points
+        )
+
+    def _velocities(self, rollers: Array) -> Points:
+        right = np.zeros(self.robot.constraints.n_rows)
+        right[: self.robot.layout.n_modules] = self.robot.layout.length_change(rollers)
+        return self.factor.solve(right).view(np.complex128)
 
 
 def _targets(robot: Robot, roller_positions: Array) -> Targets:

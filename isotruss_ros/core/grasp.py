@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.numbers import finite_array
 from isotruss_ros.core.robot import Robot
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
@@ -39,8 +40,8 @@ class Grasp:
 
     def __post_init__(self) -> None:
         """Check the numbers; the module is checked against a robot when the grasp is used."""
-        center = finite_numbers(self.center, 2, "the object's centre [m]")
-        diameter = finite_numbers([self.diameter], 1, "the object's diameter [m]")[0]
+        center = finite_array(self.center, 2, "the object's centre [m]", GraspError)
+        diameter = finite_array([self.diameter], 1, "the object's diameter [m]", GraspError)[0]
         if diameter <= 0.0:
             raise GraspError(f"the object's diameter {self.diameter!r} m: must be positive")
         if diameter < MIN_DIAMETER or max(diameter, *np.abs(center)) > MAX_DISTANCE:
@@ -84,21 +85,6 @@ class GraspRows:
     rolling: Array
 
 
-def finite_numbers(values: ArrayLike, count: int, what: str) -> Array:
-    """
-    Return `count` finite numbers as an array.
-
-    :raises GraspError: names what was given and what would be right.
-    """
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise GraspError(f'{what}: {values!r}: must be {count} finite numbers') from error
-    if array.shape != (count,) or not np.isfinite(array).all():
-        raise GraspError(f'{what}: {values!r}: must be {count} finite numbers')
-    return array
-
-
 def module_index(robot: Robot, name: str) -> int:
     """
     Return the number of a module.
@@ -136,11 +122,10 @@ def grip_sides(config: Configuration, grasp: Grasp) -> GripSides:
     :raises GraspError: no such module, or the object is not between the two sides.
     """
     sides = sides_at(config, grasp.module)
+    b, _, c, _ = sides.nodes
     center = complex(*grasp.center)
-    arm_b = center - complex(config.points[sides.nodes[0]])
-    arm_c = center - complex(config.points[sides.nodes[2]])
-    left_of_ahead = (sides.ahead.conjugate() * arm_b).imag
-    left_of_back = (sides.back.conjugate() * arm_c).imag
+    left_of_ahead = (sides.ahead.conjugate() * (center - complex(config.points[b]))).imag
+    left_of_back = (sides.back.conjugate() * (center - complex(config.points[c]))).imag
     if not (left_of_ahead * sides.side > 0.0 and left_of_back * sides.side < 0.0):
         raise GraspError(
             f'the object at ({center.real:.4g}, {center.imag:.4g}) m is not between the two '

@@ -8,21 +8,19 @@ import functools
 
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.grasp import finite_numbers, Grasp, grasp_rows
+from isotruss_ros.core.grasp import Grasp
 from isotruss_ros.core.limits import Limit, MemberLengthLimit, RollerSpeedLimit, Rows
+from isotruss_ros.core.numbers import finite_array
 from isotruss_ros.core.program import furthest, least
 from isotruss_ros.core.robot import Robot
 from isotruss_ros.core.status import Status
+from isotruss_ros.core.task import Task, task_jacobian
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: A direction in which a unit of roller speed moves the object's surface less than this is lost.
-RANK_TOLERANCE = 1e-6
-#: A twist is out of reach when this share of it is.
-REACH_TOLERANCE = 1e-9
 #: Solutions are exact to rounding; a scale this close to 1 is 1.
 SCALE_TOLERANCE = 1e-9
 #: Bounds and twists this many times larger than what matters are as good as infinite.
@@ -60,26 +58,6 @@ def default_limits(robot: Robot) -> tuple[Limit, ...]:
     )
 
 
-def task_jacobian(config: Configuration, grasp: Grasp) -> Array:
-    """
-    Return the map from roller speeds to what they do to the grasped object.
-
-    Nodes follow the rollers by (12); the transposed solve needs one right-hand side for each row.
-
-    :return: (4, r): rows vx, vy [m/s], omega [rad/s] and opening rate of the grip [rad/s], for
-        1 m/s at each roller.
-    :raises GraspError: see `grasp_rows`.
-    :raises ConfigurationError: the configuration is singular.
-    """
-    layout = config.robot.layout
-    rows = grasp_rows(config, grasp)
-    by_length = config.factor.solve_transposed(rows.nodes.T)[: layout.n_modules]
-    jacobian = (by_length - by_length[layout.previous]).T  # dL_i = dphi_i - dphi_following(i)
-    module = config.robot.module_names.index(grasp.module)
-    jacobian[:, module] += rows.rolling
-    return jacobian[:, layout.driven]
-
-
 def solve_twist(
     config: Configuration,
     grasp: Grasp,
@@ -104,7 +82,7 @@ def solve_twist(
     :raises SolverError: the program was not solved.
     """
     robot = config.robot
-    wanted = finite_numbers(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])')
+    wanted = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
     working = _working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
     jacobian = task_jacobian(config, grasp)
     velocities = np.zeros(len(robot.roller_names))
@@ -153,42 +131,6 @@ def _working_rollers(robot: Robot, failed: frozenset[str]) -> WorkingRollers:
     incidence = robot.layout.incidence[:, places]
     cost = incidence.T @ incidence
     return WorkingRollers(places, cost, np.linalg.inv(np.linalg.cholesky(cost)).T)
-
-
-class Task:
-    """
-    The wanted twist cut down to what the working rollers can bring about.
-
-    Everything is in speeds of the object's surface, so that turning and moving compare.
-
-    :ivar equality: (k, w) rows that the rollers must fulfil: reachable directions, then the grip.
-    :ivar direction: (k,) unit vector of the nearest reachable twist in these rows.
-    :ivar speed: its size [m/s], zero where nothing of the twist can be reached.
-    :ivar reachable: whether it is the wanted twist.
-    """
-
-    def __init__(self, active: Array, radius: float, wanted: Array) -> None:
-        surface = np.array([1.0, 1.0, radius])
-        size = float(np.abs(wanted).max())
-        unit = surface * (wanted / size)  # a twist of any finite size must not overflow
-        grip = active[3] * radius
-        task = surface[:, None] * active[:3]
-        square = float(grip @ grip)
-        held = square > RANK_TOLERANCE**2
-        keeping = task - np.outer(task @ grip, grip / square) if held else task
-        basis, gains, _ = np.linalg.svd(keeping, full_matrices=False)
-        reached = basis[:, gains > RANK_TOLERANCE].T
-        nearest = reached @ unit
-        length = float(np.linalg.norm(nearest))
-        missed = float(np.linalg.norm(reached.T @ nearest - unit))
-        self.reachable = missed <= REACH_TOLERANCE * float(np.linalg.norm(unit))
-        self.speed = (
-            size * length if length > REACH_TOLERANCE * float(np.linalg.norm(unit)) else 0.0
-        )
-        self.equality = np.vstack([reached @ task, grip]) if held else reached @ task
-        self.direction = np.zeros(len(self.equality))
-        if self.speed > 0.0:
-            self.direction[: len(nearest)] = nearest / length
 
 
 def _drive(

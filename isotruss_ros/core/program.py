@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 PREFERRED = ('daqp', 'proxqp', 'piqp', 'quadprog', 'clarabel', 'cvxopt')
 #: The default of daqp leaves inequalities open by 1e-6.
 OPTIONS = {'daqp': {'primal_tol': 1e-9}}
+#: J u = s * direction is to hold to this, with |u| of the order of 1; usually it does to 1e-13.
+EQUALITY_TOLERANCE = 1e-8
 #: rho, against |C u|^2 with |u| of the order of 1. The first is near enough to exact; where all
 #: solvers stumble over it (corners at which next to nothing can move) the others stop sooner.
 PENALTIES = (1e8, 1e6, 1e4, 1e2, 1.0)
@@ -109,11 +111,12 @@ def furthest(
         low,
         high,
     )
-    # u = 0 always fits, so a solver that finds nothing has met a degenerate corner: ask the next.
+    # u = 0 always fits, so who finds nothing, or leaves J u = s * direction open, has met a
+    # degenerate corner: ask the next.
     for penalty, solver in itertools.product(PENALTIES, installed_solvers()):
         problem.P[r, r], problem.q[r] = penalty / (2.0 * max(reach, 1.0)), -penalty
         found = qpsolvers.solve_problem(problem, solver, **OPTIONS.get(solver, {})).x
-        if found is not None and np.isfinite(found).all():
+        if found is not None and np.abs(problem.A @ found).max() <= EQUALITY_TOLERANCE:
             return found[:r], float(min(max(found[r], 0.0), reach))
     raise SolverError(
         f'{", ".join(installed_solvers())} found no solution of the manipulation program; '

@@ -9,6 +9,7 @@ from isotruss_ros.core.constraints import Constraints, Targets
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.home import place_home
 from isotruss_ros.core.layout import make_layout
+from isotruss_ros.core.numbers import finite_array
 from isotruss_ros.core.rigidity import require_rigid
 from isotruss_ros.core.robot_file import read_robot_file, RobotDescription
 import numpy as np
@@ -91,18 +92,9 @@ class Robot:
         :param what: what the numbers are, for the message.
         :raises ConfigurationError: not (r,) finite numbers.
         """
-        try:
-            array = np.array(values, dtype=np.float64)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise ConfigurationError(f'{what}: {values!r}: must be numbers') from error
-        if array.shape != (len(self.roller_names),):
-            raise ConfigurationError(
-                f'{what}: shape {array.shape}; must be ({len(self.roller_names)},), one number '
-                f'for each of {", ".join(self.roller_names)}'
-            )
-        if not np.isfinite(array).all():
-            raise ConfigurationError(f'{what}: {array.tolist()}: must be finite numbers')
-        return array
+        names = self.roller_names
+        what = f'{what} for {", ".join(names)}'
+        return finite_array(values, len(names), what, ConfigurationError)
 
 
 def load_robot(name_or_path: str | Path) -> Robot:

@@ -176,7 +176,7 @@ class TwistServo:
             grasp = Grasp(self.grip_module, (center[0], center[1]), self.object_diameter)
             if rollers.velocities.any():
                 held = HeldObject.attach(config, grasp)
-                config = config.moved_to(rollers.positions + lead * rollers.velocities)
+                config = config.extrapolated(rollers.velocities, lead)
                 grasp = held.grasp_in(config)
             return solve_twist(config, grasp, twist)
         except GraspError as error:

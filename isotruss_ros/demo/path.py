@@ -77,6 +77,6 @@ def figure_9() -> tuple[Phase, ...]:
     quarter = 0.5 * math.pi
     return (
         translation('up', 6.0, 0.0, 0.2),
-        rotation('turn', 7.0, quarter),
+        rotation('turn in place', 7.0, quarter),
         arc('arc', 12.0, 0.25, 0.0, -quarter),
     )

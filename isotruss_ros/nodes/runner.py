@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import gc
 import signal
 import sys
 from types import FrameType
@@ -42,6 +43,8 @@ def run(make_node: Callable[[], StoppableNode], args: Sequence[str] | None = Non
         node = make_node()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
+        # What is here by now stays: no need for the garbage collector to walk it between cycles.
+        gc.freeze()
         executor.spin()
     except IsotrussError as error:
         print(f'cannot start: {error}', file=sys.stderr)

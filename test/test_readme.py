@@ -1,0 +1,47 @@
+"""What the README and docs/ tell people to type works."""
+
+from pathlib import Path
+import re
+
+from isotruss_ros.core import Status
+from isotruss_ros.nodes import manipulation, parameters, simulator, teleop
+import pytest
+
+TOP = Path(__file__).parents[1]
+README = (TOP / 'README.md').read_text(encoding='utf-8')
+
+
+def test_python_example_runs(capsys):
+    (example,) = re.findall(r'```python\n(.*?)```', README, re.DOTALL)
+    exec(compile(example, 'README.md', 'exec'), {})
+    printed = capsys.readouterr().out
+    assert str(Status.OK) in printed
+    assert 'north/Z' in printed
+
+
+def test_every_make_target_named_is_there():
+    makefile = (TOP / 'Makefile').read_text(encoding='utf-8')
+    for target in re.findall(r'\bmake (\w+)', README):
+        assert re.search(rf'^{target}:', makefile, re.MULTILINE), target
+
+
+@pytest.mark.parametrize('page', ['README.md', *(f'docs/{p.name}' for p in TOP.glob('docs/*.md'))])
+def test_links_lead_somewhere(page):
+    text = (TOP / page).read_text(encoding='utf-8')
+    for target in re.findall(r'\]\(([^)#:]+)\)', text):
+        assert (TOP / page).parent.joinpath(target).exists(), target
+
+
+def test_parameter_table_is_true():
+    specs = [
+        spec
+        for module in (parameters, simulator, manipulation, teleop)
+        for spec in vars(module).values()
+        if isinstance(spec, parameters.Spec)
+    ]
+    rows = [line for line in README.splitlines() if line.startswith('| `')]
+    for spec in specs:
+        (row,) = [row for row in rows if row.startswith(f'| `{spec.name}`')]
+        shown = str(spec.default).lower()
+        words = row.lower()
+        assert (shown or "''") in words or (not shown and 'none' in words), (spec.name, row)
