@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import deque
 import math
 
-from isotruss_ros.core.robot_file import Module, RobotDescription, Tube
+from isotruss_ros.core.description import Module, RobotDescription, Tube
 
 #: Sizes from one triangle to 300 modules.
 SIZES = (3, 9, 15, 27, 51, 99, 147, 201, 303)

@@ -19,8 +19,8 @@ os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy
 
 from isotruss_ros import core
 from isotruss_ros.core import constraints
+from isotruss_ros.core.description import RobotDescription
 from isotruss_ros.core.linear import factorize
-from isotruss_ros.core.robot_file import RobotDescription
 from kinematics import PaperProgram, State
 from large_robots import nested_triangles, SIZES, top_module, write_robot_file
 from measuring import median_time, print_machine, print_table, timed

@@ -2,7 +2,7 @@
 
 from hypothesis import given, strategies
 from isotruss_ros.core import load_robot, RobotFileError
-from isotruss_ros.core.robot_file import config_directory
+from isotruss_ros.core.presets import config_directory
 import numpy as np
 import pytest
 import robots

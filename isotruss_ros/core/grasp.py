@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from isotruss_ros.core.arrays import finite_array
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.numbers import finite_array
 from isotruss_ros.core.robot import Robot
 import numpy as np
 from numpy.typing import NDArray

@@ -7,10 +7,10 @@ The corner of the tube lies beyond the pinch points B and C as seen from the joi
 from __future__ import annotations
 
 from isotruss_ros.core.constraints import Constraints, Points, Targets
+from isotruss_ros.core.description import RobotDescription
 from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.layout import Layout
 from isotruss_ros.core.linear import factorize
-from isotruss_ros.core.robot_file import RobotDescription
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from isotruss_ros.core.robot_file import RobotDescription
+from isotruss_ros.core.description import RobotDescription
 import numpy as np
 from numpy.typing import NDArray
 

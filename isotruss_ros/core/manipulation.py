@@ -6,11 +6,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 import functools
 
+from isotruss_ros.core.arrays import finite_array
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasp import Grasp
 from isotruss_ros.core.limits import Limit, MemberLengthLimit, RollerSpeedLimit, Rows
-from isotruss_ros.core.numbers import finite_array
 from isotruss_ros.core.program import furthest, least
 from isotruss_ros.core.robot import Robot
 from isotruss_ros.core.status import Status

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from isotruss_ros.core.arrays import finite_array
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.constraints import Constraints, Targets
+from isotruss_ros.core.description import RobotDescription
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.home import place_home
 from isotruss_ros.core.layout import make_layout
-from isotruss_ros.core.numbers import finite_array
 from isotruss_ros.core.rigidity import require_rigid
-from isotruss_ros.core.robot_file import read_robot_file, RobotDescription
+from isotruss_ros.core.robot_file import read_robot_file
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 import difflib
 import functools
 import json
 from pathlib import Path
 from typing import Any
 
+from isotruss_ros.core.description import Module, RobotDescription, Tube
 from isotruss_ros.core.errors import RobotFileError
+from isotruss_ros.core.presets import config_directory, find_robot_file
 import jsonschema
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
@@ -23,83 +24,6 @@ MAX_DEPTH = 20
 #: Beyond this magnitude a number is a slip of the keyboard and overflows in products.
 MAX_MAGNITUDE = 1e12
 DEFAULT_FRAME = 'truss'
-
-
-@dataclass(frozen=True)
-class Module:
-    """Dimensions [m] and rigidities of the roller modules (see docs/robot_file.md)."""
-
-    pinch_separation: float
-    rod_length: float
-    guide_ring_distance: float
-    axial_rigidity: float
-    flexural_rigidity: float
-
-
-@dataclass(frozen=True)
-class Tube:
-    """The closed tube through `joints`; the module at joint `passive` has no motor."""
-
-    name: str
-    joints: tuple[str, ...]
-    passive: str
-
-
-@dataclass(frozen=True)
-class RobotDescription:
-    """
-    What a robot file says, checked for form but not yet for mechanics.
-
-    Lengths in m, pressure in Pa, speeds in m/s; `stiffness` is the block of the file as it stands.
-    """
-
-    source: str
-    name: str
-    frame: str
-    joints: Mapping[str, tuple[float, float]]
-    tubes: tuple[Tube, ...]
-    module: Module
-    tube_diameter: float
-    pressure: float
-    stiffness: Mapping[str, Any]
-    supports: Mapping[str, tuple[str, ...]]
-    max_speed: float
-    min_length: float
-    max_length: float
-
-
-def config_directory() -> Path:
-    """Return the folder of the presets, installed with the package or beside it in a checkout."""
-    package = Path(__file__).resolve().parents[1]
-    installed = package / 'config'
-    return installed if installed.is_dir() else package.parent / 'config'
-
-
-def preset_names() -> list[str]:
-    """Return the names of the robots that come with the package."""
-    return sorted(path.stem for path in config_directory().glob('*.yaml'))
-
-
-def find_robot_file(name_or_path: str | Path) -> Path:
-    """
-    Return the file of a preset or the path itself.
-
-    :param name_or_path: the name of a preset, or the path of a robot file (ending in .yaml).
-    :raises RobotFileError: there is no such preset and no such file.
-    """
-    given = str(name_or_path)
-    if given in preset_names():
-        return config_directory() / f'{given}.yaml'
-    try:
-        path = Path(name_or_path).expanduser()
-        if path.is_file():
-            return path
-    except (OSError, ValueError, RuntimeError):  # name too long, null byte, ~ of an unknown user
-        pass
-    raise RobotFileError(
-        f'robot {given!r}: there is no such preset and no such file; '
-        f'give one of {", ".join(preset_names())}, or the path of a robot file'
-    )
 
 
 def read_robot_file(name_or_path: str | Path) -> RobotDescription:
