@@ -50,7 +50,8 @@ OBJECT_DIAMETER = Spec(
     'object_diameter', 0.3, "The object's own diameter [m]", bounds=(0.001, 100.0)
 )
 GRIP_MODULE = Spec('grip_module', 'north/Z', 'Module t/j whose two sides hold the object')
-RATE = Spec('rate', 200.0, 'Cycles per second [Hz]', bounds=(1.0, 2000.0))
+# Not below the rate of MemberLengthLimit, which keeps members in their limits in quicker loops.
+RATE = Spec('rate', 200.0, 'Cycles per second [Hz]', bounds=(10.0, 2000.0))
 COMMAND_TIMEOUT = Spec(
     'command_timeout', 0.2, 'Inputs older than this stop the rollers [s]', bounds=(0.001, 10.0)
 )
