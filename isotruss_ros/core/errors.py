@@ -19,3 +19,7 @@ class GraspError(IsotrussError, ValueError):
 
 class SolverError(IsotrussError, RuntimeError):
     """A quadratic program was not solved, although it has a solution."""
+
+
+class StructureError(IsotrussError, ValueError):
+    """A structure cannot carry what it is asked to, or its stiffness laws are contradictory."""

@@ -66,3 +66,22 @@ def factorize(matrix: Array | csc_matrix) -> Factor:
     :raises numpy.linalg.LinAlgError: the matrix is exactly singular.
     """
     return DenseFactor(matrix) if isinstance(matrix, np.ndarray) else SparseFactor(matrix)
+
+
+def condition_number(matrix: Array | csc_matrix) -> float:
+    """Return an estimate of the 1-norm condition number of a square matrix (inf if singular)."""
+    dense = isinstance(matrix, np.ndarray)
+    norm = np.abs(matrix).sum(axis=0).max()
+    try:
+        factor = factorize(matrix.copy() if dense else matrix)
+    except np.linalg.LinAlgError:
+        return float('inf')
+    # Power steps on (A A^T)^-1 from fixed starts: the estimate must not change from call to call.
+    start = np.random.default_rng(0).standard_normal((matrix.shape[0], 3))
+    for _ in range(4):
+        start = start / np.abs(start).max(axis=0)
+        start = factor.solve_transposed(factor.solve(start))
+        if not np.isfinite(start).all():
+            return float('inf')
+    vector = start / np.abs(start).sum(axis=0)
+    return float(norm * np.abs(factor.solve(vector)).sum(axis=0).max())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.layout import Layout
-from isotruss_ros.core.linear import factorize
+from isotruss_ros.core.linear import condition_number
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
@@ -13,25 +13,6 @@ Array = NDArray[np.float64]
 
 #: The nine-member preset has 7e2; a robot beyond this is a mechanism in double precision.
 MAX_CONDITION = 1e8
-
-
-def condition_number(matrix: Array | csc_matrix) -> float:
-    """Return an estimate of the 1-norm condition number of a square matrix (inf if singular)."""
-    dense = isinstance(matrix, np.ndarray)
-    norm = np.abs(matrix).sum(axis=0).max()
-    try:
-        factor = factorize(matrix.copy() if dense else matrix)
-    except np.linalg.LinAlgError:
-        return float('inf')
-    # Power steps on (A A^T)^-1 from fixed starts: the estimate must not change from call to call.
-    start = np.random.default_rng(0).standard_normal((matrix.shape[0], 3))
-    for _ in range(4):
-        start = start / np.abs(start).max(axis=0)
-        start = factor.solve_transposed(factor.solve(start))
-        if not np.isfinite(start).all():
-            return float('inf')
-    vector = start / np.abs(start).sum(axis=0)
-    return float(norm * np.abs(factor.solve(vector)).sum(axis=0).max())
 
 
 def require_rigid(source: str, layout: Layout, matrix: Array | csc_matrix) -> None:

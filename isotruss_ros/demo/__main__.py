@@ -94,6 +94,7 @@ def _table(records: Sequence[PhaseRecord]) -> Table:
         title='Object: dx, dy in mm and turn in degrees; roller: largest speed of any',
         box=None,
         pad_edge=False,
+        collapse_padding=True,
     )
     table.add_column('phase')
     for heading in (
