@@ -1,0 +1,121 @@
+"""
+How stiff the inflated tube is: the models of the block `stiffness` of robot files.
+
+Each turns lengths and gauge pressures into the rigidities of Timoshenko beams. A length is that of
+a whole member, pinch to pinch: its pieces inherit the rigidities of the member, so that cutting it
+changes nothing at its ends. See docs/tube_stiffness.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from isotruss_ros.core.description import RobotDescription
+from isotruss_ros.core.power_law import Law, PowerLaw
+from isotruss_ros.core.rigidities import members, Rigidities
+import numpy as np
+from numpy.typing import ArrayLike
+
+#: E t and G t of the fabric [N/m]: the order of thin coated cloth, an assumption.
+MEMBRANE_MODULUS = 6.0e4
+MEMBRANE_SHEAR_MODULUS = 1.0e4
+#: c of k_end = c p R, from the pillow of `InflatableBeam`: theory.
+END_SOFTENING = 2.0 * np.pi / (4.0 - np.pi)
+#: Shear coefficient of a thin circular tube.
+KAPPA = 0.5
+
+
+class TubeStiffness(Protocol):
+    """What the models have in common."""
+
+    def rigidities(self, length: ArrayLike, pressure: ArrayLike) -> Rigidities:
+        """
+        Return the rigidities of whole members.
+
+        :param length: (k,) pinch to pinch [m].
+        :param pressure: (k,) or one for all, gauge [Pa].
+        :raises StructureError: no stiffness belongs to this length and pressure.
+        """
+
+
+@dataclass(frozen=True)
+class Section:
+    """EA [N], EI [N m^2] and GA [N] as given, for any length and pressure."""
+
+    axial_rigidity: float
+    flexural_rigidity: float
+    shear_rigidity: float
+
+    def rigidities(self, length: ArrayLike, pressure: ArrayLike) -> Rigidities:
+        """Return the three numbers for each length (k,)."""
+        length, _ = members(length, pressure)
+        return Rigidities(
+            np.full_like(length, self.axial_rigidity),
+            np.full_like(length, self.flexural_rigidity),
+            np.full_like(length, self.shear_rigidity),
+        )
+
+
+@dataclass(frozen=True)
+class InflatableBeam:
+    """
+    Theory, not a measurement: the inflatable beam of Le Van and Wielgosz, with pinched ends.
+
+    EI and GA are theirs (Thin-Walled Structures 43 (2005) 1166-1187 and 45 (2007) 221-236). The
+    pressure pulls with P = p pi R^2, EI = (E + P/S0) I0 and GA = P + kappa G S0, S0 = 2 pi R t,
+    I0 = pi R^3 t.
+
+    EA is an assumption: the wall and both ends in series, k_axial^-1 = L/(E t 2 pi R) + 2/(c p R).
+    A pinched end changes its shape and stretches no fabric, so that only the pressure makes it
+    stiff. The default c is that of a pillow: two inextensible sheets pi R/2 wide that leave the
+    pinch line and run into the tube tangentially, R from the axis. Under an end force F (pull)
+    both are arcs of radius rho = R + F/(pi R p) over an angle alpha, cos alpha = 1 - R/rho. The
+    end lengthens by rho (sin alpha - alpha) + const.; its slope at F = 0 gives c = 2 pi/(4 - pi).
+
+    :param radius: R [m].
+    :param membrane_modulus: E t [N/m].
+    :param membrane_shear_modulus: G t [N/m].
+    :param end_softening: c.
+    """
+
+    radius: float
+    membrane_modulus: float = MEMBRANE_MODULUS
+    membrane_shear_modulus: float = MEMBRANE_SHEAR_MODULUS
+    end_softening: float = END_SOFTENING
+
+    def rigidities(self, length: ArrayLike, pressure: ArrayLike) -> Rigidities:
+        """
+        Return EA, which depends on the length, and EI and GA, which do not.
+
+        :param length: (k,) pinch to pinch [m].
+        :param pressure: (k,) or one for all, gauge [Pa].
+        """
+        length, pressure = members(length, pressure)
+        R = self.radius
+        force = pressure * np.pi * R**2
+        circumference = 2.0 * np.pi * R
+        wall = self.membrane_modulus * circumference
+        end = self.end_softening * pressure * R
+        return Rigidities(
+            axial=1.0 / (1.0 / wall + 2.0 / (end * length)),
+            # The thickness cancels; fabrics do not state it.
+            flexural=self.membrane_modulus * np.pi * R**3 + force * R**2 / 2.0,
+            shear=force + KAPPA * self.membrane_shear_modulus * circumference,
+        )
+
+
+def tube_stiffness(description: RobotDescription) -> TubeStiffness:
+    """Return the model that a robot file asks for."""
+    block = dict(description.stiffness)
+    model = block.pop('model')
+    if model == 'power_law':
+        return PowerLaw(**{mode: Law(**_numbers(law)) for mode, law in block.items()})
+    if model == 'section':
+        return Section(**_numbers(block))
+    return InflatableBeam(description.tube_diameter / 2.0, **_numbers(block))
+
+
+def _numbers(block: dict[str, float]) -> dict[str, float]:
+    """Return the values as floats: YAML also has integers, which overflow differently."""
+    return {key: float(value) for key, value in block.items()}
