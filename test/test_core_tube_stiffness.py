@@ -29,9 +29,11 @@ def chain(rigidities, length, pieces):
     size = 3 * (pieces + 1)
     whole = np.zeros((size, size))
     piece = local_stiffness(np.full(1, length / pieces), *rigidities)[0]
-    for i in range(pieces):
-        whole[3 * i : 3 * i + 6, 3 * i : 3 * i + 6] += piece
-    ends, inner = np.r_[0:3, size - 3 : size], np.arange(3, size - 3)
+    for start in range(0, size - 3, 3):
+        both = np.arange(start, start + 6)
+        whole[np.ix_(both, both)] += piece
+    inner = np.arange(3, size - 3)
+    ends = np.setdiff1d(np.arange(size), inner)
     coupling = whole[np.ix_(ends, inner)]
     return whole[np.ix_(ends, ends)] - coupling @ np.linalg.solve(
         whole[np.ix_(inner, inner)], coupling.T
@@ -224,7 +226,7 @@ def test_members_at_once_are_members_one_by_one(model):
     pressure = np.array([17.2e3, 34.5e3, 51.7e3])
     together = model.rigidities(LENGTHS, pressure)
     for i in range(3):
-        alone = model.rigidities(LENGTHS[i : i + 1], float(pressure[i]))
+        alone = model.rigidities(LENGTHS[[i]], float(pressure[i]))
         assert [value[i] for value in together] == [value[0] for value in alone]
     assert all(value.shape == (0,) for value in model.rigidities([], PRESSURE))
 
