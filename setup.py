@@ -34,7 +34,7 @@ setup(
         'fast': ['daqp'],
         'demo': ['matplotlib', 'pillow', 'rich'],
         # colcon runs pytest where it finds it here.
-        'test': ['pytest', 'pytest-timeout', 'hypothesis', 'psutil'],
+        'test': ['pytest', 'pytest-timeout', 'hypothesis', 'psutil', 'anastruct', 'PyNiteFEA'],
     },
     zip_safe=False,
     entry_points={
