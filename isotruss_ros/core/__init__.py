@@ -1,7 +1,8 @@
 """
 The mathematics of isoperimetric truss robots, without ROS.
 
-robot -> configuration -> grasp -> twist to rollers; see docs/kinematics.md for the equations.
+robot -> configuration -> grasp -> twist to rollers (docs/kinematics.md);
+robot -> structure -> contact -> closure (docs/statics.md).
 """
 
 from isotruss_ros.core.configuration import Configuration
@@ -11,8 +12,10 @@ from isotruss_ros.core.errors import (
     IsotrussError,
     RobotFileError,
     SolverError,
+    StructureError,
 )
 from isotruss_ros.core.grasp import Grasp, snug_center
+from isotruss_ros.core.grasp_analysis import analyze_grasp, Cylinder, GraspAnalysis
 from isotruss_ros.core.limits import Limit, MemberLengthLimit, RollerSpeedLimit
 from isotruss_ros.core.manipulation import RollerCommand, solve_twist
 from isotruss_ros.core.motion import HeldObject, Pose, solve_twist_ahead
@@ -21,13 +24,17 @@ from isotruss_ros.core.robot import load_robot, Robot
 from isotruss_ros.core.servo import Decision, Refusal, RollerState, Sample, TwistServo
 from isotruss_ros.core.simulation import RollerFaults, SimulatedRobot
 from isotruss_ros.core.status import Status
+from isotruss_ros.core.structure import deform, Deformation
 from isotruss_ros.core.task import task_jacobian
 
 __all__ = [
     'Configuration',
     'ConfigurationError',
+    'Cylinder',
     'Decision',
+    'Deformation',
     'Grasp',
+    'GraspAnalysis',
     'GraspError',
     'HeldObject',
     'IsotrussError',
@@ -45,7 +52,10 @@ __all__ = [
     'SimulatedRobot',
     'SolverError',
     'Status',
+    'StructureError',
     'TwistServo',
+    'analyze_grasp',
+    'deform',
     'load_robot',
     'preset_names',
     'snug_center',

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     from isotruss_ros.core.robot import Robot
+    from isotruss_ros.core.structure import Structure
 
 Array = NDArray[np.float64]
 
@@ -69,6 +70,13 @@ class Configuration:
                 f'robot {self.robot.name}: the shape at roller positions '
                 f'{self.roller_positions.tolist()} m is not rigid; stay away from it'
             ) from error
+
+    @cached_property
+    def structure(self) -> Structure:
+        """Return the frame of the robot in this shape, for the statics."""
+        from isotruss_ros.core.structure import Structure
+
+        return Structure(self)
 
     def residual(self) -> Array:
         """Return what is left of the constraints: [m] and, for the bisection rows, [rad]."""

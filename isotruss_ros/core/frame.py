@@ -150,6 +150,28 @@ class Frame:
         by_node = motion.reshape(-1, 3).max(axis=1)
         return [self._names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
 
+    def turned(self, members: Indices) -> Array:
+        """Return (k, 6, 6): displacements of the plane to those along the given members."""
+        return self._turn[members]
+
+    def compliance(self, members: Indices) -> Array:
+        """
+        Return how the ends of members give under unit loads on the ends of members.
+
+        :param members: (k,) which of the members.
+        :return: (6 k, 6 k), by ux, uy, theta at start and end of each; symmetric.
+        :raises StructureError: see `solve`.
+        """
+        factor, scale = self._system
+        number = np.full(len(self._held), -1)
+        number[self._free] = np.arange(len(self._free))
+        unknowns = number[self._places[members].ravel()]
+        there = np.flatnonzero(unknowns >= 0)
+        right = np.zeros((len(scale), len(unknowns)))
+        right[unknowns[there], there] = scale[unknowns[there]]
+        moved = scale[:, None] * factor.solve(right)
+        return np.where((unknowns >= 0)[:, None], moved[unknowns], 0.0)
+
     def solve(self, loads: Array) -> FrameState:
         """
         Return displacements, reactions and member forces under loads.

@@ -1,0 +1,162 @@
+"""The statics of a grasp: contact forces, force closure and stiffness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from isotruss_ros.core.arrays import finite_array
+from isotruss_ros.core.closure import close
+from isotruss_ros.core.configuration import Configuration
+from isotruss_ros.core.contact import Candidates, ContactState, find_candidates, solve_contact
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.relaxation import relax_contact
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+#: Candidates closer than this are one point to the tube, further apart they miss the object.
+SPACINGS = (1e-4, 0.1)
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """
+    An object with a circular cross-section.
+
+    :ivar center: (x, y) in the robot frame [m].
+    :ivar diameter: its own diameter d [m].
+    :raises GraspError: the centre is not two finite numbers, or the diameter not positive.
+    """
+
+    center: tuple[float, float]
+    diameter: float
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        center = finite_array(self.center, 2, "the object's centre [m]", GraspError)
+        diameter = finite_array([self.diameter], 1, "the object's diameter [m]", GraspError)[0]
+        if diameter <= 0.0:
+            raise GraspError(f"the object's diameter {self.diameter!r} m: must be positive")
+        object.__setattr__(self, 'center', (float(center[0]), float(center[1])))
+        object.__setattr__(self, 'diameter', float(diameter))
+
+
+@dataclass(frozen=True, eq=False)
+class GraspAnalysis:
+    """
+    What holds an object, and how well; k candidate points.
+
+    :ivar points: (k, 2) candidates on the deformed centre lines of the tubes, robot frame [m].
+    :ivar gaps: (k,) distance of the tube's skin from the object there, not negative [m].
+    :ivar normals: (k, 2) unit normals of the object's surface, outward: toward the tube.
+    :ivar normal_forces: (k,) pressing tube and object apart, not negative [N].
+    :ivar friction_forces: (k,) on the object, along the tangent, counter-clockwise [N].
+    :ivar normal_wrench: (fx, fy, m) of the normal forces on the object about its centre [N, N m].
+    :ivar force_closure: whether friction balances normal forces and external wrench.
+    :ivar closure_residual: what friction leaves, moments over d/2 [N].
+    :ivar closure_tolerance: below which the residual counts as none [N].
+    :ivar required_friction: smallest coefficient that closes; infinite if none does.
+    :ivar closure_margin: largest extra wrench of any direction that friction still balances,
+        moments over d/2 [N]; negative where the grasp is open.
+    :ivar contact_lengths: length of tube in contact by member, of those in contact [m].
+    :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
+        with all its contact points takes [N/m, N, N m].
+    """
+
+    points: Array
+    gaps: Array
+    normals: Array
+    normal_forces: Array
+    friction_forces: Array
+    normal_wrench: Array
+    force_closure: bool
+    closure_residual: float
+    closure_tolerance: float
+    required_friction: float
+    closure_margin: float
+    contact_lengths: dict[str, float]
+    stiffness: Array
+
+
+def analyze_grasp(
+    config: Configuration,
+    cylinder: Cylinder,
+    friction: float = 0.5,
+    external_wrench: ArrayLike = (0.0, 0.0, 0.0),
+    method: Literal['exact', 'relaxation'] = 'exact',
+    spacing: float = 0.005,
+) -> GraspAnalysis:
+    """
+    Analyse a grasp: contact (5) to (9), force closure (10), grasp stiffness.
+
+    :param config: where the robot is; its rollers do not turn.
+    :param cylinder: the object, in its place.
+    :param friction: coefficient between tube and object, not negative.
+    :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
+    :param method: 'exact' (complementarity by pivoting) or 'relaxation' (the paper's (9)).
+    :param spacing: of the candidate points along the tubes [m].
+    :raises GraspError: an argument is not usable.
+    :raises StructureError: the robot is a mechanism, or its stiffness laws are contradictory.
+    :raises SolverError: the contact problem was not solved.
+    """
+    mu, gap = finite_array([friction, spacing], 2, 'friction and spacing [m]', GraspError)
+    if mu < 0.0:
+        raise GraspError(f'friction {friction!r}: must not be negative')
+    if not SPACINGS[0] <= gap <= SPACINGS[1]:
+        raise GraspError(f'spacing {spacing!r} m: must be from {SPACINGS[0]} to {SPACINGS[1]} m')
+    wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
+    solvers = {'exact': solve_contact, 'relaxation': relax_contact}
+    if method not in solvers:
+        raise GraspError(f'method {method!r}: must be one of {", ".join(solvers)}')
+    center, arm = complex(*cylinder.center), 0.5 * cylinder.diameter
+    radius = arm + 0.5 * config.robot.description.tube_diameter
+    candidates = find_candidates(config.structure, center, radius, gap)
+    contact = solvers[method](candidates, center, radius)
+    normals = contact.normals.view(np.float64).reshape(-1, 2)
+    pressed = -contact.forces @ normals
+    tangents = (1j * contact.normals).view(np.float64).reshape(-1, 2)
+    load = np.array([pressed[0] + wrench[0], pressed[1] + wrench[1], wrench[2] / arm])
+    closure = close(tangents, contact.forces, load, float(mu))
+    moved = candidates.points + contact.displacements
+    return GraspAnalysis(
+        points=moved.view(np.float64).reshape(-1, 2),
+        gaps=contact.gaps,
+        normals=normals,
+        normal_forces=contact.forces,
+        friction_forces=closure.friction_forces,
+        normal_wrench=np.array([pressed[0], pressed[1], 0.0]),
+        force_closure=closure.closed,
+        closure_residual=closure.residual,
+        closure_tolerance=closure.tolerance,
+        required_friction=closure.required_friction,
+        closure_margin=closure.margin,
+        contact_lengths=_contact_lengths(config, candidates, contact),
+        stiffness=_stiffness(candidates, contact, center),
+    )
+
+
+def _contact_lengths(
+    config: Configuration, candidates: Candidates, contact: ContactState
+) -> dict[str, float]:
+    touching = contact.forces > 0.0
+    lengths = np.zeros(len(config.robot.member_names))
+    np.add.at(lengths, candidates.member[touching], candidates.spacing)
+    return {config.robot.member_names[i]: float(lengths[i]) for i in np.flatnonzero(lengths)}
+
+
+def _stiffness(candidates: Candidates, contact: ContactState, center: complex) -> Array:
+    """Return the wrench that a small motion of the object with its contact points takes."""
+    touching = np.flatnonzero(contact.forces > 0.0)
+    if len(touching) == 0:
+        return np.zeros((3, 3))
+    compliance = candidates.compliance[touching][:, :, touching]
+    size = 2 * len(touching)
+    arms = (candidates.points + contact.displacements)[touching] - center
+    motion = np.zeros((len(touching), 2, 3))
+    motion[:, 0, 0] = motion[:, 1, 1] = 1.0
+    motion[:, 0, 2], motion[:, 1, 2] = -arms.imag, arms.real
+    motion = motion.reshape(size, 3)
+    stiffness = motion.T @ np.linalg.solve(compliance.reshape(size, size), motion)
+    return 0.5 * (stiffness + stiffness.T)

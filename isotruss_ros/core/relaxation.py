@@ -1,0 +1,67 @@
+"""The paper's relaxation of the contact forces, equation (9), with gains from the compliance."""
+
+from __future__ import annotations
+
+from isotruss_ros.core.contact import (
+    Candidates,
+    ContactState,
+    GAP_TOLERANCE,
+    linearize,
+    unit,
+)
+from isotruss_ros.core.errors import SolverError
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: K1 as a share of 2 / lambda_max(W), beyond which the iteration diverges.
+GAIN = 0.9
+MAX_STEPS = 2_000_000
+#: Where the gap is larger than this, what is left of the force is no contact [m].
+TOUCHING = 1e-7
+#: A force that has faded to this share of the largest is none.
+NEGLIGIBLE = 1e-9
+#: Below this is nothing: keeps divisions defined before the first contact.
+TINY = 1e-300
+#: Normals follow the deformed points, and the end is looked for, every so many steps.
+STEPS_BETWEEN_LOOKS = 200
+#: Complementarity holds to this, gap [m] and force as a share of the largest.
+TOLERANCE = 1e-2 * GAP_TOLERANCE
+
+
+def relax_contact(candidates: Candidates, center: complex, radius: float) -> ContactState:
+    """
+    Solve (8) by (9): forces grow where the gap is negative and fade where it is positive.
+
+    The tangential term of (9) is not needed: forces are normal from the start. K1 = 0.9 * 2 /
+    lambda_max(W), and K3 = K1 / (largest force), so that fading is never quicker than growing.
+
+    :param candidates: points that the object could touch.
+    :param center: of the object [m].
+    :param radius: of the disc that centre lines meet [m].
+    :raises SolverError: no rest within two million steps.
+    """
+    away = candidates.points - center
+    moved, forces = away, np.zeros(len(away))
+    for _ in range(MAX_STEPS // STEPS_BETWEEN_LOOKS):
+        normals = unit(moved)
+        gaps, pushed, compliance = linearize(candidates, away, normals, radius)
+        # Points without force that are not touched take no part: they do not bound the gain.
+        part = (forces > 0.0) | (gaps + compliance @ forces < 0.0)
+        stiffest = np.linalg.eigvalsh(compliance[part][:, part]).max(initial=TINY)
+        grow = GAIN * 2.0 / stiffest
+        for _ in range(STEPS_BETWEEN_LOOKS):
+            gap = gaps + compliance @ forces
+            fade = grow / max(forces.max(initial=0.0), TINY)
+            step = grow * np.maximum(-gap, 0.0) * part - fade * np.maximum(gap, 0.0) * forces
+            forces = forces + step
+        forces = np.where(forces > NEGLIGIBLE * forces.max(initial=0.0), forces, 0.0)
+        displacements = np.einsum('cid,d->ci', pushed, forces)
+        moved = away + displacements[:, 0] + 1j * displacements[:, 1]
+        gap = np.abs(moved) - radius
+        left = np.maximum(gap, 0.0) * forces / max(forces.max(initial=0.0), TINY)
+        if gap.min(initial=0.0) > -TOLERANCE and left.max(initial=0.0) < TOLERANCE:
+            touching = np.where(gap < TOUCHING, forces, 0.0)
+            return ContactState(touching, gap, unit(moved), moved - away)
+    raise SolverError(f'the relaxation of the contact forces did not rest in {MAX_STEPS} steps')
