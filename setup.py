@@ -43,6 +43,7 @@ setup(
             'manipulation = isotruss_ros.nodes.manipulation:main',
             'teleop = isotruss_ros.nodes.teleop:main',
             'demo = isotruss_ros.demo.__main__:main',
+            'fit_tube_stiffness = isotruss_ros.fit.__main__:main',
         ],
     },
 )

@@ -1,0 +1,140 @@
+"""
+The stiffness of a group of points: the slope through its linear range.
+
+Tubes soften or stiffen as they are deformed further. The linear range of a group is the largest
+range |displacement| <= d in which a cubic says no more than a line, d being tried from the largest
+displacement down in steps of 5 % of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.fit.measurements import Array, Group
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as f_distribution
+
+Flags = NDArray[np.bool_]
+
+#: A cubic that departs from the line by at most this part of the line's rise is still a line.
+TOLERANCE = 0.02
+#: ... and so is one that fits the points no better than chance would let it, at this level.
+SIGNIFICANCE = 0.01
+#: Ranges that are tried, in parts of the largest displacement.
+RANGES = np.linspace(1.0, 0.1, 19)
+
+ALONE = 'the only displacement of its trial in the linear range; a slope needs two'
+
+
+@dataclass(frozen=True, eq=False)
+class Slope:
+    """
+    What a group of points gives.
+
+    :ivar stiffness: [N/m], rotary [N m/rad]; NaN if there is none.
+    :ivar offsets: (n,) load at zero displacement in the trial of each point.
+    :ivar limit: largest |displacement| of the linear range.
+    :ivar used: (n,) points that the slope goes through.
+    :ivar reasons: (n,) why the others are not used; empty for those that are.
+    """
+
+    group: Group
+    stiffness: float
+    offsets: Array
+    limit: float
+    used: Flags
+    reasons: tuple[str, ...]
+
+
+def fit_slope(
+    group: Group, tolerance: float = TOLERANCE, max_displacement: float | None = None
+) -> Slope:
+    """
+    Return the slope of load over displacement; each trial has an offset of its own.
+
+    :param tolerance: see TOLERANCE.
+    :param max_displacement: the linear range, instead of the test for one.
+    """
+    size = np.abs(group.displacements)
+    if max_displacement is not None:
+        inside = size <= max_displacement
+        return _slope(group, inside, max_displacement)
+    for limit in RANGES * size.max():
+        # The largest displacement itself is inside its own range, rounding or not.
+        inside = size <= limit * (1.0 + 1e-12)
+        if _is_linear(group, inside, tolerance):
+            return _slope(group, inside, float(limit))
+    reason = f'{group.name}: no linear range from a tenth of the largest displacement up'
+    return _no_slope(group, reason)
+
+
+def _slope(group: Group, inside: Flags, limit: float) -> Slope:
+    used = inside & _spread(group, inside)
+    unit = 'rad' if group.mode == 'rotary' else 'm'
+    outside = f'{group.name}: beyond {limit:.4g} {unit}, out of the linear range'
+    reasons = np.where(inside, np.where(used, '', ALONE), outside)
+    if not used.any():
+        return _no_slope(
+            group,
+            f'{group.name}: no trial has two displacements in the linear range; a slope needs two',
+        )
+    coefficients = _fit(group, used, 1)[0]
+    offset, stiffness = coefficients[:-1], float(coefficients[-1])
+    if not stiffness > 0.0:
+        return _no_slope(
+            group,
+            f'{group.name}: the load falls with the displacement, slope {stiffness:.3g}; '
+            'both must be positive in the same direction',
+        )
+    return Slope(group, stiffness, offset[group.trials], limit, used, tuple(map(str, reasons)))
+
+
+def _no_slope(group: Group, reason: str) -> Slope:
+    n = len(group.lines)
+    return Slope(group, np.nan, np.zeros(n), 0.0, np.zeros(n, dtype=bool), (reason,) * n)
+
+
+def _spread(group: Group, inside: Flags) -> Flags:
+    """Return which points (n,) are in trials with two different displacements in the range."""
+    count = group.trials.max() + 1
+    low, high = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(low, group.trials[inside], group.displacements[inside])
+    np.maximum.at(high, group.trials[inside], group.displacements[inside])
+    return (high > low)[group.trials]
+
+
+def _is_linear(group: Group, inside: Flags, tolerance: float) -> bool:
+    used = inside & _spread(group, inside)
+    if not used.any():
+        return True  # nothing to tell by; there is no slope either
+    line, line_rest, _ = _fit(group, used, 1)
+    _, cubic_rest, freedom = _fit(group, used, 3)
+    if freedom < 1:
+        return True  # too few points to tell
+    rise = abs(line[-1]) * np.ptp(group.displacements[used])
+    if np.abs(line_rest - cubic_rest).max() <= tolerance * rise:
+        return True
+    left = cubic_rest @ cubic_rest
+    gain = line_rest @ line_rest - left
+    return left > 0.0 and f_distribution.sf(gain / 2.0 / (left / freedom), 2, freedom) > (
+        SIGNIFICANCE
+    )
+
+
+def _fit(group: Group, used: Flags, degree: int) -> tuple[Array, Array, int]:
+    """
+    Fit a polynomial with an offset for each trial.
+
+    :return: coefficients (offset of each trial, then powers from the first up), residuals of the
+        points used, degrees of freedom.
+    """
+    x, y, trials = group.displacements[used], group.loads[used], group.trials[used]
+    unit = np.abs(x).max(initial=0.0) or 1.0
+    offsets = trials[:, None] == np.arange(group.trials.max() + 1)
+    powers = (x / unit)[:, None] ** np.arange(1, degree + 1)
+    matrix = np.hstack([offsets, powers])
+    solution, _, rank, _ = np.linalg.lstsq(matrix, y, rcond=None)
+    residuals = y - matrix @ solution
+    solution[-degree:] /= unit ** np.arange(1, degree + 1)
+    return solution, residuals, len(y) - int(rank)
