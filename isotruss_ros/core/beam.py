@@ -55,12 +55,17 @@ def with_pins(stiffness: Array, pinned_start: Flags, pinned_end: Flags) -> Array
     matrix = stiffness.copy()
     for rotation, pinned in ((2, pinned_start), (5, pinned_end)):
         column = matrix[pinned][:, :, rotation]
-        # A beam pinned at its other end already has no stiffness left against this rotation.
+        # A member without flexural rigidity has no stiffness against this rotation anyway.
         pivot = column[:, rotation]
         gain = np.divide(1.0, pivot, out=np.zeros_like(pivot), where=pivot > 0.0)
         matrix[pinned] -= gain[:, None, None] * column[:, :, None] * column[:, None, :]
         matrix[pinned, rotation, :] = 0.0
         matrix[pinned, :, rotation] = 0.0
+    # Exactly nothing across a bar: what rounding leaves would hold up what hangs between bars.
+    bar = pinned_start & pinned_end
+    for across in (1, 4):
+        matrix[bar, across, :] = 0.0
+        matrix[bar, :, across] = 0.0
     return matrix
 
 
