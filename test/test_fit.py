@@ -1,15 +1,19 @@
 """The fit of stiffness laws: what it finds, what it says, what it refuses."""
 
 import csv
+from pathlib import Path
 import re
 import subprocess
 import sys
+import tempfile
+import warnings
 
+from hypothesis import given, strategies
 from isotruss_ros.core.power_law import Law
 from isotruss_ros.core.robot_file import read_robot_file
 from isotruss_ros.core.tube_stiffness import tube_stiffness
 from isotruss_ros.fit.__main__ import main
-from isotruss_ros.fit.analysis import analyse
+from isotruss_ros.fit.analysis import analyse, contradiction
 from isotruss_ros.fit.law import fit_law
 from isotruss_ros.fit.linear_range import fit_slope
 from isotruss_ros.fit.measurements import MeasurementError, MODES, read_measurements
@@ -225,8 +229,9 @@ def test_each_trial_has_its_own_offset(tmp_path):
         (['axal', 3e4, 0.5, 0.01, 1.0], "mode 'axal': must be one of axial, transverse, rotary"),
         (['axial', 3e4, 0.5, 0.01], '4 values for 5 columns'),
         (['axial', 3e4, 0.5, 0.01, 1.0, 2.0], '6 values for 5 columns'),
-        (['axial', 3e4, 0.5, 'nan', 1.0], "displacement 'nan': must be finite"),
-        (['axial', 3e4, 0.5, 0.01, '-inf'], "load '-inf': must be finite"),
+        (['axial', 3e4, 0.5, 'nan', 1.0], "displacement 'nan': must be finite, at most 1e+12"),
+        (['axial', 3e4, 0.5, 0.01, '-inf'], "load '-inf': must be finite, at most 1e+12"),
+        (['axial', 3e4, 0.5, 0.01, '1e300'], "load '1e300': must be finite, at most 1e+12"),
         (['axial', 3e4, 0.5, 0.01, ''], "load '': must be a number"),
         (['axial', 3e4, 0.5, '0,01', 1.0], "displacement '0,01': must be a number"),
         (['axial', 0, 0.5, 0.01, 1.0], "pressure '0': must be positive"),
@@ -261,7 +266,7 @@ def test_group_without_a_slope_is_named_and_the_rest_is_fitted(tmp_path, capsys)
     assert code == 0
     assert '5 of 331 rows not used' in out
     assert 'axial, 40000 Pa, 0.5 m: no trial has two displacements' in out
-    assert 'rotary, 40000 Pa, 0.5 m: the load falls with the displacement' in out
+    assert 'rotary, 40000 Pa, 0.5 m: slope -10: must be positive' in out
     assert 'the only displacement of its trial in the linear range; a slope needs two: 1' in out
     assert accepted(out).axial == pytest.approx(LAWS['axial'], rel=1e-6)
 
@@ -429,6 +434,47 @@ def test_bad_option_is_refused_with_what_is_right(option, tmp_path, capsys):
         main(['points.csv', *option])
     assert caught.value.code == 2
     assert option[0] in capsys.readouterr().err
+
+
+cells = strategies.sampled_from(
+    [
+        *MODES,
+        '',
+        'nan',
+        '-0.0',
+        '5e-324',
+        '1e12',
+        '-1e12',
+        '1e-300',
+        '0.5',
+        '34500',
+        '"',
+        '#',
+        '1,2',
+    ]
+) | strategies.floats().map(str)
+
+
+@robots.examples(60)
+@given(strategies.data())
+def test_mutated_file_is_fitted_or_refused(data):
+    """Whatever stands in a file, each of its rows is used or counted, and no warning escapes."""
+    header, *rows = points(count=4, noise=0.01, trials=2)
+    for _ in range(data.draw(strategies.integers(1, 8))):
+        row = data.draw(strategies.sampled_from(rows))
+        column = data.draw(strategies.integers(0, 5))
+        value = data.draw(cells)
+        for other in rows if data.draw(strategies.booleans()) else [row]:
+            other[column] = value
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter('error')
+        measurements = read_measurements(write(Path(folder), [header, *rows]))
+        analysis = analyse(measurements)
+        contradiction(analysis)
+    used = sum(analysis.points(mode) for mode in MODES)
+    assert used + analysis.unused.count == measurements.rows == len(rows)
+    for mode, law in analysis.laws.items():
+        assert np.isfinite(law.law).all(), mode
 
 
 def test_stretches():

@@ -74,7 +74,9 @@ def analyse(
 
 def _law(slopes: Sequence[Slope]) -> FittedLaw:
     if not slopes:
-        raise MeasurementError('no points that can be used')
+        raise MeasurementError(
+            'no points that can be used; a slope needs several of one trial, pressure and length'
+        )
     fitted = fit_law(
         np.array([slope.group.pressure for slope in slopes]),
         np.array([slope.group.length for slope in slopes]),

@@ -11,6 +11,8 @@ from scipy.stats import t as student_t
 
 #: Of the intervals that are reported.
 CONFIDENCE = 0.95
+#: Logarithms that vary by no more than this do not vary.
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ def fit_law(pressures: Array, lengths: Array, stiffnesses: Array) -> FittedLaw:
         _law(solution),
         _law(solution - reach),
         _law(solution + reach),
-        float(1.0 - rest @ rest / total) if total > 0.0 else np.nan,
+        float(1.0 - rest @ rest / total) if total > n * ROUNDING**2 else np.nan,
         n,
     )
 

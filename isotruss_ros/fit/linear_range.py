@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from isotruss_ros.core.power_law import MAX_STIFFNESS, MIN_STIFFNESS
 from isotruss_ros.fit.measurements import Array, Group
 import numpy as np
 from numpy.typing import NDArray
@@ -79,14 +80,17 @@ def _slope(group: Group, inside: Flags, limit: float) -> Slope:
             group,
             f'{group.name}: no trial has two displacements in the linear range; a slope needs two',
         )
-    coefficients = _fit(group, used, 1)[0]
-    offset, stiffness = coefficients[:-1], float(coefficients[-1])
-    if not stiffness > 0.0:
+    stiffness = _fit(group, used, 1)[0]
+    if not MIN_STIFFNESS <= stiffness <= MAX_STIFFNESS:
         return _no_slope(
             group,
-            f'{group.name}: the load falls with the displacement, slope {stiffness:.3g}; '
-            'both must be positive in the same direction',
+            f'{group.name}: slope {stiffness:.3g}: must be positive and that of a tube; '
+            'displacement and load count in the same direction',
         )
+    offset = np.zeros(group.trials.max() + 1)
+    rest = group.loads[used] - stiffness * group.displacements[used]
+    means = _means(rest, group.trials[used])
+    offset[: len(means)] = means
     return Slope(group, stiffness, offset[group.trials], limit, used, tuple(map(str, reasons)))
 
 
@@ -108,33 +112,38 @@ def _is_linear(group: Group, inside: Flags, tolerance: float) -> bool:
     used = inside & _spread(group, inside)
     if not used.any():
         return True  # nothing to tell by; there is no slope either
-    line, line_rest, _ = _fit(group, used, 1)
+    slope, line_rest, line_freedom = _fit(group, used, 1)
     _, cubic_rest, freedom = _fit(group, used, 3)
-    if freedom < 1:
-        return True  # too few points to tell
-    rise = abs(line[-1]) * np.ptp(group.displacements[used])
-    if np.abs(line_rest - cubic_rest).max() <= tolerance * rise:
+    rise = abs(slope) * np.ptp(group.displacements[used])
+    if freedom < 1 or np.abs(line_rest - cubic_rest).max() <= tolerance * rise:
         return True
     left = cubic_rest @ cubic_rest
     gain = line_rest @ line_rest - left
-    return left > 0.0 and f_distribution.sf(gain / 2.0 / (left / freedom), 2, freedom) > (
-        SIGNIFICANCE
-    )
+    extra = line_freedom - freedom
+    if not (left > 0.0 and extra > 0):
+        return False
+    ratio = gain / extra / (left / freedom)
+    return float(f_distribution.sf(ratio, extra, freedom)) > SIGNIFICANCE
 
 
-def _fit(group: Group, used: Flags, degree: int) -> tuple[Array, Array, int]:
+def _fit(group: Group, used: Flags, degree: int) -> tuple[float, Array, int]:
     """
     Fit a polynomial with an offset for each trial.
 
-    :return: coefficients (offset of each trial, then powers from the first up), residuals of the
-        points used, degrees of freedom.
+    :return: slope at zero, residuals of the points used, degrees of freedom.
     """
     x, y, trials = group.displacements[used], group.loads[used], group.trials[used]
-    unit = np.abs(x).max(initial=0.0) or 1.0
-    offsets = trials[:, None] == np.arange(group.trials.max() + 1)
+    unit = np.abs(x).max()
     powers = (x / unit)[:, None] ** np.arange(1, degree + 1)
-    matrix = np.hstack([offsets, powers])
-    solution, _, rank, _ = np.linalg.lstsq(matrix, y, rcond=None)
-    residuals = y - matrix @ solution
-    solution[-degree:] /= unit ** np.arange(1, degree + 1)
-    return solution, residuals, len(y) - int(rank)
+    # What is left of both once each trial has its mean taken off is free of the offsets.
+    matrix = np.column_stack([column - _means(column, trials)[trials] for column in powers.T])
+    target = y - _means(y, trials)[trials]
+    solution, _, rank, _ = np.linalg.lstsq(matrix, target, rcond=None)
+    freedom = len(y) - len(np.unique(trials)) - int(rank)
+    with np.errstate(over='ignore'):
+        return float(solution[0] / unit), target - matrix @ solution, freedom
+
+
+def _means(values: Array, trials: NDArray[np.intp]) -> Array:
+    """Return the mean of each trial; zero for a trial without a point."""
+    return np.bincount(trials, values) / np.maximum(np.bincount(trials), 1)

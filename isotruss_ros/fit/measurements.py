@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 import csv
 from dataclasses import dataclass, field
-import math
 from pathlib import Path
 
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.robot_file import MAX_MAGNITUDE
 import numpy as np
 from numpy.typing import NDArray
 
@@ -152,8 +152,9 @@ def _complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
             except ValueError:
                 yield f'{name} {shown}: must be a number'
                 continue
-            if not math.isfinite(value):
-                yield f'{name} {shown}: must be finite'
+            # Beyond what a robot file takes a number is a slip and overflows in products.
+            if not abs(value) <= MAX_MAGNITUDE:
+                yield f'{name} {shown}: must be finite, at most {MAX_MAGNITUDE:g}'
             elif name in ('pressure', 'length') and value <= 0.0:
                 yield f'{name} {shown}: must be positive'
 

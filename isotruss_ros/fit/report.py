@@ -50,9 +50,9 @@ def table(analysis: Analysis) -> Table:
         result.add_row(
             f'{mode}\n{UNITS[mode]}',
             # The interval of C is not symmetric: it is that of ln C.
-            f'{law.C:.4g}\n{low.C:.3g} to {high.C:.3g}',
-            f'{law.a:.3f}\n± {high.a - law.a:.3f}',
-            f'{law.b:.3f}\n± {high.b - law.b:.3f}',
+            f'{law.C:.4g}\n{low.C:.4g} to {high.C:.4g}',
+            f'{law.a:.4f}\n± {high.a - law.a:.2g}',
+            f'{law.b:.4f}\n± {high.b - law.b:.2g}',
             '-' if np.isnan(fitted.r_squared) else f'{fitted.r_squared:.4f}',
             str(fitted.count),
             str(analysis.points(mode)),
