@@ -24,7 +24,8 @@ Points = NDArray[np.complex128]
 
 #: Gaps and complementarity hold to this [m]; forces to this over the stiffest point's compliance.
 GAP_TOLERANCE = 1e-9
-MAX_NORMAL_UPDATES = 100
+MAX_NORMAL_UPDATES = 30
+MAX_ACTIVE_SETS = 200
 #: Block exchanges before single ones, which are slow but end (Judice and Pires, 1994).
 MAX_BLOCK_EXCHANGES = 10
 
@@ -32,18 +33,66 @@ MAX_BLOCK_EXCHANGES = 10
 @dataclass(frozen=True, eq=False)
 class Candidates:
     """
-    Points of the tubes that an object could touch.
+    Points of the tubes that an object could touch, and how the whole robot gives there.
+
+    Displacements of the points are those of the ends of the p members that they are on, spread by
+    shape functions, and those inside the members: the factors are kept, not the product.
 
     :ivar points: (c,) on the undeformed centre lines [m].
     :ivar member: (c,) the member (pinch to pinch) that each is on.
     :ivar spacing: length of tube that each stands for [m].
-    :ivar compliance: (c, 2, c, 2) displacements for unit forces [m/N]; the whole robot gives.
+    :ivar axis: (c,) direction of the tube.
+    :ivar inside: (2, c, c) compliance within members, along and across the tube [m/N].
+    :ivar spread: (c, 2, 6 p) displacements in the plane by those of the members' ends.
+    :ivar ends: (6 p, 6 p) compliance of the members' ends.
     """
 
     points: Points
     member: Indices
     spacing: float
-    compliance: Array
+    axis: Points
+    inside: Array
+    spread: Array
+    ends: Array
+
+    def __getitem__(self, places: Indices) -> Candidates:
+        """Return some of the candidates."""
+        inside = self.inside[:, places][:, :, places]
+        return Candidates(
+            self.points[places],
+            self.member[places],
+            self.spacing,
+            self.axis[places],
+            inside,
+            self.spread[places],
+            self.ends,
+        )
+
+    def normal_compliance(self, normals: Points) -> Array:
+        """Return W = N^T S^-1 N (c, c), for unit forces along unit normals (c,) [m/N]."""
+        local = self.axis.conj() * normals
+        lever = np.einsum('cie,ci->ce', self.spread, _pairs(normals))
+        matrix = lever @ self.ends @ lever.T
+        matrix += np.outer(local.real, local.real) * self.inside[0]
+        matrix += np.outer(local.imag, local.imag) * self.inside[1]
+        return 0.5 * (matrix + matrix.T)
+
+    def displacements(self, forces: Points) -> Points:
+        """Return how all points move (c,) [m] under forces on them (c,) [N], x + iy."""
+        local = self.axis.conj() * forces
+        bent = self.inside[0] @ local.real + 1j * (self.inside[1] @ local.imag)
+        push = np.einsum('cie,ci->e', self.spread, _pairs(forces))
+        moved = self.spread @ (self.ends @ push)
+        return self.axis * bent + moved[:, 0] + 1j * moved[:, 1]
+
+    @property
+    def compliance(self) -> Array:
+        """Return the displacements (c, 2) of all points for unit forces (c, 2), [m/N]."""
+        along = _pairs(self.axis)
+        across = _pairs(1j * self.axis)
+        local = np.einsum('ci,cd,dj->cidj', along, self.inside[0], along)
+        local += np.einsum('ci,cd,dj->cidj', across, self.inside[1], across)
+        return local + np.einsum('cie,ef,djf->cidj', self.spread, self.ends, self.spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,28 +153,27 @@ def find_candidates(
         frame.members.shear[used],
         np.stack([frame.members.pinned_start[used], frame.members.pinned_end[used]], axis=1),
     )
-    points = start[near][member] + place * axis[near][member]
-    compliance = _compliance(structure, used, inside, axis[near])
-    return Candidates(points, owner[near][member], spacing, compliance)
+    along = axis[near][member]
+    points = start[near][member] + place * along
+    # Ends move in the plane, shapes are along and across: turn in, spread, turn out.
+    shapes = inside.shapes() @ frame.turned(used)[member]
+    spread = np.zeros((len(place), 2, len(near), 6))
+    out = np.stack([_pairs(along), _pairs(1j * along)], axis=2)
+    spread[np.arange(len(place)), :, member] = out @ shapes
+    return Candidates(
+        points,
+        owner[near][member],
+        spacing,
+        along,
+        inside.compliance(),
+        spread.reshape(len(place), 2, 6 * len(near)),
+        frame.compliance(used),
+    )
 
 
-def _compliance(
-    structure: Structure, used: Indices, inside: InteriorPoints, axis: Points
-) -> Array:
-    """Condense the robot to the points: what the ends of their members give, and the members."""
-    c, p = len(inside.place), len(used)
-    shapes = inside.shapes()
-    along = axis[inside.member]
-    turn = np.stack(
-        [np.stack([along.real, along.imag], 1), np.stack([-along.imag, along.real], 1)], 1
-    )  # (c, 2, 2): plane to member
-    shapes = np.einsum('cai,cab->cib', turn, shapes)
-    spread = np.zeros((c, 2, p, 6))
-    spread[np.arange(c), :, inside.member] = shapes @ structure.frame.turned(used)[inside.member]
-    spread = spread.reshape(2 * c, 6 * p)
-    local = np.einsum('cai,acd,daj->cidj', turn, inside.compliance(), turn)
-    ends = structure.frame.compliance(used)
-    return local + (spread @ ends @ spread.T).reshape(c, 2, c, 2)
+def _pairs(vectors: Points) -> Array:
+    """Return vectors as pairs (c, 2)."""
+    return np.ascontiguousarray(vectors).view(np.float64).reshape(-1, 2)
 
 
 def solve_contact(
@@ -137,43 +185,45 @@ def solve_contact(
     :param start: (c,) forces of a similar problem, to begin with.
     :raises SolverError: the normals do not settle.
     """
-    c = len(candidates.points)
-    forces = np.zeros(c) if start is None else start
     away = candidates.points - center
-    moved = away
     normals = unit(away)
-    active = forces > 0.0
-    for _ in range(MAX_NORMAL_UPDATES):
-        gaps, pushed, compliance = linearize(candidates, away, normals, radius)
-        forces, active = solve_complementarity(compliance, gaps, active)
-        displacements = np.einsum('cid,d->ci', pushed, forces)
-        moved = away + displacements[:, 0] + 1j * displacements[:, 1]
-        turned = unit(moved)
-        settled = np.abs(turned - normals).max(initial=0.0) * radius < 0.1 * GAP_TOLERANCE
-        normals = turned
-        if settled:
-            return ContactState(forces, np.abs(moved) - radius, normals, moved - away)
+    active = np.zeros(len(away), dtype=bool) if start is None else start > 0.0
+    for _ in range(MAX_ACTIVE_SETS):
+        gaps = (away * normals.conj()).real - radius
+        forces, active = solve_complementarity(candidates.normal_compliance(normals), gaps, active)
+        push = forces * normals
+        settled = _settle_normals(candidates[np.flatnonzero(active)], center, radius)
+        if settled is not None:
+            push[active] = settled
+        displacements = candidates.displacements(push)
+        normals = unit(away + displacements)
+        gaps = np.abs(away + displacements) - radius
+        pressing = (push * normals.conj()).real
+        if pressing.min(initial=0.0) >= 0.0 and gaps.min(initial=0.0) >= -GAP_TOLERANCE:
+            return ContactState(pressing, gaps, normals, displacements)
     raise SolverError(
-        f'the contact normals did not settle in {MAX_NORMAL_UPDATES} steps; '
+        f'the contact did not settle in {MAX_ACTIVE_SETS} steps; '
         'the object is pressed in too deeply'
     )
 
 
-def linearize(
-    candidates: Candidates, away: Points, normals: Points, radius: float
-) -> tuple[Array, Array, Array]:
+def _settle_normals(touching: Candidates, center: complex, radius: float) -> Points | None:
     """
-    Return the contact problem for fixed normals.
+    Return the forces (a,), x + iy [N], that close all gaps, along normals that follow.
 
-    :param away: (c,) candidates as seen from the object's centre [m].
-    :param normals: (c,) unit normals.
-    :return: gaps (c,) without forces [m]; displacements (c, 2, c) and compliance W = N^T S^-1 N
-        (c, c) for unit normal forces [m/N].
+    None where they do not settle: then the steps of the caller, slower, go on alone.
     """
-    directions = normals.view(np.float64).reshape(-1, 2)
-    pushed = np.einsum('cidj,dj->cid', candidates.compliance, directions)
-    compliance = np.einsum('ci,cid->cd', directions, pushed)
-    return (away * normals.conj()).real - radius, pushed, 0.5 * (compliance + compliance.T)
+    away = touching.points - center
+    normals = unit(away)
+    for _ in range(MAX_NORMAL_UPDATES):
+        gaps = (away * normals.conj()).real - radius
+        forces = np.linalg.solve(touching.normal_compliance(normals), -gaps) * normals
+        turned = unit(away + touching.displacements(forces))
+        change = float(np.abs(turned - normals).max(initial=0.0))
+        normals = turned
+        if change * radius < 0.01 * GAP_TOLERANCE:
+            return forces
+    return None
 
 
 def unit(vectors: Points) -> Points:

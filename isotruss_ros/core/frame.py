@@ -9,10 +9,10 @@ from functools import cached_property
 from isotruss_ros.core.beam import directions, local_stiffness, with_pins
 from isotruss_ros.core.constraints import DENSE_UP_TO
 from isotruss_ros.core.errors import StructureError
-from isotruss_ros.core.linear import condition_number, Factor, factorize
+from isotruss_ros.core.linear import Factor, factorize_with_condition
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bmat, coo_matrix, csc_matrix, csr_matrix, diags
+from scipy.sparse import coo_matrix, csc_matrix, spmatrix
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -79,13 +79,13 @@ class Frame:
         members: Members,
         held: Flags,
         names: Sequence[str],
-        rows: csr_matrix | None = None,
+        rows: spmatrix | None = None,
     ) -> None:
         self.points = points
         self.members = members
         self._names = names
         self._held = held.ravel()
-        self._rows = csr_matrix((0, 3 * len(points))) if rows is None else rows
+        self._rows = coo_matrix((0, 3 * len(points)) if rows is None else rows)
         span = points[members.end] - points[members.start]
         length = np.abs(span)
         self._turn = directions(span / length)
@@ -98,56 +98,83 @@ class Frame:
         self._places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
 
     @cached_property
+    def _entries(self) -> tuple[Array, Indices, Indices]:
+        """Return the members' stiffnesses as values, rows and columns of S."""
+        matrices = self._turn.transpose(0, 2, 1) @ self._local @ self._turn
+        rows = np.repeat(self._places, 6, axis=1)
+        columns = np.tile(self._places, 6)
+        return matrices.ravel(), rows.ravel(), columns.ravel()
+
+    @property
     def stiffness(self) -> csc_matrix:
         """Return S of (1), (3 n, 3 n), supports and constraints aside."""
-        matrices = self._turn.transpose(0, 2, 1) @ self._local @ self._turn
-        rows = np.broadcast_to(self._places[:, :, None], matrices.shape)
-        columns = np.broadcast_to(self._places[:, None, :], matrices.shape)
+        values, rows, columns = self._entries
         size = len(self._held)
-        return coo_matrix(
-            (matrices.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)
-        ).tocsc()
+        return coo_matrix((values, (rows, columns)), shape=(size, size)).tocsc()
 
     @cached_property
-    def _free(self) -> Indices:
-        """Return the displacements to solve for: not held, and, if rotations, of something."""
-        turning = np.zeros(len(self._held), dtype=bool)
-        turning[3 * self.members.start[~self.members.pinned_start] + 2] = True
-        turning[3 * self.members.end[~self.members.pinned_end] + 2] = True
-        rotation = np.arange(len(self._held)) % 3 == 2
-        return np.flatnonzero(~self._held & (turning | ~rotation))
+    def _unknowns(self) -> Indices:
+        """Return the number of each displacement among the unknowns, -1 if it is none."""
+        solved = ~self._held
+        turning = np.zeros(len(self._names), dtype=bool)
+        turning[self.members.start[~self.members.pinned_start]] = True
+        turning[self.members.end[~self.members.pinned_end]] = True
+        # Where all is pinned there is no rotation to speak of.
+        solved[2::3] &= turning
+        return np.where(solved, np.cumsum(solved) - 1, -1)
 
     @cached_property
     def _system(self) -> tuple[Factor, Array]:
         """Return the factored matrix of (4), and the scaling of its unknowns."""
-        free = self._free
-        stiffness, rows = self.stiffness[free][:, free], self._rows[:, free]
-        matrix = bmat([[stiffness, rows.T], [rows, None]], format='csc')
+        number = self._unknowns
+        free = int(number.max(initial=-1)) + 1
+        values, rows, columns = self._entries
+        rows, columns = number[rows], number[columns]
+        there = (rows >= 0) & (columns >= 0)
+        values, rows, columns = values[there], rows[there], columns[there]
+        bound = number[self._rows.col]
+        bound_there = bound >= 0
+        bound, weight = bound[bound_there], self._rows.data[bound_there]
+        multiplier = free + self._rows.row[bound_there]
+        size = free + self._rows.shape[0]
         # Displacements and rotations, soft tubes and hard modules: scaled, all have stiffness 1.
-        diagonal = stiffness.diagonal()
-        soft = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, diagonal.max()))
-        norms = np.asarray(np.sqrt(rows.power(2) @ soft**2)).ravel()
-        scale = np.concatenate([soft, 1.0 / norms])
-        scaled = (diags(scale) @ matrix @ diags(scale)).tocsc()
-        system = scaled.toarray() if scaled.shape[0] <= DENSE_UP_TO else scaled
-        if not condition_number(system) < MAX_CONDITION:
-            moving = ', '.join(self._what_moves(scaled, scale))
+        on_diagonal = rows == columns
+        diagonal = np.bincount(rows[on_diagonal], values[on_diagonal], minlength=free)
+        scale = np.ones(size)
+        scale[:free] = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, diagonal.max(initial=1.0)))
+        norms = np.bincount(multiplier, (weight * scale[bound]) ** 2, minlength=size)[free:]
+        scale[free:] = 1.0 / np.sqrt(np.where(norms > 0.0, norms, 1.0))
+        matrix = assemble(
+            np.concatenate([values, weight, weight]),
+            np.concatenate([rows, multiplier, bound]),
+            np.concatenate([columns, bound, multiplier]),
+            scale,
+        )
+        factor, condition = factorize_with_condition(matrix)
+        if not condition < MAX_CONDITION:
+            moving = ', '.join(self._what_moves(matrix, scale))
             raise StructureError(
                 f'the structure is a mechanism: {moving} can move without resistance; '
                 'support it or connect it'
             )
-        return factorize(system), scale
+        return factor, scale
 
-    def _what_moves(self, scaled: csc_matrix, scale: Array) -> list[str]:
+    def _solve(self, right: Array) -> Array:
+        """Return the unknowns (size, k) for right-hand sides on the displacements (free, k)."""
+        factor, scale = self._system
+        full = np.zeros((len(scale), right.shape[1]))
+        full[: len(right)] = right
+        return scale[:, None] * factor.solve(scale[:, None] * full)
+
+    def _what_moves(self, matrix: Array | csc_matrix, scale: Array) -> list[str]:
         """Return the nodes that take part in motions which nothing resists."""
-        values, vectors = np.linalg.eigh(scaled.toarray())
+        dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
+        values, vectors = np.linalg.eigh(dense)
         loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
         loose[np.abs(values).argmin()] = True
-        motion = np.zeros(len(self._held))
-        motion[self._free] = np.abs(scale[:, None] * vectors[:, loose]).max(axis=1)[
-            : len(self._free)
-        ]
-        by_node = motion.reshape(-1, 3).max(axis=1)
+        unknown = self._unknowns
+        motion = np.abs(scale[:, None] * vectors[:, loose]).max(axis=1)
+        by_node = np.where(unknown >= 0, motion[unknown], 0.0).reshape(-1, 3).max(axis=1)
         return [self._names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
 
     def turned(self, members: Indices) -> Array:
@@ -162,15 +189,11 @@ class Frame:
         :return: (6 k, 6 k), by ux, uy, theta at start and end of each; symmetric.
         :raises StructureError: see `solve`.
         """
-        factor, scale = self._system
-        number = np.full(len(self._held), -1)
-        number[self._free] = np.arange(len(self._free))
-        unknowns = number[self._places[members].ravel()]
-        there = np.flatnonzero(unknowns >= 0)
-        right = np.zeros((len(scale), len(unknowns)))
-        right[unknowns[there], there] = scale[unknowns[there]]
-        moved = scale[:, None] * factor.solve(right)
-        return np.where((unknowns >= 0)[:, None], moved[unknowns], 0.0)
+        unknown = self._unknowns[self._places[members].ravel()]
+        there = np.flatnonzero(unknown >= 0)
+        right = np.zeros((int(self._unknowns.max(initial=-1)) + 1, len(unknown)))
+        right[unknown[there], there] = 1.0
+        return np.where((unknown >= 0)[:, None], self._solve(right)[unknown], 0.0)
 
     def solve(self, loads: Array) -> FrameState:
         """
@@ -179,18 +202,25 @@ class Frame:
         :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
         :raises StructureError: the frame is a mechanism; names the nodes that move.
         """
-        factor, scale = self._system
-        free = self._free
-        right = np.zeros(len(scale))
-        right[: len(free)] = loads.ravel()[free]
-        solution = scale * factor.solve(scale * right)
-        displacements = np.zeros(len(self._held))
-        displacements[free] = solution[: len(free)]
-        pull = self.stiffness @ displacements + self._rows.T @ solution[len(free) :]
-        reactions = np.where(self._held, pull - loads.ravel(), 0.0)
+        unknown, loads = self._unknowns, loads.ravel()
+        right = np.zeros((int(unknown.max(initial=-1)) + 1, 1))
+        right[unknown[unknown >= 0], 0] = loads[unknown >= 0]
+        solution = self._solve(right)[:, 0]
+        displacements = np.where(unknown >= 0, solution[unknown], 0.0)
         ends = np.einsum('kij,kj->ki', self._turn, displacements[self._places])
-        return FrameState(
-            displacements.reshape(-1, 3),
-            reactions.reshape(-1, 3),
-            np.einsum('kij,kj->ki', self._local, ends),
-        )
+        end_forces = np.einsum('kij,kj->ki', self._local, ends)
+        pull = np.einsum('kji,kj->ki', self._turn, end_forces)
+        carried = np.bincount(self._places.ravel(), pull.ravel(), minlength=len(loads))
+        _, multipliers = np.split(solution, [len(right)])
+        carried += self._rows.T @ multipliers
+        reactions = np.where(self._held, carried - loads, 0.0)
+        return FrameState(displacements.reshape(-1, 3), reactions.reshape(-1, 3), end_forces)
+
+
+def assemble(values: Array, rows: Indices, columns: Indices, scale: Array) -> Array | csc_matrix:
+    """Return the matrix with the sum of all values in each place, scaled from both sides."""
+    size = len(scale)
+    values = values * scale[rows] * scale[columns]
+    if size <= DENSE_UP_TO:
+        return np.bincount(rows * size + columns, values, minlength=size * size).reshape(size, -1)
+    return coo_matrix((values, (rows, columns)), shape=(size, size)).tocsc()

@@ -151,7 +151,7 @@ def _stiffness(candidates: Candidates, contact: ContactState, center: complex) -
     touching = np.flatnonzero(contact.forces > 0.0)
     if len(touching) == 0:
         return np.zeros((3, 3))
-    compliance = candidates.compliance[touching][:, :, touching]
+    compliance = candidates[touching].compliance
     size = 2 * len(touching)
     arms = (candidates.points + contact.displacements)[touching] - center
     motion = np.zeros((len(touching), 2, 3))

@@ -40,6 +40,12 @@ class DenseFactor:
         """Return x with A^T x = right."""
         return lapack.dgetrs(self._lu, self._pivots, right, trans=0)[0]
 
+    def condition(self, norm: float) -> float:
+        """Return an estimate of the condition number; `norm` is the 1-norm of the matrix."""
+        # What was factored is the transpose, whose infinity norm that is.
+        inverse, _ = lapack.dgecon(self._lu, norm, norm='I')
+        return 1.0 / inverse if inverse > 0.0 else float('inf')
+
 
 class SparseFactor:
     """LU of a sparse matrix (SuperLU); minimum degree fills in less than its default order."""
@@ -68,20 +74,31 @@ def factorize(matrix: Array | csc_matrix) -> Factor:
     return DenseFactor(matrix) if isinstance(matrix, np.ndarray) else SparseFactor(matrix)
 
 
-def condition_number(matrix: Array | csc_matrix) -> float:
-    """Return an estimate of the 1-norm condition number of a square matrix (inf if singular)."""
-    dense = isinstance(matrix, np.ndarray)
-    norm = np.abs(matrix).sum(axis=0).max()
+def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None, float]:
+    """
+    Factor a matrix and estimate its condition number in the 1-norm; a dense one stays as it is.
+
+    :return: the factor, and the estimate; None and infinity if the matrix is exactly singular.
+    """
+    norm = float(np.abs(matrix).sum(axis=0).max())
     try:
-        factor = factorize(matrix.copy() if dense else matrix)
+        if isinstance(matrix, np.ndarray):
+            dense = DenseFactor(matrix.copy())
+            return dense, dense.condition(norm)
+        factor = SparseFactor(matrix)
     except np.linalg.LinAlgError:
-        return float('inf')
+        return None, float('inf')
     # Power steps on (A A^T)^-1 from fixed starts: the estimate must not change from call to call.
     start = np.random.default_rng(0).standard_normal((matrix.shape[0], 3))
     for _ in range(4):
         start = start / np.abs(start).max(axis=0)
         start = factor.solve_transposed(factor.solve(start))
         if not np.isfinite(start).all():
-            return float('inf')
+            return factor, float('inf')
     vector = start / np.abs(start).sum(axis=0)
-    return float(norm * np.abs(factor.solve(vector)).sum(axis=0).max())
+    return factor, norm * float(np.abs(factor.solve(vector)).sum(axis=0).max())
+
+
+def condition_number(matrix: Array | csc_matrix) -> float:
+    """Return an estimate of the 1-norm condition number of a square matrix (inf if singular)."""
+    return factorize_with_condition(matrix)[1]

@@ -6,7 +6,6 @@ from isotruss_ros.core.contact import (
     Candidates,
     ContactState,
     GAP_TOLERANCE,
-    linearize,
     unit,
 )
 from isotruss_ros.core.errors import SolverError
@@ -46,7 +45,8 @@ def relax_contact(candidates: Candidates, center: complex, radius: float) -> Con
     moved, forces = away, np.zeros(len(away))
     for _ in range(MAX_STEPS // STEPS_BETWEEN_LOOKS):
         normals = unit(moved)
-        gaps, pushed, compliance = linearize(candidates, away, normals, radius)
+        gaps = (away * normals.conj()).real - radius
+        compliance = candidates.normal_compliance(normals)
         # Points without force that are not touched take no part: they do not bound the gain.
         part = (forces > 0.0) | (gaps + compliance @ forces < 0.0)
         stiffest = np.linalg.eigvalsh(compliance[part][:, part]).max(initial=TINY)
@@ -57,8 +57,7 @@ def relax_contact(candidates: Candidates, center: complex, radius: float) -> Con
             step = grow * np.maximum(-gap, 0.0) * part - fade * np.maximum(gap, 0.0) * forces
             forces = forces + step
         forces = np.where(forces > NEGLIGIBLE * forces.max(initial=0.0), forces, 0.0)
-        displacements = np.einsum('cid,d->ci', pushed, forces)
-        moved = away + displacements[:, 0] + 1j * displacements[:, 1]
+        moved = away + candidates.displacements(forces * normals)
         gap = np.abs(moved) - radius
         left = np.maximum(gap, 0.0) * forces / max(forces.max(initial=0.0), TINY)
         if gap.min(initial=0.0) > -TOLERANCE and left.max(initial=0.0) < TOLERANCE:

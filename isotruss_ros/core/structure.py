@@ -18,7 +18,7 @@ from isotruss_ros.core.frame import Frame, FrameState, Members
 from isotruss_ros.core.tube_stiffness import tube_stiffness
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import coo_matrix
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -100,7 +100,7 @@ class Structure:
         held[node, axis] = True
         return held
 
-    def _bisection(self) -> csr_matrix:
+    def _bisection(self) -> coo_matrix:
         """Return A(x) of (4): the rod turns half as much as both arms together."""
         layout, points = self.config.robot.layout, self._points()
         a, b = layout.joint, self._b
@@ -109,17 +109,11 @@ class Structure:
         arm_b, arm_c = 1j / (points[d] - points[b]).conj(), 1j / (points[e] - points[c]).conj()
         nodes = np.stack([a, b, c, d, e])
         gradients = np.stack([2.0 * turn, -arm_b - turn, -arm_c - turn, arm_b, arm_c])
-        rows = np.broadcast_to(np.arange(layout.n_modules), nodes.shape)
-        return csr_matrix(
-            (
-                np.concatenate([gradients.real.ravel(), gradients.imag.ravel()]),
-                (
-                    np.concatenate([rows.ravel()] * 2),
-                    np.concatenate([3 * nodes.ravel(), 3 * nodes.ravel() + 1]),
-                ),
-            ),
-            shape=(layout.n_modules, 3 * len(self.node_names)),
-        )
+        rows = np.tile(np.arange(layout.n_modules), 10)
+        places = np.concatenate([3 * nodes.ravel(), 3 * nodes.ravel() + 1])
+        values = np.concatenate([gradients.real.ravel(), gradients.imag.ravel()])
+        shape = (layout.n_modules, 3 * len(self.node_names))
+        return coo_matrix((values, (rows, places)), shape=shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +153,8 @@ class Deformation:
         :return: (2, 3) at D and at E': along the member, across it [N], moment [N m].
         """
         names = self.structure.config.robot.member_names
-        forces = self.state.end_forces[-len(names) :].reshape(-1, 2, 3)
-        return dict(zip(names, forces, strict=True))
+        _, forces = np.split(self.state.end_forces, [-len(names)])
+        return dict(zip(names, forces.reshape(-1, 2, 3), strict=True))
 
 
 def deform(config: Configuration, joint_loads: Mapping[str, ArrayLike]) -> Deformation:
