@@ -21,7 +21,8 @@ from isotruss_ros.core.manipulation import RollerCommand, solve_twist
 from isotruss_ros.core.motion import HeldObject, Pose, solve_twist_ahead
 from isotruss_ros.core.presets import preset_names
 from isotruss_ros.core.robot import load_robot, Robot
-from isotruss_ros.core.servo import Decision, Refusal, RollerState, Sample, TwistServo
+from isotruss_ros.core.samples import Refusal, RollerState, Sample
+from isotruss_ros.core.servo import Decision, TwistServo
 from isotruss_ros.core.simulation import RollerFaults, SimulatedRobot
 from isotruss_ros.core.status import Status
 from isotruss_ros.core.structure import deform, Deformation

@@ -9,42 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
 
-from isotruss_ros.core.configuration import Configuration
-from isotruss_ros.core.errors import ConfigurationError, GraspError, IsotrussError
+from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.grasp import Grasp
 from isotruss_ros.core.manipulation import RollerCommand, solve_twist
 from isotruss_ros.core.motion import HeldObject
 from isotruss_ros.core.robot import Robot
+from isotruss_ros.core.samples import (
+    Doubt,
+    Input,
+    InputError,
+    require_fresh,
+    RollerState,
+    Sample,
+    ShapeTracker,
+)
 from isotruss_ros.core.status import Status
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-
-
-class Sample(NamedTuple):
-    """A measured or commanded value and the time for which it holds [s]."""
-
-    value: Any
-    time: float
-
-
-class RollerState(NamedTuple):
-    """Measured travel (r,) [m] and speeds (r,) [m/s] of the rollers; zeros where not measured."""
-
-    positions: Array
-    velocities: Array
-
-
-class Refusal(NamedTuple):
-    """What came in place of a value, and why it cannot be used."""
-
-    reason: str
-
-
-Input = Sample | Refusal | None
 
 
 @dataclass(frozen=True)
@@ -74,21 +58,22 @@ class HaltError(IsotrussError):
         self.status = status
 
 
-class Refused(NamedTuple):
-    """The statuses of an input that cannot be relied on."""
-
-    missing: Status
-    stale: Status
-    invalid: Status
-
-
-TWIST = Refused(Status.HALT_NO_TWIST, Status.HALT_NO_TWIST, Status.HALT_INVALID_TWIST)
-JOINT_STATES = Refused(
-    Status.HALT_NO_JOINT_STATES, Status.HALT_STALE_JOINT_STATES, Status.HALT_INVALID_JOINT_STATES
-)
-OBJECT_POSE = Refused(
-    Status.HALT_NO_OBJECT_POSE, Status.HALT_STALE_OBJECT_POSE, Status.HALT_INVALID_OBJECT_POSE
-)
+#: The status for each doubt about an input.
+TWIST = {
+    Doubt.MISSING: Status.HALT_NO_TWIST,
+    Doubt.STALE: Status.HALT_NO_TWIST,
+    Doubt.INVALID: Status.HALT_INVALID_TWIST,
+}
+JOINT_STATES = {
+    Doubt.MISSING: Status.HALT_NO_JOINT_STATES,
+    Doubt.STALE: Status.HALT_STALE_JOINT_STATES,
+    Doubt.INVALID: Status.HALT_INVALID_JOINT_STATES,
+}
+OBJECT_POSE = {
+    Doubt.MISSING: Status.HALT_NO_OBJECT_POSE,
+    Doubt.STALE: Status.HALT_STALE_OBJECT_POSE,
+    Doubt.INVALID: Status.HALT_INVALID_OBJECT_POSE,
+}
 
 
 class TwistServo:
@@ -121,7 +106,7 @@ class TwistServo:
         self.twist: Input = None
         self.rollers: Input = None
         self.center: Input = None
-        self._config = robot.home
+        self._shape = ShapeTracker(robot)
 
     def decide(self, now: float) -> Decision:
         """
@@ -144,23 +129,12 @@ class TwistServo:
             return Decision(command, twist, str(halt))
         return Decision(command, twist, _remark(command))
 
-    def _fresh(self, what: str, given: Input, now: float, refused: Refused) -> Sample:
+    def _fresh(self, what: str, given: Input, now: float, statuses: dict[Doubt, Status]) -> Sample:
         """Return an input that can be relied on."""
-        if given is None:
-            raise HaltError(refused.missing, f'{what}: none received yet')
-        if isinstance(given, Refusal):
-            raise HaltError(refused.invalid, given.reason)
-        age = now - given.time
-        if age > self.timeout:
-            raise HaltError(
-                refused.stale, f'{what}: {age:.3f} s old; must be at most {self.timeout} s'
-            )
-        if age < -self.timeout:
-            raise HaltError(
-                refused.invalid,
-                f'{what}: stamped {-age:.3f} s in the future; synchronise the clocks',
-            )
-        return given
+        try:
+            return require_fresh(what, given, now, self.timeout)
+        except InputError as error:
+            raise HaltError(statuses[error.doubt], str(error)) from error
 
     def _solve(
         self, rollers: RollerState, center: Sequence[float], twist: Array, lead: float
@@ -172,7 +146,7 @@ class TwistServo:
         robot gets meanwhile. A command for the old state would be wrong in first order.
         """
         try:
-            config = self._configuration(rollers.positions)
+            config = self._shape.configuration(rollers.positions)
             grasp = Grasp(self.grip_module, (center[0], center[1]), self.object_diameter)
             if rollers.velocities.any():
                 held = HeldObject.attach(config, grasp)
@@ -183,15 +157,6 @@ class TwistServo:
             raise HaltError(Status.HALT_NO_GRASP, str(error)) from error
         except IsotrussError as error:
             raise HaltError(Status.HALT_KINEMATICS, str(error)) from error
-
-    def _configuration(self, rollers: Array) -> Configuration:
-        """Return the measured configuration; the last one only makes the search short."""
-        if not np.array_equal(rollers, self._config.roller_positions):
-            try:
-                self._config = self._config.moved_to(rollers)
-            except ConfigurationError:
-                self._config = self.robot.configuration(rollers)
-        return self._config
 
 
 def _remark(command: RollerCommand) -> str:
