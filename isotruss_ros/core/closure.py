@@ -23,8 +23,10 @@ Array = NDArray[np.float64]
 CLOSURE_TOLERANCE = 1e-6
 #: Facets whose normal is this short, against 1, are degenerate: their segments are parallel.
 FACET_TOLERANCE = 1e-9
-#: Weight of small friction forces against a small residual.
-REGULARIZATION = 1e-9
+#: Weight of small friction forces against a small residual; in the end it must not show, so that
+#: where friction suffices the balance is refined until it holds, at most so often.
+REGULARIZATION = 1e-10
+MAX_REFINEMENTS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,31 +67,40 @@ def close(tangents: Array, normal_forces: Array, load: Array, friction: float) -
         1e-3, float(np.abs(load).max()), float(normal_forces.sum())
     )
     required, margin = _extremes(segments, -load, friction, tolerance)
+    shares, residual = _balance(segments, load, friction, np.zeros(len(segments)))
+    for _ in range(MAX_REFINEMENTS):
+        if residual <= 0.1 * tolerance or required > friction:
+            break
+        shares, residual = _balance(segments, load, friction, shares)
     forces = np.zeros(len(normal_forces))
-    shares = _balance(segments, load, friction)
     forces[touching] = shares * normal_forces[touching]
-    residual = float(np.linalg.norm(segments.T @ shares + load))
     return Closure(residual <= tolerance, residual, tolerance, forces, required, margin)
 
 
-def _balance(segments: Array, load: Array, friction: float) -> Array:
-    """Return the shares (k,) in [-mu, mu] of the segments that balance the load best."""
+def _balance(segments: Array, load: Array, friction: float, shares: Array) -> tuple[Array, float]:
+    """
+    Return the shares (k,) in [-mu, mu] of the segments that balance the load best.
+
+    :param shares: near which they are to be, where there is a choice.
+    :return: also what is left of the load.
+    """
     k = len(segments)
     if k == 0 or friction == 0.0:
-        return np.zeros(k)
+        return np.zeros(k), float(np.linalg.norm(load))
     size = np.linalg.norm(segments, axis=1).max()
     scaled = segments / size
     bound = np.full(k, friction)
     for solver in installed_solvers():
-        shares = qpsolvers.solve_qp(
+        found = qpsolvers.solve_qp(
             scaled @ scaled.T + REGULARIZATION * np.eye(k),
-            scaled @ load / size,
+            scaled @ load / size - REGULARIZATION * shares,
             lb=-bound,
             ub=bound,
             solver=solver,
         )
-        if shares is not None:
-            return np.clip(shares, -bound, bound)
+        if found is not None:
+            found = np.clip(found, -bound, bound)
+            return found, float(np.linalg.norm(segments.T @ found + load))
     raise SolverError('the friction problem was not solved by any of the installed solvers')
 
 
@@ -101,23 +112,43 @@ def _extremes(
 
     :param segments: (k, 3), of friction at coefficient 1.
     """
-    if np.linalg.norm(wanted) <= tolerance and len(segments) == 0:
-        return 0.0, 0.0
-    first, second = np.triu_indices(len(segments), 1)
-    normals = np.cross(segments[first], segments[second])
-    sizes = np.linalg.norm(normals, axis=1)
-    reach = np.linalg.norm(segments, axis=1)
-    good = sizes > FACET_TOLERANCE * reach[first] * reach[second]
-    if not good.any():
-        return (0.0 if np.linalg.norm(wanted) <= tolerance else np.inf), 0.0
-    normals = normals[good] / sizes[good, None]
-    support = np.abs(normals @ segments.T).sum(axis=1)
+    normals, support = _facets(segments)
     need = np.abs(normals @ wanted)
     # A flat zonotope, as of two contacts, reaches nothing across its plane.
-    flat = support <= FACET_TOLERANCE * reach.sum()
+    flat = support == 0.0
     if (need[flat] > tolerance).any():
         return np.inf, -float(need[flat].max())
-    full = ~flat
-    required = float((need[full] / support[full]).max(initial=0.0))
-    margin = 0.0 if flat.any() else float((friction * support - need).min())
-    return required, margin
+    need, support = need[~flat], support[~flat]
+    required = float((need / support).max(initial=0.0))
+    margin = float((friction * support - need).min(initial=np.inf))
+    return required, min(margin, 0.0) if flat.any() else margin
+
+
+def _facets(segments: Array) -> tuple[Array, Array]:
+    """
+    Return unit normals of the facets of a zonotope, and its extent along them from the centre.
+
+    :param segments: (k, 3), on the cone x^2 + y^2 = z^2, z > 0.
+    :return: (f, 3) and (f,); the extent is 0 across a zonotope that is flat.
+    """
+    k = len(segments)
+    # The plane through two lines of the cone parts those between them from the others, around the
+    # cone: sums over ranges take the place of sums over all, so that hundreds of contacts are few.
+    segments = segments[np.argsort(np.arctan2(segments[:, 1], segments[:, 0]))]
+    first, second = np.triu_indices(k, 1)
+    normals = np.cross(segments[first], segments[second])
+    sizes = np.linalg.norm(normals, axis=1)
+    reach = segments[:, 2]
+    good = sizes > FACET_TOLERANCE * reach[first] * reach[second]
+    normals, first, second = normals[good] / sizes[good, None], first[good], second[good]
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(segments, axis=0)])
+    between = sums[second] - sums[first + 1]
+    outside = sums[k] - sums[second + 1] + sums[first]
+    support = np.abs(np.einsum('fi,fi->f', normals, between - outside))
+    if (support > FACET_TOLERANCE * reach.sum()).any():
+        return normals, support
+    rank = min(k, 1 + good.any())
+    axes = np.linalg.svd(segments)[2]
+    within = np.cross(segments, axes[2]) / reach[:, None] if rank == 2 else axes[:rank]
+    extent = np.abs(within @ segments.T).sum(axis=1)
+    return np.concatenate([axes[rank:], within]), np.append(np.zeros(3 - rank), extent)
