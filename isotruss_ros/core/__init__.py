@@ -16,6 +16,8 @@ from isotruss_ros.core.errors import (
 )
 from isotruss_ros.core.grasp import Grasp, snug_center
 from isotruss_ros.core.grasp_analysis import analyze_grasp, Cylinder, GraspAnalysis
+from isotruss_ros.core.grasp_monitor import GraspMonitor
+from isotruss_ros.core.grasp_report import AnalyzedGrasp, GraspCode, GraspReport, Question
 from isotruss_ros.core.limits import Limit, MemberLengthLimit, RollerSpeedLimit
 from isotruss_ros.core.manipulation import RollerCommand, solve_twist
 from isotruss_ros.core.motion import HeldObject, Pose, solve_twist_ahead
@@ -29,6 +31,7 @@ from isotruss_ros.core.structure import deform, Deformation
 from isotruss_ros.core.task import task_jacobian
 
 __all__ = [
+    'AnalyzedGrasp',
     'Configuration',
     'ConfigurationError',
     'Cylinder',
@@ -36,12 +39,16 @@ __all__ = [
     'Deformation',
     'Grasp',
     'GraspAnalysis',
+    'GraspCode',
     'GraspError',
+    'GraspMonitor',
+    'GraspReport',
     'HeldObject',
     'IsotrussError',
     'Limit',
     'MemberLengthLimit',
     'Pose',
+    'Question',
     'Refusal',
     'Robot',
     'RobotFileError',

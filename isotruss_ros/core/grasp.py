@@ -159,15 +159,19 @@ def grasp_rows(config: Configuration, grasp: Grasp) -> GraspRows:
     return GraspRows(rows.view(np.float64), rolling)
 
 
-def snug_center(config: Configuration, module: str, diameter: float) -> tuple[float, float]:
+def snug_center(
+    config: Configuration, module: str, diameter: float, squeeze: float = 0.0
+) -> tuple[float, float]:
     """
     Return the centre at which an object just touches the tubes of both sides at a module.
 
     :param diameter: the object's own diameter [m].
+    :param squeeze: how much nearer to the corner of the two sides than that [m].
     :return: (x, y) in the robot frame [m].
-    :raises GraspError: no such module, diameter not positive, or the object would have to be
-        behind the module or beyond the end of a side.
+    :raises GraspError: no such module, diameter not positive, squeeze not finite, or the object
+        would have to be behind the module or beyond the end of a side.
     """
+    (depth,) = finite_array([squeeze], 1, 'squeeze [m]', GraspError)
     sides = sides_at(config, module)
     ahead, back, side = sides.ahead, sides.back, sides.side
     b, c = config.points[sides.nodes[0]], config.points[sides.nodes[2]]
@@ -177,7 +181,7 @@ def snug_center(config: Configuration, module: str, diameter: float) -> tuple[fl
     # Distance from both lines is `reach`: Re(conj(normal) (center - foot)) = reach.
     right = (normals.conj() * np.array([b, c])).real + reach
     x, y = np.linalg.solve(normals.view(np.float64).reshape(2, 2), right)
-    center = complex(x, y)
+    center = complex(x, y) - depth * complex(normals.sum() / abs(normals.sum()))
     along = np.array(
         [
             (ahead.conjugate() * (center - b)).real / abs(ahead) ** 2,
@@ -190,4 +194,4 @@ def snug_center(config: Configuration, module: str, diameter: float) -> tuple[fl
             f'{module}: it would touch them at {along.round(3).tolist()} of their lengths; '
             'take another diameter, module or configuration'
         )
-    return float(x), float(y)
+    return center.real, center.imag
