@@ -129,6 +129,11 @@ class Frame:
         number = self._unknowns
         free = int(number.max(initial=-1)) + 1
         values, rows, columns = self._entries
+        on_diagonal = rows == columns
+        diagonal = np.bincount(rows[on_diagonal], values[on_diagonal], minlength=len(number))
+        # Both directions of a node alike: what rounding leaves across a bar is no stiffness.
+        diagonal[0::3] = diagonal[1::3] = np.maximum(diagonal[0::3], diagonal[1::3])
+        diagonal = diagonal[number >= 0]
         rows, columns = number[rows], number[columns]
         there = (rows >= 0) & (columns >= 0)
         values, rows, columns = values[there], rows[there], columns[there]
@@ -138,8 +143,6 @@ class Frame:
         multiplier = free + self._rows.row[bound_there]
         size = free + self._rows.shape[0]
         # Displacements and rotations, soft tubes and hard modules: scaled, all have stiffness 1.
-        on_diagonal = rows == columns
-        diagonal = np.bincount(rows[on_diagonal], values[on_diagonal], minlength=free)
         scale = np.ones(size)
         scale[:free] = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, diagonal.max(initial=1.0)))
         norms = np.bincount(multiplier, (weight * scale[bound]) ** 2, minlength=size)[free:]
