@@ -184,7 +184,7 @@ def test_pins_of_one_member_leave_the_others_and_the_argument_alone(rng):
     np.testing.assert_array_equal(matrices, before)
     np.testing.assert_array_equal(pinned[~start & ~end], before[~start & ~end])
     for i in range(8):
-        alone = with_pins(before[i : i + 1], start[i : i + 1], end[i : i + 1])
+        alone = with_pins(before[[i]], start[[i]], end[[i]])
         np.testing.assert_array_equal(pinned[i], alone[0])
 
 
