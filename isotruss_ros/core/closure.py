@@ -149,6 +149,7 @@ def _facets(segments: Array) -> tuple[Array, Array]:
         return normals, support
     rank = min(k, 1 + good.any())
     axes = np.linalg.svd(segments)[2]
-    within = np.cross(segments, axes[2]) / reach[:, None] if rank == 2 else axes[:rank]
+    within = np.cross(segments, axes[2]) if rank == 2 else axes[:rank]
+    within = within / np.linalg.norm(within, axis=1)[:, None]
     extent = np.abs(within @ segments.T).sum(axis=1)
     return np.concatenate([axes[rank:], within]), np.append(np.zeros(3 - rank), extent)
