@@ -208,7 +208,7 @@ def test_law_that_leaves_the_range_of_numbers_is_refused(exponent):
 
 MODELS = [
     InflatableBeam(RADIUS),
-    Section(**SECTION),
+    Section(**SECTION, radius=0.051, pressure=34500.0),
     PowerLaw(Law(8.0, 0.6, 0.0), Law(0.5, 0.6, -1.0), Law(0.3, 0.6, 0.5)),
 ]
 

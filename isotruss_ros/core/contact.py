@@ -25,7 +25,7 @@ Points = NDArray[np.complex128]
 #: Gaps and complementarity hold to this [m]; forces to this over the stiffest point's compliance.
 GAP_TOLERANCE = 1e-9
 MAX_NORMAL_UPDATES = 30
-MAX_ACTIVE_SETS = 200
+MAX_ACTIVE_SETS = 50
 #: Block exchanges before single ones, which are slow but end (Judice and Pires, 1994).
 MAX_BLOCK_EXCHANGES = 10
 

@@ -10,7 +10,9 @@ from isotruss_ros.core.closure import close
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.contact import Candidates, ContactState, find_candidates, solve_contact
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.gas import raised_pressure
 from isotruss_ros.core.relaxation import relax_contact
+from isotruss_ros.core.structure import Structure
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -61,6 +63,7 @@ class GraspAnalysis:
     :ivar closure_margin: largest extra wrench of any direction that friction still balances,
         moments over d/2 [N]; negative where the grasp is open.
     :ivar contact_lengths: length of tube in contact by member, of those in contact [m].
+    :ivar pressures: gauge pressure by tube, raised by the object where `gas` is asked for [Pa].
     :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
         with all its contact points takes [N/m, N, N m].
     """
@@ -77,6 +80,7 @@ class GraspAnalysis:
     required_friction: float
     closure_margin: float
     contact_lengths: dict[str, float]
+    pressures: dict[str, float]
     stiffness: Array
 
 
@@ -87,6 +91,7 @@ def analyze_grasp(
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
     method: Literal['exact', 'relaxation'] = 'exact',
     spacing: float = 0.005,
+    gas: bool = False,
 ) -> GraspAnalysis:
     """
     Analyse a grasp: contact (5) to (9), force closure (10), grasp stiffness.
@@ -97,6 +102,7 @@ def analyze_grasp(
     :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
     :param method: 'exact' (complementarity by pivoting) or 'relaxation' (the paper's (9)).
     :param spacing: of the candidate points along the tubes [m].
+    :param gas: whether the object raises the pressure of the tubes that it indents.
     :raises GraspError: an argument is not usable.
     :raises StructureError: the robot is a mechanism, or its stiffness laws are contradictory.
     :raises SolverError: the contact problem was not solved.
@@ -113,6 +119,11 @@ def analyze_grasp(
     center, arm = complex(*cylinder.center), 0.5 * cylinder.diameter
     radius = arm + 0.5 * config.robot.description.tube_diameter
     candidates = find_candidates(config.structure, center, radius, gap)
+    pressure = np.full(len(config.robot.layout.tube_names), config.robot.description.pressure)
+    if gas:
+        pressure = raised_pressure(config, candidates, center, radius)
+        structure = Structure(config, pressure[config.robot.layout.tube])
+        candidates = find_candidates(structure, center, radius, gap)
     contact = solvers[method](candidates, center, radius)
     normals = contact.normals.view(np.float64).reshape(-1, 2)
     pressed = -contact.forces @ normals
@@ -133,6 +144,7 @@ def analyze_grasp(
         required_friction=closure.required_friction,
         closure_margin=closure.margin,
         contact_lengths=_contact_lengths(config, candidates, contact),
+        pressures=dict(zip(config.robot.layout.tube_names, pressure.tolist(), strict=True)),
         stiffness=_stiffness(candidates, contact, center),
     )
 

@@ -32,11 +32,13 @@ class Structure:
     the arms BD and CE, the tube pieces BD and CE, and the long tube pieces DE'; m of each.
 
     :param config: where the robot is.
+    :param pressure: (m,) of the tube in each member, gauge [Pa]; that of the robot file if None.
     :raises StructureError: the tube's stiffness laws contradict each other at a member's length.
     """
 
-    def __init__(self, config: Configuration) -> None:
+    def __init__(self, config: Configuration, pressure: Array | None = None) -> None:
         self.config = config
+        self._pressure = config.robot.description.pressure if pressure is None else pressure
         layout = config.robot.layout
         m, joints = layout.n_modules, len(layout.joint_names)
         self._b = joints + 4 * np.arange(m)
@@ -77,7 +79,7 @@ class Structure:
         a, b = layout.joint, self._b
         c, d, e = b + 1, b + 2, b + 3
         # The laws hold for whole members, pinch to pinch; pieces inherit the member's rigidities.
-        tube = tube_stiffness(file).rigidities(self.config.member_lengths, file.pressure)
+        tube = tube_stiffness(file).rigidities(self.config.member_lengths, self._pressure)
         before = layout.previous
         free, fixed = np.ones(m, dtype=bool), np.zeros(m, dtype=bool)
         rigid = [np.full(m, file.module.axial_rigidity)] * 5

@@ -41,19 +41,30 @@ class TubeStiffness(Protocol):
 
 @dataclass(frozen=True)
 class Section:
-    """EA [N], EI [N m^2] and GA [N] as given, for any length and pressure."""
+    """
+    EA [N], EI [N m^2] and GA [N] as given, for any length, at the pressure of the robot file.
+
+    At another pressure EI and GA differ by what its pull P = p pi R^2 adds to them in the theory
+    of `InflatableBeam`: P R^2 / 2 and P.
+
+    :param radius: R [m].
+    :param pressure: at which the three numbers hold, gauge [Pa].
+    """
 
     axial_rigidity: float
     flexural_rigidity: float
     shear_rigidity: float
+    radius: float
+    pressure: float
 
     def rigidities(self, length: ArrayLike, pressure: ArrayLike) -> Rigidities:
         """Return the three numbers for each length (k,)."""
-        length, _ = members(length, pressure)
+        length, pressure = members(length, pressure)
+        pull = (pressure - self.pressure) * np.pi * self.radius**2
         return Rigidities(
             np.full_like(length, self.axial_rigidity),
-            np.full_like(length, self.flexural_rigidity),
-            np.full_like(length, self.shear_rigidity),
+            self.flexural_rigidity + 0.5 * pull * self.radius**2,
+            self.shear_rigidity + pull,
         )
 
 
@@ -108,12 +119,12 @@ class InflatableBeam:
 def tube_stiffness(description: RobotDescription) -> TubeStiffness:
     """Return the model that a robot file asks for."""
     block = dict(description.stiffness)
-    model = block.pop('model')
+    model, radius = block.pop('model'), 0.5 * description.tube_diameter
     if model == 'power_law':
         return PowerLaw(**{mode: Law(**_numbers(law)) for mode, law in block.items()})
     if model == 'section':
-        return Section(**_numbers(block))
-    return InflatableBeam(description.tube_diameter / 2.0, **_numbers(block))
+        return Section(**_numbers(block), radius=radius, pressure=description.pressure)
+    return InflatableBeam(radius, **_numbers(block))
 
 
 def _numbers(block: dict[str, float]) -> dict[str, float]:
