@@ -22,6 +22,7 @@ from isotruss_ros.core.limits import Limit, MemberLengthLimit, RollerSpeedLimit
 from isotruss_ros.core.manipulation import RollerCommand, solve_twist
 from isotruss_ros.core.motion import HeldObject, Pose, solve_twist_ahead
 from isotruss_ros.core.presets import preset_names
+from isotruss_ros.core.resting import find_resting_pose, RestingPose
 from isotruss_ros.core.robot import load_robot, Robot
 from isotruss_ros.core.samples import Refusal, RollerState, Sample
 from isotruss_ros.core.servo import Decision, TwistServo
@@ -50,6 +51,7 @@ __all__ = [
     'Pose',
     'Question',
     'Refusal',
+    'RestingPose',
     'Robot',
     'RobotFileError',
     'RollerCommand',
@@ -64,6 +66,7 @@ __all__ = [
     'TwistServo',
     'analyze_grasp',
     'deform',
+    'find_resting_pose',
     'load_robot',
     'preset_names',
     'snug_center',
