@@ -24,6 +24,8 @@ Points = NDArray[np.complex128]
 
 #: Gaps and complementarity hold to this [m]; forces to this over the stiffest point's compliance.
 GAP_TOLERANCE = 1e-9
+#: Points closer than this are one, as a share of the spacing.
+SAME = 1e-6
 MAX_NORMAL_UPDATES = 30
 MAX_ACTIVE_SETS = 50
 #: Block exchanges before single ones, which are slow but end (Judice and Pires, 1994).
@@ -138,11 +140,15 @@ def find_candidates(
     low, high = np.maximum(0.0, foot - chord), np.minimum(length, foot + chord)
     near = np.flatnonzero((high > low) & (np.abs(aside) < reach))
     # Counted from the foot of the centre, where contact begins: what is symmetric stays so.
-    first = np.ceil((low - foot)[near] / spacing).astype(int)
-    counts = np.floor((high - foot)[near] / spacing).astype(int) - first + 1
+    # A guide ring, where two pieces meet, is a point of the long one alone: twice the same point
+    # would leave it open which of them takes the force.
+    long = pieces[near] >= 7 * m
+    first = np.ceil((low - foot)[near] / spacing - SAME * long).astype(int)
+    last = np.floor((high - foot)[near] / spacing + np.where(long, SAME, -SAME)).astype(int)
+    counts = last - first + 1
     member = np.repeat(np.arange(len(near)), counts)
     number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts - first, counts)
-    place = foot[near][member] + spacing * number
+    place = np.clip(foot[near][member] + spacing * number, 0.0, length[near][member])
     used = pieces[near]
     inside = InteriorPoints(
         member,
@@ -187,7 +193,7 @@ def solve_contact(
     """
     away = candidates.points - center
     normals = unit(away)
-    active = np.zeros(len(away), dtype=bool) if start is None else start > 0.0
+    active = _deepest(candidates.member, np.abs(away)) if start is None else start > 0.0
     for _ in range(MAX_ACTIVE_SETS):
         gaps = (away * normals.conj()).real - radius
         forces, active = solve_complementarity(candidates.normal_compliance(normals), gaps, active)
@@ -205,6 +211,15 @@ def solve_contact(
         f'the contact did not settle in {MAX_ACTIVE_SETS} steps; '
         'the object is pressed in too deeply'
     )
+
+
+def _deepest(member: Indices, distance: Array) -> Flags:
+    """Return where each member is nearest to the object: contact is there, if anywhere."""
+    order = np.lexsort((distance, member))
+    _, first = np.unique(member[order], return_index=True)
+    nearest = np.zeros(len(member), dtype=bool)
+    nearest[order[first]] = True
+    return nearest
 
 
 def _settle_normals(touching: Candidates, center: complex, radius: float) -> Points | None:

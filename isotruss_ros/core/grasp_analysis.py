@@ -92,6 +92,7 @@ def analyze_grasp(
     method: Literal['exact', 'relaxation'] = 'exact',
     spacing: float = 0.005,
     gas: bool = False,
+    previous: GraspAnalysis | None = None,
 ) -> GraspAnalysis:
     """
     Analyse a grasp: contact (5) to (9), force closure (10), grasp stiffness.
@@ -102,6 +103,7 @@ def analyze_grasp(
     :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
     :param method: 'exact' (complementarity by pivoting) or 'relaxation' (the paper's (9)).
     :param spacing: of the candidate points along the tubes [m].
+    :param previous: analysis of a similar grasp, where the exact method begins; changes no result.
     :param gas: whether the object raises the pressure of the tubes that it indents.
     :raises GraspError: an argument is not usable.
     :raises StructureError: the robot is a mechanism, or its stiffness laws are contradictory.
@@ -124,7 +126,10 @@ def analyze_grasp(
         pressure = raised_pressure(config, candidates, center, radius)
         structure = Structure(config, pressure[config.robot.layout.tube])
         candidates = find_candidates(structure, center, radius, gap)
-    contact = solvers[method](candidates, center, radius)
+    start = None
+    if previous is not None and len(previous.normal_forces) == len(candidates.points):
+        start = previous.normal_forces
+    contact = solvers[method](candidates, center, radius, start)
     normals = contact.normals.view(np.float64).reshape(-1, 2)
     pressed = -contact.forces @ normals
     tangents = (1j * contact.normals).view(np.float64).reshape(-1, 2)

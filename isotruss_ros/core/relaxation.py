@@ -29,7 +29,9 @@ STEPS_BETWEEN_LOOKS = 200
 TOLERANCE = 1e-2 * GAP_TOLERANCE
 
 
-def relax_contact(candidates: Candidates, center: complex, radius: float) -> ContactState:
+def relax_contact(
+    candidates: Candidates, center: complex, radius: float, start: Array | None = None
+) -> ContactState:
     """
     Solve (8) by (9): forces grow where the gap is negative and fade where it is positive.
 
@@ -39,10 +41,11 @@ def relax_contact(candidates: Candidates, center: complex, radius: float) -> Con
     :param candidates: points that the object could touch.
     :param center: of the object [m].
     :param radius: of the disc that centre lines meet [m].
+    :param start: (c,) forces to begin with; none if None.
     :raises SolverError: no rest within two million steps.
     """
     away = candidates.points - center
-    moved, forces = away, np.zeros(len(away))
+    moved, forces = away, np.zeros(len(away)) if start is None else start
     for _ in range(MAX_STEPS // STEPS_BETWEEN_LOOKS):
         normals = unit(moved)
         gaps = (away * normals.conj()).real - radius
