@@ -41,6 +41,7 @@ setup(
         'console_scripts': [
             'simulator = isotruss_ros.nodes.simulator:main',
             'manipulation = isotruss_ros.nodes.manipulation:main',
+            'grasp_analysis = isotruss_ros.nodes.grasp_analysis:main',
             'teleop = isotruss_ros.nodes.teleop:main',
             'demo = isotruss_ros.demo.__main__:main',
             'fit_tube_stiffness = isotruss_ros.fit.__main__:main',

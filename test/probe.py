@@ -7,9 +7,10 @@ import contextlib
 import math
 import time
 
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
-from isotruss_msgs.msg import ManipulationStatus
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, WrenchStamped
+from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, Pose, snug_center
+from isotruss_ros.nodes.grasp_messages import wrench_message
 from isotruss_ros.nodes.messages import pose_message, stamp, twist_message
 from isotruss_ros.nodes.runner import StoppableNode
 import numpy as np
@@ -19,7 +20,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Bool, Float64MultiArray
 
 #: Far more than anything needs here; a busy machine must not fail a test.
 DEADLINE = 20.0
@@ -47,16 +48,23 @@ class Probe(Node):
         self.commands = self.create_publisher(
             Float64MultiArray, 'roller_velocity_controller/commands', 1
         )
-        self.seen: dict[str, list] = {'command': [], 'status': [], 'joints': [], 'pose': []}
+        self.wrenches = self.create_publisher(WrenchStamped, 'external_wrench', 1)
+        self.seen: dict[str, list] = {}
         for kind, key, topic in (
             (Float64MultiArray, 'command', 'roller_velocity_controller/commands'),
             (ManipulationStatus, 'status', 'manipulation/status'),
             (JointState, 'joints', 'joint_states'),
             (PoseStamped, 'pose', 'object_pose'),
+            (GraspState, 'state', 'grasp/state'),
+            (Bool, 'closure', 'grasp/force_closure'),
+            (WrenchStamped, 'wrench', 'grasp/wrench'),
         ):
-            self.create_subscription(
-                kind, topic, lambda message, key=key: self._take(key, message), 100
-            )
+            self.listen(kind, key, topic)
+
+    def listen(self, kind: type, key: str, topic: str) -> None:
+        """Keep the messages of a topic in `seen`."""
+        self.seen[key] = []
+        self.create_subscription(kind, topic, lambda message: self._take(key, message), 100)
 
     def _take(self, key: str, message: object) -> None:
         self.seen[key].append((time.monotonic(), message))
@@ -88,6 +96,14 @@ class Probe(Node):
         message = PoseStamped(pose=pose_message(Pose(center[0], center[1], 0.3)))
         stamp(message.header, self.past(age), frame)
         self.object_poses.publish(message)
+
+    def send_wrench(
+        self, wrench: tuple[float, float, float], age: float = 0.0, frame: str = 'truss'
+    ) -> None:
+        """Publish an external wrench on the object."""
+        message = WrenchStamped(wrench=wrench_message(wrench))
+        stamp(message.header, self.past(age), frame)
+        self.wrenches.publish(message)
 
     def send_all(self) -> None:
         """Publish good inputs of the manipulation node."""
@@ -130,15 +146,21 @@ class World:
                 due = time.monotonic() + period
             self.executor.spin_once(timeout_sec=min(period, 0.005))
 
-    def until_code(self, code: int, each: Callable[[], None]) -> ManipulationStatus:
-        """Spin until the manipulation node reports a code, with its command; return the report."""
-        self.until(lambda: self.code() == code, each)
-        return self.probe.last('status')
+    def until_code(
+        self, code: int, each: Callable[[], None], key: str = 'status'
+    ) -> ManipulationStatus | GraspState:
+        """
+        Spin until a node reports a code; return the report.
 
-    def code(self) -> int | None:
-        """Return the last code of the manipulation node."""
-        status = self.probe.last('status')
-        return None if status is None else status.code
+        :param key: `status` of the manipulation node or `state` of the grasp.
+        """
+        self.until(lambda: self.code(key) == code, each)
+        return self.probe.last(key)
+
+    def code(self, key: str = 'status') -> int | None:
+        """Return the last code of a node."""
+        report = self.probe.last(key)
+        return None if report is None else report.code
 
     def command(self) -> np.ndarray:
         """Return the last roller command."""

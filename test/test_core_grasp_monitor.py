@@ -166,9 +166,11 @@ def test_parameters_count():
 
 
 def test_an_object_that_touches_nothing_is_an_answer_that_says_so():
-    report = monitor(center=Sample((5.0, 5.0), NOW)).report(NOW)
+    report = monitor(center=Sample((5.0, 5.0), NOW), wrench=None).report(NOW)
     assert report.code is GraspCode.OK
     assert 'nothing' in report.message
+    # In balance, but not held.
+    assert report.grasp.analysis.closure_residual == 0.0
     assert not report.force_closure
 
 

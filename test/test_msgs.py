@@ -1,6 +1,9 @@
 """The messages of msg_defs are generated, complete and able to travel."""
 
-from isotruss_msgs.msg import ManipulationStatus
+import math
+
+from isotruss_msgs.msg import Contact, GraspState, ManipulationStatus
+from isotruss_msgs.srv import AnalyzeGrasp
 from rclpy.serialization import deserialize_message, serialize_message
 
 # Users write these numbers into scripts and bags keep them: they must not change.
@@ -22,9 +25,26 @@ CODES = {
     'HALT_KINEMATICS': 39,
 }
 
+GRASP_CODES = {
+    'OK': 0,
+    'NO_JOINT_STATES': 10,
+    'STALE_JOINT_STATES': 11,
+    'INVALID_JOINT_STATES': 12,
+    'NO_OBJECT_POSE': 20,
+    'STALE_OBJECT_POSE': 21,
+    'INVALID_OBJECT_POSE': 22,
+    'STALE_EXTERNAL_WRENCH': 31,
+    'INVALID_EXTERNAL_WRENCH': 32,
+    'NO_CONFIGURATION': 40,
+    'MECHANISM': 41,
+    'NOT_SOLVED': 42,
+    'INVALID_REQUEST': 50,
+}
+
 
 def test_codes_keep_their_numbers():
     assert {name: getattr(ManipulationStatus, name) for name in CODES} == CODES
+    assert {name: getattr(GraspState, name) for name in GRASP_CODES} == GRASP_CODES
 
 
 def test_fields_are_those_that_clients_read():
@@ -37,6 +57,48 @@ def test_fields_are_those_that_clients_read():
         'scale': 'double',
         'cycle_time': 'double',
     }
+    assert GraspState.get_fields_and_field_types() == {
+        'header': 'std_msgs/Header',
+        'code': 'uint8',
+        'message': 'string',
+        'force_closure': 'boolean',
+        'closure_residual': 'double',
+        'closure_tolerance': 'double',
+        'required_friction': 'double',
+        'closure_margin': 'double',
+        'normal_wrench': 'geometry_msgs/Wrench',
+        'contacts': 'sequence<isotruss_msgs/Contact>',
+        'contact_members': 'sequence<string>',
+        'contact_lengths': 'sequence<double>',
+        'stiffness': 'double[9]',
+        'computing_time': 'double',
+    }
+    assert Contact.get_fields_and_field_types() == {
+        'position': 'geometry_msgs/Point',
+        'normal': 'geometry_msgs/Vector3',
+        'normal_force': 'double',
+        'friction_force': 'double',
+        'gap': 'double',
+    }
+    assert AnalyzeGrasp.Request.get_fields_and_field_types() == {
+        'center': 'geometry_msgs/Point',
+        'diameter': 'double',
+        'friction': 'double',
+        'external_wrench': 'geometry_msgs/Wrench',
+        'roller_positions': 'sequence<double>',
+    }
+    assert AnalyzeGrasp.Response.get_fields_and_field_types() == {
+        'success': 'boolean',
+        'message': 'string',
+        'state': 'isotruss_msgs/GraspState',
+    }
+
+
+def test_grasps_survive_serialization():
+    state = GraspState(contacts=[Contact(normal_force=2.0)], required_friction=math.inf)
+    state.stiffness[8] = 3.0
+    state.contact_members, state.contact_lengths = ['north/Z-R'], [0.005]
+    assert deserialize_message(serialize_message(state), GraspState) == state
 
 
 def test_status_survives_serialization():

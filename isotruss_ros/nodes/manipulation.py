@@ -11,7 +11,7 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Decision, load_robot, Refusal, Sample, Status, TwistServo
 from isotruss_ros.nodes import parameters as params
 from isotruss_ros.nodes.messages import (
-    check_twist_frame,
+    check_frame,
     command_message,
     MessageError,
     object_center,
@@ -108,7 +108,7 @@ class Manipulation(StoppableNode):
 
     def _take_stamped_twist(self, message: TwistStamped) -> None:
         try:
-            check_twist_frame(message, self._robot.frame)
+            check_frame('twist', message.header, self._robot.frame)
             self._servo.twist = Sample(planar_twist(message.twist), seconds(message.header))
         except MessageError as error:
             self._servo.twist = Refusal(str(error))

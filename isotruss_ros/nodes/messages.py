@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import math
 
 from geometry_msgs.msg import Pose as PoseMessage
-from geometry_msgs.msg import PoseStamped, Quaternion, Twist, TwistStamped
+from geometry_msgs.msg import PoseStamped, Quaternion, Twist
 from isotruss_ros.core import IsotrussError, Pose, RollerState
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,11 @@ class MessageError(IsotrussError, ValueError):
 def seconds(header: Header) -> float:
     """Return the stamp of a header [s]."""
     return header.stamp.sec + 1e-9 * header.stamp.nanosec
+
+
+def time_at(when: float) -> Time:
+    """Return the time of some seconds [s]."""
+    return Time(nanoseconds=round(1e9 * when))
 
 
 def stamp(header: Header, time: Time, frame: str = '') -> Header:
@@ -57,15 +62,16 @@ def planar_twist(twist: Twist) -> tuple[float, float, float]:
     return planar
 
 
-def check_twist_frame(message: TwistStamped, frame: str) -> None:
+def check_frame(what: str, header: Header, frame: str) -> None:
     """
-    Refuse a twist in another frame; an empty one means the robot's, as in a plain Twist.
+    Refuse another frame; an empty one means the robot's, as in a message without header.
 
+    :param what: the message, for the reason.
     :raises MessageError: names both frames.
     """
-    if message.header.frame_id not in ('', frame):
+    if header.frame_id not in ('', frame):
         raise MessageError(
-            f'twist in frame {message.header.frame_id!r}: must be in {frame!r} (or leave it empty)'
+            f'{what} in frame {header.frame_id!r}: must be in {frame!r} (or leave it empty)'
         )
 
 

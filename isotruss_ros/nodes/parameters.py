@@ -50,10 +50,13 @@ OBJECT_DIAMETER = Spec(
     'object_diameter', 0.3, "The object's own diameter [m]", bounds=(0.001, 100.0)
 )
 GRIP_MODULE = Spec('grip_module', 'north/Z', 'Module t/j whose two sides hold the object')
+FRICTION = Spec(
+    'friction', 0.5, 'Coefficient of friction between tube and object', bounds=(0.0, 10.0)
+)
 # Not below the rate of MemberLengthLimit, which keeps members in their limits in quicker loops.
 RATE = Spec('rate', 200.0, 'Cycles per second [Hz]', bounds=(10.0, 2000.0))
 COMMAND_TIMEOUT = Spec(
-    'command_timeout', 0.2, 'Inputs older than this stop the rollers [s]', bounds=(0.001, 10.0)
+    'command_timeout', 0.2, 'Inputs older than this are not relied on [s]', bounds=(0.001, 10.0)
 )
 USE_STAMPED_TWIST = Spec(
     'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist', read_only=True

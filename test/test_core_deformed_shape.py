@@ -1,0 +1,59 @@
+"""The lines that are drawn are those of the analysis."""
+
+from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, snug_center
+from isotruss_ros.core.deformed_shape import deformed_lines, member_lines
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+DIAMETER = 0.3
+
+
+def grasp(config, squeeze, module='north/Z'):
+    """Analyse an object that is pressed into the corner of a module."""
+    return analyze_grasp(
+        config, Cylinder(snug_center(config, module, DIAMETER, squeeze), DIAMETER)
+    )
+
+
+def distance(points, lines):
+    """Return the distance (k,) of each point from the nearest piece of any line."""
+    start, step = lines[:, :-1].ravel(), np.diff(lines).ravel()
+    start, step = start[step != 0.0], step[step != 0.0]
+    part = ((points[:, None] - start) * step.conj()).real / np.abs(step) ** 2
+    return np.abs(points[:, None] - start - np.clip(part, 0.0, 1.0) * step).min(axis=1)
+
+
+@pytest.fixture(params=[0.0, 0.1], ids=['home', 'elsewhere'])
+def config(request):
+    """Return a configuration."""
+    return ROBOT.configuration(request.param * np.linspace(-1.0, 1.0, len(ROBOT.roller_names)))
+
+
+def test_member_lines_run_from_pinch_point_to_pinch_point(config):
+    lines = member_lines(config)
+    assert np.abs(np.diff(lines)[:, 0]) == pytest.approx(config.member_lengths)
+
+
+def test_nothing_moves_where_nothing_touches(config):
+    analysis = grasp(config, -0.01)
+    lines, straight = deformed_lines(config, analysis), member_lines(config)
+    assert lines[:, 0] == pytest.approx(straight[:, 0])
+    assert lines[:, -1] == pytest.approx(straight[:, 1])
+    assert distance(lines.ravel(), straight).max() < 1e-12
+
+
+@pytest.mark.parametrize('squeeze', [0.002, 0.01])
+def test_lines_pass_through_the_points_of_contact(config, squeeze):
+    analysis = grasp(config, squeeze)
+    touching = analysis.points[analysis.normal_forces > 0.0] @ np.array([1.0, 1.0j])
+    # Tubes move less than the squeeze along themselves, and slope by a tenth at most.
+    assert distance(touching, deformed_lines(config, analysis)).max() < 0.05 * squeeze
+    assert distance(touching, member_lines(config)).max() > 0.2 * squeeze
+
+
+def test_lines_bend_without_kinks(config):
+    lines = deformed_lines(config, grasp(config, 0.01))
+    steps = np.diff(lines)
+    assert np.abs(steps).min() > 1e-3
+    assert np.abs(np.angle(steps[:, 1:] / steps[:, :-1])).max() < 0.05
