@@ -147,8 +147,8 @@ def _assembled(points, found):
 
 def _free(matrix, found, held):
     free = np.ones(len(matrix), dtype=bool)
-    free[: held.size] = ~held.ravel()
-    free[2 : held.size : 3] &= turning(found, len(held))
+    free[np.arange(held.size)] = ~held.ravel()
+    free[np.arange(2, held.size, 3)] &= turning(found, len(held))
     return np.flatnonzero(free)
 
 

@@ -65,7 +65,9 @@ def divided(points, found, rng):
     points, ends, pins, source, outer = list(points), [], [], [], []
     for i in range(len(found.start)):
         start, end = int(found.start[i]), int(found.end[i])
-        cuts = np.sort(rng.uniform(0.05, 0.95, int(rng.integers(0, 5))))
+        # No slivers: their stiffness outgrows the others' until rounding eats the difference.
+        pieces = rng.uniform(0.2, 1.0, int(rng.integers(1, 6)))
+        cuts = np.cumsum(pieces[:-1]) / pieces.sum()
         chain = [start]
         for cut in cuts:
             chain.append(len(points))
