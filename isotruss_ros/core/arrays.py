@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.errors import GraspError, IsotrussError
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -24,3 +24,16 @@ def finite_array(
         given = given if len(given) <= 80 else given[:77] + '...'
         raise error(f'{what}: {given}: must be {count} finite numbers')
     return array.astype(np.float64)
+
+
+def circle(center: ArrayLike, diameter: float) -> tuple[tuple[float, float], float]:
+    """
+    Return centre and diameter of an object's cross-section as floats [m].
+
+    :raises GraspError: the centre is not two finite numbers, or the diameter not positive.
+    """
+    x, y = finite_array(center, 2, "the object's centre [m]", GraspError)
+    (size,) = finite_array([diameter], 1, "the object's diameter [m]", GraspError)
+    if size <= 0.0:
+        raise GraspError(f"the object's diameter {diameter!r} m: must be positive")
+    return (float(x), float(y)), float(size)

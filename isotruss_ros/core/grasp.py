@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.arrays import finite_array
+from isotruss_ros.core.arrays import circle
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.robot import Robot
@@ -40,17 +40,9 @@ class Grasp:
 
     def __post_init__(self) -> None:
         """Check the numbers; the module is checked against a robot when the grasp is used."""
-        center = finite_array(self.center, 2, "the object's centre [m]", GraspError)
-        diameter = finite_array([self.diameter], 1, "the object's diameter [m]", GraspError)[0]
-        if diameter <= 0.0:
-            raise GraspError(f"the object's diameter {self.diameter!r} m: must be positive")
-        if diameter < MIN_DIAMETER or max(diameter, *np.abs(center)) > MAX_DISTANCE:
-            raise GraspError(
-                f"the object's centre {self.center!r} m, diameter {self.diameter!r} m: must be "
-                f'within {MAX_DISTANCE:g} m, and the diameter at least {MIN_DIAMETER:g} m'
-            )
-        object.__setattr__(self, 'center', (float(center[0]), float(center[1])))
-        object.__setattr__(self, 'diameter', float(diameter))
+        center, diameter = circle(self.center, self.diameter)
+        object.__setattr__(self, 'center', center)
+        object.__setattr__(self, 'diameter', diameter)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from isotruss_ros.core.arrays import finite_array
+from isotruss_ros.core.arrays import circle, finite_array
 from isotruss_ros.core.closure import close
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.contact import Candidates, ContactState, find_candidates, solve_contact
@@ -37,12 +37,9 @@ class Cylinder:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        center = finite_array(self.center, 2, "the object's centre [m]", GraspError)
-        diameter = finite_array([self.diameter], 1, "the object's diameter [m]", GraspError)[0]
-        if diameter <= 0.0:
-            raise GraspError(f"the object's diameter {self.diameter!r} m: must be positive")
-        object.__setattr__(self, 'center', (float(center[0]), float(center[1])))
-        object.__setattr__(self, 'diameter', float(diameter))
+        center, diameter = circle(self.center, self.diameter)
+        object.__setattr__(self, 'center', center)
+        object.__setattr__(self, 'diameter', diameter)
 
 
 @dataclass(frozen=True, eq=False)
