@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.arrays import circle
+from isotruss_ros.core.arrays import circle, finite_array
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.robot import Robot
