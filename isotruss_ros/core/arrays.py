@@ -6,6 +6,9 @@ from isotruss_ros.core.errors import GraspError, IsotrussError
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+#: No object is smaller or farther away [m]; products of such numbers neither vanish nor overflow.
+MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
+
 
 def finite_array(
     values: ArrayLike, count: int, what: str, error: type[IsotrussError]
@@ -36,4 +39,9 @@ def circle(center: ArrayLike, diameter: float) -> tuple[tuple[float, float], flo
     (size,) = finite_array([diameter], 1, "the object's diameter [m]", GraspError)
     if size <= 0.0:
         raise GraspError(f"the object's diameter {diameter!r} m: must be positive")
+    if size < MIN_DIAMETER or max(size, abs(x), abs(y)) > MAX_DISTANCE:
+        raise GraspError(
+            f'the object of diameter {size:g} m at ({x:g}, {y:g}) m: must be '
+            f'within {MAX_DISTANCE:g} m, and the diameter at least {MIN_DIAMETER:g} m'
+        )
     return (float(x), float(y)), float(size)

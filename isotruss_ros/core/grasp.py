@@ -18,9 +18,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: No object is smaller or farther away [m]; products of such numbers neither vanish nor overflow.
-MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
-
 
 @dataclass(frozen=True)
 class Grasp:
