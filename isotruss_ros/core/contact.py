@@ -26,8 +26,12 @@ Points = NDArray[np.complex128]
 GAP_TOLERANCE = 1e-9
 #: Points closer than this are one, as a share of the spacing.
 SAME = 1e-6
+#: Forces are along normals to this, as a share of the largest.
+SMOOTH = 1e-6
 MAX_NORMAL_UPDATES = 30
-MAX_ACTIVE_SETS = 50
+MAX_STEPS = 300
+#: More candidates than this begin where every fourth of them ends.
+MANY = 300
 #: Block exchanges before single ones, which are slow but end (Judice and Pires, 1994).
 MAX_BLOCK_EXCHANGES = 10
 
@@ -73,7 +77,8 @@ class Candidates:
     def normal_compliance(self, normals: Points) -> Array:
         """Return W = N^T S^-1 N (c, c), for unit forces along unit normals (c,) [m/N]."""
         local = self.axis.conj() * normals
-        lever = np.einsum('cie,ci->ce', self.spread, _pairs(normals))
+        lever = normals.real[:, None] * self.spread[:, 0]
+        lever += normals.imag[:, None] * self.spread[:, 1]
         matrix = lever @ self.ends @ lever.T
         matrix += np.outer(local.real, local.real) * self.inside[0]
         matrix += np.outer(local.imag, local.imag) * self.inside[1]
@@ -83,7 +88,7 @@ class Candidates:
         """Return how all points move (c,) [m] under forces on them (c,) [N], x + iy."""
         local = self.axis.conj() * forces
         bent = self.inside[0] @ local.real + 1j * (self.inside[1] @ local.imag)
-        push = np.einsum('cie,ci->e', self.spread, _pairs(forces))
+        push = forces.real @ self.spread[:, 0] + forces.imag @ self.spread[:, 1]
         moved = self.spread @ (self.ends @ push)
         return self.axis * bent + moved[:, 0] + 1j * moved[:, 1]
 
@@ -94,7 +99,8 @@ class Candidates:
         across = _pairs(1j * self.axis)
         local = np.einsum('ci,cd,dj->cidj', along, self.inside[0], along)
         local += np.einsum('ci,cd,dj->cidj', across, self.inside[1], across)
-        return local + np.einsum('cie,ef,djf->cidj', self.spread, self.ends, self.spread)
+        spread = self.spread.reshape(2 * len(self.points), -1)
+        return local + (spread @ self.ends @ spread.T).reshape(local.shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,23 +199,41 @@ def solve_contact(
     """
     away = candidates.points - center
     normals = unit(away)
-    active = _deepest(candidates.member, np.abs(away)) if start is None else start > 0.0
-    for _ in range(MAX_ACTIVE_SETS):
+    if start is not None:
+        active = start > 0.0
+    elif len(away) <= MANY:
+        active = _deepest(candidates.member, np.abs(away))
+    else:
+        few = np.arange(0, len(away), 4)
+        coarse = solve_contact(candidates[few], center, radius)
+        push = np.zeros_like(away)
+        push[few] = coarse.forces * coarse.normals
+        moved = away + candidates.displacements(push)
+        normals, active = unit(moved), np.abs(moved) < radius
+    # Outside of the tangent at a point's foot is outside of the disc: what solves the problem for
+    # some normals is admissible for the next ones, which can but take less energy. These steps
+    # settle therefore, if slowly; following the normals of those in contact makes them few.
+    for _ in range(MAX_STEPS):
         gaps = (away * normals.conj()).real - radius
         forces, active = solve_complementarity(candidates.normal_compliance(normals), gaps, active)
-        push = forces * normals
-        settled = _settle_normals(candidates[np.flatnonzero(active)], center, radius)
-        if settled is not None:
-            push[active] = settled
-        displacements = candidates.displacements(push)
-        normals = unit(away + displacements)
-        gaps = np.abs(away + displacements) - radius
-        pressing = (push * normals.conj()).real
-        if pressing.min(initial=0.0) >= 0.0 and gaps.min(initial=0.0) >= -GAP_TOLERANCE:
-            return ContactState(pressing, gaps, normals, displacements)
+        places = np.flatnonzero(active)
+        ahead = np.zeros_like(away)
+        ahead[places] = _settle_normals(candidates[places], normals[places], center, radius)
+        for push in (ahead, forces * normals):
+            displacements = candidates.displacements(push)
+            turned = unit(away + displacements)
+            gaps = np.abs(away + displacements) - radius
+            pressing, sizes = push * turned.conj(), np.abs(push)
+            if (
+                pressing.real.min(initial=0.0) >= 0.0
+                and np.abs(pressing.imag).max(initial=0.0) <= SMOOTH * sizes.max(initial=0.0)
+                and gaps.min(initial=0.0) >= -GAP_TOLERANCE
+                and gaps[places].max(initial=0.0) <= GAP_TOLERANCE
+            ):
+                return ContactState(pressing.real, gaps, turned, displacements)
+        normals = turned
     raise SolverError(
-        f'the contact did not settle in {MAX_ACTIVE_SETS} steps; '
-        'the object is pressed in too deeply'
+        f'the contact did not settle in {MAX_STEPS} steps; the object is pressed in too deeply'
     )
 
 
@@ -222,14 +246,12 @@ def _deepest(member: Indices, distance: Array) -> Flags:
     return nearest
 
 
-def _settle_normals(touching: Candidates, center: complex, radius: float) -> Points | None:
-    """
-    Return the forces (a,), x + iy [N], that close all gaps, along normals that follow.
-
-    None where they do not settle: then the steps of the caller, slower, go on alone.
-    """
+def _settle_normals(
+    touching: Candidates, normals: Points, center: complex, radius: float
+) -> Points:
+    """Return the forces (a,), x + iy [N], that close all gaps, along normals that follow."""
     away = touching.points - center
-    normals = unit(away)
+    forces = np.zeros_like(away)
     for _ in range(MAX_NORMAL_UPDATES):
         gaps = (away * normals.conj()).real - radius
         forces = np.linalg.solve(touching.normal_compliance(normals), -gaps) * normals
@@ -237,8 +259,8 @@ def _settle_normals(touching: Candidates, center: complex, radius: float) -> Poi
         change = float(np.abs(turned - normals).max(initial=0.0))
         normals = turned
         if change * radius < 0.01 * GAP_TOLERANCE:
-            return forces
-    return None
+            break
+    return forces
 
 
 def unit(vectors: Points) -> Points:
