@@ -23,6 +23,7 @@ TOUCHING = 1e-7
 NEGLIGIBLE = 1e-9
 #: Below this is nothing: keeps divisions defined before the first contact.
 TINY = 1e-300
+SMALL_FORCE = 1e-100
 #: Normals follow the deformed points, and the end is looked for, every so many steps.
 STEPS_BETWEEN_LOOKS = 200
 #: Complementarity holds to this, gap [m] and force as a share of the largest.
@@ -45,20 +46,14 @@ def relax_contact(
     :raises SolverError: no rest within two million steps.
     """
     away = candidates.points - center
-    moved, forces = away, np.zeros(len(away)) if start is None else start
+    moved, forces = away, np.zeros(len(away)) if start is None else start.copy()
     for _ in range(MAX_STEPS // STEPS_BETWEEN_LOOKS):
         normals = unit(moved)
         gaps = (away * normals.conj()).real - radius
         compliance = candidates.normal_compliance(normals)
         # Points without force that are not touched take no part: they do not bound the gain.
-        part = (forces > 0.0) | (gaps + compliance @ forces < 0.0)
-        stiffest = np.linalg.eigvalsh(compliance[part][:, part]).max(initial=TINY)
-        grow = GAIN * 2.0 / stiffest
-        for _ in range(STEPS_BETWEEN_LOOKS):
-            gap = gaps + compliance @ forces
-            fade = grow / max(forces.max(initial=0.0), TINY)
-            step = grow * np.maximum(-gap, 0.0) * part - fade * np.maximum(gap, 0.0) * forces
-            forces = forces + step
+        part = np.flatnonzero((forces > 0.0) | (gaps + compliance @ forces < 0.0))
+        forces[part] = _steps(gaps[part], compliance[np.ix_(part, part)], forces[part])
         forces = np.where(forces > NEGLIGIBLE * forces.max(initial=0.0), forces, 0.0)
         moved = away + candidates.displacements(forces * normals)
         gap = np.abs(moved) - radius
@@ -67,3 +62,13 @@ def relax_contact(
             touching = np.where(gap < TOUCHING, forces, 0.0)
             return ContactState(touching, gap, unit(moved), moved - away)
     raise SolverError(f'the relaxation of the contact forces did not rest in {MAX_STEPS} steps')
+
+
+def _steps(gaps: Array, compliance: Array, forces: Array) -> Array:
+    """Return the forces (c,) after some steps of (9) with fixed normals."""
+    grow = GAIN * 2.0 / np.linalg.eigvalsh(compliance).max(initial=TINY)
+    for _ in range(STEPS_BETWEEN_LOOKS):
+        gap = gaps + compliance @ forces
+        fade = grow / max(forces.max(initial=0.0), SMALL_FORCE)
+        forces = forces + grow * np.maximum(-gap, 0.0) - fade * np.maximum(gap, 0.0) * forces
+    return forces
