@@ -145,6 +145,10 @@ def test_snug_object_at_a_right_angle_touches_both_tubes(clockwise):
     config, _ = right_angle(clockwise)
     reach = 0.5 * (0.25 + config.robot.description.tube_diameter)
     assert snug_center(config, 't/A', 0.25) == pytest.approx((reach, reach))
+    nearer = reach - 0.01 / np.sqrt(2.0)
+    assert snug_center(config, 't/A', 0.25, squeeze=0.01) == pytest.approx((nearer, nearer))
+    with pytest.raises(GraspError, match='squeeze'):
+        snug_center(config, 't/A', 0.25, squeeze=np.nan)
 
 
 @robots.examples(60)

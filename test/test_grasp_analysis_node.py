@@ -168,6 +168,9 @@ def test_joint_states_that_cannot_be_leave_no_answer(changes, code, words):
     ('changes', 'code', 'words'),
     [
         ({'center': (math.nan, 0.0)}, GraspCode.INVALID_OBJECT_POSE, 'finite'),
+        ({'center': (0.0, math.nan)}, GraspCode.INVALID_OBJECT_POSE, 'finite'),
+        ({'center': (0.0, math.inf)}, GraspCode.INVALID_OBJECT_POSE, 'finite'),
+        ({'center': (1e12, 0.0)}, GraspCode.INVALID_OBJECT_POSE, 'at most'),
         ({'frame': 'map'}, GraspCode.INVALID_OBJECT_POSE, "must be 'truss'"),
         ({'frame': ''}, GraspCode.INVALID_OBJECT_POSE, "must be 'truss'"),
         ({'age': 1.0}, GraspCode.STALE_OBJECT_POSE, 'old'),
@@ -188,7 +191,7 @@ def test_an_object_that_touches_nothing_is_said_to():
         until_ok(w)
         w.until(
             lambda: not w.probe.last('state').contacts and w.code('state') == GraspCode.OK,
-            feed(w, center=(5.0, 1e12)),
+            feed(w, center=(5.0, 1e5)),
         )
         state = w.probe.last('state')
         assert 'touches nothing' in state.message

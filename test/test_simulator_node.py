@@ -52,6 +52,13 @@ def test_publishes_state_and_pose_of_home():
         assert np.median(np.diff(stamps)) == pytest.approx(0.02, rel=0.3)
 
 
+def test_squeezes_the_object_into_the_corner_when_told_to():
+    with world(node(squeeze=0.01)) as w:
+        w.until(lambda: w.probe.last('pose') is not None)
+        position = w.probe.last('pose').pose.position
+        assert (position.x, position.y) == pytest.approx((CENTER[0], CENTER[1] + 0.01))
+
+
 def test_travel_is_the_integral_of_the_commands():
     with world(node()) as w:
         w.until(lambda: w.probe.last('joints') is not None)
@@ -135,6 +142,7 @@ def test_blocks_where_the_robot_cannot_go_and_lives():
         ({'roller_noise': -1.0}, 'range'),
         ({'speed_limit': math.nan}, 'range'),
         ({'seed': -1}, 'negative'),
+        ({'squeeze': -0.01}, 'range'),
         ({'rate': 1e9}, 'range'),
     ],
 )

@@ -124,7 +124,7 @@ class GraspMonitor:
         except NoAnswerError as error:
             return GraspReport(error.code, str(error), now)
         if question != self._question:
-            self._answer = _ask(question, self._shape.configuration)
+            self._answer = _ask(question, self._shape.configuration, self._answer.grasp)
             self._question = question
         answered = self._answer.grasp is not None
         return replace(self._answer, time=min(rollers.time, center.time) if answered else now)
@@ -158,8 +158,17 @@ class GraspMonitor:
             raise NoAnswerError(codes[error.doubt], str(error)) from error
 
 
-def _ask(question: Question, find: Callable[[tuple[float, ...]], Configuration]) -> GraspReport:
-    """Return the answer, without its time; `find` turns roller positions into a configuration."""
+def _ask(
+    question: Question,
+    find: Callable[[tuple[float, ...]], Configuration],
+    last: AnalyzedGrasp | None = None,
+) -> GraspReport:
+    """
+    Return the answer, without its time.
+
+    :param find: turns roller positions into a configuration.
+    :param last: a similar grasp, to begin with.
+    """
     begin = time.perf_counter()
     try:
         cylinder = Cylinder(question.center, question.diameter)
@@ -170,6 +179,7 @@ def _ask(question: Question, find: Callable[[tuple[float, ...]], Configuration])
             question.friction,
             question.external_wrench,
             spacing=question.spacing,
+            previous=None if last is None else last.analysis,
         )
     except IsotrussError as error:
         code = next(code for kind, code in ERRORS if isinstance(error, kind))

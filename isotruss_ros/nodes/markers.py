@@ -6,7 +6,12 @@ from collections.abc import Iterable
 
 from geometry_msgs.msg import Point
 from isotruss_ros.core import AnalyzedGrasp, GraspReport
-from isotruss_ros.core.deformed_shape import deformed_lines, member_lines
+from isotruss_ros.core.grasp_lines import (
+    deformed_lines,
+    force_lines,
+    member_lines,
+    region_lines,
+)
 from isotruss_ros.nodes.messages import stamp
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +24,9 @@ Points = NDArray[np.complex128]
 
 #: Nothing old stays in the picture when the node has gone.
 LIFETIME = Duration(seconds=1.0)
-#: Length of an arrow for its force [m/N], but the longest is not longer than this [m].
+#: Length of an arrow for its force [m/N]; but a normal force is not drawn longer than this [m].
 ARROW_SCALE, LONGEST_ARROW = 0.01, 0.5
+TINY = 1e-9
 LINE_WIDTH, REGION_WIDTH, ARROW_WIDTH = 0.008, 0.025, 0.015
 UNDEFORMED = ColorRGBA(r=0.18, g=0.62, b=0.27, a=0.6)
 DEFORMED = ColorRGBA(r=0.85, g=0.55, b=0.37, a=1.0)
@@ -56,40 +62,21 @@ class GraspMarkers:
         return MarkerArray(markers=markers)
 
 
-def force_arrows(grasp: AnalyzedGrasp) -> Points:
-    """Return (k, 2) tails and tips [m] of the forces on the object; they push at its surface."""
-    analysis = grasp.analysis
-    touching = analysis.normal_forces > 0.0
-    normals = analysis.normals[touching] @ np.array([1.0, 1.0j])
-    center, radius = complex(*grasp.cylinder.center), 0.5 * grasp.cylinder.diameter
-    tangential = 1j * analysis.friction_forces[touching]
-    forces = (tangential - analysis.normal_forces[touching]) * normals
-    scale = min(ARROW_SCALE, LONGEST_ARROW / max(np.abs(forces).max(initial=0.0), 1e-9))
-    tips = center + radius * normals
-    return np.stack([tips - scale * forces, tips], axis=1)
-
-
-def contact_regions(grasp: AnalyzedGrasp) -> Points:
-    """Return (k, 2) ends [m] of the pieces of tube that touch the object, one for each point."""
-    analysis = grasp.analysis
-    touching = analysis.normal_forces > 0.0
-    points = analysis.points[touching] @ np.array([1.0, 1.0j])
-    half = 0.5j * grasp.spacing * (analysis.normals[touching] @ np.array([1.0, 1.0j]))
-    return np.stack([points - half, points + half], axis=1)
-
-
 def _grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
     lines = member_lines(grasp.config)
     bent = deformed_lines(grasp.config, grasp.analysis)
     strip = Marker.LINE_STRIP
     markers = [_lines('members', i, strip, 0.5, UNDEFORMED, line) for i, line in enumerate(lines)]
     markers += [_lines('deformed', i, strip, 1.0, DEFORMED, line) for i, line in enumerate(bent)]
-    regions = contact_regions(grasp)
+    regions = region_lines(grasp.analysis, grasp.spacing)
     if len(regions):
         wide = REGION_WIDTH / LINE_WIDTH
         pieces = _lines('contact_regions', 0, Marker.LINE_LIST, wide, REGION, regions.ravel())
         markers.append(pieces)
-    markers += [_arrow(i, ends) for i, ends in enumerate(force_arrows(grasp))]
+    strongest = float(grasp.analysis.normal_forces.max(initial=0.0))
+    scale = min(ARROW_SCALE, LONGEST_ARROW / max(strongest, TINY))
+    arrows = force_lines(grasp.cylinder, grasp.analysis, scale)
+    markers += [_arrow(i, ends) for i, ends in enumerate(arrows)]
     return markers
 
 

@@ -19,6 +19,8 @@ Indices = NDArray[np.intp]
 
 #: No roller is quicker [m/s]; what is beyond is a broken sensor, not a motion.
 MAX_SPEED = 10.0
+#: No object is farther away [m].
+MAX_DISTANCE = 1e6
 #: A quaternion whose norm is further from 1 than this was never meant as a rotation.
 QUATERNION_TOLERANCE = 0.01
 
@@ -84,8 +86,11 @@ def object_center(message: PoseStamped, frame: str) -> tuple[float, float]:
     if message.header.frame_id != frame:
         raise MessageError(f'object pose in frame {message.header.frame_id!r}: must be {frame!r}')
     position, q = message.pose.position, message.pose.orientation
-    if not all(map(math.isfinite, (position.x, position.y))):
-        raise MessageError(f'object pose at ({position.x}, {position.y}): must be finite')
+    if not all(abs(coordinate) <= MAX_DISTANCE for coordinate in (position.x, position.y)):
+        raise MessageError(
+            f'object pose at ({position.x}, {position.y}): must be finite, '
+            f'at most {MAX_DISTANCE:g} m away'
+        )
     norm = math.hypot(q.x, q.y, q.z, q.w)
     if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:
         raise MessageError(f'object pose: the quaternion has norm {norm}; must be 1')

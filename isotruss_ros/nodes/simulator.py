@@ -29,6 +29,13 @@ from std_msgs.msg import Float64MultiArray
 # The simulated object is in the grip from the start and stays there.
 GRIP_MODULE = replace(params.GRIP_MODULE, read_only=True)
 OBJECT_DIAMETER = replace(params.OBJECT_DIAMETER, read_only=True)
+SQUEEZE = params.Spec(
+    'squeeze',
+    0.0,
+    'How much nearer to the corner of the grip than where it just touches the object is [m]',
+    bounds=(0.0, 0.1),
+    read_only=True,
+)
 NOISE = params.Spec(
     'roller_noise',
     0.0,
@@ -64,6 +71,7 @@ class Simulator(StoppableNode):
                 params.ROBOT,
                 OBJECT_DIAMETER,
                 GRIP_MODULE,
+                SQUEEZE,
                 params.RATE,
                 params.COMMAND_TIMEOUT,
                 NOISE,
@@ -91,7 +99,8 @@ class Simulator(StoppableNode):
         if values[SEED] < 0:
             raise params.ParameterError(f'parameter seed: {values[SEED]}: must not be negative')
         home = self._robot.home
-        grasp = Grasp(module, snug_center(home, module, diameter), diameter)
+        center = snug_center(home, module, diameter, values[SQUEEZE])
+        grasp = Grasp(module, center, diameter)
         faults = RollerFaults(
             values[SPEED_LIMIT], values[NOISE], frozenset({values[STUCK_ROLLER]} - {''})
         )

@@ -1,10 +1,10 @@
-"""The lines of the tubes before and after a grasped object has bent them, to be drawn."""
+"""The lines by which a grasp is drawn: tubes as they were and bent, forces, contact regions."""
 
 from __future__ import annotations
 
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.frame import Frame
-from isotruss_ros.core.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.grasp_analysis import Cylinder, GraspAnalysis
 from isotruss_ros.core.interior import InteriorPoints
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     # The tube pieces are the last three of the eight kinds of members: BD, CE, DE'.
     first, last, middle = 5 * m + np.arange(3 * m).reshape(3, m)
     touching = analysis.normal_forces > 0.0
-    at = analysis.points.view(np.float64)[touching] @ np.array([1.0, 1.0j])
+    at = analysis.points[touching] @ np.array([1.0, 1.0j])
     forces = analysis.normals[touching] @ np.array([1.0, 1.0j]) * analysis.normal_forces[touching]
     names = config.robot.member_names
     touched = [names.index(name) for name in analysis.contact_lengths]
@@ -54,6 +54,31 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
         lines.append(line[:, ::-1] if backward else line)
     # Where a piece ends the next begins.
     return np.concatenate([lines[0], lines[1][:, 1:], lines[2][:, 1:]], axis=1)
+
+
+def force_lines(cylinder: Cylinder, analysis: GraspAnalysis, scale: float) -> Points:
+    """
+    Return (k, 2) tails and tips [m] of the forces on the object, which push at its surface.
+
+    :param scale: length for a force [m/N].
+    """
+    touching = analysis.normal_forces > 0.0
+    normals = analysis.normals[touching] @ np.array([1.0, 1.0j])
+    forces = 1j * analysis.friction_forces[touching] - analysis.normal_forces[touching]
+    tips = complex(*cylinder.center) + 0.5 * cylinder.diameter * normals
+    return np.stack([tips - scale * forces * normals, tips], axis=1)
+
+
+def region_lines(analysis: GraspAnalysis, spacing: float) -> Points:
+    """
+    Return (k, 2) ends [m] of the pieces of centre line that are in contact, one for each point.
+
+    :param spacing: of the points along the tubes, as in the analysis [m].
+    """
+    touching = analysis.normal_forces > 0.0
+    points = analysis.points[touching] @ np.array([1.0, 1.0j])
+    half = 0.5j * spacing * (analysis.normals[touching] @ np.array([1.0, 1.0j]))
+    return np.stack([points - half, points + half], axis=1)
 
 
 def _spans(frame: Frame, pieces: Indices) -> tuple[Points, Points]:
@@ -118,7 +143,7 @@ def _line(
         here = loaded == pieces[i]
         both = np.concatenate([place[i], places[here]])
         alone = np.zeros(len(both), dtype=int)
-        along, across = _inside(frame, pieces[i : i + 1], alone, both).compliance()
+        along, across = _inside(frame, pieces[[i]], alone, both).compliance()
         pull = forces[here] / axis[i]
         bent = along[:count, count:] @ pull.real + 1j * (across[:count, count:] @ pull.imag)
         local[i] += bent

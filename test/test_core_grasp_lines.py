@@ -1,7 +1,12 @@
 """The lines that are drawn are those of the analysis."""
 
 from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, snug_center
-from isotruss_ros.core.deformed_shape import deformed_lines, member_lines
+from isotruss_ros.core.grasp_lines import (
+    deformed_lines,
+    force_lines,
+    member_lines,
+    region_lines,
+)
 import numpy as np
 import pytest
 
@@ -10,14 +15,14 @@ DIAMETER = 0.3
 
 
 def grasp(config, squeeze, module='north/Z'):
-    """Analyse an object that is pressed into the corner of a module."""
+    """Return the analysis of an object pressed into the corner of a module."""
     return analyze_grasp(
         config, Cylinder(snug_center(config, module, DIAMETER, squeeze), DIAMETER)
     )
 
 
 def distance(points, lines):
-    """Return the distance (k,) of each point from the nearest piece of any line."""
+    """Return how far each point (k,) is from the nearest piece of any line."""
     start, step = lines[:, :-1].ravel(), np.diff(lines).ravel()
     start, step = start[step != 0.0], step[step != 0.0]
     part = ((points[:, None] - start) * step.conj()).real / np.abs(step) ** 2
@@ -57,3 +62,24 @@ def test_lines_bend_without_kinks(config):
     steps = np.diff(lines)
     assert np.abs(steps).min() > 1e-3
     assert np.abs(np.angle(steps[:, 1:] / steps[:, :-1])).max() < 0.05
+
+
+def test_arrows_end_on_the_object_and_add_up_to_what_acts_on_it(config):
+    center = snug_center(config, 'north/Z', DIAMETER, 0.01)
+    cylinder = Cylinder(center, DIAMETER)
+    analysis = analyze_grasp(config, cylinder, friction=0.0)
+    arrows = force_lines(cylinder, analysis, 0.02)
+    assert np.abs(arrows[:, 1] - complex(*center)) == pytest.approx(0.5 * DIAMETER)
+    resultant = np.diff(arrows).sum() / 0.02
+    assert (resultant.real, resultant.imag) == pytest.approx(tuple(analysis.normal_wrench[:2]))
+    rough = analyze_grasp(config, cylinder, friction=0.5)
+    left = np.diff(force_lines(cylinder, rough, 1.0)).sum()
+    assert abs(left) <= rough.closure_residual * (1.0 + 1e-9)
+    assert abs(left) < abs(resultant)
+
+
+def test_regions_are_as_long_as_the_contact(config):
+    analysis = grasp(config, 0.03)
+    regions = region_lines(analysis, 0.005)
+    total = np.abs(np.diff(regions)).sum()
+    assert total == pytest.approx(sum(analysis.contact_lengths.values()))
