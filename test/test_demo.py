@@ -14,7 +14,7 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
-from isotruss_ros.demo.__main__ import GRIP_MODULE, OBJECT_DIAMETER
+from isotruss_ros.demo.__main__ import GRIP_MODULE, OBJECT_DIAMETER, SQUEEZE
 from isotruss_ros.demo.client import PhaseRecord, Snapshot
 from isotruss_ros.demo.figures import animate, draw_panels
 from isotruss_ros.demo.path import figure_9
@@ -60,7 +60,9 @@ def test_phases_begin_and_end_at_rest(phase):
 def play(rate):
     """Carry the object along the whole path; return records and the exact end."""
     home, period = ROBOT.home, 1.0 / rate
-    grasp = Grasp(GRIP_MODULE, snug_center(home, GRIP_MODULE, OBJECT_DIAMETER), OBJECT_DIAMETER)
+    grasp = Grasp(
+        GRIP_MODULE, snug_center(home, GRIP_MODULE, OBJECT_DIAMETER, SQUEEZE), OBJECT_DIAMETER
+    )
     simulated = SimulatedRobot(home, HeldObject.attach(home, grasp), RollerFaults())
     servo = TwistServo(ROBOT, GRIP_MODULE, OBJECT_DIAMETER, period, timeout=0.2)
     # What the servo sees is one cycle old, as over a real transport.
@@ -118,8 +120,8 @@ def test_pictures_are_written(played, tmp_path):
     _, records, _ = played
     for record in records:
         record.snapshots = record.snapshots[::40] + record.snapshots[-1:]
-    start = records[0].snapshots[0]
-    draw_panels(ROBOT, OBJECT_DIAMETER, start, records, tmp_path / 'demo.png')
+    start = PhaseRecord('start', snapshots=records[0].snapshots[:1])
+    draw_panels(ROBOT, OBJECT_DIAMETER, [start, *records], tmp_path / 'demo.png')
     with Image.open(tmp_path / 'demo.png') as picture:
         # Four panels with something in each: no quarter is blank.
         pixels = np.asarray(picture.convert('L'))

@@ -9,7 +9,9 @@ import sys
 import time
 
 from geometry_msgs.msg import Twist
-from isotruss_ros.core import load_robot, Status
+from isotruss_msgs.msg import GraspState
+from isotruss_msgs.srv import AnalyzeGrasp
+from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, Status
 from isotruss_ros.demo.client import DemoClient
 from isotruss_ros.demo.path import arc
 from isotruss_ros.demo.processes import NodeError, NodeProcess, running_nodes
@@ -17,7 +19,7 @@ import numpy as np
 from probe import DEADLINE
 import pytest
 import rclpy
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Bool, Float64MultiArray
 
 #: A busy machine delays; these tests are about what happens, not how soon.
 PATIENT = {'command_timeout': 5.0}
@@ -49,7 +51,11 @@ def spin_until(node, what):
 
 def test_processes_carry_the_object_along_an_arc(context, tmp_path):
     client = DemoClient(load_robot('nine_member').roller_names)
-    nodes = [('simulator', PATIENT), ('manipulation', PATIENT)]
+    nodes = [
+        ('simulator', PATIENT | {'squeeze': 0.01}),
+        ('manipulation', PATIENT),
+        ('grasp_analysis', PATIENT),
+    ]
     with running_nodes(nodes, tmp_path) as processes:
 
         def check():
@@ -69,8 +75,51 @@ def test_processes_carry_the_object_along_an_arc(context, tmp_path):
         assert record.position_error < 1e-3
         assert record.angle_error < np.deg2rad(0.1)
         assert 0.0 < record.max_roller_speed <= 0.1
+        assert_grasps_belong_to_the_motion(record)
         client.destroy_node()
-    assert [process.process.returncode for process in processes] == [0, 0]
+    assert [process.process.returncode for process in processes] == [0, 0, 0]
+
+
+def assert_grasps_belong_to_the_motion(record):
+    """Check that the analysis ran all along, and that its last answer is that of the rest."""
+    assert {grasp.code for grasp in record.grasps} == {GraspState.OK}
+    assert len({grasp.computing_time for grasp in record.grasps}) > 10
+    rest, last = record.snapshots[-1], record.grasps[-1]
+    robot = load_robot('nine_member')
+    expected = analyze_grasp(robot.configuration(rest.rollers), Cylinder(rest.pose[:2], 0.3))
+    assert expected.normal_forces.sum() > 1.0
+    assert sum(contact.normal_force for contact in last.contacts) == pytest.approx(
+        expected.normal_forces.sum(), rel=1e-6
+    )
+    assert last.closure_residual == pytest.approx(expected.closure_residual, rel=1e-6)
+    assert last.contact_members == list(expected.contact_lengths)
+
+
+def test_the_analysis_falls_back_to_no_answer_when_the_robot_goes(listener, tmp_path):
+    states, closures = [], []
+    listener.create_subscription(GraspState, 'grasp/state', states.append, 10)
+    listener.create_subscription(Bool, 'grasp/force_closure', closures.append, 10)
+    client = listener.create_client(AnalyzeGrasp, 'analyze_grasp')
+    nodes = [('simulator', {}), ('grasp_analysis', {'command_timeout': 1.0})]
+    with running_nodes(nodes, tmp_path) as (simulator, analysis):
+        spin_until(listener, lambda: bool(states) and states[-1].code == GraspState.OK)
+        # In the middle of a triangle, so wide that all three sides press on it: a closed grasp.
+        request = AnalyzeGrasp.Request(diameter=0.7, friction=0.5)
+        request.center.x, request.center.y = 0.0, -0.578
+        spin_until(listener, client.service_is_ready)
+        future = client.call_async(request)
+        spin_until(listener, future.done)
+        assert future.result().success
+        assert future.result().state.force_closure
+        simulator.process.send_signal(signal.SIGINT)
+        spin_until(listener, lambda: states[-1].code == GraspState.STALE_JOINT_STATES)
+        assert not states[-1].force_closure
+        assert not states[-1].contacts
+        spin_until(listener, lambda: not closures[-1].data)
+        analysis.process.send_signal(signal.SIGINT)
+        spin_until(listener, lambda: analysis.process.poll() is not None)
+        assert analysis.process.returncode == 0
+        assert 'Traceback' not in analysis.log.read_text()
 
 
 @pytest.mark.parametrize('stop', [signal.SIGINT, signal.SIGTERM])
@@ -123,6 +172,8 @@ def _has_handler(process):
         ('manipulation', {'rate': 'fast'}, 'rate'),
         ('simulator', {'robot': '/nowhere/robot.yaml'}, 'no such file'),
         ('simulator', {'object_diameter': 9.0}, 'does not fit'),
+        ('grasp_analysis', {'friction': -1.0}, 'range'),
+        ('grasp_analysis', {'robot': '/nowhere/robot.yaml'}, 'no such file'),
     ],
 )
 def test_bad_parameters_end_the_process_with_one_sentence(name, parameters, words, tmp_path):

@@ -7,20 +7,22 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 
-from isotruss_ros.core import IsotrussError, load_robot, Status
-from isotruss_ros.demo.client import DemoClient, PhaseRecord, Snapshot
+from isotruss_ros.core import GraspCode, IsotrussError, load_robot, Status
+from isotruss_ros.demo.client import DemoClient, PhaseRecord
 from isotruss_ros.demo.figures import animate, draw_panels
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
+from isotruss_ros.demo.tables import grasp_table, motion_table
 import numpy as np
 import rclpy
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 ROBOT = 'nine_member'
 GRIP_MODULE = 'north/Z'
 OBJECT_DIAMETER = 0.3
+#: So much nearer to the corner than where it just touches is the object, and pressed on [m].
+SQUEEZE = 0.01
 #: The object is to end this close to where the commands put it.
 MAX_POSITION_ERROR = 1e-3
 MAX_ANGLE_ERROR = np.deg2rad(0.1)
@@ -45,29 +47,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         console.print('demo stopped')
         return 130
-    console.print(_table(records))
+    console.print(motion_table(records))
+    console.print(grasp_table([start, *records]))
     robot = load_robot(ROBOT)
     with console.status('drawing'):
-        draw_panels(robot, OBJECT_DIAMETER, start, records, options.output / 'demo.png')
+        draw_panels(robot, OBJECT_DIAMETER, [start, *records], options.output / 'demo.png')
         animate(robot, OBJECT_DIAMETER, records, options.output / 'demo.gif')
     console.print(f'written: {options.output / "demo.png"}, {options.output / "demo.gif"}')
     return _verdict(records, console)
 
 
-def _play(output: Path, rate: float, console: Console) -> tuple[Snapshot, list[PhaseRecord]]:
+def _play(output: Path, rate: float, console: Console) -> tuple[PhaseRecord, list[PhaseRecord]]:
     """Run the nodes as processes and the path through them."""
     domain = keep_to_this_machine()
-    shared = {
-        'robot': ROBOT,
-        'grip_module': GRIP_MODULE,
-        'object_diameter': OBJECT_DIAMETER,
-        'rate': rate,
-    }
-    console.print(f'nodes simulator and manipulation, ROS_DOMAIN_ID={domain}, this machine only')
+    shared = {'robot': ROBOT, 'object_diameter': OBJECT_DIAMETER}
+    moving = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
+    started = [
+        ('simulator', moving | {'squeeze': SQUEEZE}),
+        ('manipulation', moving),
+        ('grasp_analysis', shared),
+    ]
+    names = ', '.join(name for name, _ in started)
+    console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
     rclpy.init()
     client = DemoClient(load_robot(ROBOT).roller_names)
     try:
-        with running_nodes([('simulator', shared), ('manipulation', shared)], output) as nodes:
+        with running_nodes(started, output) as nodes:
 
             def check() -> None:
                 for node in nodes:
@@ -89,47 +94,14 @@ def _play(output: Path, rate: float, console: Console) -> tuple[Snapshot, list[P
         rclpy.shutdown()
 
 
-def _table(records: Sequence[PhaseRecord]) -> Table:
-    table = Table(
-        title='Object: dx, dy in mm and turn in degrees; roller: largest speed of any',
-        box=None,
-        pad_edge=False,
-        collapse_padding=True,
-    )
-    table.add_column('phase')
-    for heading in (
-        'commanded',
-        'measured',
-        'error\nmm',
-        'error\ndeg',
-        'roller\nmm/s',
-        'loop\nHz',
-    ):
-        table.add_column(heading, justify='right', no_wrap=True)
-    unit = np.array([1e3, 1e3, np.rad2deg(1.0)])
-    for record in records:
-        table.add_row(
-            record.name,
-            _numbers(unit * record.commanded),
-            _numbers(unit * record.measured),
-            f'{1e3 * record.position_error:.3f}',
-            f'{np.rad2deg(record.angle_error):.3f}',
-            f'{1e3 * record.max_roller_speed:.1f}',
-            f'{record.loop_rate:.0f}',
-        )
-    return table
-
-
-def _numbers(values: np.ndarray) -> str:
-    return ' '.join(f'{round(value, 1) + 0.0:.1f}' for value in values)
-
-
 def _verdict(records: Sequence[PhaseRecord], console: Console) -> int:
     code = 0
     for record in records:
-        odd = record.statuses - {Status.OK, Status.IDLE}
+        odd = {str(status) for status in record.statuses - {Status.OK, Status.IDLE}}
+        codes = {GraspCode(grasp.code) for grasp in record.grasps}
+        odd |= {f'grasp: {code}' for code in codes - {GraspCode.OK}}
         if odd:
-            console.print(f'{record.name}: {", ".join(sorted(map(str, odd)))}', style='yellow')
+            console.print(f'{record.name}: {", ".join(sorted(odd))}', style='yellow')
         if record.position_error > MAX_POSITION_ERROR or record.angle_error > MAX_ANGLE_ERROR:
             console.print(
                 f'{record.name}: the error is larger than 1 mm or 0.1 degrees', style='red'

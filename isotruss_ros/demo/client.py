@@ -9,7 +9,7 @@ import time
 from typing import NamedTuple
 
 from geometry_msgs.msg import PoseStamped, Twist
-from isotruss_msgs.msg import ManipulationStatus
+from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import IsotrussError, Pose, Status
 from isotruss_ros.demo.path import Phase
 from isotruss_ros.nodes.messages import RollerStates, seconds, twist_message
@@ -51,6 +51,7 @@ class PhaseRecord:
     :ivar loop_rate: cycles of the manipulation node per second [Hz].
     :ivar statuses: all that it reported while the phase ran.
     :ivar snapshots: measured states, in time order.
+    :ivar grasps: all that the analysis of the grasp said, in time order.
     """
 
     name: str
@@ -60,6 +61,7 @@ class PhaseRecord:
     loop_rate: float = 0.0
     statuses: set[Status] = field(default_factory=set)
     snapshots: list[Snapshot] = field(default_factory=list)
+    grasps: list[GraspState] = field(default_factory=list)
 
     @property
     def position_error(self) -> float:
@@ -74,7 +76,7 @@ class PhaseRecord:
 
 class DemoClient(Node):
     """
-    Publishes `cmd_vel` and collects `object_pose`, `joint_states` and `manipulation/status`.
+    Publishes `cmd_vel`; collects states, `manipulation/status` and `grasp/state`.
 
     :param roller_names: the robot's rollers in its order.
     """
@@ -96,6 +98,7 @@ class DemoClient(Node):
         self.create_subscription(
             ManipulationStatus, 'manipulation/status', self._take_status, every
         )
+        self.create_subscription(GraspState, 'grasp/state', self._take_grasp, every)
         self._own_executor = SingleThreadedExecutor()
         self._own_executor.add_node(self)
 
@@ -122,6 +125,9 @@ class DemoClient(Node):
         self._record.statuses.add(Status(message.code))
         self._status_times.append(seconds(message.header))
 
+    def _take_grasp(self, message: GraspState) -> None:
+        self._record.grasps.append(message)
+
     def _spin_until(self, monotonic_time: float) -> None:
         while (left := monotonic_time - time.monotonic()) > 0.0:
             self._own_executor.spin_once(timeout_sec=left)
@@ -141,18 +147,23 @@ class DemoClient(Node):
         idle = self._last_status is not None and self._last_status.code == Status.IDLE
         return idle and time.monotonic() - self._moved > REST_TIME
 
-    def wait_until_ready(self, check: Callable[[], None]) -> Snapshot:
+    def _grasp_known(self) -> bool:
+        grasps = self._record.grasps
+        return bool(grasps) and grasps[-1].code == GraspState.OK
+
+    def wait_until_ready(self, check: Callable[[], None]) -> PhaseRecord:
         """
         Wait until all nodes talk and the object rests.
 
         :param check: raises when a node has gone.
-        :return: the state at rest.
+        :return: what was heard meanwhile; ends with the state at rest.
         :raises DemoError: it did not come about in time.
         """
         self._hold_still(
-            lambda: self._resting() and self._rollers is not None, check, 'a robot at rest'
+            lambda: self._resting() and bool(self._record.snapshots), check, 'a robot at rest'
         )
-        return self._record.snapshots[-1]
+        self._hold_still(self._grasp_known, check, 'an analysis of the grasp')
+        return self._record
 
     def play(
         self, phase: Phase, check: Callable[[], None], progress: Callable[[float], None]

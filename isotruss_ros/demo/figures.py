@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from isotruss_ros.core import Configuration, Robot
+from isotruss_ros.core import analyze_grasp, Configuration, Cylinder, Robot
 from isotruss_ros.demo.client import PhaseRecord, Snapshot
 from isotruss_ros.demo.drawing import draw_object, draw_robot, frame, PATH_COLOR
+from isotruss_ros.demo.grasp_drawing import draw_forces, draw_grasp
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.figure import Figure
 import numpy as np
@@ -18,26 +19,31 @@ MARGIN = 0.12
 FRAMES_PER_SECOND = 12
 SPEED_UP = 3.0
 
+#: The grasp, magnified, is beside its panel: left, bottom, width, height as shares of that.
+BESIDE = (1.03, 0.52, 0.48, 0.48)
+
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
-def draw_panels(
-    robot: Robot, diameter: float, start: Snapshot, records: Sequence[PhaseRecord], path: Path
-) -> None:
-    """Write one panel for the start and one for the end of each phase."""
-    stops = [start] + [record.snapshots[-1] for record in records]
-    titles = ['start'] + [record.name for record in records]
+def draw_panels(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path: Path) -> None:
+    """Write one panel for the end of each phase, the start being one; the grasp magnified."""
+    stops = [record.snapshots[-1] for record in records]
     configs = [robot.configuration(stop.rollers) for stop in stops]
     box = _box(configs)
-    figure = Figure(figsize=(10.0, 8.2), layout='constrained')
+    figure = Figure(figsize=(11.6, 7.6), layout='constrained')
+    travelled = []
     for i, axes in enumerate(figure.subplots(2, 2).ravel()):
         draw_robot(axes, configs[i])
         if i > 0:
-            travelled = [snap for record in records[:i] for snap in record.snapshots]
+            travelled += records[i].snapshots
             _draw_path(axes, travelled)
         draw_object(axes, stops[i].pose, diameter)
+        cylinder = Cylinder(stops[i].pose[:2], diameter)
+        analysis = analyze_grasp(configs[i], cylinder)
+        draw_forces(axes, cylinder, analysis)
         frame(axes, *box)
-        axes.set_title(f'({"abcd"[i]}) {titles[i]}', loc='left')
+        draw_grasp(axes.inset_axes(BESIDE), configs[i], cylinder, analysis)
+        axes.set_title(f'({"abcd"[i]}) {records[i].name}', loc='left')
     figure.savefig(path, dpi=110)
 
 
@@ -60,6 +66,8 @@ def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path:
         draw_robot(axes, configs[i])
         _draw_path(axes, chosen[: i + 1])
         draw_object(axes, chosen[i].pose, diameter)
+        cylinder = Cylinder(chosen[i].pose[:2], diameter)
+        draw_forces(axes, cylinder, analyze_grasp(configs[i], cylinder))
         frame(axes, *box)
 
     animation = FuncAnimation(figure, show, frames=len(chosen))
