@@ -1,4 +1,4 @@
-"""Start the manipulation node for a robot whose drivers run under ros2_control."""
+"""Start manipulation and grasp analysis for a robot whose drivers run under ros2_control."""
 
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
@@ -7,33 +7,43 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
 
-ARGUMENTS = {
+#: What both nodes share; what describes the real robot has no default.
+SHARED = {
     'robot': (None, str, 'Preset, or path of a robot file'),
-    'grip_module': (None, str, 'Module t/j whose two sides hold the object'),
     'object_diameter': (None, float, "The object's own diameter [m]"),
-    'rate': ('200.0', float, 'Cycles per second [Hz]'),
-    'command_timeout': ('0.2', float, 'Inputs older than this stop the rollers [s]'),
+    'command_timeout': ('0.2', float, 'Inputs older than this are not relied on [s]'),
+}
+MANIPULATION = SHARED | {
+    'grip_module': (None, str, 'Module t/j whose two sides hold the object'),
+    'rate': ('200.0', float, 'Cycles per second of the manipulation [Hz]'),
     'use_stamped_twist': ('false', bool, 'cmd_vel is a TwistStamped instead of a Twist'),
 }
+GRASP_ANALYSIS = SHARED | {
+    'friction': ('0.5', float, 'Coefficient of friction between tube and object'),
+}
+NODES = {'manipulation': MANIPULATION, 'grasp_analysis': GRASP_ANALYSIS}
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return the node; what describes the real robot has no default."""
+    """Return the nodes; an argument goes to all that have the parameter."""
     return LaunchDescription(
         [
             *(
                 DeclareLaunchArgument(name, default_value=default, description=description)
-                for name, (default, _, description) in ARGUMENTS.items()
+                for name, (default, _, description) in (MANIPULATION | GRASP_ANALYSIS).items()
             ),
-            Node(
-                package='isotruss_ros',
-                executable='manipulation',
-                parameters=[
-                    {
-                        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
-                        for name, (_, kind, _) in ARGUMENTS.items()
-                    }
-                ],
+            *(
+                Node(
+                    package='isotruss_ros',
+                    executable=executable,
+                    parameters=[
+                        {
+                            name: ParameterValue(LaunchConfiguration(name), value_type=kind)
+                            for name, (_, kind, _) in arguments.items()
+                        }
+                    ],
+                )
+                for executable, arguments in NODES.items()
             ),
         ]
     )

@@ -1,4 +1,4 @@
-"""Start the simulator and the manipulation node together: no hardware needed."""
+"""Start simulator, manipulation and grasp analysis together: no hardware needed."""
 
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
@@ -7,38 +7,55 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
 
-ARGUMENTS = {
+#: What all nodes share.
+SHARED = {
     'robot': ('nine_member', str, 'Preset, or path of a robot file'),
-    'grip_module': ('north/Z', str, 'Module t/j whose two sides hold the object'),
     'object_diameter': ('0.3', float, "The object's own diameter [m]"),
-    'rate': ('200.0', float, 'Cycles per second of both nodes [Hz]'),
-    'command_timeout': ('0.2', float, 'Inputs older than this stop the rollers [s]'),
+    'command_timeout': ('0.2', float, 'Inputs older than this are not relied on [s]'),
+}
+#: What simulator and manipulation share; the grasp analysis has its own rate.
+MOTION = SHARED | {
+    'grip_module': ('north/Z', str, 'Module t/j whose two sides hold the object'),
+    'rate': ('200.0', float, 'Cycles per second of simulator and manipulation [Hz]'),
+}
+SIMULATOR = MOTION | {
+    'squeeze': ('0.0', float, 'How much nearer to the corner the object is than snug [m]'),
+}
+MANIPULATION = MOTION | {
+    'use_stamped_twist': ('false', bool, 'cmd_vel is a TwistStamped instead of a Twist'),
+}
+GRASP_ANALYSIS = SHARED | {
+    'friction': ('0.5', float, 'Coefficient of friction between tube and object'),
+}
+NODES = {
+    'simulator': SIMULATOR,
+    'manipulation': MANIPULATION,
+    'grasp_analysis': GRASP_ANALYSIS,
 }
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return both nodes with the parameters that they share."""
-    shared = {
-        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
-        for name, (_, kind, _) in ARGUMENTS.items()
-    }
-    stamped = ParameterValue(LaunchConfiguration('use_stamped_twist'), value_type=bool)
+    """Return the nodes; an argument goes to all that have the parameter."""
     return LaunchDescription(
         [
             *(
                 DeclareLaunchArgument(name, default_value=default, description=description)
-                for name, (default, _, description) in ARGUMENTS.items()
+                for name, (default, _, description) in (
+                    SIMULATOR | MANIPULATION | GRASP_ANALYSIS
+                ).items()
             ),
-            DeclareLaunchArgument(
-                'use_stamped_twist',
-                default_value='false',
-                description='cmd_vel is a TwistStamped instead of a Twist',
-            ),
-            Node(package='isotruss_ros', executable='simulator', parameters=[shared]),
-            Node(
-                package='isotruss_ros',
-                executable='manipulation',
-                parameters=[shared | {'use_stamped_twist': stamped}],
+            *(
+                Node(
+                    package='isotruss_ros',
+                    executable=executable,
+                    parameters=[
+                        {
+                            name: ParameterValue(LaunchConfiguration(name), value_type=kind)
+                            for name, (_, kind, _) in arguments.items()
+                        }
+                    ],
+                )
+                for executable, arguments in NODES.items()
             ),
         ]
     )

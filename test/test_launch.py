@@ -3,7 +3,7 @@
 from pathlib import Path
 import runpy
 
-from isotruss_ros.nodes import parameters, simulator
+from isotruss_ros.nodes import grasp_analysis, parameters, simulator
 import pytest
 
 launch = pytest.importorskip(
@@ -24,7 +24,7 @@ def test_launch_file_describes_nodes_with_known_parameters(path):
     }
     known = {
         spec.name
-        for module in (parameters, simulator)
+        for module in (parameters, simulator, grasp_analysis)
         for spec in vars(module).values()
         if isinstance(spec, parameters.Spec)
     }

@@ -4,7 +4,7 @@ from pathlib import Path
 import re
 
 from isotruss_ros.core import Status
-from isotruss_ros.nodes import manipulation, parameters, simulator, teleop
+from isotruss_ros.nodes import grasp_analysis, manipulation, parameters, simulator, teleop
 import pytest
 
 TOP = Path(__file__).parents[1]
@@ -35,7 +35,7 @@ def test_links_lead_somewhere(page):
 def test_parameter_table_is_true():
     specs = [
         spec
-        for module in (parameters, simulator, manipulation, teleop)
+        for module in (parameters, simulator, manipulation, grasp_analysis, teleop)
         for spec in vars(module).values()
         if isinstance(spec, parameters.Spec)
     ]
