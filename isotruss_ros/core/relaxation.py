@@ -53,7 +53,8 @@ def relax_contact(
         compliance = candidates.normal_compliance(normals)
         # Points without force that are not touched take no part: they do not bound the gain.
         part = np.flatnonzero((forces > 0.0) | (gaps + compliance @ forces < 0.0))
-        forces[part] = _steps(gaps[part], compliance[np.ix_(part, part)], forces[part])
+        if len(part):
+            forces[part] = _steps(gaps[part], compliance[np.ix_(part, part)], forces[part])
         forces = np.where(forces > NEGLIGIBLE * forces.max(initial=0.0), forces, 0.0)
         moved = away + candidates.displacements(forces * normals)
         gap = np.abs(moved) - radius
@@ -66,7 +67,7 @@ def relax_contact(
 
 def _steps(gaps: Array, compliance: Array, forces: Array) -> Array:
     """Return the forces (c,) after some steps of (9) with fixed normals."""
-    grow = GAIN * 2.0 / np.linalg.eigvalsh(compliance).max(initial=TINY)
+    grow = GAIN * 2.0 / np.linalg.eigvalsh(compliance)[-1]
     for _ in range(STEPS_BETWEEN_LOOKS):
         gap = gaps + compliance @ forces
         fade = grow / max(forces.max(initial=0.0), SMALL_FORCE)
