@@ -136,3 +136,26 @@ def cut_member(length, axial, flexural, shear, pinned, places):
             matrix -= np.outer(column, column) / column[rotation]
             matrix[rotation] = matrix[:, rotation] = 0.0
     return matrix
+
+
+def joined(structure, first, second):
+    """Return tubes of which the end of one and the start of the other are one node."""
+    frame, m = structure.frame, structure.config.robot.layout.n_modules
+    members = frame.members
+    number = np.arange(len(frame.points))
+    number[second] = m + first
+    held = frame._held.reshape(-1, 3).copy()
+    held[second] = True
+    members = Members(
+        number[members.start],
+        number[members.end],
+        members.axial,
+        members.flexural,
+        members.shear,
+        members.pinned_start,
+        members.pinned_end,
+    )
+    names = [str(i) for i in number]
+    return SimpleNamespace(
+        frame=Frame(frame.points, members, held, names), config=structure.config
+    )
