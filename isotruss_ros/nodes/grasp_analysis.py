@@ -24,8 +24,9 @@ from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
 RATE = replace(params.RATE, default=100.0, bounds=(1.0, 1000.0))
+# Not finer: for an object as large as the robot, memory grows with the square of the points.
 SPACING = params.Spec(
-    'spacing', 0.005, 'Distance of the points that can touch, along the tubes [m]', (0.001, 0.1)
+    'spacing', 0.005, 'Distance of the points that can touch, along the tubes [m]', (0.002, 0.1)
 )
 #: RViz draws no oftener [s].
 MARKER_PERIOD = 1.0 / 30.0
