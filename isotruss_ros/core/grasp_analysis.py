@@ -53,7 +53,8 @@ class GraspAnalysis:
     :ivar normal_forces: (k,) pressing tube and object apart, not negative [N].
     :ivar friction_forces: (k,) on the object, along the tangent, counter-clockwise [N].
     :ivar normal_wrench: (fx, fy, m) of the normal forces on the object about its centre [N, N m].
-    :ivar force_closure: whether friction balances normal forces and external wrench.
+    :ivar force_closure: whether the object is touched, and friction balances normal forces and
+        external wrench.
     :ivar closure_residual: what friction leaves, moments over d/2 [N].
     :ivar closure_tolerance: below which the residual counts as none [N].
     :ivar required_friction: smallest coefficient that closes; infinite if none does.
@@ -140,7 +141,8 @@ def analyze_grasp(
         normal_forces=contact.forces,
         friction_forces=closure.friction_forces,
         normal_wrench=np.array([pressed[0], pressed[1], 0.0]),
-        force_closure=closure.closed,
+        # Without a touch all is in balance, but nothing is held.
+        force_closure=closure.closed and bool((contact.forces > 0.0).any()),
         closure_residual=closure.residual,
         closure_tolerance=closure.tolerance,
         required_friction=closure.required_friction,
