@@ -5,7 +5,9 @@ import time
 
 from hypothesis import given, strategies
 from isotruss_ros.core import load_robot
-from isotruss_ros.core.contact import find_candidates, solve_complementarity, solve_contact
+from isotruss_ros.core.candidates import find_candidates
+from isotruss_ros.core.complementarity import solve_complementarity
+from isotruss_ros.core.contact import solve_contact
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.relaxation import relax_contact
 import numpy as np

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, Robot, StructureError
-from isotruss_ros.core.contact import find_candidates
+from isotruss_ros.core.candidates import find_candidates
 from isotruss_ros.core.gas import ATMOSPHERE, raised_pressure, segment_area
 import numpy as np
 import pytest

@@ -4,8 +4,9 @@ import math
 
 from hypothesis import given, strategies
 from isotruss_ros.core import analyze_grasp, Cylinder, load_robot
+from isotruss_ros.core.candidates import find_candidates
 from isotruss_ros.core.closure import close
-from isotruss_ros.core.contact import find_candidates, solve_contact
+from isotruss_ros.core.contact import solve_contact
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.presets import find_robot_file
 import numpy as np

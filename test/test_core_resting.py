@@ -9,7 +9,8 @@ from isotruss_ros.core import (
     resting,
     snug_center,
 )
-from isotruss_ros.core.contact import find_candidates, solve_contact
+from isotruss_ros.core.candidates import find_candidates
+from isotruss_ros.core.contact import solve_contact
 import numpy as np
 import pytest
 

@@ -9,8 +9,8 @@ compressed at constant temperature, and the tube's rigidities are those at the r
 
 from __future__ import annotations
 
+from isotruss_ros.core.candidates import Candidates
 from isotruss_ros.core.configuration import Configuration
-from isotruss_ros.core.contact import Candidates
 from isotruss_ros.core.errors import StructureError
 import numpy as np
 from numpy.typing import NDArray

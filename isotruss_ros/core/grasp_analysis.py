@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from isotruss_ros.core.arrays import circle, finite_array
+from isotruss_ros.core.candidates import Candidates, find_candidates
 from isotruss_ros.core.closure import close
 from isotruss_ros.core.configuration import Configuration
-from isotruss_ros.core.contact import Candidates, ContactState, find_candidates, solve_contact
+from isotruss_ros.core.contact import ContactState, solve_contact
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.gas import raised_pressure
 from isotruss_ros.core.relaxation import relax_contact

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core.contact import (
-    Candidates,
-    ContactState,
-    GAP_TOLERANCE,
-    unit,
-)
+from isotruss_ros.core.candidates import Candidates
+from isotruss_ros.core.complementarity import GAP_TOLERANCE
+from isotruss_ros.core.contact import ContactState, unit
 from isotruss_ros.core.errors import SolverError
 import numpy as np
 from numpy.typing import NDArray

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core.arrays import finite_array
+from isotruss_ros.core.candidates import Candidates, find_candidates
 from isotruss_ros.core.configuration import Configuration
-from isotruss_ros.core.contact import Candidates, ContactState, find_candidates, solve_contact
+from isotruss_ros.core.contact import ContactState, solve_contact
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasp_analysis import Cylinder
 import numpy as np
