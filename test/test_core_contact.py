@@ -389,7 +389,7 @@ def test_a_bent_beam_wraps_around_a_large_disc(delta):
 # Robots
 
 
-def check_state(candidates, state, center, radius, slack=1e-7):
+def check_state(candidates, state, center, radius, share=1e-5):
     """Assert (5) to (8) of a state, by its points alone."""
     moved = candidates.points + state.displacements
     assert np.abs(np.abs(state.normals) - 1.0).max(initial=0.0) < 1e-12
@@ -401,6 +401,7 @@ def check_state(candidates, state, center, radius, slack=1e-7):
     assert np.abs(along.imag).max(initial=0.0) < 1e-9
     # The displacements are those of normal forces, and of nothing else.
     push = candidates.displacements(state.forces * state.normals)
+    slack = 1e-8 + share * np.abs(state.displacements).max(initial=0.0)
     assert np.abs(push - state.displacements).max(initial=0.0) <= slack
 
 
@@ -447,7 +448,8 @@ def test_supports_and_displacements_answer_the_contact_forces(rng):
     np.add.at(loads, nodes, np.column_stack([push.real, push.imag, np.zeros(len(push))]))
     answer = frame.solve(loads)
     moved = answer.displacements[nodes, 0] + 1j * answer.displacements[nodes, 1]
-    assert np.abs(moved - state.displacements[touching]).max() < 1e-7
+    slack = 1e-8 + 1e-5 * np.abs(moved).max()
+    assert np.abs(moved - state.displacements[touching]).max() < slack
     # The supports carry what the object presses with: forces, and moments about anywhere.
     held = answer.reactions[:, 0] + 1j * answer.reactions[:, 1]
     size = np.abs(push).sum()
@@ -460,6 +462,7 @@ def test_supports_and_displacements_answer_the_contact_forces(rng):
 @robots.examples(20)
 @given(generators)
 def test_warm_starts_lead_to_the_same_forces(rng):
+    # Pressed in by a decimetre or more, a tube may lie on either side of an object: two answers.
     config, center, radius = pressed(rng)
     found = find_candidates(config.structure, center, radius, 0.005)
     cold = solve_contact(found, center, radius)
@@ -555,5 +558,4 @@ def test_objects_of_any_size_in_bad_places_are_answered(preset, diameter):
         found = find_candidates(robot.home.structure, center, radius, 0.01)
         state = solve_contact(found, center, radius)
         assert time.process_time() - begin < 2.0, what
-        slack = 1e-7 + 1e-4 * np.abs(state.displacements).max(initial=0.0)
-        check_state(found, state, center, radius, slack)
+        check_state(found, state, center, radius, 1e-4)
