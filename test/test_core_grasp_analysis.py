@@ -144,6 +144,8 @@ def test_nothing_touched_has_no_stiffness():
     assert analysis.contact_lengths == {}
     assert analysis.normal_wrench.tolist() == [0.0] * 3
     assert analysis.points.shape == analysis.normals.shape == (0, 2)
+    # Nothing has to be balanced, but nothing is held.
+    assert not analysis.force_closure
     pulled = analyze_grasp(config, Cylinder((0.5, 30.0), 0.2), external_wrench=(0, -1, 0))
     assert not pulled.force_closure
     assert pulled.required_friction == math.inf
@@ -249,31 +251,32 @@ def test_an_external_wrench_that_undoes_the_normal_forces_closes_without_frictio
 # The wedge
 
 
-def two_tubes(degrees, deep, spacing=0.005):
-    """Return the required friction of a disc between two clamped tubes, and the wedge's angle."""
+def two_tubes(degrees, deep, place):
+    """Return the required friction of a disc between two clamped tubes, against tan(angle / 2)."""
     half = np.radians(0.5 * degrees)
     ends = np.exp(1j * np.array([half, -half]))
     structure = tubes.bare(0.05 * ends, 1.05 * ends, 1.9e4, 25.0, 1.9e3)
-    center = 0.55 / np.cos(half) + 0j
-    radius = 0.55 * np.tan(half) + deep
-    contact = solve_contact(find_candidates(structure, center, radius, spacing), center, radius)
+    center, radius = place / np.cos(half) + 0j, place * np.tan(half) + deep
+    contact = solve_contact(find_candidates(structure, center, radius, 0.001), center, radius)
     normals = contact.normals.view(float).reshape(-1, 2)
     tangents = (1j * contact.normals).view(float).reshape(-1, 2)
     load = np.append(-contact.forces @ normals, 0.0)
-    return close(tangents, contact.forces, load, 0.5).required_friction, 2.0 * half
+    return close(tangents, contact.forces, load, 0.5).required_friction / np.tan(half)
 
 
 @pytest.mark.parametrize('degrees', [26.0, 45.0, 60.0, 90.0])
 def test_a_wedge_of_two_tubes_needs_the_tangent_of_half_its_angle(degrees):
-    expected = np.tan(np.radians(0.5 * degrees))
-    vanishing = [two_tubes(degrees, deep)[0] for deep in (1e-3, 1e-4, 1e-5, 1e-6)]
-    # The closer the less is pressed in.
-    errors = np.abs(np.array(vanishing) / expected - 1.0)
-    assert (np.diff(errors) <= 1e-9).all()
-    assert vanishing[-1] == pytest.approx(expected, rel=1e-5)
-    # Bent tubes open the wedge a little more, not less.
-    deep = two_tubes(degrees, 0.015, 0.001)[0]
-    assert expected < deep < 1.3 * expected
+    # At midspan a tube stays parallel to itself: whatever the indentation.
+    for deep in (1e-6, 1e-3, 0.015):
+        assert two_tubes(degrees, deep, 0.55) == pytest.approx(1.0, abs=1e-9)
+    # Nearer to the corner the tubes turn outward, which opens the wedge; beyond, they close it.
+    for place, sign in ((0.35, 1.0), (0.75, -1.0)):
+        off = [
+            sign * (two_tubes(degrees, deep, place) - 1.0) for deep in (1e-6, 1e-3, 5e-3, 0.015)
+        ]
+        assert off[0] == pytest.approx(0.0, abs=1e-9)
+        assert 0.0 < off[2] < off[3] < 0.15
+        assert -1e-9 < off[1] < off[2]
 
 
 @pytest.mark.parametrize('degrees', [26.0, 45.0, 60.0])
