@@ -12,8 +12,8 @@ from isotruss_ros.core.presets import find_robot_file
 import numpy as np
 import pytest
 import robots
+from ruamel.yaml import YAML
 import tubes
-import yaml
 
 TUBE = 0.102
 
@@ -168,7 +168,7 @@ def turned(document):
 def test_turning_robot_object_and_wrench_turns_the_result(which, turns):
     document = robots.random_document(which) if isinstance(which, int) else None
     if document is None:
-        document = yaml.safe_load(find_robot_file(which).read_text())
+        document = YAML(typ='safe', pure=True).load(find_robot_file(which))
     robot = robots.load(document)
     for _ in range(turns):
         document = turned(document)

@@ -102,7 +102,8 @@ def analyze_grasp(
     :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
     :param method: 'exact' (complementarity by pivoting) or 'relaxation' (the paper's (9)).
     :param spacing: of the candidate points along the tubes [m].
-    :param previous: analysis of a similar grasp, where the exact method begins; changes no result.
+    :param previous: analysis of a similar grasp, where the search for the contact begins. Where
+        a deep indentation has several equilibria, it decides which one is found.
     :param gas: whether the object raises the pressure of the tubes that it indents.
     :raises GraspError: an argument is not usable.
     :raises StructureError: the robot is a mechanism, or its stiffness laws are contradictory.
