@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import contextlib
+import gc
 import math
 import time
 
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import load_robot, Pose, snug_center
+from isotruss_ros.core import IsotrussError, load_robot, Pose, snug_center
 from isotruss_ros.nodes.grasp_messages import wrench_message
 from isotruss_ros.nodes.messages import pose_message, stamp, twist_message
 from isotruss_ros.nodes.runner import StoppableNode
 import numpy as np
+import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -197,4 +199,17 @@ def world(*make_nodes: Callable[[], StoppableNode], twist_type: type = Twist):
     finally:
         if made is not None:
             made.close()
+        rclpy.shutdown()
+
+
+def check_refused(make_node: Callable[[], StoppableNode], words: str) -> None:
+    """Check that a node does not start, and says why; what there was of it goes at once."""
+    rclpy.init()
+    try:
+        with pytest.raises(IsotrussError, match=words):
+            make_node()
+        # Left to the garbage collector, its DDS participant would be taken down while that of the
+        # next test comes up in the same process, which Fast DDS now and then does not survive.
+        gc.collect()
+    finally:
         rclpy.shutdown()

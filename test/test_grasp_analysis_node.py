@@ -6,14 +6,13 @@ import time
 from geometry_msgs.msg import Wrench
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import analyze_grasp, Cylinder, GraspCode, IsotrussError, snug_center
+from isotruss_ros.core import analyze_grasp, Cylinder, GraspCode, snug_center
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.grasp_messages import wrench_message
 from isotruss_ros.nodes.messages import seconds
 import numpy as np
-from probe import DIAMETER, MODULE, N, overrides, ROBOT, world
+from probe import check_refused, DIAMETER, MODULE, N, overrides, ROBOT, world
 import pytest
-import rclpy
 from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -457,12 +456,7 @@ def test_parameters_say_what_they_are():
     ],
 )
 def test_bad_parameters_are_refused_at_start(values, words):
-    rclpy.init()
-    try:
-        with pytest.raises(IsotrussError, match=words):
-            GraspAnalysisNode(overrides(**values))
-    finally:
-        rclpy.shutdown()
+    check_refused(lambda: GraspAnalysisNode(overrides(**values)), words)
 
 
 def test_topic_names_are_relative():

@@ -9,7 +9,7 @@ from isotruss_ros.core import Status
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.messages import seconds, stamp
 import numpy as np
-from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT, stamped, UP, world
+from probe import CENTER, check_refused, DIAMETER, MODULE, N, overrides, ROBOT, stamped, UP, world
 import pytest
 from rclpy.parameter import Parameter
 
@@ -408,15 +408,7 @@ def test_parameters_say_what_they_are():
     ],
 )
 def test_bad_parameters_are_refused_at_start(values, words):
-    from isotruss_ros.core import IsotrussError
-    import rclpy
-
-    rclpy.init()
-    try:
-        with pytest.raises(IsotrussError, match=words):
-            Manipulation(overrides(**values))
-    finally:
-        rclpy.shutdown()
+    check_refused(lambda: Manipulation(overrides(**values)), words)
 
 
 def test_topic_names_are_relative():

@@ -3,14 +3,13 @@
 import math
 import time
 
-from isotruss_ros.core import IsotrussError, Status
+from isotruss_ros.core import Status
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.messages import seconds
 from isotruss_ros.nodes.simulator import Simulator
 import numpy as np
-from probe import CENTER, N, overrides, ROBOT, world
+from probe import CENTER, check_refused, N, overrides, ROBOT, world
 import pytest
-import rclpy
 from std_msgs.msg import Float64MultiArray
 
 SPEED = 0.02
@@ -147,12 +146,7 @@ def test_blocks_where_the_robot_cannot_go_and_lives():
     ],
 )
 def test_bad_parameters_are_refused_at_start(values, words):
-    rclpy.init()
-    try:
-        with pytest.raises(IsotrussError, match=words):
-            Simulator(overrides(**values))
-    finally:
-        rclpy.shutdown()
+    check_refused(lambda: Simulator(overrides(**values)), words)
 
 
 def test_both_nodes_move_the_object_by_the_integral_of_the_twists():
