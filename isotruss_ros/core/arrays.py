@@ -1,4 +1,4 @@
-"""Check numbers that callers hand over."""
+"""Arrays at the borders: numbers that callers hand over, and points as pairs of numbers."""
 
 from __future__ import annotations
 
@@ -45,3 +45,8 @@ def circle(center: ArrayLike, diameter: float) -> tuple[tuple[float, float], flo
             f'within {MAX_DISTANCE:g} m, and the diameter at least {MIN_DIAMETER:g} m'
         )
     return (float(x), float(y)), float(size)
+
+
+def pairs(vectors: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Turn vectors x + iy, (c,), into an array of x and y, (c, 2)."""
+    return np.ascontiguousarray(vectors).view(np.float64).reshape(-1, 2)

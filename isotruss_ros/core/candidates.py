@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from isotruss_ros.core.arrays import pairs
 from isotruss_ros.core.interior import InteriorPoints
 from isotruss_ros.core.structure import Structure
 import numpy as np
@@ -76,8 +77,8 @@ class Candidates:
     @property
     def compliance(self) -> Array:
         """Return the displacements (c, 2) of all points for unit forces (c, 2), [m/N]."""
-        along = _pairs(self.axis)
-        across = _pairs(1j * self.axis)
+        along = pairs(self.axis)
+        across = pairs(1j * self.axis)
         local = np.einsum('ci,cd,dj->cidj', along, self.inside[0], along)
         local += np.einsum('ci,cd,dj->cidj', across, self.inside[1], across)
         spread = self.spread.reshape(2 * len(self.points), len(self.ends))
@@ -134,7 +135,7 @@ def find_candidates(
     # Ends move in the plane, shapes are along and across: turn in, spread, turn out.
     shapes = inside.shapes() @ frame.turned(used)[member]
     spread = np.zeros((len(place), 2, len(near), 6))
-    out = np.stack([_pairs(along), _pairs(1j * along)], axis=2)
+    out = np.stack([pairs(along), pairs(1j * along)], axis=2)
     spread[np.arange(len(place)), :, member] = out @ shapes
     return Candidates(
         points,
@@ -145,8 +146,3 @@ def find_candidates(
         spread.reshape(len(place), 2, 6 * len(near)),
         frame.compliance(used),
     )
-
-
-def _pairs(vectors: Points) -> Array:
-    """Return vectors as pairs (c, 2)."""
-    return np.ascontiguousarray(vectors).view(np.float64).reshape(-1, 2)

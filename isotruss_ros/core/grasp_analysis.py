@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from isotruss_ros.core.arrays import circle, finite_array
+from isotruss_ros.core.arrays import circle, finite_array, pairs
 from isotruss_ros.core.candidates import Candidates, find_candidates
 from isotruss_ros.core.closure import close
 from isotruss_ros.core.configuration import Configuration
@@ -130,14 +130,14 @@ def analyze_grasp(
     if previous is not None and len(previous.normal_forces) == len(candidates.points):
         start = previous.normal_forces
     contact = solvers[method](candidates, center, radius, start)
-    normals = contact.normals.view(np.float64).reshape(-1, 2)
+    normals = pairs(contact.normals)
     pressed = -contact.forces @ normals
-    tangents = (1j * contact.normals).view(np.float64).reshape(-1, 2)
+    tangents = pairs(1j * contact.normals)
     load = np.array([pressed[0] + wrench[0], pressed[1] + wrench[1], wrench[2] / arm])
     closure = close(tangents, contact.forces, load, float(mu))
     moved = candidates.points + contact.displacements
     return GraspAnalysis(
-        points=moved.view(np.float64).reshape(-1, 2),
+        points=pairs(moved),
         gaps=contact.gaps,
         normals=normals,
         normal_forces=contact.forces,

@@ -88,11 +88,5 @@ class GraspReport:
 
     @property
     def force_closure(self) -> bool:
-        """
-        Return whether the object is known to be held by a closed grasp.
-
-        An object that nothing touches and nothing pulls at is in balance too, but it is not held.
-        """
-        if self.grasp is None or not self.grasp.analysis.contact_lengths:
-            return False
-        return bool(self.grasp.analysis.force_closure)
+        """Return whether the object is known to be held by a closed grasp."""
+        return self.grasp is not None and self.grasp.analysis.force_closure

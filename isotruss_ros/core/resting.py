@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from isotruss_ros.core.arrays import finite_array
+from isotruss_ros.core.arrays import finite_array, pairs
 from isotruss_ros.core.candidates import Candidates, find_candidates
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.contact import ContactState, solve_contact
@@ -64,7 +64,7 @@ def find_resting_pose(
         pressing = float(contact.forces.sum())
         if pressing == 0.0 or abs(center - start) > cylinder.diameter:
             return None
-        force = wrench[:2] - contact.forces @ _pairs(contact.normals)
+        force = wrench[:2] - contact.forces @ pairs(contact.normals)
         tangent = _tangent(candidates, contact, radius)
         if np.linalg.norm(force) <= TOLERANCE * pressing:
             stiffness = float(np.linalg.eigvalsh(0.5 * (tangent + tangent.T)).min())
@@ -76,10 +76,6 @@ def find_resting_pose(
     return None
 
 
-def _pairs(vectors: NDArray[np.complex128]) -> Array:
-    return vectors.view(np.float64).reshape(-1, 2)
-
-
 def _tangent(candidates: Candidates, contact: ContactState, radius: float) -> Array:
     """
     Return how the normal forces on the object resist its motion, (2, 2) [N/m].
@@ -89,8 +85,8 @@ def _tangent(candidates: Candidates, contact: ContactState, radius: float) -> Ar
     """
     places = np.flatnonzero(contact.forces > 0.0)
     touching, forces = candidates[places], contact.forces[places]
-    normals = _pairs(contact.normals[places])
-    slides = _pairs(1j * contact.normals[places])
+    normals = pairs(contact.normals[places])
+    slides = pairs(1j * contact.normals[places])
     size = 2 * len(places)
     compliance = touching.compliance.reshape(size, size)
     # Unknowns: displacements u of the points for a motion c of the object, and change f of forces:
