@@ -26,6 +26,7 @@ from isotruss_ros.core.resting import find_resting_pose, RestingPose
 from isotruss_ros.core.robot import load_robot, Robot
 from isotruss_ros.core.samples import Refusal, RollerState, Sample
 from isotruss_ros.core.servo import Decision, TwistServo
+from isotruss_ros.core.shape_margins import shape_margins, ShapeMargins
 from isotruss_ros.core.simulation import RollerFaults, SimulatedRobot
 from isotruss_ros.core.status import Status
 from isotruss_ros.core.structure import deform, Deformation
@@ -59,6 +60,7 @@ __all__ = [
     'RollerSpeedLimit',
     'RollerState',
     'Sample',
+    'ShapeMargins',
     'SimulatedRobot',
     'SolverError',
     'Status',
@@ -69,6 +71,7 @@ __all__ = [
     'find_resting_pose',
     'load_robot',
     'preset_names',
+    'shape_margins',
     'snug_center',
     'solve_twist',
     'solve_twist_ahead',

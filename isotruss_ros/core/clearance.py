@@ -1,0 +1,175 @@
+"""
+Distances between parts of the robot that must not meet, and between the robot and an object.
+
+A member is its straight tube from pinch point to pinch point. A module is a disc round the middle
+of its pinch points, large enough for the pinched tube and for the joint: radius
+max(s/2 + tube radius, h). Distances are between surfaces [m], negative where they overlap.
+
+Which pairs: a straight tube that comes to another does so first with an end of one of them, and
+the ends lie inside the discs of modules. So it is enough to keep modules away from members and
+from other modules; two members then never come closer than their discs do.
+
+What meets at a joint is left out. The tubes of two triangles that share a joint run past it, and
+over each other, already at home: they lie at different heights there, and turn about the joint.
+How far one may swing over the other is bounded all the same, because the module at the far end of
+either keeps its distance from the other; so do the sides of a corner, by the same pairs. Two
+modules next to each other on a tube are left to the limit of the length between them.
+
+A pair that overlaps already at home cannot lie in one plane, so it is left out too, and named in
+`Bodies.overlapping`.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+from isotruss_ros.core.configuration import Configuration
+from isotruss_ros.core.grasp import module_index
+from isotruss_ros.core.grasp_analysis import Cylinder
+from isotruss_ros.core.robot import Robot
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Points = NDArray[np.complex128]
+Indices = NDArray[np.intp]
+
+
+class Nearest(NamedTuple):
+    """
+    The point of a straight side that is nearest to a point; arrays over pairs.
+
+    :ivar distance: from the point to the nearest one [m].
+    :ivar normal: unit vector from there to the point.
+    :ivar share: where it is along the side, 0 to 1.
+    """
+
+    distance: Array
+    normal: Points
+    share: Array
+
+
+def nearest_on_side(point: Points, start: Points, along: Points) -> Nearest:
+    """
+    Return the nearest points of straight sides.
+
+    :param point: (k,) [m].
+    :param start: (k,) where the sides begin [m].
+    :param along: (k,) from begin to end [m].
+    """
+    arm = point - start
+    share = np.clip((along.conj() * arm).real / (along.real**2 + along.imag**2), 0.0, 1.0)
+    away = arm - share * along
+    distance = np.abs(away)
+    # On the side itself no direction is the nearest way out: across it is as good as any.
+    normal = np.where(
+        distance > 0.0, away / np.where(distance > 0.0, distance, 1.0), 1j * along / np.abs(along)
+    )
+    return Nearest(distance, normal, share)
+
+
+class Bodies:
+    """
+    The parts of a robot that must not meet.
+
+    :ivar radius: of a module's disc [m].
+    :ivar overlapping: the pairs that are left out because they overlap at home.
+    :param robot: the robot.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        layout, file = robot.layout, robot.description
+        m = layout.n_modules
+        self._robot = robot
+        self._tube = 0.5 * file.tube_diameter
+        half = 0.5 * file.module.pinch_separation
+        self.radius = max(half + self._tube, file.module.rod_length)
+        self._to = layout.c[layout.following]
+        ends = np.stack([layout.joint, layout.joint[layout.following]])
+        apart = (layout.joint[:, None] != ends[0]) & (layout.joint[:, None] != ends[1])
+        self._module, self._member = np.nonzero(apart)
+        modules = np.arange(m)
+        other = np.triu(layout.joint[:, None] != layout.joint)
+        other &= layout.following[:, None] != modules
+        other &= layout.previous[:, None] != modules
+        self._one, self._two = np.nonzero(other)
+        self.overlapping: tuple[str, ...] = ()
+        keep = self.distances(robot.home) > 0.0
+        self.overlapping = tuple(self.names(np.flatnonzero(~keep)))
+        sides = len(self._module)
+        self._module, self._member = self._module[keep[:sides]], self._member[keep[:sides]]
+        self._one, self._two = self._one[keep[sides:]], self._two[keep[sides:]]
+
+    def names(self, pairs: Indices) -> list[str]:
+        """Return what the pairs of these numbers are, for people."""
+        modules, members = self._robot.module_names, self._robot.member_names
+        sides = len(self._module)
+        return [
+            f'module {modules[self._module[i]]} and member {members[self._member[i]]}'
+            if i < sides
+            else f'modules {modules[self._one[i - sides]]} and {modules[self._two[i - sides]]}'
+            for i in pairs
+        ]
+
+    def distances(self, config: Configuration) -> Array:
+        """Return the distance between the surfaces of each pair [m]."""
+        middle, start, along = self._places(config)
+        members = self._member
+        side = nearest_on_side(middle[self._module], start[members], along[members])
+        return np.concatenate(
+            [
+                side.distance - (self.radius + self._tube),
+                np.abs(middle[self._one] - middle[self._two]) - 2.0 * self.radius,
+            ]
+        )
+
+    def object_distances(
+        self, config: Configuration, cylinder: Cylinder, grip: str | None
+    ) -> Array:
+        """
+        Return the distances between an object and members, modules and the grip module [m].
+
+        :param cylinder: the object.
+        :param grip: the module `t/j` that holds it, or None for an object that lies free. What
+            meets at the joint of the grip is left out (inf), but for the two arms of the grip
+            module, from the joint to the pinch points.
+        :return: (2m + 2,) members, modules, arms of the grip module; inf for what is left out.
+        :raises GraspError: no such module.
+        """
+        layout = self._robot.layout
+        center, radius = complex(*cylinder.center), 0.5 * cylinder.diameter
+        middle, start, along = self._places(config)
+        members = nearest_on_side(center, start, along).distance - (radius + self._tube)
+        modules = np.abs(center - middle) - (radius + self.radius)
+        arms = np.full(2, np.inf)
+        if grip is not None:
+            i = module_index(self._robot, grip)
+            near = layout.joint == layout.joint[i]
+            members[near | near[layout.following]] = np.inf
+            modules[near] = np.inf
+            joint = config.points[layout.joint[i]]
+            ends = config.points[[layout.b[i], layout.c[i]]]
+            arms = nearest_on_side(center, joint, ends - joint).distance - radius
+        return np.concatenate([members, modules, arms])
+
+    def object_names(self, grip: str | None) -> list[str]:
+        """Return what the object is near to, in the order of `object_distances`."""
+        return [
+            *(f'member {name}' for name in self._robot.member_names),
+            *(f'module {name}' for name in self._robot.module_names),
+            *(2 * [f'module {grip}']),
+        ]
+
+    def _places(self, config: Configuration) -> tuple[Points, Points, Points]:
+        """Return the middle of the pinch points, where members begin, and to where they go."""
+        points, layout = config.points, self._robot.layout
+        start = points[layout.b]
+        middle = 0.5 * (start + points[layout.c])
+        return middle, start, points[self._to] - start
+
+
+@functools.lru_cache(maxsize=16)
+def bodies(robot: Robot) -> Bodies:
+    """Return the parts of a robot that must not meet; made once for each robot."""
+    return Bodies(robot)
