@@ -16,7 +16,11 @@ class Status(enum.IntEnum):
     IDLE = 1  #: the twist is zero, and so is the command
     SLOWED_ROLLER_SPEED = 10  #: along the twist, slower: a roller is at its largest speed
     SLOWED_MEMBER_LENGTH = 11  #: along the twist, slower: a member comes to its length limit
+    SLOWED_RIGIDITY = 12  #: along the twist, slower: the shape comes to its least rigidity
+    SLOWED_CROSSING = 13  #: along the twist, slower: parts of the robot come to each other
+    SLOWED_OBJECT = 14  #: along the twist, slower: the robot comes to the object beside the grip
     UNREACHABLE = 20  #: the nearest twist that the rollers can bring about, perhaps slower
+    SLIDING = 21  #: the nearest twist that limits allow, along them: sliding was asked for
     HALT_NO_TWIST = 30  #: no twist yet, or the last one is too old
     HALT_INVALID_TWIST = 31
     HALT_NO_JOINT_STATES = 32
