@@ -1,6 +1,7 @@
 # Everything runs from .venv, which the targets make and keep up to date by themselves.
 
 PYTHON ?= python3
+MINUTES ?= 10
 VENV := .venv
 BIN := $(VENV)/bin
 STAMPS := $(VENV)/stamps
@@ -16,13 +17,14 @@ unexport FASTRTPS_DEFAULT_PROFILES_FILE FASTDDS_DEFAULT_PROFILES_FILE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test demo colcon bench format clean FORCE
+.PHONY: help venv test demo colcon bench fuzz format clean FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation'
 	@echo 'make test     style and tests'
 	@echo 'make colcon   build and test both packages as a colcon workspace, in .colcon'
 	@echo 'make bench    run the benchmarks'
+	@echo 'make fuzz     fuzz the readers of files, MINUTES=10 each (x86-64)'
 	@echo 'make format   format the sources and fix what can be fixed'
 	@echo 'make venv     only set up .venv'
 	@echo 'make clean    remove .venv and all that was built'
@@ -43,6 +45,9 @@ colcon: venv
 
 bench: venv
 	set -e; for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script; done
+
+fuzz: venv $(STAMPS)/fuzz
+	tools/fuzz/run.sh $(BIN)/python $(MINUTES)
 
 format: venv
 	$(BIN)/ruff check --fix .
@@ -68,4 +73,9 @@ $(STAMPS)/messages: $(STAMPS)/packages tools/build_messages.sh $(shell find msg_
 $(STAMPS)/package: $(STAMPS)/packages setup.py setup.cfg package.xml
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps \
 		--no-build-isolation --use-pep517 --editable .
+	@touch $@
+
+$(STAMPS)/fuzz: $(STAMPS)/packages requirements-fuzz.txt
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --only-binary :all: --no-deps \
+		-r requirements-fuzz.txt
 	@touch $@

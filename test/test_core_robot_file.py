@@ -353,6 +353,27 @@ def test_all_complaints_are_told_at_once(tmp_path):
     assert len(refusal(as_yaml(document), tmp_path).splitlines()) == 3
 
 
+def test_file_full_of_mistakes_is_refused_with_the_first(tmp_path):
+    document = robots.example()
+    for i in range(10_000):
+        document[f'k{i}'] = i
+    lines = refusal(as_yaml(document), tmp_path).splitlines()
+    assert "unknown key 'k0'" in lines[0]
+    assert len(lines) == 51
+    assert lines[-1].endswith('and more like these')
+
+
+@pytest.mark.parametrize('key', ['tubes', 'supports'])
+def test_list_of_mistakes_is_refused_in_time(key, tmp_path):
+    # Compared in pairs, as JSON Schema would have it, these take hours; the runner gives minutes.
+    wrong = [{'a': i} for i in range(12_000)]
+    document = robots.example()
+    document[key] = {'P': wrong} if key == 'supports' else {'t': {'joints': wrong, 'passive': 'P'}}
+    content = as_yaml(document)
+    assert 100_000 < len(content) < MAX_FILE_SIZE
+    assert "{'a': 0}: must be" in refusal(content, tmp_path)
+
+
 LAST_LINE = DESIGN_EXAMPLE.count('\n') + 1
 NO_ROBOTS = {
     'duplicate key': (
@@ -378,9 +399,12 @@ NO_ROBOTS = {
     'no float': ('name: !!float ""\n', 'not YAML 1.2'),
     'object of Python': ('name: !!python/object:os.system x\n', 'not YAML 1.2'),
     'mapping as a key': ('? {a: 1}\n: 1\n', 'not YAML 1.2'),
-    'very long integer': ('9' * 5000, 'not YAML 1.2'),
+    'very long integer': ('9' * 5000, "line 1: '99999999999999999999'... has 5000 characters"),
+    # Python reads it, and then cannot print it.
+    'very long number in base 16': ('name: 0x' + 'f' * 5000, 'must be at most 1000'),
+    'very long key in base 16': ('? 0x' + 'f' * 5000 + '\n: 1', 'must be at most 1000'),
     # The reader takes time in the square of the depth: hours for a file of brackets.
-    'very deep': ('[\n' * 100_000, 'line 21: nested too deeply'),
+    'very deep': ('[\n' * 100_000, 'line 9: nested too deeply'),
     'empty': ('', 'top level: None: must be a robot: the keys name, joints'),
     'only a comment': (
         '# nothing\n',

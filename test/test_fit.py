@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import tracemalloc
 import warnings
 
 from hypothesis import given, strategies
@@ -16,7 +17,12 @@ from isotruss_ros.fit.__main__ import main
 from isotruss_ros.fit.analysis import analyse, contradiction
 from isotruss_ros.fit.law import fit_law
 from isotruss_ros.fit.linear_range import fit_slope
-from isotruss_ros.fit.measurements import MeasurementError, MODES, read_measurements
+from isotruss_ros.fit.measurements import (
+    MAX_FILE_SIZE,
+    MeasurementError,
+    MODES,
+    read_measurements,
+)
 from isotruss_ros.fit.report import stretches
 import numpy as np
 from PIL import Image
@@ -417,6 +423,29 @@ def test_byte_order_mark_spaces_and_empty_lines_are_read(tmp_path):
 def test_folder_is_no_file_of_points(tmp_path):
     with pytest.raises(MeasurementError, match='cannot be read'):
         read_measurements(tmp_path)
+
+
+def test_file_that_never_ends_is_refused():
+    with pytest.raises(MeasurementError, match=f'at most {MAX_FILE_SIZE} bytes'):
+        read_measurements(Path('/dev/zero'))
+
+
+def test_names_of_trials_cost_what_they_are_long(tmp_path):
+    # As an array of texts, each would take as much as the longest: 800 MB.
+    names = ['a' * 100_000, *(f't{i % 7}' for i in range(2000))]
+    rows = [[*HEADER, 'trial'], *(['axial', 17200, 0.254, 0.1, 1.0, name] for name in names)]
+    path = write(tmp_path, rows)
+    tracemalloc.start()
+    try:
+        (group,) = read_measurements(path).groups
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 4 * MAX_FILE_SIZE
+    # The same number for the same name.
+    pairs = set(zip(group.trials.tolist(), names, strict=True))
+    assert len(pairs) == len(set(names)) == 8
+    assert sorted(number for number, _ in pairs) == list(range(8))
 
 
 @pytest.mark.parametrize(

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-import difflib
-import functools
-import json
 from pathlib import Path
 from typing import Any
 
 from isotruss_ros.core.description import Module, RobotDescription, Tube
 from isotruss_ros.core.errors import RobotFileError
-from isotruss_ros.core.presets import config_directory, find_robot_file
-import jsonschema
+from isotruss_ros.core.presets import find_robot_file
+from isotruss_ros.core.robot_schema import check_form, refuse_if_any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
-from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
+from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
 
 #: A robot of 300 modules needs 30 kB; beyond this size the file is something else.
-MAX_FILE_SIZE = 1_000_000
+MAX_FILE_SIZE = 200_000
 #: The keys go four levels deep; the reader takes time in the square of the depth.
-MAX_DEPTH = 20
-#: Beyond this magnitude a number is a slip of the keyboard and overflows in products.
-MAX_MAGNITUDE = 1e12
+MAX_DEPTH = 8
+#: Longer texts are no names, and longer numbers Python does not print.
+MAX_SCALAR_LENGTH = 1000
 DEFAULT_FRAME = 'truss'
 
 
@@ -44,7 +41,7 @@ def read_robot_file(name_or_path: str | Path) -> RobotDescription:
         raise RobotFileError(f'{path}: too long; a robot file has at most {MAX_FILE_SIZE} bytes')
     try:
         content = _parse(path, data.decode('utf-8'))
-        _check_form(path, content)
+        check_form(path, content)
         return _describe(path, content)
     except UnicodeDecodeError as error:
         raise RobotFileError(f'{path}: byte {error.start}: not UTF-8 text') from error
@@ -60,6 +57,11 @@ def _parse(path: Path, text: str) -> Any:
                 raise RobotFileError(
                     f'{path}: line {event.start_mark.line + 1}: nested too deeply '
                     'to be a robot file'
+                )
+            if isinstance(event, ScalarEvent) and len(event.value) > MAX_SCALAR_LENGTH:
+                raise RobotFileError(
+                    f'{path}: line {event.start_mark.line + 1}: {event.value[:20]!r}... has '
+                    f'{len(event.value)} characters; must be at most {MAX_SCALAR_LENGTH}'
                 )
             # An alias can name its own parent, or unfold a small file into gigabytes.
             if isinstance(event, AliasEvent):
@@ -80,72 +82,6 @@ def _parse(path: Path, text: str) -> Any:
         raise RobotFileError(f'{path}: not YAML 1.2: {error}') from error
 
 
-def _is_number(_checker: jsonschema.TypeChecker, value: Any) -> bool:
-    """Accept finite numbers only: NaN and infinity pass for numbers in YAML and in JSON Schema."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return False
-    return value == value and -MAX_MAGNITUDE <= value <= MAX_MAGNITUDE
-
-
-@functools.lru_cache(maxsize=1)
-def _validator() -> Any:
-    schema = json.loads((config_directory() / 'robot.schema.json').read_text(encoding='utf-8'))
-    base = jsonschema.Draft7Validator
-    checker = base.TYPE_CHECKER.redefine('number', _is_number)
-    return jsonschema.validators.extend(base, type_checker=checker)(schema)
-
-
-def _check_form(path: Path, content: Any) -> None:
-    """Collect every complaint, so that a file is mended in one go."""
-    complaints = [
-        f'{path}: {keys}: {key!r} is not text; put quotes around it: {str(key)!r}'
-        for keys, key in _keys_that_are_not_text(content)
-    ]
-    if not complaints:
-        errors = sorted(
-            _validator().iter_errors(content), key=lambda error: list(map(str, error.path))
-        )
-        complaints = [f'{path}: {line}' for error in errors for line in _explain(error)]
-    if complaints:
-        raise RobotFileError('\n'.join(complaints))
-
-
-def _keys_that_are_not_text(value: Any, where: str = 'top level') -> Iterator[tuple[str, Any]]:
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            if not isinstance(key, str):
-                yield where, key
-            yield from _keys_that_are_not_text(inner, str(key))
-    elif isinstance(value, list):
-        for inner in value:
-            yield from _keys_that_are_not_text(inner, where)
-
-
-def _explain(error: jsonschema.ValidationError) -> Iterator[str]:
-    """Turn a schema error into lines 'key: value: what is wrong; what would be right'."""
-    where = '.'.join(map(str, error.absolute_path)) or 'top level'
-    right = error.schema.get('description') if isinstance(error.schema, dict) else None
-    if error.validator == 'additionalProperties':
-        allowed = error.schema['properties']
-        for key in error.instance:
-            if key not in allowed:
-                close = difflib.get_close_matches(key, allowed, n=1)
-                hint = f'did you mean {close[0]}? ' if close else ''
-                yield f'{where}: unknown key {key!r}; {hint}known are {", ".join(allowed)}'
-    elif error.validator == 'required':
-        for key in error.validator_value:
-            if key not in error.instance:
-                wanted = error.schema.get('properties', {}).get(key, {})
-                meaning = wanted.get('description') if isinstance(wanted, dict) else None
-                yield f'{where}: key {key!r} is missing' + (
-                    f'; it is {meaning}' if meaning else ''
-                )
-    else:
-        value = repr(error.instance)
-        value = value if len(value) <= 60 else value[:57] + '...'
-        yield f'{where}: {value}: must be {right}'
-
-
 def _describe(path: Path, content: dict[str, Any]) -> RobotDescription:
     joints = {name: (float(x), float(y)) for name, (x, y) in content['joints'].items()}
     tubes = tuple(
@@ -154,9 +90,7 @@ def _describe(path: Path, content: dict[str, Any]) -> RobotDescription:
     )
     supports = {joint: tuple(axes) for joint, axes in content['supports'].items()}
     limits = {key: float(value) for key, value in content['members'].items()}
-    complaints = list(_cross_check(joints, tubes, supports, limits))
-    if complaints:
-        raise RobotFileError('\n'.join(f'{path}: {line}' for line in complaints))
+    refuse_if_any(path, _cross_check(joints, tubes, supports, limits))
     return RobotDescription(
         source=str(path),
         name=content['name'],

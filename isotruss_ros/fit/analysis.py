@@ -8,7 +8,7 @@ import itertools
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.power_law import PowerLaw
-from isotruss_ros.core.robot_file import MAX_MAGNITUDE
+from isotruss_ros.core.robot_schema import MAX_MAGNITUDE
 from isotruss_ros.fit.law import fit_law, FittedLaw
 from isotruss_ros.fit.linear_range import fit_slope, Slope, TOLERANCE
 from isotruss_ros.fit.measurements import MeasurementError, Measurements, MODES, Unused

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 import csv
 from dataclasses import dataclass, field
+import io
 from pathlib import Path
 
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.core.robot_file import MAX_MAGNITUDE
+from isotruss_ros.core.robot_schema import MAX_MAGNITUDE
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +20,8 @@ MODES = ('axial', 'transverse', 'rotary')
 NUMBERS = ('pressure', 'length', 'displacement', 'load')
 COLUMNS = ('mode', *NUMBERS)
 TRIAL = 'trial'
+#: A million points; what is longer, or never ends, is something else.
+MAX_FILE_SIZE = 50_000_000
 
 
 class MeasurementError(IsotrussError, ValueError):
@@ -96,32 +99,40 @@ def read_measurements(path: Path) -> Measurements:
     points: dict[tuple[int, float, float], list[tuple[int, str, float, float]]] = {}
     rows = 0
     try:
-        with path.open(newline='', encoding='utf-8-sig') as file:
-            reader = csv.reader(file, skipinitialspace=True)
-            header = [name.strip() for name in next(reader, [])]
-            ignored = _check_header(path, header)
-            for row in reader:
-                if not row:
-                    continue  # an empty line says nothing
-                rows += 1
-                cells = [cell.strip() for cell in row]
-                complaint = '; '.join(_complaints(header, cells))
-                if complaint:
-                    unused.add(complaint, [reader.line_num])
-                    continue
-                values = dict(zip(header, cells, strict=True))
-                pressure, length, displacement, load = (float(values[name]) for name in NUMBERS)
-                points.setdefault((MODES.index(values['mode']), pressure, length), []).append(
-                    (reader.line_num, values.get(TRIAL, ''), displacement, load)
-                )
-    except OSError as error:
-        raise MeasurementError(f'{path}: cannot be read: {error.strerror}') from error
+        reader = csv.reader(io.StringIO(_text(path), newline=''), skipinitialspace=True)
+        header = [name.strip() for name in next(reader, [])]
+        ignored = _check_header(path, header)
+        for row in reader:
+            if not row:
+                continue  # an empty line says nothing
+            rows += 1
+            cells = [cell.strip() for cell in row]
+            complaint = '; '.join(_complaints(header, cells))
+            if complaint:
+                unused.add(complaint, [reader.line_num])
+                continue
+            values = dict(zip(header, cells, strict=True))
+            pressure, length, displacement, load = (float(values[name]) for name in NUMBERS)
+            points.setdefault((MODES.index(values['mode']), pressure, length), []).append(
+                (reader.line_num, values.get(TRIAL, ''), displacement, load)
+            )
     except UnicodeDecodeError as error:
         raise MeasurementError(f'{path}: byte {error.start}: not UTF-8 text') from error
     except csv.Error as error:
         raise MeasurementError(f'{path}: line {reader.line_num}: not CSV: {error}') from error
     groups = tuple(_group(*key, points[key]) for key in sorted(points))
     return Measurements(groups, unused, rows, ignored)
+
+
+def _text(path: Path) -> str:
+    try:
+        with path.open('rb') as file:
+            data = file.read(MAX_FILE_SIZE + 1)
+    except OSError as error:
+        raise MeasurementError(f'{path}: cannot be read: {error.strerror}') from error
+    if len(data) > MAX_FILE_SIZE:
+        raise MeasurementError(f'{path}: too long; must have at most {MAX_FILE_SIZE} bytes')
+    return data.decode('utf-8-sig')
 
 
 def _check_header(path: Path, header: Sequence[str]) -> tuple[str, ...]:
@@ -163,12 +174,13 @@ def _group(
     mode: int, pressure: float, length: float, points: Sequence[tuple[int, str, float, float]]
 ) -> Group:
     lines, trials, displacements, loads = zip(*points, strict=True)
+    numbers: dict[str, int] = {}
     return Group(
         MODES[mode],
         pressure,
         length,
         np.array(lines),
-        np.unique(trials, return_inverse=True)[1],
+        np.array([numbers.setdefault(trial, len(numbers)) for trial in trials]),
         np.array(displacements),
         np.array(loads),
     )

@@ -1,0 +1,34 @@
+"""What the fuzz targets share: the input as a file, and where libFuzzer starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+import sys
+import tempfile
+import warnings
+
+import atheris
+
+Mutator = Callable[[bytes, int, int], bytes]
+
+
+def fuzz_file(read: Callable[[Path], None], suffix: str, mutate: Mutator | None = None) -> None:
+    """
+    Let libFuzzer call a reader; the options of the command line are its own.
+
+    :param read: reads a file; whatever it raises, and every warning, is a finding.
+    :param suffix: of the file's name.
+    :param mutate: changes an input, given with the largest size and a seed.
+    """
+    warnings.simplefilter('error')
+    with tempfile.TemporaryDirectory(prefix='isotruss_fuzz_') as folder:
+        path = Path(folder, f'input{suffix}')
+
+        def test_one_input(data: bytes) -> None:
+            path.write_bytes(data)
+            read(path)
+
+        options = {} if mutate is None else {'custom_mutator': mutate}
+        atheris.Setup(sys.argv, test_one_input, **options)
+        atheris.Fuzz()

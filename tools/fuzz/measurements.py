@@ -1,0 +1,37 @@
+"""
+Fuzz the reader of measured points and the fit: an answer, or a MeasurementError.
+
+Run by `make fuzz`; a finding is run again by giving its file:
+
+    .venv/bin/python tools/fuzz/measurements.py .fuzz/measurements/crash-...
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import atheris
+
+with atheris.instrument_imports(include=['isotruss_ros.core', 'isotruss_ros.fit']):
+    from isotruss_ros.fit.analysis import analyse, contradiction
+    from isotruss_ros.fit.measurements import MeasurementError, read_measurements
+    from isotruss_ros.fit.report import block, unused_rows
+
+from harness import fuzz_file
+
+
+def read(path: Path) -> None:
+    """Read, fit, and write the block for the robot file; a refusal is an answer too."""
+    try:
+        measurements = read_measurements(path)
+    except MeasurementError:
+        return
+    analysis = analyse(measurements)
+    list(unused_rows(analysis.unused, measurements.rows))
+    contradiction(analysis)
+    if analysis.power_law is not None:
+        block(analysis.power_law)
+
+
+if __name__ == '__main__':
+    fuzz_file(read, '.csv')
