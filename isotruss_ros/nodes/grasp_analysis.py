@@ -13,12 +13,14 @@ from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import GraspCode, GraspMonitor, GraspReport, load_robot, Refusal, Sample
 from isotruss_ros.nodes import parameters as params
 from isotruss_ros.nodes.grasp_messages import external_wrench, question, state_message
+from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.markers import GraspMarkers
 from isotruss_ros.nodes.messages import MessageError, object_center, RollerStates, seconds
 from isotruss_ros.nodes.qos import LATEST, RELIABLE
 from isotruss_ros.nodes.report import Reporter
-from isotruss_ros.nodes.runner import run, StoppableNode
+from isotruss_ros.nodes.runner import run
 from rclpy.parameter import Parameter
+from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
@@ -28,11 +30,19 @@ RATE = replace(params.RATE, default=100.0, bounds=(1.0, 1000.0))
 SPACING = params.Spec(
     'spacing', 0.005, 'Distance of the points that can touch, along the tubes [m]', (0.002, 0.1)
 )
+SPECS = (
+    params.ROBOT,
+    params.OBJECT_DIAMETER,
+    params.FRICTION,
+    RATE,
+    params.COMMAND_TIMEOUT,
+    SPACING,
+)
 #: RViz draws no oftener [s].
 MARKER_PERIOD = 1.0 / 30.0
 
 
-class GraspAnalysisNode(StoppableNode):
+class GraspAnalysisNode(ManagedNode):
     """
     Says in every cycle what holds the object by the latest messages, or why that is not known.
 
@@ -40,51 +50,55 @@ class GraspAnalysisNode(StoppableNode):
     """
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('grasp_analysis', parameter_overrides=list(parameter_overrides))
-        self._values = params.Parameters(
-            self,
-            (
-                params.ROBOT,
-                params.OBJECT_DIAMETER,
-                params.FRICTION,
-                RATE,
-                params.COMMAND_TIMEOUT,
-                SPACING,
-            ),
-        )
-        self._robot = load_robot(self._values[params.ROBOT])
-        self._roller_states = RollerStates(self._robot.roller_names)
+        super().__init__('grasp_analysis', SPECS, parameter_overrides)
         self._reporter = Reporter(self.get_logger())
+        self._timer: Timer | None = None
+        self._drawn = 0.0
+        self.start()
+
+    def configure(self) -> None:
+        """Load the robot and listen."""
+        values = self.values
+        self._robot = load_robot(values[params.ROBOT])
+        values.on_change(lambda _new: None, self._apply)
+        self._roller_states = RollerStates(self._robot.roller_names)
         self._monitor = GraspMonitor(
             self._robot,
-            self._values[params.OBJECT_DIAMETER],
-            self._values[params.FRICTION],
-            self._values[SPACING],
-            self._values[params.COMMAND_TIMEOUT],
+            values[params.OBJECT_DIAMETER],
+            values[params.FRICTION],
+            values[SPACING],
+            values[params.COMMAND_TIMEOUT],
         )
-        self._states = self.create_publisher(GraspState, 'grasp/state', RELIABLE)
-        self._closures = self.create_publisher(Bool, 'grasp/force_closure', RELIABLE)
-        self._wrenches = self.create_publisher(WrenchStamped, 'grasp/wrench', RELIABLE)
-        self._arrays = self.create_publisher(MarkerArray, 'grasp/markers', RELIABLE)
+        self._states = self.create_lifecycle_publisher(GraspState, 'grasp/state', RELIABLE)
+        self._closures = self.create_lifecycle_publisher(Bool, 'grasp/force_closure', RELIABLE)
+        self._wrenches = self.create_lifecycle_publisher(WrenchStamped, 'grasp/wrench', RELIABLE)
+        self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
         self._markers = GraspMarkers(self._robot.frame)
-        self._drawn = 0.0
         self.create_subscription(JointState, 'joint_states', self._take_joint_states, LATEST)
         self.create_subscription(PoseStamped, 'object_pose', self._take_object_pose, LATEST)
         self.create_subscription(WrenchStamped, 'external_wrench', self._take_wrench, LATEST)
+        self.diagnostics.hardware_id = self._robot.name
+
+    def activate(self) -> None:
+        """Answer from now on."""
+        self._timer = self.create_timer(1.0 / self.values[RATE], self._cycle)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._answer)
-        self._timer = self.create_timer(1.0 / self._values[RATE], self._cycle)
-        self._values.on_change(lambda _values: None, self._apply)
+
+    def deactivate(self) -> None:
+        """Stop the cycle."""
+        self._timer = None
 
     def _now(self) -> float:
         return 1e-9 * self.get_clock().now().nanoseconds
 
     def _apply(self) -> None:
         """Take over changed parameters, in the next cycle."""
-        self._monitor.object_diameter = self._values[params.OBJECT_DIAMETER]
-        self._monitor.friction = self._values[params.FRICTION]
-        self._monitor.spacing = self._values[SPACING]
-        self._monitor.timeout = self._values[params.COMMAND_TIMEOUT]
-        self._timer.timer_period_ns = int(1e9 / self._values[RATE])
+        self._monitor.object_diameter = self.values[params.OBJECT_DIAMETER]
+        self._monitor.friction = self.values[params.FRICTION]
+        self._monitor.spacing = self.values[SPACING]
+        self._monitor.timeout = self.values[params.COMMAND_TIMEOUT]
+        if self._timer is not None:
+            self._timer.timer_period_ns = int(1e9 / self.values[RATE])
 
     def _take_joint_states(self, message: JointState) -> None:
         try:
@@ -110,7 +124,7 @@ class GraspAnalysisNode(StoppableNode):
     def _answer(
         self, request: AnalyzeGrasp.Request, response: AnalyzeGrasp.Response
     ) -> AnalyzeGrasp.Response:
-        asked = question(request, self._values[SPACING])
+        asked = question(request, self.values[SPACING])
         report = self._monitor.what_if(asked, self._now())
         response.success = report.code is GraspCode.OK
         response.message = report.message

@@ -10,6 +10,7 @@ from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Decision, load_robot, Refusal, Sample, Status, TwistServo
 from isotruss_ros.nodes import parameters as params
+from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.messages import (
     check_frame,
     command_message,
@@ -23,10 +24,11 @@ from isotruss_ros.nodes.messages import (
 )
 from isotruss_ros.nodes.qos import LATEST, RELIABLE
 from isotruss_ros.nodes.report import Reporter
-from isotruss_ros.nodes.runner import run, StoppableNode
+from isotruss_ros.nodes.runner import run
 import numpy as np
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
+from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -34,9 +36,17 @@ from std_msgs.msg import Float64MultiArray
 LAST_WORD = Duration(seconds=0.5)
 #: Statuses that need no words in the log: nobody asks for anything, or all is well.
 SILENT = frozenset({Status.OK, Status.IDLE, Status.HALT_NO_TWIST})
+SPECS = (
+    params.ROBOT,
+    params.OBJECT_DIAMETER,
+    params.GRIP_MODULE,
+    params.RATE,
+    params.COMMAND_TIMEOUT,
+    params.USE_STAMPED_TWIST,
+)
 
 
-class Manipulation(StoppableNode):
+class Manipulation(ManagedNode):
     """
     Decides in every cycle, from the latest messages only, what the rollers are to do.
 
@@ -44,61 +54,63 @@ class Manipulation(StoppableNode):
     """
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('manipulation', parameter_overrides=list(parameter_overrides))
-        self._values = params.Parameters(
-            self,
-            (
-                params.ROBOT,
-                params.OBJECT_DIAMETER,
-                params.GRIP_MODULE,
-                params.RATE,
-                params.COMMAND_TIMEOUT,
-                params.USE_STAMPED_TWIST,
-            ),
-        )
-        self._robot = load_robot(self._values[params.ROBOT])
-        self._roller_states = RollerStates(self._robot.roller_names)
+        super().__init__('manipulation', SPECS, parameter_overrides)
         self._reporter = Reporter(self.get_logger())
-        self._servo = TwistServo(
-            self._robot,
-            self._values[params.GRIP_MODULE],
-            self._values[params.OBJECT_DIAMETER],
-            period=1.0 / self._values[params.RATE],
-            timeout=self._values[params.COMMAND_TIMEOUT],
-        )
-        self._commands = self.create_publisher(
-            Float64MultiArray, 'roller_velocity_controller/commands', RELIABLE
-        )
-        self._status = self.create_publisher(ManipulationStatus, 'manipulation/status', RELIABLE)
-        self.create_subscription(JointState, 'joint_states', self._take_joint_states, LATEST)
-        self.create_subscription(PoseStamped, 'object_pose', self._take_object_pose, LATEST)
-        if self._values[params.USE_STAMPED_TWIST]:
-            self.create_subscription(TwistStamped, 'cmd_vel', self._take_stamped_twist, LATEST)
-        else:
-            self.create_subscription(Twist, 'cmd_vel', self._take_twist, LATEST)
         # Made once: a message with its parts costs more to make than to fill in.
         self._status_message = ManipulationStatus()
         self._cycle_time = 0.0
-        self._timer = self.create_timer(self._servo.period, self._cycle)
-        self._values.on_change(
-            lambda values: params.check_grip_module(self._robot, values), self._apply
-        )
+        self._timer: Timer | None = None
+        self.start()
 
-    def stop(self) -> None:
+    def configure(self) -> None:
+        """Load the robot and listen."""
+        values = self.values
+        self._robot = load_robot(values[params.ROBOT])
+        values.on_change(lambda new: params.check_grip_module(self._robot, new), self._apply)
+        self._roller_states = RollerStates(self._robot.roller_names)
+        self._servo = TwistServo(
+            self._robot,
+            values[params.GRIP_MODULE],
+            values[params.OBJECT_DIAMETER],
+            period=1.0 / values[params.RATE],
+            timeout=values[params.COMMAND_TIMEOUT],
+        )
+        self._commands = self.create_lifecycle_publisher(
+            Float64MultiArray, 'roller_velocity_controller/commands', RELIABLE
+        )
+        self._status = self.create_lifecycle_publisher(
+            ManipulationStatus, 'manipulation/status', RELIABLE
+        )
+        self.create_subscription(JointState, 'joint_states', self._take_joint_states, LATEST)
+        self.create_subscription(PoseStamped, 'object_pose', self._take_object_pose, LATEST)
+        if values[params.USE_STAMPED_TWIST]:
+            self.create_subscription(TwistStamped, 'cmd_vel', self._take_stamped_twist, LATEST)
+        else:
+            self.create_subscription(Twist, 'cmd_vel', self._take_twist, LATEST)
+        self.diagnostics.hardware_id = self._robot.name
+
+    def activate(self) -> None:
+        """Decide from now on."""
+        self._timer = self.create_timer(self._servo.period, self._cycle)
+
+    def deactivate(self) -> None:
         """Leave the rollers at zero, and make sure that they know."""
+        self._timer = None
         self._commands.publish(command_message(np.zeros(len(self._robot.roller_names))))
-        self._commands.wait_for_all_acked(LAST_WORD)
+        if not self._commands.wait_for_all_acked(LAST_WORD):
+            self.get_logger().warning('the last zero command was not acknowledged by everyone')
 
     def _now(self) -> float:
         return 1e-9 * self.get_clock().now().nanoseconds
 
     def _apply(self) -> None:
         """Take over changed parameters, in the next cycle."""
-        self._servo.grip_module = self._values[params.GRIP_MODULE]
-        self._servo.object_diameter = self._values[params.OBJECT_DIAMETER]
-        self._servo.timeout = self._values[params.COMMAND_TIMEOUT]
-        self._servo.period = 1.0 / self._values[params.RATE]
-        self._timer.timer_period_ns = int(1e9 * self._servo.period)
+        self._servo.grip_module = self.values[params.GRIP_MODULE]
+        self._servo.object_diameter = self.values[params.OBJECT_DIAMETER]
+        self._servo.timeout = self.values[params.COMMAND_TIMEOUT]
+        self._servo.period = 1.0 / self.values[params.RATE]
+        if self._timer is not None:
+            self._timer.timer_period_ns = int(1e9 * self._servo.period)
 
     def _take_twist(self, message: Twist) -> None:
         try:

@@ -13,6 +13,8 @@ from rclpy.parameter import Parameter
 
 Value = bool | int | float | str
 
+UNCONFIGURED_ONLY = 'read-only unless the node is unconfigured'
+
 
 class ParameterError(IsotrussError, ValueError):
     """A parameter has a value with which the node cannot work."""
@@ -25,7 +27,7 @@ class Spec:
 
     :ivar default: also says the type.
     :ivar bounds: smallest and largest value of a number.
-    :ivar read_only: set at start only.
+    :ivar read_only: set at start only; of a managed node, only while it is unconfigured.
     """
 
     name: str
@@ -34,11 +36,13 @@ class Spec:
     bounds: tuple[float, float] | None = None
     read_only: bool = False
 
-    def descriptor(self) -> ParameterDescriptor:
+    def descriptor(self, managed: bool) -> ParameterDescriptor:
         """Return what `ros2 param describe` shows."""
-        descriptor = ParameterDescriptor(
-            name=self.name, description=self.description, read_only=self.read_only
-        )
+        descriptor = ParameterDescriptor(name=self.name, description=self.description)
+        if self.read_only and managed:
+            descriptor.additional_constraints = UNCONFIGURED_ONLY
+        else:
+            descriptor.read_only = self.read_only
         if self.bounds is not None:
             low, high = self.bounds
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
@@ -61,6 +65,9 @@ COMMAND_TIMEOUT = Spec(
 USE_STAMPED_TWIST = Spec(
     'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist', read_only=True
 )
+AUTOSTART = Spec(
+    'autostart', True, 'Configure and activate the node on its own at start', read_only=True
+)
 
 
 class Parameters:
@@ -69,16 +76,29 @@ class Parameters:
 
     :param node: declares them, and answers when they are set.
     :param specs: what they are.
+    :param unconfigured: tells whether a managed node is; None for a node that is not managed.
     :raises ParameterError: an override is of another type, out of range, or unusable.
     """
 
-    def __init__(self, node: Node, specs: Sequence[Spec]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        specs: Sequence[Spec],
+        unconfigured: Callable[[], bool] | None = None,
+    ) -> None:
         self._node = node
+        self._fixed = {spec.name for spec in specs if spec.read_only}
+        self._unconfigured = unconfigured
+        self._check: Callable[[dict[str, Value]], None] | None = None
+        self._apply: Callable[[], None] | None = None
+        managed = unconfigured is not None
         for spec in specs:
             try:
-                node.declare_parameter(spec.name, spec.default, spec.descriptor())
+                node.declare_parameter(spec.name, spec.default, spec.descriptor(managed))
             except ParameterException as error:
                 raise ParameterError(f'parameter {spec.name}: {error}') from error
+        node.add_on_set_parameters_callback(self._refuse)
+        node.add_post_set_parameters_callback(self._tell)
 
     def __getitem__(self, spec: Spec) -> Value:
         """Return the present value."""
@@ -94,18 +114,32 @@ class Parameters:
         :param apply: called when values have changed.
         :raises IsotrussError: a value at start is unusable.
         """
-
-        def refuse(parameters: list[Parameter]) -> SetParametersResult:
-            try:
-                check({parameter.name: parameter.value for parameter in parameters})
-            except IsotrussError as error:
-                return SetParametersResult(successful=False, reason=str(error))
-            return SetParametersResult(successful=True)
-
         present = self._node.get_parameters_by_prefix('')
         check({name: parameter.value for name, parameter in present.items()})
-        self._node.add_on_set_parameters_callback(refuse)
-        self._node.add_post_set_parameters_callback(lambda _parameters: apply())
+        self._check, self._apply = check, apply
+
+    def release(self) -> None:
+        """Let go of the node's part in changes: it is no longer configured."""
+        self._check = self._apply = None
+
+    def _refuse(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Say whether parameters can be set."""
+        if self._unconfigured is not None and not self._unconfigured():
+            fixed = [p.name for p in parameters if p.name in self._fixed]
+            if fixed:
+                reason = f'parameter {", ".join(fixed)}: {UNCONFIGURED_ONLY}'
+                return SetParametersResult(successful=False, reason=reason)
+        try:
+            if self._check is not None:
+                self._check({parameter.name: parameter.value for parameter in parameters})
+        except IsotrussError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _tell(self, _parameters: list[Parameter]) -> None:
+        """Tell the node."""
+        if self._apply is not None:
+            self._apply()
 
 
 def check_grip_module(robot: Robot, values: dict[str, Value]) -> None:

@@ -6,9 +6,11 @@ from collections.abc import Callable, Sequence
 import gc
 import signal
 import sys
+import traceback
 from types import FrameType
 
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.managed import ManagedNode
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -21,12 +23,18 @@ class StoppableNode(Node):
     def stop(self) -> None:
         """Leave the robot safe; publishers still work."""
 
+    def fail(self, error: Exception) -> None:
+        """Take an error that escaped a callback: the process ends."""
+        raise error
+
 
 def _interrupt(_signal: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def run(make_node: Callable[[], StoppableNode], args: Sequence[str] | None = None) -> int:
+def run(
+    make_node: Callable[[], StoppableNode | ManagedNode], args: Sequence[str] | None = None
+) -> int:
     """
     Spin a node until it is interrupted.
 
@@ -40,15 +48,14 @@ def run(make_node: Callable[[], StoppableNode], args: Sequence[str] | None = Non
     try:
         signal.signal(signal.SIGINT, _interrupt)
         signal.signal(signal.SIGTERM, _interrupt)
-        node = make_node()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
+        try:
+            node = make_node()
+        except IsotrussError as error:
+            print(f'cannot start: {error}', file=sys.stderr)
+            return 1
         # What is here by now stays: no need for the garbage collector to walk it between cycles.
         gc.freeze()
-        executor.spin()
-    except IsotrussError as error:
-        print(f'cannot start: {error}', file=sys.stderr)
-        return 1
+        _spin(node)
     except KeyboardInterrupt:
         pass
     finally:
@@ -59,3 +66,15 @@ def run(make_node: Callable[[], StoppableNode], args: Sequence[str] | None = Non
             node.destroy_node()
         rclpy.shutdown()
     return 0
+
+
+def _spin(node: StoppableNode | ManagedNode) -> None:
+    """Spin for ever; an error that escapes a callback stops the robot, not the process."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while True:
+        try:
+            executor.spin()
+        except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stop
+            traceback.print_exc()
+            node.fail(error)

@@ -17,12 +17,14 @@ from isotruss_ros.core import (
     snug_center,
 )
 from isotruss_ros.nodes import parameters as params
+from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.messages import pose_message, stamp
 from isotruss_ros.nodes.qos import RELIABLE
 from isotruss_ros.nodes.report import Reporter
-from isotruss_ros.nodes.runner import run, StoppableNode
+from isotruss_ros.nodes.runner import run
 from rclpy.parameter import Parameter
 from rclpy.time import Time
+from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -54,9 +56,21 @@ STUCK_ROLLER = params.Spec(
     'stuck_roller', '', 'Roller t/j that does not move; none if empty', read_only=True
 )
 SEED = params.Spec('seed', 0, 'Seed of the noise, not negative', read_only=True)
+SPECS = (
+    params.ROBOT,
+    OBJECT_DIAMETER,
+    GRIP_MODULE,
+    SQUEEZE,
+    params.RATE,
+    params.COMMAND_TIMEOUT,
+    NOISE,
+    SPEED_LIMIT,
+    STUCK_ROLLER,
+    SEED,
+)
 
 
-class Simulator(StoppableNode):
+class Simulator(ManagedNode):
     """
     Takes roller velocity commands, gives joint states and the object's pose.
 
@@ -64,36 +78,35 @@ class Simulator(StoppableNode):
     """
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('simulator', parameter_overrides=list(parameter_overrides))
-        self._values = params.Parameters(
-            self,
-            (
-                params.ROBOT,
-                OBJECT_DIAMETER,
-                GRIP_MODULE,
-                SQUEEZE,
-                params.RATE,
-                params.COMMAND_TIMEOUT,
-                NOISE,
-                SPEED_LIMIT,
-                STUCK_ROLLER,
-                SEED,
-            ),
-        )
-        self._robot = load_robot(self._values[params.ROBOT])
-        self._simulated = self._make_robot()
+        super().__init__('simulator', SPECS, parameter_overrides)
         self._reporter = Reporter(self.get_logger())
-        self._joint_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
-        self._object_pose = self.create_publisher(PoseStamped, 'object_pose', RELIABLE)
+        self._timer: Timer | None = None
+        self.start()
+
+    def configure(self) -> None:
+        """Put the robot at home, with the object in its grip."""
+        self._robot = load_robot(self.values[params.ROBOT])
+        self._simulated = self._make_robot()
+        self.values.on_change(lambda _new: None, self._apply)
+        self._joint_states = self.create_lifecycle_publisher(JointState, 'joint_states', RELIABLE)
+        self._object_pose = self.create_lifecycle_publisher(PoseStamped, 'object_pose', RELIABLE)
+        self.diagnostics.hardware_id = self._robot.name
+
+    def activate(self) -> None:
+        """Follow commands from now on; none is in force yet."""
+        self._time = self._commanded = 1e-9 * self.get_clock().now().nanoseconds
         self.create_subscription(
             Float64MultiArray, 'roller_velocity_controller/commands', self._take_command, RELIABLE
         )
-        self._time = self._commanded = 1e-9 * self.get_clock().now().nanoseconds
-        self._timer = self.create_timer(1.0 / self._values[params.RATE], self._cycle)
-        self._values.on_change(lambda _values: None, self._apply)
+        self._timer = self.create_timer(1.0 / self.values[params.RATE], self._cycle)
+
+    def deactivate(self) -> None:
+        """Stand still."""
+        self._timer = None
+        self._simulated.stop()
 
     def _make_robot(self) -> SimulatedRobot:
-        values = self._values
+        values = self.values
         module, diameter = values[GRIP_MODULE], values[OBJECT_DIAMETER]
         params.check_grip_module(self._robot, {GRIP_MODULE.name: module})
         if values[SEED] < 0:
@@ -107,7 +120,8 @@ class Simulator(StoppableNode):
         return SimulatedRobot(home, HeldObject.attach(home, grasp), faults, values[SEED])
 
     def _apply(self) -> None:
-        self._timer.timer_period_ns = int(1e9 / self._values[params.RATE])
+        if self._timer is not None:
+            self._timer.timer_period_ns = int(1e9 / self.values[params.RATE])
 
     def _take_command(self, message: Float64MultiArray) -> None:
         # Until now the command before was in force: integrate it before it is replaced.
@@ -122,7 +136,7 @@ class Simulator(StoppableNode):
     def _advance(self, time: Time) -> None:
         """Integrate to a time; a command that is not renewed ends after `command_timeout`."""
         now = 1e-9 * time.nanoseconds
-        expiry = self._commanded + self._values[params.COMMAND_TIMEOUT]
+        expiry = self._commanded + self.values[params.COMMAND_TIMEOUT]
         try:
             self._simulated.advance(max(0.0, min(now, expiry) - self._time))
         except ConfigurationError as error:

@@ -1,0 +1,68 @@
+"""What a node says of itself on `/diagnostics`: every second, and when the level changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+import enum
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from isotruss_ros.nodes.qos import DIAGNOSTICS
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+
+#: From one report to the next when nothing changes [s].
+PERIOD = 1.0
+#: Changes of the level are told at once, but not oftener than this [s].
+SHORTEST_PERIOD = 0.1
+
+
+class Level(enum.Enum):
+    """How bad it is."""
+
+    OK = DiagnosticStatus.OK
+    WARN = DiagnosticStatus.WARN
+    ERROR = DiagnosticStatus.ERROR
+
+
+class Diagnostics:
+    """
+    The state of one node; what is said between two reports costs next to nothing.
+
+    :ivar hardware_id: the robot, once it is known.
+    :param node: publishes, from now until it is destroyed.
+    :param details: gives what there is to know, by name; called for each report.
+    """
+
+    def __init__(self, node: Node, details: Callable[[], Mapping[str, object]]) -> None:
+        self.hardware_id = ''
+        self._node = node
+        self._details = details
+        self._level, self._message = Level.OK, ''
+        self._sent_level, self._sent = Level.OK, 0.0
+        self._reports = node.create_publisher(DiagnosticArray, '/diagnostics', DIAGNOSTICS)
+        # By the steady clock: where simulated time stands still, people want to know even more.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(PERIOD, self.report, clock=steady)
+
+    def say(self, level: Level, message: str) -> None:
+        """Take note of how the node is; report it at once if the level is another one."""
+        self._level, self._message = level, message
+        if level is not self._sent_level and time.monotonic() - self._sent >= SHORTEST_PERIOD:
+            self.report()
+
+    def report(self) -> None:
+        """Publish the present state."""
+        name = self._node.get_fully_qualified_name().lstrip('/')
+        status = DiagnosticStatus(
+            level=self._level.value,
+            name=name,
+            message=self._message,
+            hardware_id=self.hardware_id,
+            values=[KeyValue(key=key, value=str(v)) for key, v in self._details().items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._reports.publish(array)
+        self._sent_level, self._sent = self._level, time.monotonic()

@@ -1,0 +1,283 @@
+"""Managed nodes: their states, what they do in each, and what becomes of errors in between."""
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from isotruss_msgs.action import FollowObjectPath
+from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.managed import ManagedNode
+from isotruss_ros.nodes.parameters import Spec
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from probe import check_refused, overrides, world
+import pytest
+from rclpy.action import ActionServer
+from rclpy.parameter import Parameter
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+PLACE = Spec('place', 'here', 'Where', read_only=True)
+SPEED = Spec('speed', 1.0, 'How quick', bounds=(0.0, 2.0))
+
+#: What a step of the node raises: one of ours, one that nobody thought of.
+REFUSAL = IsotrussError('the place is taken')
+ACCIDENT = ZeroDivisionError('an accident')
+
+
+class Toy(ManagedNode):
+    """Does a bit of everything; fails where it is told to."""
+
+    def __init__(self, failures=None, **values):
+        self.steps = []
+        self.failures = failures or {}
+        super().__init__('toy', (PLACE, SPEED), overrides(**values))
+        self.start()
+
+    def _step(self, name):
+        self.steps.append(name)
+        if name in self.failures:
+            raise self.failures[name]
+
+    def configure(self):
+        self.heard = self.create_subscription(Bool, 'heard', lambda message: None, 1)
+        self.said = self.create_lifecycle_publisher(Bool, 'said', 1)
+        self.asked = self.create_service(Trigger, 'asked', lambda request, response: response)
+        self.server = ActionServer(self, FollowObjectPath, 'act', lambda goal: None)
+        self.place = self.values[PLACE]
+        self.values.on_change(self._check, lambda: self.steps.append('changed'))
+        self._step('configure')
+
+    def _check(self, new):
+        if new.get('speed') == 1.5:
+            raise IsotrussError('not this speed')
+
+    def activate(self):
+        self.timer = self.create_timer(0.01, lambda: self.said.publish(Bool()))
+        self._step('activate')
+
+    def deactivate(self):
+        self.said.publish(Bool(data=True))
+        self._step('deactivate')
+
+    def cleanup(self):
+        self._step('cleanup')
+
+    def details(self):
+        return {'steps': len(self.steps)}
+
+    def entities(self):
+        """Count what rclpy holds."""
+        kinds = (self.timers, self.subscriptions, self.services, self.publishers, self.waitables)
+        return sum(len(list(kind)) for kind in kinds)
+
+
+class Manager:
+    """Asks for transitions as any tool does."""
+
+    def __init__(self, w, name):
+        self.w = w
+        self.change = w.probe.create_client(ChangeState, f'{name}/change_state')
+        self.get = w.probe.create_client(GetState, f'{name}/get_state')
+        self.diagnostics = []
+        w.probe.create_subscription(
+            DiagnosticArray, '/diagnostics', lambda m: self.diagnostics.append(m.status[0]), 10
+        )
+        w.until(lambda: self.change.service_is_ready() and self.get.service_is_ready())
+
+    def _call(self, client, request):
+        future = client.call_async(request)
+        self.w.until(future.done)
+        return future.result()
+
+    def ask(self, transition, label=''):
+        """Ask for a transition; return whether it came about."""
+        request = ChangeState.Request(transition=Transition(id=transition, label=label))
+        return self._call(self.change, request).success
+
+    def state(self):
+        """Return the label of the state."""
+        return self._call(self.get, GetState.Request()).current_state.label
+
+
+@pytest.fixture
+def waiting():
+    """Bring up a node that waits unconfigured."""
+    with world(lambda: Toy(autostart=False)) as w:
+        yield w.nodes[1], Manager(w, 'toy'), w
+
+
+def test_starts_on_its_own_unless_told_otherwise():
+    with world(Toy) as w:
+        assert Manager(w, 'toy').state() == 'active'
+        assert w.nodes[1].steps == ['configure', 'activate']
+
+
+def test_waits_to_be_brought_up_and_goes_round(waiting):
+    node, manager, _ = waiting
+    assert manager.state() == 'unconfigured'
+    assert node.steps == []
+    bare = node.entities()
+    for _ in range(3):
+        node.steps.clear()
+        assert manager.ask(Transition.TRANSITION_CONFIGURE)
+        configured = node.entities()
+        assert configured > bare
+        assert manager.ask(Transition.TRANSITION_ACTIVATE)
+        assert node.entities() == configured + 1
+        assert manager.ask(Transition.TRANSITION_DEACTIVATE)
+        assert node.entities() == configured
+        assert manager.ask(Transition.TRANSITION_CLEANUP)
+        assert node.entities() == bare
+        assert node.steps == ['configure', 'activate', 'deactivate', 'cleanup']
+    assert manager.ask(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+    assert manager.state() == 'finalized'
+
+
+def test_speaks_only_while_active_and_has_the_last_word(waiting):
+    _, manager, w = waiting
+    w.probe.listen(Bool, 'said', 'said')
+    manager.ask(Transition.TRANSITION_CONFIGURE)
+    w.spin(0.1)
+    assert not w.probe.seen['said']
+    manager.ask(Transition.TRANSITION_ACTIVATE)
+    w.until(lambda: bool(w.probe.seen['said']))
+    manager.ask(Transition.TRANSITION_DEACTIVATE)
+    w.until(lambda: w.probe.last('said').data)
+    w.spin(0.1)
+    assert w.probe.last('said').data
+    manager.ask(Transition.TRANSITION_ACTIVATE)
+    w.until(lambda: not w.probe.last('said').data)
+    assert manager.ask(Transition.TRANSITION_ACTIVE_SHUTDOWN)
+    w.until(lambda: w.probe.last('said').data)
+    assert manager.state() == 'finalized'
+
+
+@pytest.mark.parametrize(
+    ('transition', 'label'),
+    [
+        (Transition.TRANSITION_CONFIGURE, ''),
+        (Transition.TRANSITION_ACTIVATE, ''),
+        (Transition.TRANSITION_CLEANUP, ''),
+        (Transition.TRANSITION_DESTROY, ''),
+        (Transition.TRANSITION_CALLBACK_SUCCESS, ''),
+        (255, ''),
+        (0, 'fly'),
+        (0, 'activate'),
+    ],
+)
+def test_a_transition_that_there_is_not_is_refused(transition, label):
+    with world(Toy) as w:
+        manager = Manager(w, 'toy')
+        assert not manager.ask(transition, label)
+        assert manager.state() == 'active'
+
+
+def test_what_is_fixed_changes_while_unconfigured_only(waiting):
+    node, manager, _ = waiting
+
+    def change(name, value):
+        return node.set_parameters([Parameter(name, value=value)])[0]
+
+    assert change('place', 'there').successful
+    manager.ask(Transition.TRANSITION_CONFIGURE)
+    assert node.place == 'there'
+    refused = change('place', 'elsewhere')
+    assert not refused.successful
+    assert 'read-only unless the node is unconfigured' in refused.reason
+    assert change('speed', 0.5).successful
+    assert node.steps == ['configure', 'changed']
+    assert 'not this speed' in change('speed', 1.5).reason
+    manager.ask(Transition.TRANSITION_CLEANUP)
+    assert change('place', 'elsewhere').successful
+    assert change('speed', 1.5).successful  # for `configure` to judge
+    assert not manager.ask(Transition.TRANSITION_CONFIGURE)
+    assert manager.state() == 'unconfigured'
+    assert change('speed', 1.0).successful
+    assert manager.ask(Transition.TRANSITION_CONFIGURE)
+    assert node.place == 'elsewhere'
+
+
+@pytest.mark.parametrize(
+    ('step', 'error', 'after'),
+    [
+        ('configure', REFUSAL, 'unconfigured'),
+        ('configure', ACCIDENT, 'unconfigured'),
+        ('activate', REFUSAL, 'inactive'),
+        ('activate', ACCIDENT, 'unconfigured'),
+        ('deactivate', REFUSAL, 'unconfigured'),
+        ('deactivate', ACCIDENT, 'unconfigured'),
+        ('cleanup', REFUSAL, 'finalized'),
+        ('cleanup', ACCIDENT, 'finalized'),
+    ],
+)
+def test_an_error_in_a_step_is_told_and_leaves_a_node_that_answers(waiting, step, error, after):
+    node, manager, w = waiting
+    bare = node.entities()
+    node.failures[step] = error
+    steps = {
+        'configure': Transition.TRANSITION_CONFIGURE,
+        'activate': Transition.TRANSITION_ACTIVATE,
+        'deactivate': Transition.TRANSITION_DEACTIVATE,
+        'cleanup': Transition.TRANSITION_CLEANUP,
+    }
+    outcomes = {}
+    for name, transition in steps.items():
+        outcomes[name] = manager.ask(transition)
+        if name == step:
+            break
+    assert outcomes == {name: name != step for name in outcomes}
+    assert manager.state() == after
+    w.until(
+        lambda: any(
+            report.level == DiagnosticStatus.ERROR and str(error) in report.message
+            for report in manager.diagnostics
+        )
+    )
+    node.failures.clear()
+    if after == 'finalized':
+        return
+    if after == 'unconfigured':
+        assert node.entities() == bare
+        assert manager.ask(Transition.TRANSITION_CONFIGURE)
+    assert manager.ask(Transition.TRANSITION_ACTIVATE)
+    assert manager.state() == 'active'
+
+
+def test_an_error_out_of_a_callback_stops_the_node_and_it_can_be_brought_up_again():
+    with world(Toy) as w:
+        node, manager = w.nodes[1], Manager(w, 'toy')
+        w.probe.listen(Bool, 'said', 'said')
+        w.until(lambda: bool(w.probe.seen['said']))
+        node.fail(ACCIDENT)
+        w.until(lambda: w.probe.last('said').data)
+        assert manager.state() == 'unconfigured'
+        w.until(lambda: any('an accident' in r.message for r in manager.diagnostics))
+        assert manager.ask(Transition.TRANSITION_CONFIGURE)
+        assert manager.ask(Transition.TRANSITION_ACTIVATE)
+
+
+@pytest.mark.parametrize('step', ['configure', 'activate'])
+@pytest.mark.parametrize('error', [REFUSAL, ACCIDENT])
+def test_a_node_that_cannot_start_on_its_own_says_why(step, error):
+    check_refused(lambda: Toy({step: error}), str(error))
+
+
+def test_reports_every_second_and_at_once_when_the_level_changes():
+    with world(lambda: Toy(autostart=False)) as w:
+        manager = Manager(w, 'toy')
+        w.until(lambda: len(manager.diagnostics) >= 2)
+        report = manager.diagnostics[-1]
+        assert (report.name, report.level) == ('toy', DiagnosticStatus.WARN)
+        assert report.message == 'unconfigured'
+        assert report.values[0].key == 'steps'
+        node = w.nodes[1]
+        node.failures['configure'] = REFUSAL
+        heard = len(manager.diagnostics)
+        manager.ask(Transition.TRANSITION_CONFIGURE)
+        w.until(lambda: len(manager.diagnostics) > heard)
+        assert manager.diagnostics[heard].level == DiagnosticStatus.ERROR
+
+
+def test_states_are_those_that_tools_know(waiting):
+    _, manager, _ = waiting
+    request = GetState.Request()
+    answer = manager._call(manager.get, request).current_state
+    assert (answer.id, answer.label) == (State.PRIMARY_STATE_UNCONFIGURED, 'unconfigured')
