@@ -17,11 +17,12 @@ unexport FASTRTPS_DEFAULT_PROFILES_FILE FASTDDS_DEFAULT_PROFILES_FILE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test demo colcon bench fuzz format clean FORCE
+.PHONY: help venv test demo paper colcon bench fuzz format clean FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation'
 	@echo 'make test     style and tests'
+	@echo 'make paper    compute and draw what the paper shows: docs/paper.md'
 	@echo 'make colcon   build and test both packages as a colcon workspace, in .colcon'
 	@echo 'make bench    run the benchmarks'
 	@echo 'make fuzz     fuzz the readers of files, MINUTES=10 each (x86-64)'
@@ -39,6 +40,9 @@ test: venv
 
 demo: venv
 	$(BIN)/python -m isotruss_ros.demo
+
+paper: venv
+	$(BIN)/python -m isotruss_ros.paper
 
 colcon: venv
 	tools/colcon.sh $(VENV) .colcon

@@ -1,0 +1,40 @@
+"""How the figures look: sizes of a printed page, colours that all can tell apart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+#: Width of a column and of a page with two of them [inch].
+COLUMN, PAGE = 3.5, 7.16
+#: Okabe and Ito's colours, which differ for colour-blind readers and in grey.
+BLUE, ORANGE, GREEN, BLACK = '#0072B2', '#D55E00', '#009E73', '#000000'
+#: For three steps of one quantity, from light to dark.
+STEPS = ('#7FBBE3', '#2B7BBA', '#08306B')
+MARKERS = ('o', 's', '^')
+GREY = '0.55'
+
+#: Settings of matplotlib for all figures.
+SETTINGS: dict[str, Any] = {
+    'font.size': 8.0,
+    'axes.titlesize': 8.0,
+    'axes.labelsize': 8.0,
+    'xtick.labelsize': 7.0,
+    'ytick.labelsize': 7.0,
+    'legend.fontsize': 7.0,
+    'legend.frameon': False,
+    'axes.linewidth': 0.6,
+    'lines.linewidth': 1.2,
+    'axes.spines.top': False,
+    'axes.spines.right': False,
+    'xtick.major.width': 0.6,
+    'ytick.major.width': 0.6,
+}
+DOTS_PER_INCH = 200
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure; the same figure gives the same file, for it says not what wrote it."""
+    figure.savefig(path, dpi=DOTS_PER_INCH, metadata={'Software': None})

@@ -1,0 +1,49 @@
+"""Tables of the page: as Markdown, and as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Table:
+    """
+    Text in rows and columns.
+
+    :ivar name: of its file.
+    :ivar caption: what it shows.
+    :ivar headings: of the columns, with units.
+    :ivar rows: as many cells each as there are headings.
+    """
+
+    name: str
+    caption: str
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Return a number to so many significant digits, without an exponent."""
+    if value == 0.0:
+        return '0'
+    return np.format_float_positional(
+        value, precision=digits, unique=False, fractional=False, trim='-'
+    )
+
+
+def markdown(table: Table) -> str:
+    """Return the table as GitHub shows it; all columns but the first to the right."""
+    rule = ['---', *['---:'] * (len(table.headings) - 1)]
+    lines = [table.headings, rule, *table.rows]
+    return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
+
+
+def write_csv(table: Table, folder: Path) -> None:
+    """Write the table to a file named after it."""
+    with (folder / f'{table.name}.csv').open('w', newline='', encoding='utf-8') as file:
+        csv.writer(file, lineterminator='\n').writerows([table.headings, *table.rows])
