@@ -27,6 +27,9 @@ CODES = {
     'HALT_INVALID_OBJECT_POSE': 37,
     'HALT_NO_GRASP': 38,
     'HALT_KINEMATICS': 39,
+    'HALT_EMERGENCY_STOP': 40,
+    'HALT_CLOCK': 41,
+    'HALT_INVALID_FAILED_ROLLERS': 42,
 }
 
 GRASP_CODES = {
@@ -60,6 +63,8 @@ def test_fields_are_those_that_clients_read():
         'achieved': 'geometry_msgs/Twist',
         'scale': 'double',
         'cycle_time': 'double',
+        'failed_rollers': 'sequence<string>',
+        'mobility': 'uint8',
     }
     assert GraspState.get_fields_and_field_types() == {
         'header': 'std_msgs/Header',

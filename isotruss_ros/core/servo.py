@@ -83,6 +83,7 @@ class TwistServo:
     :ivar twist: sample of (vx, vy, omega) in the robot frame [m/s, rad/s].
     :ivar rollers: sample of the `RollerState`.
     :ivar center: sample of (x, y), the measured centre of the object in the robot frame [m].
+    :ivar stopped: why the rollers stand still whatever the inputs say; None if they need not.
     :param robot: the robot.
     :param grip_module: the module `t/j` that holds the object.
     :param object_diameter: the object's own diameter [m].
@@ -106,6 +107,7 @@ class TwistServo:
         self.twist: Input = None
         self.rollers: Input = None
         self.center: Input = None
+        self.stopped: tuple[Status, str] | None = None
         self._shape = ShapeTracker(robot)
 
     def decide(self, now: float) -> Decision:
@@ -118,6 +120,8 @@ class TwistServo:
         """
         twist = np.zeros(3)
         try:
+            if self.stopped is not None:
+                raise HaltError(*self.stopped)
             twist = np.asarray(self._fresh('twist', self.twist, now, TWIST).value)
             rollers = self._fresh('joint states', self.rollers, now, JOINT_STATES)
             center = self._fresh('object pose', self.center, now, OBJECT_POSE).value

@@ -31,6 +31,9 @@ class Status(enum.IntEnum):
     HALT_INVALID_OBJECT_POSE = 37
     HALT_NO_GRASP = 38  #: the object is not between the two sides at the grip module
     HALT_KINEMATICS = 39  #: no configuration fits, or the program was not solved
+    HALT_EMERGENCY_STOP = 40
+    HALT_CLOCK = 41  #: the clock stands still
+    HALT_INVALID_FAILED_ROLLERS = 42
 
     def __str__(self) -> str:
         """Return the name in words."""
