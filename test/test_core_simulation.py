@@ -72,6 +72,52 @@ def test_noise_has_the_deviation_asked_for_and_moves_nothing_at_rest():
     assert abs(drawn[:, 1].mean()) < 5 * 0.004 / np.sqrt(500)
 
 
+def test_slip_is_what_the_encoders_do_not_see():
+    robot, perfect = simulated(slip=0.1), simulated()
+    for one in (robot, perfect):
+        one.command(SPEEDS)
+        one.advance(2.0)
+    assert robot.roller_positions == pytest.approx(perfect.roller_positions, abs=1e-15)
+    assert robot.roller_velocities == pytest.approx(SPEEDS)
+    moves = SPEEDS != 0.0
+    shares = 1.0 - robot.config.roller_positions[moves] / robot.roller_positions[moves]
+    assert shares.min() >= 0.05
+    assert shares.max() <= 0.15
+    assert len(set(shares.round(9))) == moves.sum()  # each roller has its own
+    # The object is where the tubes took it, and the way back leads home.
+    assert robot.object_pose == HeldObject.attach(ROBOT.home, GRASP).pose(robot.config)
+    robot.command(-SPEEDS)
+    robot.advance(2.0)
+    assert robot.config.roller_positions == pytest.approx(np.zeros(N), abs=1e-15)
+
+
+def test_slip_is_as_large_as_asked_for_over_many_robots():
+    way = 0.1
+    lost = []
+    for seed in range(200):
+        held = HeldObject.attach(ROBOT.home, GRASP)
+        robot = SimulatedRobot(ROBOT.home, held, RollerFaults(slip=0.06), seed)
+        robot.command(np.full(N, way))
+        robot.advance(0.01)
+        lost.append(1.0 - robot.config.roller_positions / robot.roller_positions)
+    # 1200 draws, even from 0.03 to 0.09: their mean is known to 0.0005; five of these.
+    assert np.mean(lost) == pytest.approx(0.06, abs=0.0025)
+
+
+def test_noise_of_a_seed_does_not_depend_on_the_slip():
+    robots = [simulated(noise=0.004), simulated(noise=0.004, slip=0.1)]
+    for robot in robots:
+        robot.command(SPEEDS)
+        robot.advance(0.01)
+    assert np.array_equal(robots[0].roller_velocities, robots[1].roller_velocities)
+
+
+@pytest.mark.parametrize('slip', [-0.1, 0.6, np.nan])
+def test_slip_that_cannot_be_is_refused(slip):
+    with pytest.raises(ConfigurationError, match=r'must be from 0 to 0\.5'):
+        simulated(slip=slip)
+
+
 @pytest.mark.parametrize('bad', [[0.0] * (N + 1), [np.nan] * N, 'fast', None])
 def test_a_bad_command_changes_nothing(bad):
     robot = simulated()

@@ -3,12 +3,12 @@
 import math
 import time
 
-from isotruss_ros.core import Status
+from isotruss_ros.core import Grasp, HeldObject, Status
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.messages import seconds
 from isotruss_ros.nodes.simulator import Simulator
 import numpy as np
-from probe import CENTER, check_refused, N, overrides, ROBOT, world
+from probe import CENTER, check_refused, DIAMETER, MODULE, N, overrides, ROBOT, world
 import pytest
 from std_msgs.msg import Float64MultiArray
 
@@ -118,6 +118,22 @@ def test_noise_is_there_when_asked_for_and_repeats_with_its_seed():
             send(w, only(1)),
         )
         assert not travel(w)[[0, 2, 3, 4, 5]].any()
+
+
+def test_encoders_do_not_see_slip_and_the_object_does():
+    with world(node(roller_slip=0.3)) as w:
+        w.until(lambda: travel(w)[1] > 0.01, send(w, only(1)))
+        joints, pose = w.probe.last('joints'), w.probe.last('pose').pose
+        assert joints.velocity[1] == pytest.approx(SPEED)
+        held = HeldObject.attach(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER))
+
+        def there(travelled):
+            return held.pose(ROBOT.configuration(travelled))[:2]
+
+        went = np.subtract((pose.position.x, pose.position.y), CENTER)
+        told = np.subtract(there(np.array(joints.position)), CENTER)
+        share = np.linalg.norm(went) / np.linalg.norm(told)
+        assert 1.0 - 1.5 * 0.3 < share < 1.0 - 0.4 * 0.3
 
 
 def test_blocks_where_the_robot_cannot_go_and_lives():

@@ -13,19 +13,30 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 
+#: A roller that loses more than this of its way is not slipping but broken.
+MAX_SLIP = 0.5
+
+
 @dataclass(frozen=True)
 class RollerFaults:
     """
     How the rollers differ from perfect ones.
 
+    Slip is that of a friction drive: the tube follows the roller's surface less a share of the
+    way, in both directions. The encoders turn with the rollers and see nothing of it, so that the
+    shape drifts away from the one that they tell. No two rollers pinch alike: each has a share of
+    its own, drawn once, even between half and one and a half times `slip`.
+
     :ivar speed_limit: larger commands are cut to this [m/s].
     :ivar noise: standard deviation of the speed of a moving roller, drawn anew each step [m/s].
     :ivar stuck: names of rollers that do not move.
+    :ivar slip: mean share of the way that the tube does not follow, 0 to 0.5.
     """
 
     speed_limit: float = float('inf')
     noise: float = 0.0
     stuck: frozenset[str] = frozenset()
+    slip: float = 0.0
 
 
 class SimulatedRobot:
@@ -33,12 +44,14 @@ class SimulatedRobot:
     Integrates roller speeds; nodes and object follow by forward kinematics, so nothing drifts.
 
     :ivar config: where the robot is.
-    :ivar roller_velocities: (r,) speeds during the last step [m/s].
+    :ivar roller_positions: (r,) travel as the encoders tell it; that of `config` without slip [m].
+    :ivar roller_velocities: (r,) speeds during the last step as the encoders tell them [m/s].
     :param config: where it starts.
     :param held: the object in its grip.
     :param faults: how the rollers differ from perfect ones.
     :param seed: of the noise.
-    :raises ConfigurationError: a stuck roller that the robot does not have.
+    :raises ConfigurationError: a stuck roller that the robot does not have, or a slip that cannot
+        be.
     """
 
     def __init__(
@@ -51,12 +64,18 @@ class SimulatedRobot:
                 f'stuck rollers {", ".join(sorted(map(repr, unknown)))}: robot {robot.name} has '
                 f'no such rollers; its rollers are {", ".join(robot.roller_names)}'
             )
+        if not 0.0 <= faults.slip <= MAX_SLIP:
+            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to {MAX_SLIP}')
         self.config = config
+        self.roller_positions = config.roller_positions.copy()
         self.roller_velocities = np.zeros(len(robot.roller_names))
         self._held = held
         self._faults = faults
         self._moves = np.array([name not in faults.stuck for name in robot.roller_names])
         self._random = np.random.default_rng(seed)
+        # From a stream of its own: with or without slip, the noise of a seed is the same.
+        shares = np.random.default_rng([seed, 1]).uniform(0.5, 1.5, len(robot.roller_names))
+        self._grip = 1.0 - faults.slip * shares
         self._command = np.zeros(len(robot.roller_names))
 
     @property
@@ -93,5 +112,7 @@ class SimulatedRobot:
             speeds = speeds + moving * self._random.normal(0.0, self._faults.noise, len(speeds))
         self.roller_velocities = np.zeros_like(speeds)
         if duration > 0.0 and moving.any():
-            self.config = self.config.moved_to(self.config.roller_positions + duration * speeds)
+            way = duration * speeds
+            self.config = self.config.moved_to(self.config.roller_positions + self._grip * way)
+            self.roller_positions = self.roller_positions + way
             self.roller_velocities = speeds

@@ -55,7 +55,14 @@ SPEED_LIMIT = params.Spec(
 STUCK_ROLLER = params.Spec(
     'stuck_roller', '', 'Roller t/j that does not move; none if empty', read_only=True
 )
-SEED = params.Spec('seed', 0, 'Seed of the noise, not negative', read_only=True)
+SLIP = params.Spec(
+    'roller_slip',
+    0.0,
+    'Mean share of its way that the tube does not follow a roller, unseen by the encoders',
+    bounds=(0.0, 0.5),
+    read_only=True,
+)
+SEED = params.Spec('seed', 0, 'Seed of the noise and the slip, not negative', read_only=True)
 SPECS = (
     params.ROBOT,
     OBJECT_DIAMETER,
@@ -66,6 +73,7 @@ SPECS = (
     NOISE,
     SPEED_LIMIT,
     STUCK_ROLLER,
+    SLIP,
     SEED,
 )
 
@@ -114,9 +122,8 @@ class Simulator(ManagedNode):
         home = self._robot.home
         center = snug_center(home, module, diameter, values[SQUEEZE])
         grasp = Grasp(module, center, diameter)
-        faults = RollerFaults(
-            values[SPEED_LIMIT], values[NOISE], frozenset({values[STUCK_ROLLER]} - {''})
-        )
+        stuck = frozenset({values[STUCK_ROLLER]} - {''})
+        faults = RollerFaults(values[SPEED_LIMIT], values[NOISE], stuck, values[SLIP])
         return SimulatedRobot(home, HeldObject.attach(home, grasp), faults, values[SEED])
 
     def _apply(self) -> None:
@@ -152,7 +159,7 @@ class Simulator(ManagedNode):
         self._advance(now)
         joints = JointState(
             name=list(self._robot.roller_names),
-            position=self._simulated.config.roller_positions.tolist(),
+            position=self._simulated.roller_positions.tolist(),
             velocity=self._simulated.roller_velocities.tolist(),
         )
         stamp(joints.header, now)
