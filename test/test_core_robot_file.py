@@ -388,8 +388,10 @@ NO_ROBOTS = {
         DESIGN_EXAMPLE.replace('P: [0', 'true: [0'),
         "joints: True is not text; put quotes around it: 'True'",
     ),
-    'alias': ('name: &a x\nframe: *a\n', 'line 2: alias *a: aliases are not used'),
-    'alias of its own parent': ('a: &a [*a]\n', 'line 1: alias *a: aliases are not used'),
+    'alias': ('name: x\nframe: *a\n', 'line 2: *a: anchors and aliases are not used'),
+    'alias of its own parent': ('a: &a [*a]\n', 'line 1: &a: anchors and aliases are not used'),
+    # A warning of the YAML reader, once.
+    'anchor twice': ('a: 1\nb: &a\nc: &a\n', 'line 2: &a: anchors and aliases are not used'),
     'bracket that does not close': ('{name: [}', 'line 1, column 9: not YAML 1.2'),
     'tab': ('\tname: x', 'line 1, column 1: not YAML 1.2'),
     'two documents': ('a: 1\n---\na: 1\n', 'line 2, column 1: not YAML 1.2'),

@@ -64,10 +64,11 @@ def _parse(path: Path, text: str) -> Any:
                     f'{len(event.value)} characters; must be at most {MAX_SCALAR_LENGTH}'
                 )
             # An alias can name its own parent, or unfold a small file into gigabytes.
-            if isinstance(event, AliasEvent):
+            if getattr(event, 'anchor', None) is not None:
+                sign = '*' if isinstance(event, AliasEvent) else '&'
                 raise RobotFileError(
-                    f'{path}: line {event.start_mark.line + 1}: alias *{event.anchor}: '
-                    'aliases are not used in robot files; write the value out'
+                    f'{path}: line {event.start_mark.line + 1}: {sign}{event.anchor}: anchors '
+                    'and aliases are not used in robot files; write the value out'
                 )
         return YAML(typ='safe', pure=True).load(text)
     except YAMLError as error:
