@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import bisect
+from collections import deque
 from collections.abc import Callable, Mapping
 import enum
 import time
@@ -24,6 +26,35 @@ class Level(enum.Enum):
     OK = DiagnosticStatus.OK
     WARN = DiagnosticStatus.WARN
     ERROR = DiagnosticStatus.ERROR
+
+
+class CycleTimes:
+    """How long the cycles since the last report took; noting one costs next to nothing."""
+
+    def __init__(self) -> None:
+        # Bounded, should reports fail to come.
+        self._times: deque[float] = deque(maxlen=10_000)
+
+    def note(self, duration: float) -> None:
+        """Take the duration of a cycle [s]."""
+        self._times.append(duration)
+
+    def summary(self, period: float) -> dict[str, object]:
+        """
+        Return what there is to know, and begin anew.
+
+        :param period: from cycle to cycle [s]; those that took longer are overruns.
+        """
+        times = sorted(self._times)
+        self._times.clear()
+        if not times:
+            return {'cycles': 0}
+        return {
+            'cycles': len(times),
+            'cycle time, median [s]': round(times[len(times) // 2], 6),
+            'cycle time, longest [s]': round(times[-1], 6),
+            'overruns': len(times) - bisect.bisect_right(times, period),
+        }
 
 
 class Diagnostics:

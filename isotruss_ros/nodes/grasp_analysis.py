@@ -7,21 +7,23 @@ from dataclasses import replace
 import sys
 import time
 
-from geometry_msgs.msg import PoseStamped, WrenchStamped
+from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import GraspCode, GraspMonitor, GraspReport, load_robot, Refusal, Sample
 from isotruss_ros.nodes import parameters as params
+from isotruss_ros.nodes.cycle import Cycle
+from isotruss_ros.nodes.diagnostics import CycleTimes, Level
 from isotruss_ros.nodes.grasp_messages import external_wrench, question, state_message
+from isotruss_ros.nodes.inputs import age, Sensors
 from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.markers import GraspMarkers
-from isotruss_ros.nodes.messages import MessageError, object_center, RollerStates, seconds
+from isotruss_ros.nodes.messages import MessageError, seconds
 from isotruss_ros.nodes.qos import LATEST, RELIABLE
 from isotruss_ros.nodes.report import Reporter
 from isotruss_ros.nodes.runner import run
 from rclpy.parameter import Parameter
-from rclpy.timer import Timer
-from sensor_msgs.msg import JointState
+from rclpy.time import Time
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
@@ -52,7 +54,9 @@ class GraspAnalysisNode(ManagedNode):
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('grasp_analysis', SPECS, parameter_overrides)
         self._reporter = Reporter(self.get_logger())
-        self._timer: Timer | None = None
+        self._cycle_times = CycleTimes()
+        self._monitor: GraspMonitor | None = None
+        self._cycle: Cycle | None = None
         self._drawn = 0.0
         self.start()
 
@@ -61,7 +65,6 @@ class GraspAnalysisNode(ManagedNode):
         values = self.values
         self._robot = load_robot(values[params.ROBOT])
         values.on_change(lambda _new: None, self._apply)
-        self._roller_states = RollerStates(self._robot.roller_names)
         self._monitor = GraspMonitor(
             self._robot,
             values[params.OBJECT_DIAMETER],
@@ -74,19 +77,38 @@ class GraspAnalysisNode(ManagedNode):
         self._wrenches = self.create_lifecycle_publisher(WrenchStamped, 'grasp/wrench', RELIABLE)
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
         self._markers = GraspMarkers(self._robot.frame)
-        self.create_subscription(JointState, 'joint_states', self._take_joint_states, LATEST)
-        self.create_subscription(PoseStamped, 'object_pose', self._take_object_pose, LATEST)
+        Sensors(self, self._robot, self._monitor)
         self.create_subscription(WrenchStamped, 'external_wrench', self._take_wrench, LATEST)
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Answer from now on."""
-        self._timer = self.create_timer(1.0 / self.values[RATE], self._cycle)
+        self._cycle = Cycle(self, self.values[RATE], self._step, self._forget)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._answer)
 
     def deactivate(self) -> None:
         """Stop the cycle."""
-        self._timer = None
+        self._cycle = None
+
+    def cleanup(self) -> None:
+        """Let go of the robot."""
+        self._monitor = None
+
+    def details(self) -> dict[str, object]:
+        """Return how the loop is and what it goes by."""
+        monitor = self._monitor
+        if monitor is None:
+            return {}
+        now = 1e-9 * self.get_clock().now().nanoseconds
+        return {
+            'age of joint states [s]': age(monitor.rollers, now),
+            'age of object pose [s]': age(monitor.center, now),
+            'age of external wrench [s]': age(monitor.wrench, now),
+        } | self._cycle_times.summary(1.0 / self.values[RATE])
+
+    def _forget(self) -> None:
+        """Rely on nothing that came before: its age cannot be known."""
+        self._monitor.rollers = self._monitor.center = self._monitor.wrench = None
 
     def _now(self) -> float:
         return 1e-9 * self.get_clock().now().nanoseconds
@@ -97,22 +119,8 @@ class GraspAnalysisNode(ManagedNode):
         self._monitor.friction = self.values[params.FRICTION]
         self._monitor.spacing = self.values[SPACING]
         self._monitor.timeout = self.values[params.COMMAND_TIMEOUT]
-        if self._timer is not None:
-            self._timer.timer_period_ns = int(1e9 / self.values[RATE])
-
-    def _take_joint_states(self, message: JointState) -> None:
-        try:
-            state = self._roller_states.state(message)
-            self._monitor.rollers = Sample(state, seconds(message.header))
-        except MessageError as error:
-            self._monitor.rollers = Refusal(str(error))
-
-    def _take_object_pose(self, message: PoseStamped) -> None:
-        try:
-            center = object_center(message, self._robot.frame)
-            self._monitor.center = Sample(center, seconds(message.header))
-        except MessageError as error:
-            self._monitor.center = Refusal(str(error))
+        if self._cycle is not None:
+            self._cycle.change(self.values[RATE])
 
     def _take_wrench(self, message: WrenchStamped) -> None:
         try:
@@ -131,8 +139,9 @@ class GraspAnalysisNode(ManagedNode):
         response.state = state_message(report, self._robot.frame)
         return response
 
-    def _cycle(self) -> None:
-        report = self._monitor.report(self._now())
+    def _step(self, now: Time) -> None:
+        began = time.perf_counter()
+        report = self._monitor.report(1e-9 * now.nanoseconds)
         state = state_message(report, self._robot.frame)
         self._states.publish(state)
         self._closures.publish(Bool(data=state.force_closure))
@@ -140,9 +149,12 @@ class GraspAnalysisNode(ManagedNode):
             # A wrench cannot say that it is none: where there is no answer it is silent.
             wrench = WrenchStamped(header=state.header, wrench=state.normal_wrench)
             self._wrenches.publish(wrench)
+            self.diagnostics.say(Level.OK, report.message or 'answering')
         else:
             self._reporter.warn(report.code.name, f'{report.code}: {report.message}')
+            self.diagnostics.say(Level.ERROR, f'{report.code}: {report.message}')
         self._draw(report)
+        self._cycle_times.note(time.perf_counter() - began)
 
     def _draw(self, report: GraspReport) -> None:
         """Publish markers where somebody looks at them, not oftener than they are drawn."""

@@ -8,6 +8,7 @@ from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes import parameters as params
 from isotruss_ros.nodes.diagnostics import Diagnostics, Level
 from isotruss_ros.nodes.entities import Entities
+from isotruss_ros.nodes.time_source import guard_clock
 from lifecycle_msgs.srv import ChangeState
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -59,7 +60,7 @@ class ManagedNode(LifecycleNode):
         except IsotrussError:
             self.destroy_node()
             raise
-        self.diagnostics.say(Level.WARN, 'unconfigured')
+        guard_clock(self)
 
     # -- The steps, for the nodes to fill in --
 
@@ -86,6 +87,11 @@ class ManagedNode(LifecycleNode):
         """Return the label of the state, such as `inactive`."""
         return self._state_machine.current_state[1]
 
+    @property
+    def active(self) -> bool:
+        """Return whether publishers are enabled, in the transitions to and from `active` too."""
+        return self._running
+
     def start(self) -> None:
         """
         Configure and activate where `autostart` says so; the last line of a node's constructor.
@@ -93,6 +99,7 @@ class ManagedNode(LifecycleNode):
         :raises IsotrussError: it did not work; the node is destroyed.
         """
         if not self.values[params.AUTOSTART]:
+            self.diagnostics.say(Level.WARN, 'unconfigured')
             return
         for step in (self.trigger_configure, self.trigger_activate):
             if step() != SUCCESS:

@@ -6,18 +6,20 @@ from collections.abc import Sequence
 import sys
 import time
 
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Decision, load_robot, Refusal, Sample, Status, TwistServo
 from isotruss_ros.nodes import parameters as params
+from isotruss_ros.nodes.cycle import Cycle
+from isotruss_ros.nodes.diagnostics import CycleTimes, Level
+from isotruss_ros.nodes.emergency_stop import EmergencyStop
+from isotruss_ros.nodes.inputs import age, Sensors
 from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.messages import (
     check_frame,
     command_message,
     MessageError,
-    object_center,
     planar_twist,
-    RollerStates,
     seconds,
     stamp,
     twist_message,
@@ -28,14 +30,9 @@ from isotruss_ros.nodes.runner import run
 import numpy as np
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-from rclpy.timer import Timer
-from sensor_msgs.msg import JointState
+from rclpy.time import Time
 from std_msgs.msg import Float64MultiArray
 
-#: A controller has this long to acknowledge the last command.
-LAST_WORD = Duration(seconds=0.5)
-#: Statuses that need no words in the log: nobody asks for anything, or all is well.
-SILENT = frozenset({Status.OK, Status.IDLE, Status.HALT_NO_TWIST})
 SPECS = (
     params.ROBOT,
     params.OBJECT_DIAMETER,
@@ -43,7 +40,12 @@ SPECS = (
     params.RATE,
     params.COMMAND_TIMEOUT,
     params.USE_STAMPED_TWIST,
+    params.REQUIRE_EMERGENCY_STOP,
 )
+#: A controller has this long to acknowledge the last command.
+LAST_WORD = Duration(seconds=0.5)
+#: Statuses that need no words in the log: nobody asks for anything, or all is well.
+SILENT = frozenset({Status.OK, Status.IDLE, Status.HALT_NO_TWIST})
 
 
 class Manipulation(ManagedNode):
@@ -58,8 +60,12 @@ class Manipulation(ManagedNode):
         self._reporter = Reporter(self.get_logger())
         # Made once: a message with its parts costs more to make than to fill in.
         self._status_message = ManipulationStatus()
-        self._cycle_time = 0.0
-        self._timer: Timer | None = None
+        self._cycle_times = CycleTimes()
+        self._servo: TwistServo | None = None
+        self._cycle: Cycle | None = None
+        self._stop = EmergencyStop(
+            self, lambda: self.values[params.REQUIRE_EMERGENCY_STOP], self._stop_changed
+        )
         self.start()
 
     def configure(self) -> None:
@@ -67,7 +73,6 @@ class Manipulation(ManagedNode):
         values = self.values
         self._robot = load_robot(values[params.ROBOT])
         values.on_change(lambda new: params.check_grip_module(self._robot, new), self._apply)
-        self._roller_states = RollerStates(self._robot.roller_names)
         self._servo = TwistServo(
             self._robot,
             values[params.GRIP_MODULE],
@@ -75,14 +80,14 @@ class Manipulation(ManagedNode):
             period=1.0 / values[params.RATE],
             timeout=values[params.COMMAND_TIMEOUT],
         )
+        self._servo.stopped = self._halt()
         self._commands = self.create_lifecycle_publisher(
             Float64MultiArray, 'roller_velocity_controller/commands', RELIABLE
         )
         self._status = self.create_lifecycle_publisher(
             ManipulationStatus, 'manipulation/status', RELIABLE
         )
-        self.create_subscription(JointState, 'joint_states', self._take_joint_states, LATEST)
-        self.create_subscription(PoseStamped, 'object_pose', self._take_object_pose, LATEST)
+        Sensors(self, self._robot, self._servo)
         if values[params.USE_STAMPED_TWIST]:
             self.create_subscription(TwistStamped, 'cmd_vel', self._take_stamped_twist, LATEST)
         else:
@@ -91,26 +96,85 @@ class Manipulation(ManagedNode):
 
     def activate(self) -> None:
         """Decide from now on."""
-        self._timer = self.create_timer(self._servo.period, self._cycle)
+        self._cycle = Cycle(
+            self,
+            self.values[params.RATE],
+            self._step,
+            jumped_back=self._forget,
+            stands=self._clock_stands,
+            patience=self._servo.timeout,
+        )
 
     def deactivate(self) -> None:
         """Leave the rollers at zero, and make sure that they know."""
-        self._timer = None
-        self._commands.publish(command_message(np.zeros(len(self._robot.roller_names))))
+        self._cycle = None
+        self._send_zeros()
         if not self._commands.wait_for_all_acked(LAST_WORD):
             self.get_logger().warning('the last zero command was not acknowledged by everyone')
 
-    def _now(self) -> float:
-        return 1e-9 * self.get_clock().now().nanoseconds
+    def cleanup(self) -> None:
+        """Let go of the robot."""
+        self._servo = None
+
+    def details(self) -> dict[str, object]:
+        """Return how the loop is and what it goes by."""
+        found: dict[str, object] = {'emergency stop': self._stop.reason or 'no'}
+        servo = self._servo
+        if servo is None:
+            return found
+        now = 1e-9 * self.get_clock().now().nanoseconds
+        inputs = {'twist': servo.twist, 'joint states': servo.rollers, 'object pose': servo.center}
+        ages = {f'age of {name} [s]': age(given, now) for name, given in inputs.items()}
+        last = Status(self._status_message.code)
+        return (
+            {'status': last.name, 'status code': int(last)}
+            | found
+            | ages
+            | self._cycle_times.summary(servo.period)
+        )
+
+    def _send_zeros(self) -> None:
+        self._commands.publish(command_message(np.zeros(len(self._robot.roller_names))))
+
+    def _halt(self) -> tuple[Status, str] | None:
+        """Return why the rollers stand still whatever the inputs say."""
+        reason = self._stop.reason
+        return None if reason is None else (Status.HALT_EMERGENCY_STOP, reason)
+
+    def _stop_changed(self) -> None:
+        """Stop at once; after a release, go on with what is commanded from then on."""
+        if self._servo is None:
+            return
+        self._servo.stopped = self._halt()
+        self._servo.twist = None
+        if self._servo.stopped is not None and self.active:
+            self._send_zeros()
+
+    def _forget(self) -> None:
+        """Rely on nothing that came before: its age cannot be known."""
+        self._servo.twist = self._servo.rollers = self._servo.center = None
+
+    def _clock_stands(self, now: Time) -> None:
+        """Stop; with the clock, ages stand still too, and old inputs would seem new."""
+        self._forget()
+        if self._servo.stopped is None:
+            self._servo.stopped = (Status.HALT_CLOCK, f'simulated time stands at {now}')
+        self._step(now)
+        self._servo.stopped = self._halt()
 
     def _apply(self) -> None:
         """Take over changed parameters, in the next cycle."""
-        self._servo.grip_module = self.values[params.GRIP_MODULE]
-        self._servo.object_diameter = self.values[params.OBJECT_DIAMETER]
-        self._servo.timeout = self.values[params.COMMAND_TIMEOUT]
-        self._servo.period = 1.0 / self.values[params.RATE]
-        if self._timer is not None:
-            self._timer.timer_period_ns = int(1e9 * self._servo.period)
+        servo = self._servo
+        servo.grip_module = self.values[params.GRIP_MODULE]
+        servo.object_diameter = self.values[params.OBJECT_DIAMETER]
+        servo.timeout = self.values[params.COMMAND_TIMEOUT]
+        servo.period = 1.0 / self.values[params.RATE]
+        servo.stopped = self._halt()
+        if self._cycle is not None:
+            self._cycle.change(self.values[params.RATE], servo.timeout)
+
+    def _now(self) -> float:
+        return 1e-9 * self.get_clock().now().nanoseconds
 
     def _take_twist(self, message: Twist) -> None:
         try:
@@ -125,39 +189,35 @@ class Manipulation(ManagedNode):
         except MessageError as error:
             self._servo.twist = Refusal(str(error))
 
-    def _take_joint_states(self, message: JointState) -> None:
-        try:
-            state = self._roller_states.state(message)
-            self._servo.rollers = Sample(state, seconds(message.header))
-        except MessageError as error:
-            self._servo.rollers = Refusal(str(error))
-
-    def _take_object_pose(self, message: PoseStamped) -> None:
-        try:
-            center = object_center(message, self._robot.frame)
-            self._servo.center = Sample(center, seconds(message.header))
-        except MessageError as error:
-            self._servo.center = Refusal(str(error))
-
-    def _cycle(self) -> None:
+    def _step(self, now: Time) -> None:
         began = time.perf_counter()
-        decision = self._servo.decide(self._now())
+        decision = self._servo.decide(1e-9 * now.nanoseconds)
         self._commands.publish(command_message(decision.command.roller_velocities))
-        self._report(decision)
-        self._cycle_time = time.perf_counter() - began
+        self._report(decision, now)
+        duration = time.perf_counter() - began
+        self._status_message.cycle_time = duration
+        self._cycle_times.note(duration)
 
-    def _report(self, decision: Decision) -> None:
+    def _report(self, decision: Decision, now: Time) -> None:
         command, message = decision.command, self._status_message
-        stamp(message.header, self.get_clock().now(), self._robot.frame)
+        stamp(message.header, now, self._robot.frame)
         message.code = int(command.status)
         message.message = decision.message
         twist_message(decision.twist, message.commanded)
         twist_message(command.achieved_twist, message.achieved)
         message.scale = command.scale
-        message.cycle_time = self._cycle_time
         self._status.publish(message)
-        if command.status not in SILENT:
+        level = level_of(command.status)
+        self.diagnostics.say(level, decision.message or command.status.name)
+        if level is not Level.OK:
             self._reporter.warn(command.status.name, f'{command.status}: {decision.message}')
+
+
+def level_of(status: Status) -> Level:
+    """Return how bad a status is; that nobody asks for anything is as it should be."""
+    if status in SILENT:
+        return Level.OK
+    return Level.WARN if status < Status.HALT_NO_TWIST else Level.ERROR
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -35,8 +35,8 @@ def seconds(header: Header) -> float:
 
 
 def time_at(when: float) -> Time:
-    """Return the time of some seconds [s]."""
-    return Time(nanoseconds=round(1e9 * when))
+    """Return the time of some seconds [s]; there is none before zero."""
+    return Time(nanoseconds=max(0, round(1e9 * when)))
 
 
 def stamp(header: Header, time: Time, frame: str = '') -> Header:

@@ -65,6 +65,9 @@ COMMAND_TIMEOUT = Spec(
 USE_STAMPED_TWIST = Spec(
     'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist', read_only=True
 )
+REQUIRE_EMERGENCY_STOP = Spec(
+    'require_emergency_stop', False, 'Nothing moves before the topic emergency_stop is heard'
+)
 AUTOSTART = Spec(
     'autostart', True, 'Configure and activate the node on its own at start', read_only=True
 )
@@ -87,7 +90,7 @@ class Parameters:
         unconfigured: Callable[[], bool] | None = None,
     ) -> None:
         self._node = node
-        self._fixed = {spec.name for spec in specs if spec.read_only}
+        self._fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}
         self._unconfigured = unconfigured
         self._check: Callable[[dict[str, Value]], None] | None = None
         self._apply: Callable[[], None] | None = None

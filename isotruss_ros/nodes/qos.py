@@ -3,27 +3,52 @@ Quality of service of each topic.
 
 State and twists are worth something only while they are new: subscribers keep the last one and do
 not ask for it again, and so match reliable and best-effort publishers alike. What we publish, and
-the commands that the simulator takes, is reliable, as ros2_control's controllers have it.
+the commands that the simulator takes, is reliable, as ros2_control's controllers have it. None of
+it is kept for late joiners: the next one comes with the next cycle, and an old one would be a lie
+once the node is inactive.
+
+What is said once and holds until it is said otherwise is latched.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-LATEST = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-    durability=DurabilityPolicy.VOLATILE,
-)
-RELIABLE = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+
+def _last(
+    depth: int,
+    reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE,
+    durability: DurabilityPolicy = DurabilityPolicy.VOLATILE,
+) -> QoSProfile:
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=reliability,
+        durability=durability,
+    )
+
+
+LATEST = _last(1, ReliabilityPolicy.BEST_EFFORT)
+RELIABLE = _last(1)
 #: What tools that show `/diagnostics` expect.
-DIAGNOSTICS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+DIAGNOSTICS = _last(10)
+
+# Deep enough that a stop that is taken back at once is still seen.
+_KEPT = _last(100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_ANY = _last(100, ReliabilityPolicy.BEST_EFFORT)
+
+
+def subscribe_latched(node: Node, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
+    """
+    Hear every publisher of a topic, and from those that latch also what they said before.
+
+    A subscription that asks for what was said before never matches a publisher that does not keep
+    it, such as `ros2 topic pub` without options: a stop would go unheard. So there are two, and
+    what a latching publisher says comes twice.
+    """
+    for profile in (_KEPT, _ANY):
+        node.create_subscription(kind, topic, callback, profile)

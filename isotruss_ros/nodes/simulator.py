@@ -17,6 +17,7 @@ from isotruss_ros.core import (
     snug_center,
 )
 from isotruss_ros.nodes import parameters as params
+from isotruss_ros.nodes.cycle import Cycle
 from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.messages import pose_message, stamp
 from isotruss_ros.nodes.qos import RELIABLE
@@ -24,7 +25,6 @@ from isotruss_ros.nodes.report import Reporter
 from isotruss_ros.nodes.runner import run
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -88,7 +88,7 @@ class Simulator(ManagedNode):
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('simulator', SPECS, parameter_overrides)
         self._reporter = Reporter(self.get_logger())
-        self._timer: Timer | None = None
+        self._cycle: Cycle | None = None
         self.start()
 
     def configure(self) -> None:
@@ -106,11 +106,11 @@ class Simulator(ManagedNode):
         self.create_subscription(
             Float64MultiArray, 'roller_velocity_controller/commands', self._take_command, RELIABLE
         )
-        self._timer = self.create_timer(1.0 / self.values[params.RATE], self._cycle)
+        self._cycle = Cycle(self, self.values[params.RATE], self._step, self._jumped_back)
 
     def deactivate(self) -> None:
         """Stand still."""
-        self._timer = None
+        self._cycle = None
         self._simulated.stop()
 
     def _make_robot(self) -> SimulatedRobot:
@@ -127,8 +127,13 @@ class Simulator(ManagedNode):
         return SimulatedRobot(home, HeldObject.attach(home, grasp), faults, values[SEED])
 
     def _apply(self) -> None:
-        if self._timer is not None:
-            self._timer.timer_period_ns = int(1e9 / self.values[params.RATE])
+        if self._cycle is not None:
+            self._cycle.change(self.values[params.RATE])
+
+    def _jumped_back(self) -> None:
+        """Stand still, where the robot is: how long a command has been in force is not known."""
+        self._simulated.stop()
+        self._time = self._commanded = 1e-9 * self.get_clock().now().nanoseconds
 
     def _take_command(self, message: Float64MultiArray) -> None:
         # Until now the command before was in force: integrate it before it is replaced.
@@ -154,8 +159,7 @@ class Simulator(ManagedNode):
             self._simulated.advance(0.0)
         self._time = now
 
-    def _cycle(self) -> None:
-        now = self.get_clock().now()
+    def _step(self, now: Time) -> None:
         self._advance(now)
         joints = JointState(
             name=list(self._robot.roller_names),
