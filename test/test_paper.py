@@ -6,6 +6,7 @@ from pathlib import Path
 import re
 
 from isotruss_ros import core
+from isotruss_ros.core.beam import local_stiffness
 from isotruss_ros.core.frame import Frame
 from isotruss_ros.core.power_law import PowerLaw
 from isotruss_ros.core.tube_stiffness import InflatableBeam
@@ -189,6 +190,12 @@ def test_triangles_are_ordered(results):
     assert np.ptp(totals) < 0.01
 
 
+def test_edges_between_pinch_points_are_members():
+    for edges in EDGES.values():
+        base, right, left = figure_5.triangle(figure_5.between_joints(edges)).home.member_lengths
+        assert (left, right, base) == pytest.approx((edges[0], edges[0], edges[1]), abs=1e-6)
+
+
 @pytest.mark.parametrize('name', EDGES)
 def test_push_is_that_of_a_frame_with_these_supports(name, results):
     """Solve the frame with the supports as supports, not as loads."""
@@ -263,6 +270,13 @@ def test_stiffness_of_the_middle_is_that_of_the_textbook():
         exact = 1.0 / (TUBE_LENGTH**3 / (share * EI) + shear)
         found = press(BEAM, TUBE_LENGTH / 2, DISCS[0], 1e-4, pinned=pinned).stiffness
         assert found == pytest.approx(exact, rel=1e-3)
+
+
+def test_tube_wrinkles_at_its_ends(results):
+    """Half of the tube, its end in the middle pushed and not turning: the moment at the wall."""
+    half = local_stiffness(np.array([TUBE_LENGTH / 2]), *BEAM.rigidities(TUBE_LENGTH, PRESSURE))
+    moment = results['figure_6'].wrinkling * half[0, 2, 4]
+    assert abs(moment) == pytest.approx(wrinkling.wrinkling_moment(PRESSURE, RADIUS), rel=2e-3)
 
 
 def test_stiffness_without_gas_does_not_see_the_diameter(results):
