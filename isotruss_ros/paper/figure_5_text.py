@@ -48,11 +48,11 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         'robot must have it. Taken between pinch points they are so exactly, and the triangles '
         f'are {number(100 * (min(smaller) - 1), 2)} to {number(100 * (max(smaller) - 1), 2)} % '
         'stiffer, in the same order. The pinned node is the joint A, free to turn. A tube '
-        'wrinkles at M = (p π r² − N) r/2, which is M_w = π p r³/2 without the compression N, and folds at '
-        'twice that (Comer and Levy, AIAA J. 1 (1963) 1652; with N: Davids and Zhang, Eng. '
-        'Struct. 30 (2008) 1969); compression makes moments grow by 1/(1 − N/N_c), N_c being the '
-        'load under which an inflated column buckles (Fichter, NASA TN D-3466, 1966). All this '
-        'is an estimate.',
+        'wrinkles at M = (p π r² − N) r/2, which is M_w = π p r³/2 without the compression N, '
+        'and folds at twice that (Comer and Levy, AIAA J. 1 (1963) 1652; with N: Davids and '
+        'Zhang, Eng. Struct. 30 (2008) 1969); compression makes moments grow by 1/(1 − N/N_c), '
+        'N_c being the load under which an inflated column buckles (Fichter, NASA TN D-3466, '
+        '1966). All this is an estimate.',
         tables=(_stiffnesses(shapes), _limits(shapes)),
     )
 
