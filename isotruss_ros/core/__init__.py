@@ -10,6 +10,7 @@ from isotruss_ros.core.errors import (
     ConfigurationError,
     GraspError,
     IsotrussError,
+    PathError,
     RobotFileError,
     SolverError,
     StructureError,
@@ -21,6 +22,8 @@ from isotruss_ros.core.grasp_report import AnalyzedGrasp, GraspCode, GraspReport
 from isotruss_ros.core.limits import Limit, MemberLengthLimit, RollerSpeedLimit
 from isotruss_ros.core.manipulation import RollerCommand, solve_twist
 from isotruss_ros.core.motion import HeldObject, Pose, solve_twist_ahead
+from isotruss_ros.core.object_path import ObjectPath
+from isotruss_ros.core.path_tracking import PathPhase, PathTracker, Tracking, TrackingSettings
 from isotruss_ros.core.presets import preset_names
 from isotruss_ros.core.resting import find_resting_pose, RestingPose
 from isotruss_ros.core.robot import load_robot, Robot
@@ -49,6 +52,10 @@ __all__ = [
     'IsotrussError',
     'Limit',
     'MemberLengthLimit',
+    'ObjectPath',
+    'PathError',
+    'PathPhase',
+    'PathTracker',
     'Pose',
     'Question',
     'Refusal',
@@ -65,6 +72,8 @@ __all__ = [
     'SolverError',
     'Status',
     'StructureError',
+    'Tracking',
+    'TrackingSettings',
     'TwistServo',
     'analyze_grasp',
     'deform',

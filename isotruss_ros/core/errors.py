@@ -23,3 +23,7 @@ class SolverError(IsotrussError, RuntimeError):
 
 class StructureError(IsotrussError, ValueError):
     """A structure cannot carry what it is asked to, or its stiffness laws are contradictory."""
+
+
+class PathError(IsotrussError, ValueError):
+    """A path of the object, or what is asked of following it, is not usable."""
