@@ -8,24 +8,32 @@ import gc
 import math
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import IsotrussError, load_robot, Pose, snug_center
 from isotruss_ros.nodes.grasp_messages import wrench_message
+from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.messages import pose_message, stamp, twist_message
-from isotruss_ros.nodes.runner import StoppableNode
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 import numpy as np
 import pytest
 import rclpy
+from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
 #: Far more than anything needs here; a busy machine must not fail a test.
 DEADLINE = 20.0
+#: What is said once is kept for late joiners.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ROBOT = load_robot('nine_member')
 MODULE = 'north/Z'
 DIAMETER = 0.3
@@ -40,10 +48,14 @@ def overrides(**values: object) -> list[Parameter]:
 
 
 class Probe(Node):
-    """Publishes every input of our nodes and keeps every output with the time of its arrival."""
+    """
+    Publishes every input of our nodes and keeps every output with the time of its arrival.
 
-    def __init__(self, twist_type: type) -> None:
-        super().__init__('probe')
+    :param sim_time: go by `/clock`, which the test publishes by `tick`.
+    """
+
+    def __init__(self, twist_type: type, sim_time: bool = False) -> None:
+        super().__init__('probe', parameter_overrides=overrides(use_sim_time=sim_time))
         self.twists = self.create_publisher(twist_type, 'cmd_vel', 1)
         self.joint_states = self.create_publisher(JointState, 'joint_states', 1)
         self.object_poses = self.create_publisher(PoseStamped, 'object_pose', 1)
@@ -51,6 +63,8 @@ class Probe(Node):
             Float64MultiArray, 'roller_velocity_controller/commands', 1
         )
         self.wrenches = self.create_publisher(WrenchStamped, 'external_wrench', 1)
+        self.stops = self.create_publisher(Bool, 'emergency_stop', LATCHED)
+        self.clock = self.create_publisher(Clock, '/clock', 1)
         self.seen: dict[str, list] = {}
         for kind, key, topic in (
             (Float64MultiArray, 'command', 'roller_velocity_controller/commands'),
@@ -60,6 +74,7 @@ class Probe(Node):
             (GraspState, 'state', 'grasp/state'),
             (Bool, 'closure', 'grasp/force_closure'),
             (WrenchStamped, 'wrench', 'grasp/wrench'),
+            (DiagnosticArray, 'diagnostics', '/diagnostics'),
         ):
             self.listen(kind, key, topic)
 
@@ -78,7 +93,12 @@ class Probe(Node):
     def past(self, age: float) -> Time:
         """Return the time `age` seconds ago (in the future if negative)."""
         now = self.get_clock().now().nanoseconds
-        return Time(nanoseconds=now - int(age * 1e9), clock_type=self.get_clock().clock_type)
+        then = max(0, now - int(age * 1e9))
+        return Time(nanoseconds=then, clock_type=self.get_clock().clock_type)
+
+    def tick(self, time_of: float) -> None:
+        """Publish simulated time [s]."""
+        self.clock.publish(Clock(clock=Time(nanoseconds=round(1e9 * time_of)).to_msg()))
 
     def send_twist(self, twist: tuple[float, float, float] = UP) -> None:
         """Publish a twist."""
@@ -119,14 +139,37 @@ class World:
     Nodes under one executor.
 
     :param nodes: made by the test; destroyed at the end.
+    :param sim_time: for the probe.
     """
 
-    def __init__(self, *nodes: StoppableNode, twist_type: type = Twist) -> None:
-        self.probe = Probe(twist_type)
+    def __init__(
+        self, *nodes: ManagedNode, twist_type: type = Twist, sim_time: bool = False
+    ) -> None:
+        self.probe = Probe(twist_type, sim_time)
         self.nodes = [self.probe, *nodes]
         self.executor = SingleThreadedExecutor()
         for node in self.nodes:
             self.executor.add_node(node)
+
+    def add(self, node: ManagedNode) -> ManagedNode:
+        """Take one more node in."""
+        self.nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def call(self, client: Client, request: object) -> object:
+        """Return what a service answers."""
+        self.until(client.service_is_ready)
+        future = client.call_async(request)
+        self.until(future.done)
+        return future.result()
+
+    def report(self, name: str) -> DiagnosticStatus:
+        """Return the last diagnostics of a node, stale before the first."""
+        for _, array in reversed(self.probe.seen['diagnostics']):
+            if array.status[0].name == name:
+                return array.status[0]
+        return DiagnosticStatus(level=DiagnosticStatus.STALE)
 
     def until(
         self,
@@ -181,6 +224,28 @@ class World:
             node.destroy_node()
 
 
+class Manager:
+    """
+    Asks for transitions as any tool does.
+
+    :param name: of the managed node.
+    """
+
+    def __init__(self, w: World, name: str) -> None:
+        self._world = w
+        self._change = w.probe.create_client(ChangeState, f'{name}/change_state')
+        self._get = w.probe.create_client(GetState, f'{name}/get_state')
+
+    def ask(self, transition: int, label: str = '') -> bool:
+        """Ask for a transition; return whether it came about."""
+        wanted = Transition(id=transition, label=label)
+        return self._world.call(self._change, ChangeState.Request(transition=wanted)).success
+
+    def state(self) -> str:
+        """Return the label of the state."""
+        return self._world.call(self._get, GetState.Request()).current_state.label
+
+
 def stamped(twist: tuple[float, float, float], time_of: Time, frame: str = '') -> TwistStamped:
     """Return a stamped twist."""
     message = TwistStamped(twist=twist_message(twist))
@@ -189,12 +254,14 @@ def stamped(twist: tuple[float, float, float], time_of: Time, frame: str = '') -
 
 
 @contextlib.contextmanager
-def world(*make_nodes: Callable[[], StoppableNode], twist_type: type = Twist):
+def world(
+    *make_nodes: Callable[[], ManagedNode], twist_type: type = Twist, sim_time: bool = False
+):
     """Bring up a context with nodes in it, and take it down."""
     rclpy.init()
     made = None
     try:
-        made = World(*(make() for make in make_nodes), twist_type=twist_type)
+        made = World(*(make() for make in make_nodes), twist_type=twist_type, sim_time=sim_time)
         yield made
     finally:
         if made is not None:
@@ -202,7 +269,7 @@ def world(*make_nodes: Callable[[], StoppableNode], twist_type: type = Twist):
         rclpy.shutdown()
 
 
-def check_refused(make_node: Callable[[], StoppableNode], words: str) -> None:
+def check_refused(make_node: Callable[[], ManagedNode], words: str) -> None:
     """Check that a node does not start, and says why; what there was of it goes at once."""
     rclpy.init()
     try:

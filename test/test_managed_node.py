@@ -1,13 +1,12 @@
 """Managed nodes: their states, what they do in each, and what becomes of errors in between."""
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.parameters import Spec
-from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState, GetState
-from probe import check_refused, overrides, world
+from lifecycle_msgs.msg import Transition
+from probe import check_refused, Manager, overrides, world
 import pytest
 from rclpy.action import ActionServer
 from rclpy.parameter import Parameter
@@ -67,34 +66,6 @@ class Toy(ManagedNode):
         """Count what rclpy holds."""
         kinds = (self.timers, self.subscriptions, self.services, self.publishers, self.waitables)
         return sum(len(list(kind)) for kind in kinds)
-
-
-class Manager:
-    """Asks for transitions as any tool does."""
-
-    def __init__(self, w, name):
-        self.w = w
-        self.change = w.probe.create_client(ChangeState, f'{name}/change_state')
-        self.get = w.probe.create_client(GetState, f'{name}/get_state')
-        self.diagnostics = []
-        w.probe.create_subscription(
-            DiagnosticArray, '/diagnostics', lambda m: self.diagnostics.append(m.status[0]), 10
-        )
-        w.until(lambda: self.change.service_is_ready() and self.get.service_is_ready())
-
-    def _call(self, client, request):
-        future = client.call_async(request)
-        self.w.until(future.done)
-        return future.result()
-
-    def ask(self, transition, label=''):
-        """Ask for a transition; return whether it came about."""
-        request = ChangeState.Request(transition=Transition(id=transition, label=label))
-        return self._call(self.change, request).success
-
-    def state(self):
-        """Return the label of the state."""
-        return self._call(self.get, GetState.Request()).current_state.label
 
 
 @pytest.fixture
@@ -228,7 +199,8 @@ def test_an_error_in_a_step_is_told_and_leaves_a_node_that_answers(waiting, step
     w.until(
         lambda: any(
             report.level == DiagnosticStatus.ERROR and str(error) in report.message
-            for report in manager.diagnostics
+            for _, array in w.probe.seen['diagnostics']
+            for report in array.status
         )
     )
     node.failures.clear()
@@ -249,7 +221,7 @@ def test_an_error_out_of_a_callback_stops_the_node_and_it_can_be_brought_up_agai
         node.fail(ACCIDENT)
         w.until(lambda: w.probe.last('said').data)
         assert manager.state() == 'unconfigured'
-        w.until(lambda: any('an accident' in r.message for r in manager.diagnostics))
+        w.until(lambda: 'an accident' in w.report('toy').message)
         assert manager.ask(Transition.TRANSITION_CONFIGURE)
         assert manager.ask(Transition.TRANSITION_ACTIVATE)
 
@@ -262,22 +234,15 @@ def test_a_node_that_cannot_start_on_its_own_says_why(step, error):
 
 def test_reports_every_second_and_at_once_when_the_level_changes():
     with world(lambda: Toy(autostart=False)) as w:
-        manager = Manager(w, 'toy')
-        w.until(lambda: len(manager.diagnostics) >= 2)
-        report = manager.diagnostics[-1]
-        assert (report.name, report.level) == ('toy', DiagnosticStatus.WARN)
+        reports = w.probe.seen['diagnostics']
+        w.until(lambda: len(reports) >= 2)
+        report = w.report('toy')
+        assert report.level == DiagnosticStatus.WARN
         assert report.message == 'unconfigured'
         assert report.values[0].key == 'steps'
-        node = w.nodes[1]
-        node.failures['configure'] = REFUSAL
-        heard = len(manager.diagnostics)
-        manager.ask(Transition.TRANSITION_CONFIGURE)
-        w.until(lambda: len(manager.diagnostics) > heard)
-        assert manager.diagnostics[heard].level == DiagnosticStatus.ERROR
-
-
-def test_states_are_those_that_tools_know(waiting):
-    _, manager, _ = waiting
-    request = GetState.Request()
-    answer = manager._call(manager.get, request).current_state
-    assert (answer.id, answer.label) == (State.PRIMARY_STATE_UNCONFIGURED, 'unconfigured')
+        w.nodes[1].failures['configure'] = REFUSAL
+        heard = len(reports)
+        Manager(w, 'toy').ask(Transition.TRANSITION_CONFIGURE)
+        w.until(lambda: len(reports) > heard)
+        # The next one, not one a second later.
+        assert reports[heard][1].status[0].level == DiagnosticStatus.ERROR

@@ -149,8 +149,10 @@ class Simulator(ManagedNode):
         """Integrate to a time; a command that is not renewed ends after `command_timeout`."""
         now = 1e-9 * time.nanoseconds
         expiry = self._commanded + self.values[params.COMMAND_TIMEOUT]
+        elapsed = min(now, expiry) - self._time
         try:
-            self._simulated.advance(max(0.0, min(now, expiry) - self._time))
+            if elapsed > 0.0:  # simulated time goes on in steps; between them nothing changes
+                self._simulated.advance(elapsed)
         except ConfigurationError as error:
             self._simulated.stop()
             self._reporter.warn('blocked', f'rollers block: {error}')
