@@ -24,8 +24,9 @@ from __future__ import annotations
 import functools
 from typing import NamedTuple
 
+from isotruss_ros.core.arrays import pairs as pairs_of
 from isotruss_ros.core.configuration import Configuration
-from isotruss_ros.core.grasp import module_index
+from isotruss_ros.core.grasp import Grasp, grasp_rows, module_index
 from isotruss_ros.core.grasp_analysis import Cylinder
 from isotruss_ros.core.robot import Robot
 import numpy as np
@@ -34,6 +35,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Points = NDArray[np.complex128]
 Indices = NDArray[np.intp]
+
+#: Points closer than this are one [m]; it keeps directions between them finite.
+TINY = 1e-12
 
 
 class Nearest(NamedTuple):
@@ -64,7 +68,7 @@ def nearest_on_side(point: Points, start: Points, along: Points) -> Nearest:
     distance = np.abs(away)
     # On the side itself no direction is the nearest way out: across it is as good as any.
     normal = np.where(
-        distance > 0.0, away / np.where(distance > 0.0, distance, 1.0), 1j * along / np.abs(along)
+        distance > TINY, away / np.maximum(distance, TINY), 1j * along / np.abs(along)
     )
     return Nearest(distance, normal, share)
 
@@ -124,8 +128,30 @@ class Bodies:
             ]
         )
 
+    def gradients(self, config: Configuration, pairs: Indices) -> Array:
+        """
+        Return how the distances of some pairs change as nodes move.
+
+        :param pairs: (k,) numbers of pairs.
+        :return: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...) [-].
+        """
+        middle, start, along = self._places(config)
+        rows = np.zeros((len(pairs), len(config.points)), dtype=np.complex128)
+        on_side = pairs < len(self._module)
+        first, member = self._module[pairs[on_side]], self._member[pairs[on_side]]
+        near = nearest_on_side(middle[first], start[member], along[member])
+        self._push_modules(rows, np.flatnonzero(on_side), first, near.normal)
+        self._push_members(rows, np.flatnonzero(on_side), member, -near.normal, near.share)
+        others = pairs[~on_side] - len(self._module)
+        first, second = self._one[others], self._two[others]
+        normal = middle[first] - middle[second]
+        normal = normal / np.maximum(np.abs(normal), TINY)
+        self._push_modules(rows, np.flatnonzero(~on_side), first, normal)
+        self._push_modules(rows, np.flatnonzero(~on_side), second, -normal)
+        return rows.view(np.float64)
+
     def object_distances(
-        self, config: Configuration, cylinder: Cylinder, grip: str | None
+        self, config: Configuration, cylinder: Cylinder | Grasp, grip: str | None
     ) -> Array:
         """
         Return the distances between an object and members, modules and the grip module [m].
@@ -153,6 +179,30 @@ class Bodies:
             arms = nearest_on_side(center, joint, ends - joint).distance - radius
         return np.concatenate([members, modules, arms])
 
+    def object_gradients(self, config: Configuration, grasp: Grasp, parts: Indices) -> Array:
+        """
+        Return how the distances of a held object from some parts change as nodes move.
+
+        The object moves with the grip (15). It never moves against the arms of the grip module.
+
+        :param parts: (k,) numbers as in `object_distances`, of members and modules.
+        :return: (k, 2n) rows on the node velocities [-].
+        :raises GraspError: see `grasp_rows`.
+        """
+        m, center = self._robot.layout.n_modules, complex(*grasp.center)
+        middle, start, along = self._places(config)
+        rows = np.zeros((len(parts), len(config.points)), dtype=np.complex128)
+        on_side = parts < m
+        members, modules = parts[on_side], parts[~on_side] - m
+        near = nearest_on_side(center, start[members], along[members])
+        self._push_members(rows, np.flatnonzero(on_side), members, -near.normal, near.share)
+        normal = np.empty(len(parts), dtype=np.complex128)
+        away = center - middle[modules]
+        normal[on_side] = near.normal
+        normal[~on_side] = away / np.maximum(np.abs(away), TINY)
+        self._push_modules(rows, np.flatnonzero(~on_side), modules, -normal[~on_side])
+        return rows.view(np.float64) + pairs_of(normal) @ grasp_rows(config, grasp).nodes[:2]
+
     def object_names(self, grip: str | None) -> list[str]:
         """Return what the object is near to, in the order of `object_distances`."""
         return [
@@ -167,6 +217,18 @@ class Bodies:
         start = points[layout.b]
         middle = 0.5 * (start + points[layout.c])
         return middle, start, points[self._to] - start
+
+    def _push_modules(self, rows: Points, places: Indices, modules: Indices, by: Points) -> None:
+        """Add to rows what moving the middle of modules is worth."""
+        rows[places, self._robot.layout.b[modules]] += 0.5 * by
+        rows[places, self._robot.layout.c[modules]] += 0.5 * by
+
+    def _push_members(
+        self, rows: Points, places: Indices, members: Indices, by: Points, share: Array
+    ) -> None:
+        """Add to rows what moving points of members is worth."""
+        rows[places, self._robot.layout.b[members]] += (1.0 - share) * by
+        rows[places, self._to[members]] += share * by
 
 
 @functools.lru_cache(maxsize=16)

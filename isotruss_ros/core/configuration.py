@@ -151,6 +151,20 @@ class Configuration:
             self.robot, self.roller_positions + duration * roller_velocities, points
         )
 
+    def module_rows(self, node_rows: Array) -> Array:
+        """
+        Turn rows on node velocities into rows on the speeds of the tubes through the modules.
+
+        Nodes follow by (12); the transposed solve needs one right-hand side for each row.
+
+        :param node_rows: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...).
+        :return: (k, m), for 1 m/s at each module, a passive one too.
+        :raises ConfigurationError: the configuration is singular.
+        """
+        layout = self.robot.layout
+        by_length = self.factor.solve_transposed(node_rows.T)[: layout.n_modules]
+        return (by_length - by_length[layout.previous]).T  # dL_i = dphi_i - dphi_following(i)
+
     def _velocities(self, rollers: Array) -> Points:
         right = np.zeros(self.robot.constraints.n_rows)
         right[: self.robot.layout.n_modules] = self.robot.layout.length_change(rollers)

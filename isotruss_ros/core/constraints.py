@@ -135,3 +135,33 @@ class Constraints:
         matrix = gradients.view(np.float64).reshape(self.n_rows, self.n_columns)
         matrix[self._ground_rows, self._layout.grounded] = 1.0
         return matrix
+
+    def turning(self, points: Points, weights: Array, motions: Array) -> Array:
+        """
+        Return how a number weights^T matrix motion changes as the nodes move.
+
+        Second derivatives: d2|v|[a, b] = (n . a) (n . b) / |v| with n across v, and
+        d2t[a, b] = -Im(a b / v^2) for the direction angle t of v.
+
+        :param points: (n,) nodes [m].
+        :param weights: (5m + g, p), a number for each row.
+        :param motions: (2n, p), velocities of the nodes.
+        :return: (2n, p) derivatives by the node coordinates, one column for each pair.
+        """
+        m = self._layout.n_modules
+        stretched = (points[self._heads] - points[self._tails])[:, None]
+        nodes = np.ascontiguousarray(motions.T).view(np.complex128).T
+        moved = nodes[self._heads] - nodes[self._tails]
+        across = 1j * stretched / np.abs(stretched)
+        share = (across.conj() * moved).real / np.abs(stretched)
+        stretch, bend, _ = np.split(weights, [4 * m, 5 * m])
+        side, to_b, to_c, _ = np.split(stretched, 4)
+        side_moved, b_moved, c_moved, _ = np.split(moved, 4)
+        on_side = (bend + bend[self._layout.following]) * (1j * side_moved / side**2).conj()
+        on_rod = -2.0 * bend * (1j * (b_moved + c_moved) / (to_b + to_c) ** 2).conj()
+        gradients = stretch * share * across
+        gradients += np.concatenate([on_side, on_rod, on_rod, np.zeros_like(on_rod)])
+        derivative = np.zeros_like(nodes)
+        np.add.at(derivative, self._heads, gradients)
+        np.subtract.at(derivative, self._tails, gradients)
+        return np.ascontiguousarray(derivative.T).view(np.float64).T

@@ -7,13 +7,14 @@ The quadratic program: as far along a direction as the limits allow, at the leas
 The second term is an exact penalty: its slope is at least rho / 2 everywhere, more than any saving
 in the first term is worth, so s is the largest one possible, but for |C u|^2 / rho, and the cost
 the least one there. That needs the direction scaled so that u and s are of like size. Where no
-limit binds, `least` does it.
+limit binds, `least` does it. `nearest` gives the direction up where limits are in the way.
 """
 
 from __future__ import annotations
 
 import functools
 import itertools
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import SolverError
 import numpy as np
@@ -32,6 +33,12 @@ EQUALITY_TOLERANCE = 1e-8
 #: rho, against |C u|^2 with |u| of the order of 1. The first is near enough to exact; where all
 #: solvers stumble over it (corners at which next to nothing can move) the others stop sooner.
 PENALTIES = (1e8, 1e6, 1e4, 1e2, 1.0)
+#: What a unit of cost is worth against a unit of distance from the target, squared.
+CHEAPNESS = 1e-6
+NO_SOLUTION = (
+    '{} found no solution of the manipulation program; '
+    'the configuration is probably next to a singular one'
+)
 
 
 @functools.lru_cache(maxsize=1)
@@ -88,10 +95,84 @@ def furthest(
     r = cost.shape[0]
     hessian = np.zeros((r + 1, r + 1))
     hessian[:r, :r] = cost
-    linear = np.zeros(r + 1)
-    low, high = np.full(r + 1, -np.inf), np.full(r + 1, np.inf)
-    low[r], high[r] = 0.0, reach
-    # A row with one entry bounds one roller, which costs a solver next to nothing.
+    box = _box(inequality, lower, upper)
+    rows = np.column_stack([box.rows, np.zeros(len(box.rows))])
+    problem = qpsolvers.Problem(
+        hessian,
+        np.zeros(r + 1),
+        rows,
+        box.bounds,
+        np.column_stack([equality, -direction]),
+        np.zeros(len(direction)),
+        np.append(box.low, 0.0),
+        np.append(box.high, reach),
+    )
+    # u = 0 always fits, so who finds nothing, or leaves J u = s * direction open, has met a
+    # degenerate corner: ask the next.
+    for penalty, solver in itertools.product(PENALTIES, installed_solvers()):
+        problem.P[r, r], problem.q[r] = penalty / (2.0 * max(reach, 1.0)), -penalty
+        found = _solve(problem, solver)
+        if found is not None:
+            return found[:r], float(min(max(found[r], 0.0), reach))
+    raise SolverError(NO_SOLUTION.format(', '.join(installed_solvers())))
+
+
+def nearest(
+    cost: Array,
+    equality: Array,
+    target: Array,
+    rank: int,
+    inequality: Array,
+    lower: Array,
+    upper: Array,
+) -> Array:
+    """
+    Return the u of which J u comes nearest to a target within bounds, at the least cost there.
+
+    Minimizes 1/2 |J u - target|^2 + CHEAPNESS/2 |C u|^2 over the first `rank` rows of J; the
+    others hold as J u = 0. All quantities are without units, |u| of the order of 1.
+
+    :param cost: (r, r) C^T C, positive definite.
+    :param equality: (k, r) J.
+    :param target: (k,), zero from `rank` on.
+    :param inequality: (l, r) G.
+    :param lower: (l,) not positive, so that u = 0 is admissible.
+    :param upper: (l,) not negative.
+    :return: (r,)
+    :raises SolverError: the solver gave up.
+    """
+    wanted, kept = equality[:rank], equality[rank:]
+    box = _box(inequality, lower, upper)
+    problem = qpsolvers.Problem(
+        wanted.T @ wanted + CHEAPNESS * cost,
+        -wanted.T @ target[:rank],
+        box.rows,
+        box.bounds,
+        kept if len(kept) else None,
+        np.zeros(len(kept)) if len(kept) else None,
+        box.low,
+        box.high,
+    )
+    for solver in installed_solvers():
+        found = _solve(problem, solver)
+        if found is not None:
+            return found
+    raise SolverError(NO_SOLUTION.format(', '.join(installed_solvers())))
+
+
+class _Box(NamedTuple):
+    """Bounds low <= u <= high and rows @ u <= bounds, (r,), (r,), (l, r) and (l,)."""
+
+    low: Array
+    high: Array
+    rows: Array
+    bounds: Array
+
+
+def _box(inequality: Array, lower: Array, upper: Array) -> _Box:
+    """Sort rows: one with a single entry bounds one roller, which costs next to nothing."""
+    r = inequality.shape[1]
+    low, high = np.full(r, -np.inf), np.full(r, np.inf)
     present = inequality != 0.0
     entries = present.sum(axis=1)
     single, several = entries == 1, entries > 1
@@ -100,25 +181,15 @@ def furthest(
     one_end, other_end = lower[single] / entry, upper[single] / entry
     np.maximum.at(low, place, np.minimum(one_end, other_end))
     np.minimum.at(high, place, np.maximum(one_end, other_end))
-    rows = np.column_stack([inequality[several], np.zeros(several.sum())])
-    problem = qpsolvers.Problem(
-        hessian,
-        linear,
-        np.vstack([rows, -rows]),
-        np.concatenate([upper[several], -lower[several]]),
-        np.column_stack([equality, -direction]),
-        np.zeros(len(direction)),
-        low,
-        high,
-    )
-    # u = 0 always fits, so who finds nothing, or leaves J u = s * direction open, has met a
-    # degenerate corner: ask the next.
-    for penalty, solver in itertools.product(PENALTIES, installed_solvers()):
-        problem.P[r, r], problem.q[r] = penalty / (2.0 * max(reach, 1.0)), -penalty
-        found = qpsolvers.solve_problem(problem, solver, **OPTIONS.get(solver, {})).x
-        if found is not None and np.abs(problem.A @ found).max() <= EQUALITY_TOLERANCE:
-            return found[:r], float(min(max(found[r], 0.0), reach))
-    raise SolverError(
-        f'{", ".join(installed_solvers())} found no solution of the manipulation program; '
-        'the configuration is probably next to a singular one'
-    )
+    rows = inequality[several]
+    bounds = np.concatenate([upper[several], -lower[several]])
+    return _Box(low, high, np.vstack([rows, -rows]), bounds)
+
+
+def _solve(problem: qpsolvers.Problem, solver: str) -> Array | None:
+    """Return the solution, or None where there is none, or the equalities are left open."""
+    found = qpsolvers.solve_problem(problem, solver, **OPTIONS.get(solver, {})).x
+    if found is None:
+        return None
+    left = np.abs(problem.A @ found).max() if problem.A is not None else np.abs(found).max() * 0.0
+    return found if left <= EQUALITY_TOLERANCE else None

@@ -73,6 +73,18 @@ class ShapeRigidity:
         """
         return self._modes(config, self._start, ITERATIONS)
 
+    def gradients(self, config: Configuration, modes: Modes) -> Array:
+        """
+        Return how the rigidity of each mode changes as nodes move: u^T dM v over home's.
+
+        :param modes: in this configuration; all of them or the first ones.
+        :return: (p, 2n) rows on the node velocities (x0, y0, x1, y1, ...) [1/m].
+        """
+        turning = config.robot.constraints.turning(
+            config.points, self._scale * modes.rows, modes.nodes
+        )
+        return turning.T / self._at_home
+
     def _modes(self, config: Configuration, block: Array, iterations: int) -> Modes:
         factor, scale = config.factor, self._scale
         for _ in range(iterations):

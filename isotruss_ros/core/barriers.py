@@ -1,0 +1,151 @@
+"""Barriers: the shapes that a robot must not take, as values that must not fall below a bound."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+from isotruss_ros.core.boundary import Boundary
+from isotruss_ros.core.clearance import bodies
+from isotruss_ros.core.configuration import Configuration
+from isotruss_ros.core.grasp import Grasp
+from isotruss_ros.core.robot import Robot
+from isotruss_ros.core.shape_rigidity import Modes, shape_rigidity
+from isotruss_ros.core.status import Status
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class Near(NamedTuple):
+    """
+    What is near its bound in one configuration.
+
+    :ivar which: (k,) numbers of the values.
+    :ivar values: (k,) the values.
+    :ivar node_rows: (k, 2n) their derivatives by the node coordinates.
+    """
+
+    which: Indices
+    values: Array
+    node_rows: Array
+
+
+class Barrier(Protocol):
+    """Values of a configuration that must not fall below a bound."""
+
+    @property
+    def status(self) -> Status:
+        """Return the status of a command that this barrier slows."""
+
+    @property
+    def boundary(self) -> Boundary:
+        """Return the bound, and how it is come to."""
+
+    def near(self, config: Configuration, grasp: Grasp) -> Near:
+        """Return the values within the band of the boundary."""
+
+    def values(self, config: Configuration, grasp: Grasp, which: Indices) -> Array:
+        """Return the values of these numbers in another configuration."""
+
+    def names(self, which: Indices) -> list[str]:
+        """Return what the values of these numbers speak of."""
+
+
+class RigidityBarrier:
+    """
+    The shape stays rigid, see `shape_rigidity`.
+
+    Of the singular values all that are near the bound count: where two are close, the one that is
+    the smallest after a step may be another than before it.
+
+    :param robot: the robot.
+    :param boundary: of the rigidity, which is 1 at home [-].
+    """
+
+    status = Status.SLOWED_RIGIDITY
+
+    def __init__(self, robot: Robot, boundary: Boundary) -> None:
+        self.boundary = boundary
+        self._measure = shape_rigidity(robot)
+
+    def near(self, config: Configuration, grasp: Grasp) -> Near:
+        """Return the least rigid modes."""
+        modes = self._measure.modes(config)
+        count = int((modes.values < self.boundary.least + self.boundary.band).sum())
+        few = Modes(modes.values[:count], modes.rows[:, :count], modes.nodes[:, :count])
+        return Near(np.arange(count), few.values, self._measure.gradients(config, few))
+
+    def values(self, config: Configuration, grasp: Grasp, which: Indices) -> Array:
+        """Return the rigidity of modes, least first."""
+        return self._measure.modes(config).values[which]
+
+    def names(self, which: Indices) -> list[str]:
+        """Return one name for all."""
+        return ['the rigidity of the shape'] * len(which)
+
+
+class CrossingBarrier:
+    """
+    Parts of the robot stay apart, see `clearance`.
+
+    :param robot: the robot.
+    :param boundary: of the distance between surfaces [m].
+    """
+
+    status = Status.SLOWED_CROSSING
+
+    def __init__(self, robot: Robot, boundary: Boundary) -> None:
+        self.boundary = boundary
+        self._bodies = bodies(robot)
+
+    def near(self, config: Configuration, grasp: Grasp) -> Near:
+        """Return the pairs that are close."""
+        distances = self._bodies.distances(config)
+        which = np.flatnonzero(distances < self.boundary.least + self.boundary.band)
+        return Near(which, distances[which], self._bodies.gradients(config, which))
+
+    def values(self, config: Configuration, grasp: Grasp, which: Indices) -> Array:
+        """Return the distances of pairs [m]."""
+        return self._bodies.distances(config)[which]
+
+    def names(self, which: Indices) -> list[str]:
+        """Return the names of the pairs."""
+        return self._bodies.names(which)
+
+
+class ObjectBarrier:
+    """
+    The robot stays clear of the object that it holds, beside the grip; see `clearance`.
+
+    :param robot: the robot.
+    :param boundary: of the distance between surfaces [m].
+    """
+
+    status = Status.SLOWED_OBJECT
+
+    def __init__(self, robot: Robot, boundary: Boundary) -> None:
+        self.boundary = boundary
+        self._bodies = bodies(robot)
+        # The arms of the grip module move with the object: their distance never changes.
+        self._parts = 2 * robot.layout.n_modules
+
+    def near(self, config: Configuration, grasp: Grasp) -> Near:
+        """Return the members and modules that are close."""
+        distances = self._distances(config, grasp)
+        which = np.flatnonzero(distances < self.boundary.least + self.boundary.band)
+        rows = self._bodies.object_gradients(config, grasp, which)
+        return Near(which, distances[which], rows)
+
+    def values(self, config: Configuration, grasp: Grasp, which: Indices) -> Array:
+        """Return the distances of members and modules [m]."""
+        return self._distances(config, grasp)[which]
+
+    def names(self, which: Indices) -> list[str]:
+        """Return the names of the members and modules."""
+        names = self._bodies.object_names(None)
+        return [f'{names[i]} and the object' for i in which]
+
+    def _distances(self, config: Configuration, grasp: Grasp) -> Array:
+        return self._bodies.object_distances(config, grasp, grasp.module)[: self._parts]
