@@ -18,13 +18,16 @@ from isotruss_ros.core.errors import (
 from isotruss_ros.core.grasp import Grasp, snug_center
 from isotruss_ros.core.grasp_analysis import analyze_grasp, Cylinder, GraspAnalysis
 from isotruss_ros.core.grasp_monitor import GraspMonitor
+from isotruss_ros.core.grasp_plan import GraspPlan, Miss, PlannedGrasp, Progress
 from isotruss_ros.core.grasp_report import AnalyzedGrasp, GraspCode, GraspReport, Question
+from isotruss_ros.core.grasp_search import plan_grasps
 from isotruss_ros.core.limits import Limit, MemberLengthLimit, RollerSpeedLimit
 from isotruss_ros.core.manipulation import RollerCommand, solve_twist
 from isotruss_ros.core.motion import HeldObject, Pose, solve_twist_ahead
 from isotruss_ros.core.object_path import ObjectPath
 from isotruss_ros.core.path_tracking import PathPhase, PathTracker, Tracking, TrackingSettings
 from isotruss_ros.core.presets import preset_names
+from isotruss_ros.core.requirements import GraspRequirements, Measure
 from isotruss_ros.core.resting import find_resting_pose, RestingPose
 from isotruss_ros.core.robot import load_robot, Robot
 from isotruss_ros.core.samples import Refusal, RollerState, Sample
@@ -47,16 +50,22 @@ __all__ = [
     'GraspCode',
     'GraspError',
     'GraspMonitor',
+    'GraspPlan',
     'GraspReport',
+    'GraspRequirements',
     'HeldObject',
     'IsotrussError',
     'Limit',
+    'Measure',
     'MemberLengthLimit',
+    'Miss',
     'ObjectPath',
     'PathError',
     'PathPhase',
     'PathTracker',
+    'PlannedGrasp',
     'Pose',
+    'Progress',
     'Question',
     'Refusal',
     'RestingPose',
@@ -79,6 +88,7 @@ __all__ = [
     'deform',
     'find_resting_pose',
     'load_robot',
+    'plan_grasps',
     'preset_names',
     'shape_margins',
     'snug_center',

@@ -62,6 +62,7 @@ class GraspAnalysis:
     :ivar closure_margin: largest extra wrench of any direction that friction still balances,
         moments over d/2 [N]; negative where the grasp is open.
     :ivar contact_lengths: length of tube in contact by member, of those in contact [m].
+    :ivar contact_forces: sum of the normal forces by member, of those in contact [N].
     :ivar pressures: gauge pressure by tube, raised by the object where `gas` is asked for [Pa].
     :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
         with all its contact points takes [N/m, N, N m].
@@ -79,6 +80,7 @@ class GraspAnalysis:
     required_friction: float
     closure_margin: float
     contact_lengths: dict[str, float]
+    contact_forces: dict[str, float]
     pressures: dict[str, float]
     stiffness: Array
 
@@ -149,19 +151,22 @@ def analyze_grasp(
         closure_tolerance=closure.tolerance,
         required_friction=closure.required_friction,
         closure_margin=closure.margin,
-        contact_lengths=_contact_lengths(config, candidates, contact),
+        contact_lengths=_by_member(config, candidates, contact, candidates.spacing),
+        contact_forces=_by_member(config, candidates, contact, contact.forces),
         pressures=dict(zip(config.robot.layout.tube_names, pressure.tolist(), strict=True)),
         stiffness=_stiffness(candidates, contact, center),
     )
 
 
-def _contact_lengths(
-    config: Configuration, candidates: Candidates, contact: ContactState
+def _by_member(
+    config: Configuration, candidates: Candidates, contact: ContactState, parts: ArrayLike
 ) -> dict[str, float]:
+    """Return sums over the candidates in contact, by member, of those in contact."""
+    names, m = config.robot.member_names, config.robot.layout.n_modules
     touching = contact.forces > 0.0
-    lengths = np.zeros(len(config.robot.member_names))
-    np.add.at(lengths, candidates.member[touching], candidates.spacing)
-    return {config.robot.member_names[i]: float(lengths[i]) for i in np.flatnonzero(lengths)}
+    parts = np.broadcast_to(parts, touching.shape)
+    sums = np.bincount(candidates.member[touching], parts[touching], m)
+    return {names[i]: float(sums[i]) for i in np.flatnonzero(sums)}
 
 
 def _stiffness(candidates: Candidates, contact: ContactState, center: complex) -> Array:
