@@ -15,7 +15,7 @@ from isotruss_ros.nodes import parameters as params
 from isotruss_ros.nodes.cycle import Cycle
 from isotruss_ros.nodes.diagnostics import CycleTimes, Level
 from isotruss_ros.nodes.grasp_messages import external_wrench, question, state_message
-from isotruss_ros.nodes.inputs import age, Sensors
+from isotruss_ros.nodes.inputs import age, latest, Sensors
 from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.markers import GraspMarkers
 from isotruss_ros.nodes.messages import MessageError, seconds
@@ -125,7 +125,8 @@ class GraspAnalysisNode(ManagedNode):
     def _take_wrench(self, message: WrenchStamped) -> None:
         try:
             wrench = external_wrench(message, self._robot.frame)
-            self._monitor.wrench = Sample(wrench, seconds(message.header))
+            came = Sample(wrench, seconds(message.header))
+            self._monitor.wrench = latest(self._monitor.wrench, came, self._monitor.timeout)
         except MessageError as error:
             self._monitor.wrench = Refusal(str(error))
 

@@ -18,6 +18,7 @@ class Measured(Protocol):
 
     rollers: Input
     center: Input
+    timeout: float
 
 
 class Sensors:
@@ -38,17 +39,32 @@ class Sensors:
 
     def _take_joint_states(self, message: JointState) -> None:
         try:
-            state = self._roller_states.state(message)
-            self._target.rollers = Sample(state, seconds(message.header))
+            came = Sample(self._roller_states.state(message), seconds(message.header))
+            self._target.rollers = latest(self._target.rollers, came, self._target.timeout)
         except MessageError as error:
             self._target.rollers = Refusal(str(error))
 
     def _take_object_pose(self, message: PoseStamped) -> None:
         try:
-            center = object_center(message, self._frame)
-            self._target.center = Sample(center, seconds(message.header))
+            came = Sample(object_center(message, self._frame), seconds(message.header))
+            self._target.center = latest(self._target.center, came, self._target.timeout)
         except MessageError as error:
             self._target.center = Refusal(str(error))
+
+
+def latest(kept: Input, came: Sample, timeout: float) -> Input:
+    """
+    Return which of two holds now: messages may overtake each other on their way.
+
+    What is older by more than the time-out did not lose a race: a clock was set, and what is kept
+    holds no longer.
+
+    :param kept: what came before.
+    :param timeout: largest age of what is relied on [s].
+    """
+    if isinstance(kept, Sample) and 0.0 < kept.time - came.time < timeout:
+        return kept
+    return came
 
 
 def age(given: Input, now: float) -> str:

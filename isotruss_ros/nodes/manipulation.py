@@ -13,7 +13,7 @@ from isotruss_ros.nodes import parameters as params
 from isotruss_ros.nodes.cycle import Cycle
 from isotruss_ros.nodes.diagnostics import CycleTimes, Level
 from isotruss_ros.nodes.emergency_stop import EmergencyStop
-from isotruss_ros.nodes.inputs import age, Sensors
+from isotruss_ros.nodes.inputs import age, latest, Sensors
 from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.messages import (
     check_frame,
@@ -185,7 +185,8 @@ class Manipulation(ManagedNode):
     def _take_stamped_twist(self, message: TwistStamped) -> None:
         try:
             check_frame('twist', message.header, self._robot.frame)
-            self._servo.twist = Sample(planar_twist(message.twist), seconds(message.header))
+            came = Sample(planar_twist(message.twist), seconds(message.header))
+            self._servo.twist = latest(self._servo.twist, came, self._servo.timeout)
         except MessageError as error:
             self._servo.twist = Refusal(str(error))
 

@@ -19,14 +19,21 @@ Indices = NDArray[np.intp]
 
 #: No roller is quicker [m/s]; what is beyond is a broken sensor, not a motion.
 MAX_SPEED = 10.0
-#: No object is farther away [m].
+#: No object is farther away, and no roller has travelled farther [m].
 MAX_DISTANCE = 1e6
+#: So much of a name that came in a message is repeated.
+MAX_QUOTED = 80
 #: A quaternion whose norm is further from 1 than this was never meant as a rotation.
 QUATERNION_TOLERANCE = 0.01
 
 
 class MessageError(IsotrussError, ValueError):
     """A message cannot be used; says what was wrong and what would be right."""
+
+
+def quoted(name: str) -> str:
+    """Return a name that came in a message, in quotes and not without end."""
+    return repr(name if len(name) <= MAX_QUOTED else f'{name[:MAX_QUOTED]}…')
 
 
 def seconds(header: Header) -> float:
@@ -73,7 +80,7 @@ def check_frame(what: str, header: Header, frame: str) -> None:
     """
     if header.frame_id not in ('', frame):
         raise MessageError(
-            f'{what} in frame {header.frame_id!r}: must be in {frame!r} (or leave it empty)'
+            f'{what} in frame {quoted(header.frame_id)}: must be in {frame!r} (or leave it empty)'
         )
 
 
@@ -84,7 +91,9 @@ def object_center(message: PoseStamped, frame: str) -> tuple[float, float]:
     :raises MessageError: another frame, not finite, or no rotation in the quaternion.
     """
     if message.header.frame_id != frame:
-        raise MessageError(f'object pose in frame {message.header.frame_id!r}: must be {frame!r}')
+        raise MessageError(
+            f'object pose in frame {quoted(message.header.frame_id)}: must be {frame!r}'
+        )
     position, q = message.pose.position, message.pose.orientation
     if not all(abs(coordinate) <= MAX_DISTANCE for coordinate in (position.x, position.y)):
         raise MessageError(
@@ -144,9 +153,10 @@ class RollerStates:
             self._places = self._find(message.name)
             self._seen = list(message.name)
         positions = self._pick('positions', message.position)
-        if not np.isfinite(positions).all():
+        if not (np.abs(positions) <= MAX_DISTANCE).all():
             raise MessageError(
-                f'joint states: roller positions {positions.tolist()} m: must be finite'
+                f'joint states: roller positions {positions.tolist()} m: must be finite, '
+                f'at most {MAX_DISTANCE:g} m'
             )
         if not message.velocity:
             return RollerState(positions, np.zeros_like(positions))

@@ -1,0 +1,88 @@
+"""Paths and poses as messages: goals in, feedback and results out."""
+
+from __future__ import annotations
+
+import math
+
+from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.action import FollowObjectPath
+from isotruss_ros.core import ObjectPath, PathTracker, Pose, Tracking
+from isotruss_ros.core.path_servo import Outcome
+from isotruss_ros.nodes.messages import (
+    check_frame,
+    MessageError,
+    object_center,
+    QUATERNION_TOLERANCE,
+)
+from nav_msgs.msg import Path
+
+
+def planar_angle(message: PoseMessage) -> float:
+    """Return the angle about z of a pose [rad]; a tilt does not matter."""
+    q = message.orientation
+    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
+
+
+def measured_pose(message: PoseStamped, frame: str) -> Pose:
+    """
+    Return the measured pose of the object.
+
+    :raises MessageError: another frame, not finite, or no rotation in the quaternion.
+    """
+    return Pose(*object_center(message, frame), planar_angle(message.pose))
+
+
+def object_path(
+    message: Path, speed: float, turn_rate: float, frame: str, smooth: bool
+) -> ObjectPath:
+    """
+    Return the path that a goal asks for.
+
+    :raises MessageError: another frame, not finite, or a rotation out of the plane.
+    :raises PathError: see `ObjectPath`.
+    """
+    check_frame('path', message.header, frame)
+    poses = []
+    for number, stamped in enumerate(message.poses):
+        what = f'pose {number} of the path'
+        check_frame(what, stamped.header, frame)
+        position, q = stamped.pose.position, stamped.pose.orientation
+        norm, tilt = math.hypot(q.x, q.y, q.z, q.w), math.hypot(q.x, q.y)
+        if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:
+            raise MessageError(f'{what}: the quaternion has norm {norm}; must be 1')
+        if tilt > QUATERNION_TOLERANCE:
+            raise MessageError(
+                f'{what}: the quaternion has x {q.x} and y {q.y}: the robot is planar; must be 0'
+            )
+        poses.append((position.x, position.y, planar_angle(stamped.pose)))
+    return ObjectPath(poses, speed, turn_rate, smooth)
+
+
+def feedback_message(tracking: Tracking) -> FollowObjectPath.Feedback:
+    """Return how it goes."""
+    return FollowObjectPath.Feedback(
+        position_error=tracking.position_error,
+        angle_error=tracking.angle_error,
+        progress=tracking.progress,
+        time_left=tracking.time_left,
+    )
+
+
+def result_message(
+    outcome: Outcome, message: str, tracker: PathTracker | None, last: Tracking | None
+) -> FollowObjectPath.Result:
+    """
+    Return how it ended.
+
+    :param tracker: of the path; None if it never began. Errors are not a number then.
+    :param last: of its cycles.
+    """
+    result = FollowObjectPath.Result(code=int(outcome), message=message)
+    known = tracker is not None and last is not None
+    result.position_error = last.position_error if known else math.nan
+    result.angle_error = last.angle_error if known else math.nan
+    result.max_position_error = tracker.max_position_error if known else math.nan
+    result.max_angle_error = tracker.max_angle_error if known else math.nan
+    result.rms_position_error = tracker.rms_position_error if known else math.nan
+    return result

@@ -1,0 +1,107 @@
+"""An action of which one goal at a time is pursued, in the cycle of a node that never blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import enum
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
+from rclpy.task import Future
+
+
+class Ending(enum.Enum):
+    """The states of the action in which a goal can end."""
+
+    SUCCEEDED = enum.auto()
+    CANCELED = enum.auto()
+    ABORTED = enum.auto()
+
+
+class SingleGoal:
+    """
+    The goal that is being pursued, if any; its work is done elsewhere, by a timer.
+
+    The coroutine that the action waits for only waits in turn: it is resumed when the executor has
+    something to do anyhow, and so takes no time.
+
+    :param node: offers the action, until it is destroyed.
+    :param kind: of the action.
+    :param name: of the action.
+    :param ready: tells whether goals are taken at all.
+    :param begin: called with a new goal; may end it at once.
+    :param preempted: called before that if there is another one; must end it.
+    :param cancelled: called when the client asks to cancel; must end the goal.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        kind: type,
+        name: str,
+        ready: Callable[[], bool],
+        begin: Callable[[Any], None],
+        preempted: Callable[[], None],
+        cancelled: Callable[[], None],
+    ) -> None:
+        self._ready, self._begin = ready, begin
+        self._preempted, self._cancelled = preempted, cancelled
+        self._handle: ServerGoalHandle | None = None
+        self._ended: dict[bytes, Future] = {}
+        ActionServer(
+            node,
+            kind,
+            name,
+            self._wait,
+            goal_callback=self._ask,
+            handle_accepted_callback=self._accept,
+            cancel_callback=self._cancel,
+        )
+
+    @property
+    def pursued(self) -> bool:
+        """Tell whether there is a goal."""
+        return self._handle is not None
+
+    def tell(self, feedback: Any) -> None:
+        """Publish feedback on the goal."""
+        self._handle.publish_feedback(feedback)
+
+    def end(self, ending: Ending, result: Any) -> None:
+        """End the goal; the client hears of it as soon as the executor spins again."""
+        self._ended[_key(self._handle)].set_result((ending, result))
+        self._handle = None
+
+    def _ask(self, _request: Any) -> GoalResponse:
+        return GoalResponse.ACCEPT if self._ready() else GoalResponse.REJECT
+
+    def _accept(self, handle: ServerGoalHandle) -> None:
+        if self.pursued:
+            self._preempted()
+        self._handle = handle
+        self._ended[_key(handle)] = Future()
+        handle.execute()
+        self._begin(handle.request)
+
+    def _cancel(self, handle: ServerGoalHandle) -> CancelResponse:
+        if self._handle is None or handle != self._handle:
+            return CancelResponse.REJECT
+        self._cancelled()
+        return CancelResponse.ACCEPT
+
+    async def _wait(self, handle: ServerGoalHandle) -> Any:
+        ending, result = await self._ended[_key(handle)]
+        del self._ended[_key(handle)]
+        if ending is Ending.SUCCEEDED:
+            handle.succeed()
+        elif ending is Ending.CANCELED:
+            handle.canceled()
+        else:
+            handle.abort()
+        return result
+
+
+def _key(handle: ServerGoalHandle) -> bytes:
+    return bytes(handle.goal_id.uuid)
