@@ -71,7 +71,7 @@ def plan_grasps(
     search = _Search(config, cylinder, needs, on_progress or _ignore, should_stop or _never)
     config.structure  # contradictory stiffness laws are said here, once  # noqa: B018
     for number in range(MAX_ROUNDS):
-        opened = search.open(branches(config, cylinder, needs, int(seed), number))
+        opened = search.approach(branches(config, cylinder, needs, int(seed), number))
         for reached, squeezed in search.squeeze(opened, executor):
             search.judge(reached, squeezed)
             if not thorough and len(search.best()) >= needs.count:
@@ -100,7 +100,7 @@ class _Search:
         self._evaluations = self._analyses = self._judged = self._known = self._rounds = 0
         self.stopped = False
 
-    def open(self, closings: Sequence[Closing]) -> list[Approach]:
+    def approach(self, closings: Sequence[Closing]) -> list[Approach]:
         """Bring the branches of a round to open grips; return those that got there."""
         self._rounds += 1
         opened = []
