@@ -11,7 +11,15 @@ from isotruss_ros.core.frame import Frame
 from isotruss_ros.core.power_law import PowerLaw
 from isotruss_ros.core.tube_stiffness import InflatableBeam
 from isotruss_ros.fit.measurements import MODES
-from isotruss_ros.paper import figure_4, figure_5, figure_6, figure_9, synthetic, wrinkling
+from isotruss_ros.paper import (
+    figure_4,
+    figure_5,
+    figure_6,
+    figure_7,
+    figure_9,
+    synthetic,
+    wrinkling,
+)
 from isotruss_ros.paper.clamped_tube import press
 from isotruss_ros.paper.default_tube import end_stiffnesses
 from isotruss_ros.paper.items import ITEMS
@@ -317,6 +325,53 @@ def test_gas_is_compressed_by_what_the_cylinder_takes():
     absolute = (PRESSURE + 101_325.0) * volume / (volume - taken)
     gas = press(BEAM, TUBE_LENGTH / 2, disc, depth, gas=True)
     assert gas.pressure - PRESSURE == pytest.approx(absolute - 101_325.0 - PRESSURE, rel=1e-3)
+
+
+# -- Fig. 7 --
+
+
+def test_grasps_are_three_of_one_object_in_one_place(results):
+    held = results['figure_7']
+    assert [each.plan.grasp.module for each in held] == list(figure_7.MODULES)
+    for each in held:
+        plan, config = each.plan, each.plan.config
+        assert plan.grasp.center == figure_7.CYLINDER.center
+        assert plan.grasp.diameter == figure_7.CYLINDER.diameter
+        # The way begins at home, where nothing touches the object, and ends in the grasp.
+        home = config.robot.home
+        assert plan.path[0] == pytest.approx(home.roller_positions)
+        assert plan.path[-1] == pytest.approx(config.roller_positions)
+        assert not core.analyze_grasp(home, figure_7.CYLINDER).normal_forces.any()
+        assert np.abs(config.residual()).max() < 1e-9
+        assert plan.analysis.force_closure
+        assert plan.required_friction <= figure_7.FRICTION
+        # Both sides at the module hold it, with forces that closer contact points do not change.
+        assert set(each.analysis.contact_lengths) == set(plan.members)
+        assert len(plan.members) == 2
+        total = each.analysis.normal_forces.sum()
+        assert total == pytest.approx(plan.analysis.normal_forces.sum(), rel=0.02)
+
+
+def test_grasps_differ(results):
+    held = results['figure_7']
+    regions = [each.analysis.points[each.analysis.normal_forces > 0.0] for each in held]
+    values = np.array(
+        [
+            [
+                each.analysis.normal_forces.sum(),
+                each.deflection,
+                *np.diag(each.analysis.stiffness),
+            ]
+            for each in held
+        ]
+    )
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        # Forces, deformation and stiffness by more than their errors, regions by centimetres.
+        assert (np.abs(values[i] / values[j] - 1.0) > 0.02).all()
+        apart = np.abs(regions[i][:, None] - regions[j]).max(axis=2)
+        assert apart.max(axis=0).max() > 0.05
+    # So that the stiffness can be chosen, the object where it is.
+    assert (values[:, 2:4].max(axis=0) > 1.5 * values[:, 2:4].min(axis=0)).all()
 
 
 # -- Fig. 9 --
