@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 import contextlib
 import gc
 import math
@@ -255,10 +255,17 @@ def stamped(twist: tuple[float, float, float], time_of: Time, frame: str = '') -
 
 @contextlib.contextmanager
 def world(
-    *make_nodes: Callable[[], ManagedNode], twist_type: type = Twist, sim_time: bool = False
-):
-    """Bring up a context with nodes in it, and take it down."""
-    rclpy.init()
+    *make_nodes: Callable[[], ManagedNode],
+    twist_type: type = Twist,
+    sim_time: bool = False,
+    remaps: Sequence[str] = (),
+) -> Iterator[World]:
+    """
+    Bring up a context with nodes in it, and take it down.
+
+    :param remaps: rules such as `node:from:=to`.
+    """
+    rclpy.init(args=['--ros-args', *(part for rule in remaps for part in ('-r', rule))])
     made = None
     try:
         made = World(*(make() for make in make_nodes), twist_type=twist_type, sim_time=sim_time)
