@@ -98,7 +98,9 @@ def report(result: StiffnessLaws) -> Report:
         'offset in each trial), made five trials of each combination, and `fit_tube_stiffness` '
         f'read them: {sum(held)} of the {len(held)} constants that made the points are inside '
         'the 95 % intervals that it prints.',
-        difference='Against the paper, none can be told: its numbers are not here. The laws miss '
+        difference='Against the paper, none can be told: its numbers are not here. Its laws have '
+        'two constants for each mode, C and b; ours have three, so that the measurements decide '
+        'about the pressure and the length. The laws miss '
         f'the theory that they stand for by up to {number(100 * _misfit(result), 2)} % in one '
         'corner of the range, for an inflated beam follows no power law: its bending, shear and '
         'ends depend on the pressure each in its own way. Of '

@@ -24,7 +24,6 @@ EDGES = {'obtuse': (0.89, 1.28), 'equilateral': (1.02, 1.02), 'acute': (1.21, 0.
 TUBE_LENGTH = 0.762
 CYLINDERS = (0.0254, 0.102, 0.203)
 DISCS = (0.127, 0.203, 0.305)
-INCH, PSI = 0.0254, 6894.757
 CENTIMETRE, KILOPASCAL = 0.01, 1e3
 
 
@@ -44,9 +43,9 @@ def report(robot: Robot) -> Report:
         'each combination five times. What was measured and fitted is Table I and Fig. 4.',
         computed='All parameters of all items below, with their units; the last column says where '
         'each comes from. Values of the paper are taken as it rounds them.',
-        difference='None in the values. They are inches and psi: 4 in, 2.5 to 7.5 psi, 10 to '
-        '30 in; the discs of Fig. 6 are the cylinders plus the tube in whole inches (5, 8, '
-        '12 in).',
+        difference='None in the values. Pressures are steps of 2.5 psi and lengths of 10 in, '
+        'rounded; so the discs of Fig. 6, 5, 8 and 12 in, are the cylinders plus the tube only '
+        'to 1 mm.',
         assumption='The paper states no dimension and no rigidity of its roller modules; those of '
         'the presets are taken, and the theory of the tube.',
         tables=(_stated(), _assumed(robot)),
