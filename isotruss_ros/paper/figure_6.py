@@ -115,8 +115,8 @@ def report(result: Interference) -> Report:
         f"cylinder. Where all of it is the pressure's (k ~ p), {1e3 * DEPTH:g} mm deep, the "
         f'gas adds {number(100 * small, 2)} to {number(100 * large, 2)} %, and '
         f'{number(100 * deep_small, 2)} to {number(100 * deep_large, 2)} % at '
-        f'{1e3 * DEPTHS[-1]:g} mm; with the default theory, in which the fabric carries most, a '
-        'tenth of that.',
+        f'{1e3 * DEPTHS[-1]:g} mm; with the default theory, in which the fabric carries most, '
+        'about a tenth of that.',
         difference='Insensitive without gas, growing with it: as the paper has it. How large the '
         'measured growth is, the text does not say; if it is more than that, compression of the '
         'gas alone does not explain it here. The model bends the tube and leaves its '
