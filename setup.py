@@ -42,6 +42,8 @@ setup(
             'simulator = isotruss_ros.nodes.simulator:main',
             'manipulation = isotruss_ros.nodes.manipulation:main',
             'grasp_analysis = isotruss_ros.nodes.grasp_analysis:main',
+            'path_follower = isotruss_ros.nodes.path_follower:main',
+            'roller_trajectory = isotruss_ros.nodes.roller_trajectory:main',
             'teleop = isotruss_ros.nodes.teleop:main',
             'demo = isotruss_ros.demo.__main__:main',
             'fit_tube_stiffness = isotruss_ros.fit.__main__:main',

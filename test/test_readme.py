@@ -4,7 +4,14 @@ from pathlib import Path
 import re
 
 from isotruss_ros.core import Status
-from isotruss_ros.nodes import grasp_analysis, manipulation, parameters, simulator, teleop
+from isotruss_ros.nodes import (
+    grasp_analysis,
+    manipulation,
+    parameters,
+    path_follower,
+    simulator,
+    teleop,
+)
 import pytest
 
 TOP = Path(__file__).parents[1]
@@ -17,6 +24,14 @@ def test_python_example_runs(capsys):
     printed = capsys.readouterr().out
     assert str(Status.OK) in printed
     assert 'north/Z' in printed
+
+
+@pytest.mark.parametrize('page', sorted(p.name for p in TOP.glob('docs/*.md')))
+def test_python_examples_of_the_pages_run(page, capsys):
+    text = (TOP / 'docs' / page).read_text(encoding='utf-8')
+    for example in re.findall(r'```python\n(.*?)```', text, re.DOTALL):
+        exec(compile(example, page, 'exec'), {})
+        assert capsys.readouterr().out
 
 
 def test_every_make_target_named_is_there():
@@ -35,7 +50,7 @@ def test_links_lead_somewhere(page):
 def test_parameter_table_is_true():
     specs = [
         spec
-        for module in (parameters, simulator, manipulation, grasp_analysis, teleop)
+        for module in (parameters, simulator, manipulation, grasp_analysis, path_follower, teleop)
         for spec in vars(module).values()
         if isinstance(spec, parameters.Spec)
     ]

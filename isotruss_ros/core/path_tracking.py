@@ -103,6 +103,13 @@ class Tracking(NamedTuple):
     message: str
 
 
+def pose_error(wanted: Array, measured: Pose) -> Array:
+    """Return what is missing to the pose wanted (3,), the short way round [m, rad]."""
+    error = wanted - np.asarray(measured)
+    error[2] = math.remainder(error[2], 2.0 * math.pi)
+    return error
+
+
 class PathTracker:
     """
     State of following one path.
@@ -141,8 +148,7 @@ class PathTracker:
         :param held: whether the robot is stopped.
         """
         age, elapsed = max(age, 0.0), max(elapsed, 0.0)
-        error = self.path.pose(self.clock.time_then(elapsed, age)) - np.asarray(measured)
-        error[2] = math.remainder(error[2], 2.0 * math.pi)
+        error = pose_error(self.path.pose(self.clock.time_then(elapsed, age)), measured)
         position_error, angle_error = math.hypot(error[0], error[1]), abs(float(error[2]))
         step = self.clock.step(elapsed)
         self._note(position_error, angle_error, step)
