@@ -1,0 +1,172 @@
+"""
+How far an object is from where it should be on a path, with and without feedback of its pose.
+
+The path of the paper's Fig. 9: up, a turn in place by rolling, an arc to which the orientation
+stays normal. The simulated robot's rollers slip, their speeds are noisy, and so is the measured
+pose, which is one cycle old; the rollers get what the node `manipulation` would tell them. Open
+loop is the same feed-forward without feedback. Errors are those of the true pose.
+
+    python benchmarks/path_following.py
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+from isotruss_ros.core import (
+    Grasp,
+    HeldObject,
+    load_robot,
+    ObjectPath,
+    PathPhase,
+    PathTracker,
+    Pose,
+    RollerFaults,
+    RollerState,
+    Sample,
+    SimulatedRobot,
+    snug_center,
+    TrackingSettings,
+    TwistServo,
+)
+from isotruss_ros.core.path_tracking import FINISHED
+from measuring import print_machine, print_table
+import numpy as np
+
+ROBOT = load_robot('nine_member')
+MODULE, DIAMETER = 'north/Z', 0.3
+GRASP = Grasp(MODULE, snug_center(ROBOT.home, MODULE, DIAMETER), DIAMETER)
+SPEED, TURN_RATE = 0.03, 0.25
+#: Of the robot and the node `manipulation`; the tracker runs in every second cycle [s].
+PERIOD = 0.005
+#: Standard deviations: speed of a moving roller [m/s], measured position [m] and angle [rad].
+NOISE = (0.005, 0.001, 0.01)
+SEEDS = 3
+#: Tolerances so wide that nobody is stopped and nothing slowed: what is compared is the error.
+WIDE = {'position_tolerance': 1.0, 'angle_tolerance': 3.0}
+LOOPS = {
+    'open': TrackingSettings(**WIDE, position_gain=0.0, angle_gain=0.0),
+    'closed': TrackingSettings(**WIDE),
+}
+#: What is asked for, and what arXiv 2605.20561 reports for its robot.
+LEAST_FALL = 0.25
+
+
+@dataclass
+class Errors:
+    """Errors of the true pose over one or more runs, in every cycle."""
+
+    position: np.ndarray
+    angle: np.ndarray
+    end: np.ndarray
+
+    @property
+    def rms(self) -> float:
+        """Return the root mean square of the position error [m]."""
+        return float(np.sqrt(np.mean(self.position**2)))
+
+
+def figure_9() -> ObjectPath:
+    """Return the path; poses every 2 degrees along the arc."""
+    x, y = GRASP.center
+    turned = np.radians(np.arange(0.0, 91.0, 2.0))
+    arc = np.column_stack(
+        [
+            x + 0.25 * np.sin(turned),
+            y + 0.2 - 0.25 * (1.0 - np.cos(turned)),
+            0.5 * math.pi - turned,
+        ]
+    )
+    return ObjectPath([(x, y, 0.0), (x, y + 0.2, 0.0), *arc], SPEED, TURN_RATE)
+
+
+def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> Errors:
+    """Follow the path once."""
+    roller_noise, position_noise, angle_noise = NOISE if noisy else (0.0, 0.0, 0.0)
+    rng = np.random.default_rng([seed, 2])
+    held = HeldObject.attach(ROBOT.home, GRASP)
+    faults = RollerFaults(noise=roller_noise, slip=slip)
+    robot = SimulatedRobot(ROBOT.home, held, faults, seed)
+    servo = TwistServo(ROBOT, MODULE, DIAMETER, PERIOD, 0.1)
+    tracker = PathTracker(path, LOOPS[loop], 2.0 * PERIOD)
+    position, angle = [], []
+    cycle, tracking, scale = 0, None, 1.0
+    while True:
+        now = cycle * PERIOD
+        error = path.pose(tracker.clock.time_then(PERIOD, 0.0)) - np.array(robot.object_pose)
+        if cycle % 2 == 0:
+            position.append(math.hypot(*error[:2]))
+            angle.append(abs(math.remainder(error[2], 2.0 * math.pi)))
+            measured = np.array(robot.object_pose) + rng.normal(size=3) * (
+                position_noise,
+                position_noise,
+                angle_noise,
+            )
+            state = RollerState(robot.roller_positions, robot.roller_velocities)
+        else:
+            # The tracker hears of the pose a cycle late.
+            tracking = tracker.update(Pose(*measured), PERIOD, 2.0 * PERIOD, scale)
+            if tracking.phase in FINISHED:
+                break
+        if tracking is not None:
+            servo.twist = Sample(tracking.twist, now)
+            servo.rollers = Sample(state, now - PERIOD * (cycle % 2))
+            servo.center = Sample(measured[:2], now - PERIOD * (cycle % 2))
+            command = servo.decide(now).command
+            scale = command.scale
+            robot.command(command.roller_velocities)
+        robot.advance(PERIOD)
+        cycle += 1
+    if tracking.phase is not PathPhase.REACHED:
+        print(f'{loop} loop, slip {slip}, seed {seed}: {tracking.message}')
+    return Errors(np.array(position), np.array(angle), np.array(position[-1:]))
+
+
+def several(path: ObjectPath, loop: str, slip: float, noisy: bool) -> Errors:
+    """Follow the path with rollers and noise of several seeds; once where there is neither."""
+    runs = [
+        follow(path, loop, slip, noisy, seed)
+        for seed in range(SEEDS if noisy or slip > 0.0 else 1)
+    ]
+    return Errors(*(np.concatenate([vars(run)[name] for run in runs]) for name in vars(runs[0])))
+
+
+def main() -> None:
+    """Print the table."""
+    print_machine()
+    path = figure_9()
+    print(f'{path.length:.2f} m, {path.duration:.1f} s, position errors in mm, angles in mrad\n')
+    rows = []
+    for name, slip, noisy in (
+        ('neither', 0.0, False),
+        ('noise', 0.0, True),
+        ('5 % slip', 0.05, False),
+        ('5 % slip and noise', 0.05, True),
+    ):
+        errors = {loop: several(path, loop, slip, noisy) for loop in LOOPS}
+        ratio = errors['closed'].rms / errors['open'].rms
+        asked = slip > 0.0
+        rows.append(
+            [
+                name,
+                *(
+                    f'{1e3 * value:.2f}'
+                    for loop in LOOPS
+                    for value in (
+                        errors[loop].rms,
+                        errors[loop].position.max(),
+                        errors[loop].end.max(),
+                        errors[loop].angle.max(),
+                    )
+                ),
+                f'{ratio:.3f}',
+                ('pass' if ratio <= 1.0 - LEAST_FALL else 'FAIL') if asked else '',
+            ]
+        )
+    columns = [f'{loop} {what}' for loop in LOOPS for what in ('rms', 'max', 'end', 'angle')]
+    print_table(['', *columns, 'closed/open', f'<= {1.0 - LEAST_FALL}'], rows)
+
+
+if __name__ == '__main__':
+    main()
