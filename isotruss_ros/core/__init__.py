@@ -15,6 +15,7 @@ from isotruss_ros.core.errors import (
     SolverError,
     StructureError,
 )
+from isotruss_ros.core.failure_detector import FailureCriterion, FailureDetector
 from isotruss_ros.core.grasp import Grasp, snug_center
 from isotruss_ros.core.grasp_analysis import analyze_grasp, Cylinder, GraspAnalysis
 from isotruss_ros.core.grasp_monitor import GraspMonitor
@@ -22,7 +23,8 @@ from isotruss_ros.core.grasp_plan import GraspPlan, Miss, PlannedGrasp, Progress
 from isotruss_ros.core.grasp_report import AnalyzedGrasp, GraspCode, GraspReport, Question
 from isotruss_ros.core.grasp_search import plan_grasps
 from isotruss_ros.core.limits import Limit, MemberLengthLimit, RollerSpeedLimit
-from isotruss_ros.core.manipulation import RollerCommand, solve_twist
+from isotruss_ros.core.loose_object import LooseObject
+from isotruss_ros.core.manipulation import remaining_task, RollerCommand, solve_twist
 from isotruss_ros.core.motion import HeldObject, Pose, solve_twist_ahead
 from isotruss_ros.core.object_path import ObjectPath
 from isotruss_ros.core.path_tracking import PathPhase, PathTracker, Tracking, TrackingSettings
@@ -30,8 +32,11 @@ from isotruss_ros.core.presets import preset_names
 from isotruss_ros.core.requirements import GraspRequirements, Measure
 from isotruss_ros.core.resting import find_resting_pose, RestingPose
 from isotruss_ros.core.robot import load_robot, Robot
+from isotruss_ros.core.roller_path import RollerPath
 from isotruss_ros.core.samples import Refusal, RollerState, Sample
 from isotruss_ros.core.servo import Decision, TwistServo
+from isotruss_ros.core.settling import settle, Settled
+from isotruss_ros.core.shape_guard import ShapeBounds, ShapeGuard
 from isotruss_ros.core.shape_margins import shape_margins, ShapeMargins
 from isotruss_ros.core.simulation import RollerFaults, SimulatedRobot
 from isotruss_ros.core.status import Status
@@ -45,6 +50,8 @@ __all__ = [
     'Cylinder',
     'Decision',
     'Deformation',
+    'FailureCriterion',
+    'FailureDetector',
     'Grasp',
     'GraspAnalysis',
     'GraspCode',
@@ -56,6 +63,7 @@ __all__ = [
     'HeldObject',
     'IsotrussError',
     'Limit',
+    'LooseObject',
     'Measure',
     'MemberLengthLimit',
     'Miss',
@@ -73,9 +81,13 @@ __all__ = [
     'RobotFileError',
     'RollerCommand',
     'RollerFaults',
+    'RollerPath',
     'RollerSpeedLimit',
     'RollerState',
     'Sample',
+    'Settled',
+    'ShapeBounds',
+    'ShapeGuard',
     'ShapeMargins',
     'SimulatedRobot',
     'SolverError',
@@ -90,6 +102,8 @@ __all__ = [
     'load_robot',
     'plan_grasps',
     'preset_names',
+    'settle',
+    'remaining_task',
     'shape_margins',
     'snug_center',
     'solve_twist',

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, Protocol
 
 from isotruss_ros.core.boundary import Boundary
@@ -32,6 +33,34 @@ class Near(NamedTuple):
     node_rows: Array
 
 
+class Far(NamedTuple):
+    """
+    A state in which nothing was near: what has moved by less than its distance is not near either.
+
+    It saves work and changes no answer: the distance between two things changes by no more than
+    what both of them have moved.
+
+    :ivar config: where the robot was.
+    :ivar grasp: what it held.
+    :ivar spare: how far the closest things were from being near [m].
+    """
+
+    config: Configuration
+    grasp: Grasp
+    spare: float
+
+    def covers(self, config: Configuration, grasp: Grasp) -> bool:
+        """Tell whether nothing can be near in another state."""
+        then = self.grasp
+        if grasp.module != then.module or grasp.diameter != then.diameter:
+            return False
+        moved = float(np.abs(config.points - self.config.points).max())
+        return moved + max(moved, math.dist(grasp.center, then.center)) < self.spare
+
+
+NOTHING = Near(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, 0)))
+
+
 class Barrier(Protocol):
     """Values of a configuration that must not fall below a bound."""
 
@@ -46,8 +75,8 @@ class Barrier(Protocol):
     def near(self, config: Configuration, grasp: Grasp) -> Near:
         """Return the values within the band of the boundary."""
 
-    def values(self, config: Configuration, grasp: Grasp, which: Indices) -> Array:
-        """Return the values of these numbers in another configuration."""
+    def values(self, config: Configuration, grasp: Grasp) -> Array:
+        """Return all values in one configuration."""
 
     def names(self, which: Indices) -> list[str]:
         """Return what the values of these numbers speak of."""
@@ -69,17 +98,24 @@ class RigidityBarrier:
     def __init__(self, robot: Robot, boundary: Boundary) -> None:
         self.boundary = boundary
         self._measure = shape_rigidity(robot)
+        self._far: tuple[Configuration, float] | None = None
 
     def near(self, config: Configuration, grasp: Grasp) -> Near:
         """Return the least rigid modes."""
+        if self._far is not None and self._measure.change(config, self._far[0]) < self._far[1]:
+            return NOTHING
         modes = self._measure.modes(config)
-        count = int((modes.values < self.boundary.least + self.boundary.band).sum())
+        spare = float(modes.values[0]) - self.boundary.end
+        self._far = (config, spare) if spare > 0.0 else None
+        if spare >= 0.0:
+            return NOTHING
+        count = int((modes.values < self.boundary.end).sum())
         few = Modes(modes.values[:count], modes.rows[:, :count], modes.nodes[:, :count])
         return Near(np.arange(count), few.values, self._measure.gradients(config, few))
 
-    def values(self, config: Configuration, grasp: Grasp, which: Indices) -> Array:
+    def values(self, config: Configuration, grasp: Grasp) -> Array:
         """Return the rigidity of modes, least first."""
-        return self._measure.modes(config).values[which]
+        return self._measure.modes(config).values
 
     def names(self, which: Indices) -> list[str]:
         """Return one name for all."""
@@ -99,16 +135,22 @@ class CrossingBarrier:
     def __init__(self, robot: Robot, boundary: Boundary) -> None:
         self.boundary = boundary
         self._bodies = bodies(robot)
+        self._far: Far | None = None
 
     def near(self, config: Configuration, grasp: Grasp) -> Near:
         """Return the pairs that are close."""
+        if self._far is not None and self._far.covers(config, grasp):
+            return NOTHING
         distances = self._bodies.distances(config)
-        which = np.flatnonzero(distances < self.boundary.least + self.boundary.band)
+        which = np.flatnonzero(distances < self.boundary.end)
+        if not len(which):
+            self._far = Far(config, grasp, distances.min(initial=np.inf) - self.boundary.end)
+            return NOTHING
         return Near(which, distances[which], self._bodies.gradients(config, which))
 
-    def values(self, config: Configuration, grasp: Grasp, which: Indices) -> Array:
-        """Return the distances of pairs [m]."""
-        return self._bodies.distances(config)[which]
+    def values(self, config: Configuration, grasp: Grasp) -> Array:
+        """Return the distances of all pairs [m]."""
+        return self._bodies.distances(config)
 
     def names(self, which: Indices) -> list[str]:
         """Return the names of the pairs."""
@@ -130,22 +172,26 @@ class ObjectBarrier:
         self._bodies = bodies(robot)
         # The arms of the grip module move with the object: their distance never changes.
         self._parts = 2 * robot.layout.n_modules
+        self._far: Far | None = None
 
     def near(self, config: Configuration, grasp: Grasp) -> Near:
         """Return the members and modules that are close."""
-        distances = self._distances(config, grasp)
-        which = np.flatnonzero(distances < self.boundary.least + self.boundary.band)
+        if self._far is not None and self._far.covers(config, grasp):
+            return NOTHING
+        distances = self.values(config, grasp)
+        which = np.flatnonzero(distances < self.boundary.end)
+        if not len(which):
+            self._far = Far(config, grasp, distances.min(initial=np.inf) - self.boundary.end)
+            return NOTHING
         rows = self._bodies.object_gradients(config, grasp, which)
         return Near(which, distances[which], rows)
 
-    def values(self, config: Configuration, grasp: Grasp, which: Indices) -> Array:
-        """Return the distances of members and modules [m]."""
-        return self._distances(config, grasp)[which]
+    def values(self, config: Configuration, grasp: Grasp) -> Array:
+        """Return the distances of members and modules; inf for those at the grip [m]."""
+        distances = self._bodies.object_distances(config, grasp, grasp.module)
+        return distances[: self._parts]
 
     def names(self, which: Indices) -> list[str]:
         """Return the names of the members and modules."""
         names = self._bodies.object_names(None)
         return [f'{names[i]} and the object' for i in which]
-
-    def _distances(self, config: Configuration, grasp: Grasp) -> Array:
-        return self._bodies.object_distances(config, grasp, grasp.module)[: self._parts]

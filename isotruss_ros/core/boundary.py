@@ -41,13 +41,23 @@ class Boundary:
     band: float
     rate: float = 5.0
 
+    @property
+    def end(self) -> float:
+        """Return the value from which on it is not watched."""
+        return self.least + self.band
+
+    @property
+    def reserve(self) -> float:
+        """Return the margin at which motion comes to rest."""
+        return RESERVE * self.band
+
     def margin(self, values: Array) -> Array:
         """Return what is left between values and the bound."""
         return values - self.least
 
     def fall(self, margins: Array) -> Array:
         """Return how quickly margins may get smaller, not negative [1/s]; inf outside the band."""
-        return self._fall(np.maximum(margins - RESERVE * self.band, 0.0))
+        return self._fall(np.maximum(margins - self.reserve, 0.0))
 
     def floor(self, margins: Array, duration: float) -> Array:
         """

@@ -44,14 +44,22 @@ class Nearest(NamedTuple):
     """
     The point of a straight side that is nearest to a point; arrays over pairs.
 
-    :ivar distance: from the point to the nearest one [m].
-    :ivar normal: unit vector from there to the point.
+    :ivar away: from there to the point [m].
+    :ivar distance: the length of that [m].
     :ivar share: where it is along the side, 0 to 1.
+    :ivar along: the side, from begin to end [m].
     """
 
+    away: Points
     distance: Array
-    normal: Points
     share: Array
+    along: Points
+
+    @property
+    def normal(self) -> Points:
+        """Return the unit vector toward the point, across the side where the point is on it."""
+        across = 1j * self.along / np.abs(self.along)
+        return np.where(self.distance > TINY, self.away / np.maximum(self.distance, TINY), across)
 
 
 def nearest_on_side(point: Points, start: Points, along: Points) -> Nearest:
@@ -63,14 +71,10 @@ def nearest_on_side(point: Points, start: Points, along: Points) -> Nearest:
     :param along: (k,) from begin to end [m].
     """
     arm = point - start
-    share = np.clip((along.conj() * arm).real / (along.real**2 + along.imag**2), 0.0, 1.0)
+    share = (along.conj() * arm).real / (along.real**2 + along.imag**2)
+    share = np.minimum(np.maximum(share, 0.0), 1.0)
     away = arm - share * along
-    distance = np.abs(away)
-    # On the side itself no direction is the nearest way out: across it is as good as any.
-    normal = np.where(
-        distance > TINY, away / np.maximum(distance, TINY), 1j * along / np.abs(along)
-    )
-    return Nearest(distance, normal, share)
+    return Nearest(away, np.abs(away), share, along)
 
 
 class Bodies:
@@ -142,6 +146,8 @@ class Bodies:
         near = nearest_on_side(middle[first], start[member], along[member])
         self._push_modules(rows, np.flatnonzero(on_side), first, near.normal)
         self._push_members(rows, np.flatnonzero(on_side), member, -near.normal, near.share)
+        if on_side.all():
+            return rows.view(np.float64)
         others = pairs[~on_side] - len(self._module)
         first, second = self._one[others], self._two[others]
         normal = middle[first] - middle[second]

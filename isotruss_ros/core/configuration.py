@@ -51,9 +51,14 @@ class Configuration:
         return self.robot.constraints.lengths(self.points)[: self.robot.layout.n_modules]
 
     @cached_property
+    def gradients(self) -> Points:
+        """Return the entries of the matrix of (12), see `Constraints.gradients`."""
+        return self.robot.constraints.gradients(self.points)
+
+    @cached_property
     def matrix(self) -> Array:
         """Return the square matrix of (12): tube, module, bisection and ground rows, dense."""
-        matrix = self.robot.constraints.matrix(self.points)
+        matrix = self.robot.constraints.matrix_of(self.gradients)
         return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
     @cached_property
@@ -64,7 +69,7 @@ class Configuration:
         :raises ConfigurationError: the matrix is singular: the shape is not rigid.
         """
         try:
-            return factorize(self.robot.constraints.matrix(self.points))
+            return factorize(self.robot.constraints.matrix_of(self.gradients))
         except np.linalg.LinAlgError as error:
             raise ConfigurationError(
                 f'robot {self.robot.name}: the shape at roller positions '

@@ -59,6 +59,10 @@ class Constraints:
         )
         self._ground_rows = 5 * m + np.arange(len(layout.grounded))
         self._places = self._rows * n + self._nodes
+        spans = np.arange(4 * m)
+        ends = (np.concatenate([self._heads, self._tails]), np.concatenate([spans, spans]))
+        signs = np.repeat([1.0, -1.0], 4 * m)
+        self._spread = coo_matrix((signs, ends), shape=(n, 4 * m)).tocsr()
         self._sparse = self._sparse_structure() if self.n_columns > DENSE_UP_TO else None
 
     def _sparse_structure(self) -> csc_matrix:
@@ -107,13 +111,22 @@ class Constraints:
         :param points: (n,) nodes [m].
         :return: (5m + g, 2n), dense or, for a large robot, sparse.
         """
+        return self.matrix_of(self.gradients(points))
+
+    def gradients(self, points: Points) -> Points:
+        """
+        Return the entries of the matrix: the gradient of a row by a node, as a complex number.
+
+        :param points: (n,) nodes [m].
+        :return: (13m,) of members, AB, AC and BC [-], four and four; of bisection [1/m], five.
+        """
         stretched = points[self._heads] - points[self._tails]
         unit = stretched / np.abs(stretched)
         side, to_b, to_c, _ = stretched.reshape(4, -1)
         to_next = 1j / side.conj()
         to_previous = -to_next[self._layout.previous]
         turn = 2j / (to_b + to_c).conj()
-        values = np.concatenate(
+        return np.concatenate(
             [
                 unit,
                 -unit,
@@ -124,6 +137,9 @@ class Constraints:
                 to_previous,
             ]
         )
+
+    def matrix_of(self, values: Points) -> Array | csc_matrix:
+        """Return the matrix with these entries, see `gradients` and `matrix`."""
         if self._sparse is not None:
             data = np.concatenate([values.view(np.float64), np.ones(len(self._ground_rows))])
             pattern = self._sparse
@@ -152,16 +168,16 @@ class Constraints:
         stretched = (points[self._heads] - points[self._tails])[:, None]
         nodes = np.ascontiguousarray(motions.T).view(np.complex128).T
         moved = nodes[self._heads] - nodes[self._tails]
-        across = 1j * stretched / np.abs(stretched)
-        share = (across.conj() * moved).real / np.abs(stretched)
-        stretch, bend, _ = np.split(weights, [4 * m, 5 * m])
-        side, to_b, to_c, _ = np.split(stretched, 4)
-        side_moved, b_moved, c_moved, _ = np.split(moved, 4)
-        on_side = (bend + bend[self._layout.following]) * (1j * side_moved / side**2).conj()
-        on_rod = -2.0 * bend * (1j * (b_moved + c_moved) / (to_b + to_c) ** 2).conj()
-        gradients = stretch * share * across
-        gradients += np.concatenate([on_side, on_rod, on_rod, np.zeros_like(on_rod)])
-        derivative = np.zeros_like(nodes)
-        np.add.at(derivative, self._heads, gradients)
-        np.subtract.at(derivative, self._tails, gradients)
+        lengths = np.abs(stretched)
+        across = 1j * stretched / lengths
+        gradients = weights[: 4 * m] * ((across.conj() * moved).real / lengths) * across
+        sides, arms, bisection = slice(m), slice(m, 3 * m), slice(4 * m, 5 * m)
+        bend = weights[bisection]
+        both = bend + bend[self._layout.following]
+        gradients[sides] += both * (1j * moved[sides] / stretched[sides] ** 2).conj()
+        rod = stretched[arms].reshape(2, m, 1).sum(axis=0)
+        rod_moved = moved[arms].reshape(2, m, -1).sum(axis=0)
+        turned = -2.0 * bend * (1j * rod_moved / rod**2).conj()
+        gradients[arms] += np.concatenate([turned, turned])
+        derivative = self._spread @ gradients
         return np.ascontiguousarray(derivative.T).view(np.float64).T

@@ -104,6 +104,22 @@ def solve_twist(
     return RollerCommand(velocities, achieved, driven.scale, status, limiting, reach.rank)
 
 
+def remaining_task(config: Configuration, grasp: Grasp, failed: Collection[str]) -> Array:
+    """
+    Return the motions of the object that the working rollers can still bring about.
+
+    :param failed: names of the rollers that stand still.
+    :return: (k, 3) twists vx, vy, omega, as many as are independent, orthonormal in the measure
+        |v|^2 + |omega d/2|^2; the grip keeps its angle in all of them.
+    :raises GraspError: the grasp or a name in `failed` is not usable.
+    :raises ConfigurationError: the configuration is singular.
+    """
+    working = working_rollers(config.robot, frozenset(failed))
+    active = task_jacobian(config, grasp)[:, working.places]
+    reach = Reach.of(active, 0.5 * grasp.diameter)
+    return reach.directions / np.array([1.0, 1.0, reach.radius])
+
+
 def _binding(
     config: Configuration,
     limits: Sequence[Limit],

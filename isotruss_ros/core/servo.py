@@ -7,12 +7,14 @@ the robot or the object is, so motion resumes from wherever they are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+from isotruss_ros.core.drive import working_rollers
 from isotruss_ros.core.errors import GraspError, IsotrussError
+from isotruss_ros.core.failure_detector import FailureDetector
 from isotruss_ros.core.grasp import Grasp
-from isotruss_ros.core.manipulation import RollerCommand, solve_twist
+from isotruss_ros.core.manipulation import default_limits, RollerCommand, solve_twist
 from isotruss_ros.core.motion import HeldObject
 from isotruss_ros.core.robot import Robot
 from isotruss_ros.core.samples import (
@@ -24,6 +26,7 @@ from isotruss_ros.core.samples import (
     Sample,
     ShapeTracker,
 )
+from isotruss_ros.core.shape_guard import ShapeBounds, ShapeGuard
 from isotruss_ros.core.status import Status
 import numpy as np
 from numpy.typing import NDArray
@@ -39,11 +42,13 @@ class Decision:
     :ivar command: velocities (zero when halted), achieved twist, scale and status.
     :ivar twist: (3,) the twist asked for, zero if there is none to go by.
     :ivar message: what is wrong and what would be right; empty when all is well.
+    :ivar failed: the rollers that are held at zero because they have failed, in their order.
     """
 
     command: RollerCommand
     twist: Array
     message: str
+    failed: tuple[str, ...] = ()
 
 
 class HaltError(IsotrussError):
@@ -84,6 +89,9 @@ class TwistServo:
     :ivar rollers: sample of the `RollerState`.
     :ivar center: sample of (x, y), the measured centre of the object in the robot frame [m].
     :ivar stopped: why the rollers stand still whatever the inputs say; None if they need not.
+    :ivar guard: what keeps the robot within good shapes; None for nothing but the robot file.
+    :ivar slide: along limits of lengths and shapes, rather than stop at them.
+    :ivar detector: what tells which rollers have failed; None for nothing.
     :param robot: the robot.
     :param grip_module: the module `t/j` that holds the object.
     :param object_diameter: the object's own diameter [m].
@@ -108,7 +116,28 @@ class TwistServo:
         self.rollers: Input = None
         self.center: Input = None
         self.stopped: tuple[Status, str] | None = None
+        self.guard: ShapeGuard | None = ShapeGuard(robot, ShapeBounds())
+        self.slide = False
+        self.detector: FailureDetector | None = None
+        self._failed: frozenset[str] = frozenset()
+        self._limits = default_limits(robot)
+        self._sent = np.zeros(len(robot.roller_names))
         self._shape = ShapeTracker(robot)
+
+    @property
+    def failed(self) -> frozenset[str]:
+        """Return the rollers that failed: those somebody named and those that were detected."""
+        return self._failed if self.detector is None else self._failed | self.detector.failed
+
+    @failed.setter
+    def failed(self, names: Collection[str]) -> None:
+        """
+        Name the rollers that have failed; what was detected stays until `detector.forgive`.
+
+        :raises GraspError: the robot has no such roller.
+        """
+        working_rollers(self.robot, frozenset(names))
+        self._failed = frozenset(names)
 
     def decide(self, now: float) -> Decision:
         """
@@ -119,6 +148,8 @@ class TwistServo:
         :param now: time on the clock of the samples [s].
         """
         twist = np.zeros(3)
+        self._detect()
+        failed = self.failed
         try:
             if self.stopped is not None:
                 raise HaltError(*self.stopped)
@@ -126,12 +157,20 @@ class TwistServo:
             rollers = self._fresh('joint states', self.rollers, now, JOINT_STATES)
             center = self._fresh('object pose', self.center, now, OBJECT_POSE).value
             lead = max(0.0, now - rollers.time) + 0.5 * self.period
-            command = self._solve(rollers.value, center, twist, lead)
+            command = self._solve(rollers.value, center, twist, lead, failed)
+            message = _remark(command)
         except HaltError as halt:
             stopped = np.zeros(len(self.robot.roller_names))
             command = RollerCommand(stopped, np.zeros(3), 0.0, halt.status)
-            return Decision(command, twist, str(halt))
-        return Decision(command, twist, _remark(command))
+            message = str(halt)
+        self._sent = command.roller_velocities
+        names = tuple(name for name in self.robot.roller_names if name in failed) if failed else ()
+        return Decision(command, twist, message, names)
+
+    def _detect(self) -> None:
+        """Compare what the rollers were told with what they did."""
+        if self.detector is not None and isinstance(self.rollers, Sample):
+            self.detector.update(self.rollers.value.positions, self.rollers.time, self._sent)
 
     def _fresh(self, what: str, given: Input, now: float, statuses: dict[Doubt, Status]) -> Sample:
         """Return an input that can be relied on."""
@@ -141,7 +180,12 @@ class TwistServo:
             raise HaltError(statuses[error.doubt], str(error)) from error
 
     def _solve(
-        self, rollers: RollerState, center: Sequence[float], twist: Array, lead: float
+        self,
+        rollers: RollerState,
+        center: Sequence[float],
+        twist: Array,
+        lead: float,
+        failed: frozenset[str],
     ) -> RollerCommand:
         """
         Solve for where the robot will be in the middle of the cycle that the command is for.
@@ -156,7 +200,12 @@ class TwistServo:
                 held = HeldObject.attach(config, grasp)
                 config = config.extrapolated(rollers.velocities, lead)
                 grasp = held.grasp_in(config)
-            return solve_twist(config, grasp, twist)
+            if self.guard is None:
+                return solve_twist(config, grasp, twist, failed, self._limits, self.slide)
+            watch = self.guard.watch(config, grasp)
+            limits = (*self._limits, *watch.limits)
+            command = solve_twist(config, grasp, twist, failed, limits, self.slide)
+            return watch.keep(command, rollers.velocities, self.period)
         except GraspError as error:
             raise HaltError(Status.HALT_NO_GRASP, str(error)) from error
         except IsotrussError as error:
@@ -173,7 +222,8 @@ def _remark(command: RollerCommand) -> str:
             f'({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
         )
     if command.scale < 1.0:
+        how = 'sliding with' if command.status is Status.SLIDING else 'slowed to'
         parts.append(
-            f'slowed to {100 * command.scale:.3g} % by the limits of {", ".join(command.limiting)}'
+            f'{how} {100 * command.scale:.3g} % by the limits of {", ".join(command.limiting)}'
         )
     return '; '.join(parts)

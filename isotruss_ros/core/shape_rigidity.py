@@ -14,6 +14,7 @@ where singular values are close, or change places.
 from __future__ import annotations
 
 import functools
+import math
 from typing import NamedTuple
 
 from isotruss_ros.core.configuration import Configuration
@@ -57,6 +58,8 @@ class ShapeRigidity:
         self._scale = np.ones((robot.constraints.n_rows, 1))
         bisection = slice(4 * m, 5 * m)
         self._scale[bisection] = robot.description.module.rod_length
+        # Of the entries of the matrix, as `Constraints.gradients` lists them.
+        self._weights = np.repeat([1.0, robot.description.module.rod_length], [8 * m, 5 * m])
         size = robot.constraints.n_columns
         noise = np.random.default_rng(0).standard_normal((size, min(BLOCK, size)))
         self._at_home = 1.0
@@ -72,6 +75,16 @@ class ShapeRigidity:
         :raises ConfigurationError: the matrix is exactly singular.
         """
         return self._modes(config, self._start, ITERATIONS)
+
+    def change(self, config: Configuration, other: Configuration) -> float:
+        """
+        Return by how much the rigidity of two shapes can differ at most.
+
+        No singular value changes by more than the norm of what is added to the matrix (Weyl), and
+        the Frobenius norm is no smaller than the spectral one.
+        """
+        change = np.abs(config.gradients - other.gradients) * self._weights
+        return math.sqrt(change @ change) / self._at_home
 
     def gradients(self, config: Configuration, modes: Modes) -> Array:
         """
