@@ -9,6 +9,7 @@ from isotruss_ros.nodes import (
     manipulation,
     parameters,
     path_follower,
+    roller_trajectory,
     simulator,
     teleop,
 )
@@ -50,7 +51,15 @@ def test_links_lead_somewhere(page):
 def test_parameter_table_is_true():
     specs = [
         spec
-        for module in (parameters, simulator, manipulation, grasp_analysis, path_follower, teleop)
+        for module in (
+            parameters,
+            simulator,
+            manipulation,
+            grasp_analysis,
+            path_follower,
+            roller_trajectory,
+            teleop,
+        )
         for spec in vars(module).values()
         if isinstance(spec, parameters.Spec)
     ]

@@ -62,6 +62,9 @@ class HeldObject:
         angle = math.remainder(self.offset + turned, 2.0 * math.pi)
         return Pose(center.real, center.imag, angle)
 
+    def come_to_rest(self, config: Configuration) -> None:
+        """Stay in the grip, also when the rollers stand still."""
+
     def grasp_in(self, config: Configuration) -> Grasp:
         """Return the grasp with the object's centre where it is in a configuration."""
         return replace(self.grasp, center=self.pose(config)[:2])

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.motion import HeldObject, Pose
+from isotruss_ros.core.motion import Pose
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -39,6 +40,16 @@ class RollerFaults:
     slip: float = 0.0
 
 
+class SimulatedObject(Protocol):
+    """An object in a simulated robot: always in its grip, or lying free until it is gripped."""
+
+    def pose(self, config: Configuration) -> Pose:
+        """Return its pose in a configuration."""
+
+    def come_to_rest(self, config: Configuration) -> None:
+        """Take note that the rollers have come to rest."""
+
+
 class SimulatedRobot:
     """
     Integrates roller speeds; nodes and object follow by forward kinematics, so nothing drifts.
@@ -47,7 +58,7 @@ class SimulatedRobot:
     :ivar roller_positions: (r,) travel as the encoders tell it; that of `config` without slip [m].
     :ivar roller_velocities: (r,) speeds during the last step as the encoders tell them [m/s].
     :param config: where it starts.
-    :param held: the object in its grip.
+    :param simulated: the object: `HeldObject` or `LooseObject`.
     :param faults: how the rollers differ from perfect ones.
     :param seed: of the noise.
     :raises ConfigurationError: a stuck roller that the robot does not have, or a slip that cannot
@@ -55,7 +66,11 @@ class SimulatedRobot:
     """
 
     def __init__(
-        self, config: Configuration, held: HeldObject, faults: RollerFaults, seed: int = 0
+        self,
+        config: Configuration,
+        simulated: SimulatedObject,
+        faults: RollerFaults,
+        seed: int = 0,
     ) -> None:
         robot = config.robot
         unknown = faults.stuck - set(robot.roller_names)
@@ -69,7 +84,8 @@ class SimulatedRobot:
         self.config = config
         self.roller_positions = config.roller_positions.copy()
         self.roller_velocities = np.zeros(len(robot.roller_names))
-        self._held = held
+        self._object = simulated
+        self._rests = False
         self._faults = faults
         self._moves = np.array([name not in faults.stuck for name in robot.roller_names])
         self._random = np.random.default_rng(seed)
@@ -81,7 +97,7 @@ class SimulatedRobot:
     @property
     def object_pose(self) -> Pose:
         """Return the object's pose in the robot frame."""
-        return self._held.pose(self.config)
+        return self._object.pose(self.config)
 
     def command(self, velocities: ArrayLike) -> None:
         """
@@ -116,3 +132,6 @@ class SimulatedRobot:
             self.config = self.config.moved_to(self.config.roller_positions + self._grip * way)
             self.roller_positions = self.roller_positions + way
             self.roller_velocities = speeds
+        if not moving.any() and not self._rests:
+            self._object.come_to_rest(self.config)
+        self._rests = not moving.any()

@@ -1,4 +1,4 @@
-"""Node `simulator`: a robot with an object in its grip that follows roller commands."""
+"""Node `simulator`: a robot that follows roller commands, and an object to grip or in the grip."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import sys
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import (
     ConfigurationError,
+    Cylinder,
     Grasp,
     HeldObject,
     load_robot,
+    LooseObject,
     RollerFaults,
     SimulatedRobot,
     snug_center,
@@ -28,7 +30,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-# The simulated object is in the grip from the start and stays there.
+# The simulated object is in the grip from the start and stays there, or lies free at first.
 GRIP_MODULE = replace(params.GRIP_MODULE, read_only=True)
 OBJECT_DIAMETER = replace(params.OBJECT_DIAMETER, read_only=True)
 SQUEEZE = params.Spec(
@@ -38,6 +40,19 @@ SQUEEZE = params.Spec(
     bounds=(0.0, 0.1),
     read_only=True,
 )
+LIES_FREE = params.Spec(
+    'object_lies_free',
+    False,
+    'The object lies at object_x, object_y until friction closes a grasp; in the grip if not',
+    read_only=True,
+)
+OBJECT_X = params.Spec(
+    'object_x', 0.5, 'Where the object lies free [m]', bounds=(-1e3, 1e3), read_only=True
+)
+OBJECT_Y = params.Spec(
+    'object_y', 0.4, 'Where the object lies free [m]', bounds=(-1e3, 1e3), read_only=True
+)
+FRICTION = replace(params.FRICTION, read_only=True)
 NOISE = params.Spec(
     'roller_noise',
     0.0,
@@ -68,6 +83,10 @@ SPECS = (
     OBJECT_DIAMETER,
     GRIP_MODULE,
     SQUEEZE,
+    LIES_FREE,
+    OBJECT_X,
+    OBJECT_Y,
+    FRICTION,
     params.RATE,
     params.COMMAND_TIMEOUT,
     NOISE,
@@ -92,7 +111,7 @@ class Simulator(ManagedNode):
         self.start()
 
     def configure(self) -> None:
-        """Put the robot at home, with the object in its grip."""
+        """Put the robot at home, with the object in its grip or lying free."""
         self._robot = load_robot(self.values[params.ROBOT])
         self._simulated = self._make_robot()
         self.values.on_change(lambda _new: None, self._apply)
@@ -120,10 +139,13 @@ class Simulator(ManagedNode):
         if values[SEED] < 0:
             raise params.ParameterError(f'parameter seed: {values[SEED]}: must not be negative')
         home = self._robot.home
-        center = snug_center(home, module, diameter, values[SQUEEZE])
-        grasp = Grasp(module, center, diameter)
         stuck = frozenset({values[STUCK_ROLLER]} - {''})
         faults = RollerFaults(values[SPEED_LIMIT], values[NOISE], stuck, values[SLIP])
+        if values[LIES_FREE]:
+            cylinder = Cylinder((values[OBJECT_X], values[OBJECT_Y]), diameter)
+            lying = LooseObject(cylinder, values[FRICTION])
+            return SimulatedRobot(home, lying, faults, values[SEED])
+        grasp = Grasp(module, snug_center(home, module, diameter, values[SQUEEZE]), diameter)
         return SimulatedRobot(home, HeldObject.attach(home, grasp), faults, values[SEED])
 
     def _apply(self) -> None:

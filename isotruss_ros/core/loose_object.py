@@ -1,0 +1,71 @@
+"""A simulated object that lies free until the robot has closed around it."""
+
+from __future__ import annotations
+
+import math
+
+from isotruss_ros.core.configuration import Configuration
+from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.grasp import Grasp
+from isotruss_ros.core.grasp_analysis import analyze_grasp, Cylinder, GraspAnalysis
+from isotruss_ros.core.motion import HeldObject, Pose
+from isotruss_ros.core.settling import settle
+
+
+class LooseObject:
+    """
+    An object that lies where it is, and goes with the grip once friction holds it.
+
+    Whether it does is looked at whenever the rollers have come to rest: then the object gives way
+    to what friction cannot balance, until it can, and from there on it is at rest in the grip.
+    Where no two sides of a module press on it any more, it lies free again. While it lies, the
+    ground holds it: the model knows no pushing.
+
+    :param cylinder: the object, where it lies.
+    :param friction: coefficient between tube and object.
+    :param angle: its orientation in the robot frame [rad].
+    """
+
+    def __init__(self, cylinder: Cylinder, friction: float, angle: float = 0.0) -> None:
+        self._diameter, self._friction = cylinder.diameter, friction
+        self._lies = Pose(*cylinder.center, math.remainder(angle, 2.0 * math.pi))
+        self._held: HeldObject | None = None
+
+    @property
+    def grip(self) -> str | None:
+        """Return the module that holds it; None while it lies free."""
+        return None if self._held is None else self._held.grasp.module
+
+    def pose(self, config: Configuration) -> Pose:
+        """Return its pose in a configuration; the angle is in (-pi, pi]."""
+        return self._lies if self._held is None else self._held.pose(config)
+
+    def come_to_rest(self, config: Configuration) -> None:
+        """Find out, in a robot that stands still, whether the object is held."""
+        pose = self.pose(config)
+        lying = Cylinder((pose.x, pose.y), self._diameter)
+        try:
+            if self._held is not None:
+                if grip_module(config, analyze_grasp(config, lying, self._friction)) is None:
+                    self._lies, self._held = pose, None
+                return
+            settled = settle(config, lying, self._friction)
+        except IsotrussError:
+            return  # forces that cannot be computed hold nothing new, and let nothing go
+        if settled is None:
+            return
+        module = grip_module(config, settled.analysis)
+        if module is not None:
+            grasp = Grasp(module, settled.cylinder.center, self._diameter)
+            self._held = HeldObject.attach(config, grasp, pose.angle)
+
+
+def grip_module(config: Configuration, analysis: GraspAnalysis) -> str | None:
+    """Return the module whose two sides press hardest on an object, the weaker one counts."""
+    robot, forces = config.robot, analysis.contact_forces
+    pressing = [forces.get(name, 0.0) for name in robot.member_names]
+    weaker = [
+        min(force, pressing[i]) for force, i in zip(pressing, robot.layout.previous, strict=True)
+    ]
+    hardest = max(range(len(weaker)), key=weaker.__getitem__)
+    return robot.module_names[hardest] if weaker[hardest] > 0.0 else None

@@ -1,0 +1,122 @@
+"""
+Roller path servo: in every cycle, go on along a path of the rollers, wait, or give up.
+
+It begins where the rollers are, goes by measured positions, and whatever is not known ends it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.errors import ConfigurationError, IsotrussError
+from isotruss_ros.core.robot import Robot
+from isotruss_ros.core.roller_path import RollerPath
+from isotruss_ros.core.samples import Input, require_fresh
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Errors are made good at this rate [1/s].
+GAIN = 5.0
+#: The path must begin this near to where the rollers are [m].
+START_TOLERANCE = 0.01
+#: The rollers have arrived when all are this near to the end [m].
+TOLERANCE = 2e-5
+#: The path waits while a roller lags by more than this [m], and is given up after so long [s].
+LAG, PATIENCE = 5e-3, 3.0
+
+
+class RollerStep(NamedTuple):
+    """
+    What to do in this cycle.
+
+    :ivar speeds: (r,) of the rollers [m/s].
+    :ivar ended: whether the path is over, well or not.
+    :ivar failure: why it was given up; empty while it goes on and when the rollers arrived.
+    """
+
+    speeds: Array
+    ended: bool
+    failure: str
+
+
+class RollerPathServo:
+    """
+    State of following one path.
+
+    :ivar rollers: sample of the measured `RollerState`, a refusal, or None for none yet.
+    :ivar time: how far on the path the rollers are [s].
+    :param robot: the robot.
+    :param period: time from cycle to cycle [s].
+    :param timeout: measurements older than this are not relied on [s].
+    """
+
+    def __init__(self, robot: Robot, period: float, timeout: float) -> None:
+        self._robot = robot
+        self.period, self.timeout = period, timeout
+        self.rollers: Input = None
+        self.time = 0.0
+        self._path: RollerPath | None = None
+        self._waited = 0.0
+
+    @property
+    def busy(self) -> bool:
+        """Tell whether there is a path to follow."""
+        return self._path is not None
+
+    def begin(self, path: RollerPath, now: float) -> None:
+        """
+        Take a path, in place of another one if there is any.
+
+        :param now: time on the clock of the samples [s].
+        :raises InputError: nobody knows where the rollers are.
+        :raises ConfigurationError: the path does not begin there.
+        """
+        self._path = None
+        state = require_fresh('joint states', self.rollers, now, self.timeout).value
+        away = np.abs(path.at(0.0).positions - state.positions)
+        worst = int(away.argmax())
+        if away[worst] > START_TOLERANCE:
+            raise ConfigurationError(
+                f'the path begins {away[worst]:.4g} m from where roller '
+                f'{self._robot.roller_names[worst]} is; must begin within {START_TOLERANCE} m'
+            )
+        self._path, self.time, self._waited = path, 0.0, 0.0
+
+    def end(self) -> None:
+        """Let the path go."""
+        self._path = None
+
+    def decide(self, now: float) -> RollerStep:
+        """
+        Return what to do in the cycle that begins now, on a path; never raises for an input.
+
+        :param now: time on the clock of the samples [s].
+        """
+        still = np.zeros(len(self._robot.roller_names))
+        path = self._path
+        if path is None:
+            return RollerStep(still, True, 'there is no path to follow')
+        try:
+            state = require_fresh('joint states', self.rollers, now, self.timeout).value
+        except IsotrussError as error:
+            self._path = None
+            return RollerStep(still, True, str(error))
+        wanted = path.at(self.time)
+        error = wanted.positions - state.positions
+        lag = float(np.abs(error).max())
+        if self.time >= path.duration and lag <= TOLERANCE:
+            self._path = None
+            return RollerStep(still, True, '')
+        speeds = wanted.speeds
+        if lag <= LAG and self.time < path.duration:
+            self.time, self._waited = min(self.time + self.period, path.duration), 0.0
+        else:
+            speeds, self._waited = still, self._waited + self.period
+        if self._waited > PATIENCE:
+            self._path = None
+            worst = self._robot.roller_names[int(np.abs(error).argmax())]
+            return RollerStep(still, True, f'roller {worst} stays {lag:.4g} m behind the path')
+        limit = self._robot.description.max_speed
+        return RollerStep(np.clip(speeds + GAIN * error, -limit, limit), False, '')

@@ -1,0 +1,75 @@
+"""Where an object comes to rest between tubes that press on it, with friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from isotruss_ros.core.configuration import Configuration
+from isotruss_ros.core.grasp_analysis import analyze_grasp, Cylinder, GraspAnalysis
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+MAX_STEPS = 60
+#: No step is longer than this share of the diameter, and the object comes no further than that.
+MAX_STEP, MAX_WAY = 0.01, 0.1
+
+
+@dataclass(frozen=True)
+class Settled:
+    """
+    An object that friction holds.
+
+    :ivar cylinder: the object, where it came to rest.
+    :ivar analysis: of its grasp there.
+    """
+
+    cylinder: Cylinder
+    analysis: GraspAnalysis
+
+
+def settle(
+    config: Configuration,
+    cylinder: Cylinder,
+    friction: float = 0.5,
+    external_wrench: ArrayLike = (0.0, 0.0, 0.0),
+    spacing: float = 0.005,
+) -> Settled | None:
+    """
+    Let an object give way to what friction cannot balance, until it can: until (10) holds.
+
+    With its points of contact it moves by the unbalanced wrench over the stiffness of the grasp,
+    again and again. Unlike `find_resting_pose`, it stays where friction first holds it.
+
+    :param friction: coefficient between tube and object.
+    :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
+    :param spacing: see `analyze_grasp`.
+    :return: None where the object slips out, or nothing touches it.
+    :raises GraspError: an argument is not usable.
+    """
+    start, arm = complex(*cylinder.center), 0.5 * cylinder.diameter
+    analysis: GraspAnalysis | None = None
+    for _ in range(MAX_STEPS):
+        analysis = analyze_grasp(
+            config, cylinder, friction, external_wrench, spacing=spacing, previous=analysis
+        )
+        if analysis.force_closure:
+            return Settled(cylinder, analysis)
+        if not analysis.contact_lengths:
+            return None
+        left = _unbalanced(analysis, np.asarray(external_wrench, dtype=float), arm)
+        move = complex(*np.linalg.lstsq(analysis.stiffness, left, rcond=None)[0][:2])
+        move *= min(1.0, MAX_STEP * cylinder.diameter / max(abs(move), np.finfo(float).tiny))
+        center = complex(*cylinder.center) + move
+        if abs(center - start) > MAX_WAY * cylinder.diameter:
+            return None
+        cylinder = replace(cylinder, center=(center.real, center.imag))
+    return None
+
+
+def _unbalanced(analysis: GraspAnalysis, external_wrench: Array, arm: float) -> Array:
+    """Return the wrench on the object (fx, fy, m) that friction leaves [N, N m]."""
+    tangents = np.column_stack([-analysis.normals[:, 1], analysis.normals[:, 0]])
+    friction = np.append(analysis.friction_forces @ tangents, arm * analysis.friction_forces.sum())
+    return analysis.normal_wrench + external_wrench + friction

@@ -1,0 +1,40 @@
+"""Trajectories of the rollers from messages."""
+
+from __future__ import annotations
+
+from isotruss_ros.core import Robot
+from isotruss_ros.core.roller_path import RollerPath
+from isotruss_ros.nodes.messages import MAX_DISTANCE, MessageError, quoted
+import numpy as np
+from trajectory_msgs.msg import JointTrajectory
+
+#: A trajectory of more points than this was not planned for a robot [-].
+MAX_POINTS = 100_000
+
+
+def roller_path(message: JointTrajectory, robot: Robot) -> RollerPath:
+    """
+    Return a path of the rollers; of each point positions and time from the start count.
+
+    :raises MessageError: a roller is missing, unknown or named twice, a point has another number
+        of positions, or a number is out of all bounds.
+    :raises ConfigurationError: see `RollerPath`.
+    """
+    names, points = list(message.joint_names), message.points
+    if len(names) != len(set(names)) or set(names) != set(robot.roller_names):
+        given = ', '.join(quoted(name) for name in names[:20]) or 'none'
+        raise MessageError(
+            f'trajectory: joint_names: {given}; must be each of {", ".join(robot.roller_names)}'
+        )
+    if len(points) > MAX_POINTS:
+        raise MessageError(f'trajectory: {len(points)} points; must be at most {MAX_POINTS}')
+    for number, point in enumerate(points):
+        positions = np.asarray(point.positions, dtype=np.float64)
+        if positions.shape != (len(names),) or not (np.abs(positions) <= MAX_DISTANCE).all():
+            raise MessageError(
+                f'trajectory: point {number}: must have {len(names)} finite positions [m]'
+            )
+    order = [names.index(name) for name in robot.roller_names]
+    positions = np.array([point.positions for point in points])[:, order]
+    times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points]
+    return RollerPath(robot, positions, times)
