@@ -33,6 +33,7 @@ setup(
     extras_require={
         'fast': ['daqp'],
         'demo': ['matplotlib', 'pillow', 'rich'],
+        'sweep': ['distributed'],
         # colcon runs pytest where it finds it here.
         'test': ['pytest', 'pytest-timeout', 'hypothesis', 'psutil', 'anastruct', 'PyNiteFEA'],
     },

@@ -31,8 +31,8 @@ ROSDEP_KEYS = {
     'setuptools': 'python3-setuptools',
     'yaml': 'python3-yaml',
 }
-# No rosdep keys: the tests that compare with them are skipped where they are not installed.
-ONLY_FROM_PYPI = {'anastruct', 'PyNiteFEA'}
+# No rosdep keys: what needs them is taken, and tested, where they are installed.
+ONLY_FROM_PYPI = {'anastruct', 'PyNiteFEA', 'daqp', 'distributed'}
 # Distribution name to import name, where they differ.
 IMPORT_NAMES = {'pillow': 'PIL', 'pyyaml': 'yaml', 'ruamel.yaml': 'ruamel'}
 
@@ -106,8 +106,8 @@ def test_entry_points_are_mains(setup_arguments):
 def test_imports_of_the_package_are_declared(manifest):
     declared = dependencies(manifest, 'depend', 'exec_depend')
     for name, path in imports(PACKAGE).items():
-        if name == 'daqp':
-            continue  # it has no rosdep key; we take it where it is installed
+        if name in ONLY_FROM_PYPI:
+            continue
         key = ROSDEP_KEYS.get(name, name)
         assert key in declared, f'{path} imports {name}: package.xml needs <exec_depend>{key}<'
 
