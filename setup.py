@@ -47,6 +47,7 @@ setup(
             'roller_trajectory = isotruss_ros.nodes.roller_trajectory:main',
             'teleop = isotruss_ros.nodes.teleop:main',
             'demo = isotruss_ros.demo.__main__:main',
+            'plan_grasps = isotruss_ros.plan.__main__:main',
             'fit_tube_stiffness = isotruss_ros.fit.__main__:main',
         ],
     },

@@ -1,0 +1,1 @@
+"""The search for grasps on all cores, and its command line; no ROS."""
