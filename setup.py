@@ -45,6 +45,7 @@ setup(
             'grasp_analysis = isotruss_ros.nodes.grasp_analysis:main',
             'path_follower = isotruss_ros.nodes.path_follower:main',
             'roller_trajectory = isotruss_ros.nodes.roller_trajectory:main',
+            'grasp_planner = isotruss_ros.nodes.grasp_planner:main',
             'teleop = isotruss_ros.nodes.teleop:main',
             'demo = isotruss_ros.demo.__main__:main',
             'plan_grasps = isotruss_ros.plan.__main__:main',

@@ -80,7 +80,7 @@ def _search(
 
 @contextlib.contextmanager
 def _interruptible(stop: Stop) -> Iterator[None]:
-    """Let the first Ctrl-C end the search with the best so far; the second one ends the command."""
+    """Let Ctrl-C end the search with the best so far, and a second one the command."""
 
     def ask(_signal: int, _frame: FrameType | None) -> None:
         stop.asked = True
@@ -133,7 +133,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar=('X', 'Y'),
         help='of the object [m]',
     )
-    parser.add_argument('--diameter', type=float, required=True, help='of the object [m]')
+    parser.add_argument('--diameter', type=float, required=True, help='of it [m]')
     add_requirements(parser)
     group = parser.add_argument_group('search')
     group.add_argument('--seed', type=int, default=0, help='the same seed, the same answer')
@@ -151,9 +151,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar='S',
         help='then the best so far is the answer [s]; no limit if 0 (default)',
     )
-    group.add_argument(
-        '--json', type=Path, metavar='FILE', help='write grasps and paths there too'
-    )
+    group.add_argument('--json', type=Path, metavar='FILE', help='write all of it there too')
     return parser
 
 

@@ -72,13 +72,17 @@ class BackgroundSearch:
         """Return whether there is a result."""
         return not self._thread.is_alive()
 
+    def wait(self) -> None:
+        """Wait for the end, whatever it is."""
+        self._thread.join()
+
     def result(self) -> GraspPlan:
         """
         Wait for the end and return what was found.
 
         :raises Exception: whatever ended the search.
         """
-        self._thread.join()
+        self.wait()
         if self._error is not None:
             raise self._error
         return self._plan

@@ -67,7 +67,7 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
         '--count',
         type=int,
         default=usual.count,
-        help='distinct grasps wanted (default %(default)s)',
+        help='of distinct grasps (default %(default)s)',
     )
 
 

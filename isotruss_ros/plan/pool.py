@@ -54,9 +54,14 @@ class WorkerPool:
         self.close()
 
     def close(self) -> None:
-        """End the processes at once, whatever they do, and wait until they are gone."""
+        """
+        End the processes at once, whatever they do, and wait until they are gone.
+
+        Not while another thread hands out tasks.
+        """
         for process in self._context.started:
-            process.kill()
+            if process.pid is not None:
+                process.kill()
         self.executor.shutdown(cancel_futures=True)
 
 

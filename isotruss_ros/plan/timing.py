@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+#: Followers of trajectories want times that increase, however short the way [s].
+SHORTEST = 0.01
+
 
 def path_times(path: Array, max_speed: float) -> Array:
     """
@@ -17,4 +20,4 @@ def path_times(path: Array, max_speed: float) -> Array:
     :return: (k,) times from the start, the first 0 [s].
     """
     longest = np.abs(np.diff(path, axis=0)).max(axis=1, initial=0.0)
-    return np.concatenate([[0.0], np.cumsum(longest / max_speed)])
+    return np.append(0.0, np.cumsum(np.maximum(longest / max_speed, SHORTEST)))
