@@ -14,6 +14,9 @@ Array = NDArray[np.float64]
 MAX_STEPS = 60
 #: No step is longer than this share of the diameter, and the object comes no further than that.
 MAX_STEP, MAX_WAY = 0.01, 0.1
+#: Less than this holds nothing: on its way out the object comes to where next to nothing presses
+#: on it, and next to nothing has to be balanced there [N].
+LEAST_FORCE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -45,8 +48,10 @@ def settle(
     :param friction: coefficient between tube and object.
     :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
     :param spacing: see `analyze_grasp`.
-    :return: None where the object slips out, or nothing touches it.
+    :return: None where the object slips out, does not come to rest, or nothing touches it.
     :raises GraspError: an argument is not usable.
+    :raises StructureError: see `analyze_grasp`.
+    :raises SolverError: see `analyze_grasp`.
     """
     start, arm = complex(*cylinder.center), 0.5 * cylinder.diameter
     analysis: GraspAnalysis | None = None
@@ -54,10 +59,10 @@ def settle(
         analysis = analyze_grasp(
             config, cylinder, friction, external_wrench, spacing=spacing, previous=analysis
         )
+        if float(analysis.normal_forces.sum()) < LEAST_FORCE:
+            return None
         if analysis.force_closure:
             return Settled(cylinder, analysis)
-        if not analysis.contact_lengths:
-            return None
         left = _unbalanced(analysis, np.asarray(external_wrench, dtype=float), arm)
         move = complex(*np.linalg.lstsq(analysis.stiffness, left, rcond=None)[0][:2])
         move *= min(1.0, MAX_STEP * cylinder.diameter / max(abs(move), np.finfo(float).tiny))
