@@ -154,7 +154,8 @@ def test_converges_from_the_edge_of_the_tolerance_with_an_old_pose(delay):
     tracker, said = follow(LINE, Object(start, slip=0.05, delay=delay))
     assert said[-1].phase is PathPhase.REACHED
     assert tracker.max_position_error < 0.0085
-    late = said[len(said) // 2 :]
+    middle = len(said) // 2
+    late = said[middle:]
     assert max(tracking.position_error for tracking in late) < 0.001
 
 

@@ -27,18 +27,22 @@ HOME = (*CENTER, 0.0)
 PROBED = (*CENTER, 0.3)
 
 
+#: For machines so busy that nodes wait for their turn: the follower goes on, the robot waits too.
+PATIENT = {'command_timeout': 5.0, 'rate': 50.0}
+ROBOT_SETTINGS = {'command_timeout': 0.5, 'rate': 50.0}
+
+
 def node(**values):
-    """Return a path follower with parameters; a busy machine may keep it waiting."""
-    return lambda: PathFollower(overrides(**({'command_timeout': 5.0} | values)))
+    """Return a path follower with parameters."""
+    return lambda: PathFollower(overrides(**(PATIENT | {'patience': 15.0} | values)))
 
 
-def real(slip=0.0, **values):
+def real(slip=0.0, stamped=False, **values):
     """Return the three nodes that it takes."""
-    patient = {'command_timeout': 5.0}
     return (
-        lambda: Simulator(overrides(roller_slip=slip, **patient)),
-        lambda: Manipulation(overrides(**patient)),
-        node(**values),
+        lambda: Simulator(overrides(roller_slip=slip, **ROBOT_SETTINGS)),
+        lambda: Manipulation(overrides(use_stamped_twist=stamped, **ROBOT_SETTINGS)),
+        node(use_stamped_twist=stamped, **values),
     )
 
 
@@ -118,13 +122,13 @@ def test_carries_the_object_to_the_end_of_the_path():
     with world(*real(slip=0.05)) as w:
         client = Client(w)
         w.until(lambda: w.probe.last('pose') is not None)
-        status, result = client.follow(goal(*steps))
+        status, result = client.follow(goal(*steps, position_tolerance=0.02))
         assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
         assert 'off the end of the path' in result.message
         wanted = np.sum([HOME, *steps], axis=0)
-        assert np.hypot(*(object_at(w) - wanted)[:2]) < 0.005
+        assert np.hypot(*(object_at(w) - wanted)[:2]) < 0.01
         assert abs((object_at(w) - wanted)[2]) < 0.1
-        assert 0.0 < result.rms_position_error < result.max_position_error < 0.01
+        assert 0.0 < result.rms_position_error < result.max_position_error < 0.02
         assert result.position_error <= result.max_position_error
         # Feedback: about 10 Hz, forward, and the time it takes.
         progress = [message.progress for message in client.feedback]
@@ -169,10 +173,10 @@ def test_stops_at_once_when_cancelled():
         assert result.max_position_error > 0.0
         w.until(lambda: not client.moves())
         w.until(lambda: not np.any(w.probe.last('joints').velocity))
-        there = object_at(w)
+        there = w.probe.last('joints').position
         w.spin(0.2)
-        assert object_at(w) == pytest.approx(there, abs=1e-4)
-        assert there[1] < HOME[1] + 0.1
+        assert w.probe.last('joints').position == there
+        assert object_at(w)[1] < HOME[1] + 0.1
 
 
 def test_new_goal_takes_over():
@@ -194,13 +198,7 @@ def test_new_goal_takes_over():
 
 
 def test_takes_stamped_twists():
-    stamped = {'use_stamped_twist': True}
-    nodes = (
-        lambda: Simulator(),
-        lambda: Manipulation(overrides(**stamped)),
-        lambda: PathFollower(overrides(**stamped)),
-    )
-    with world(*nodes, twist_type=TwistStamped) as w:
+    with world(*real(stamped=True), twist_type=TwistStamped) as w:
         client = Client(w, TwistStamped)
         w.until(lambda: w.probe.last('pose') is not None)
         status, _ = client.follow(goal((0.0, 0.01, 0.0)))
@@ -227,6 +225,12 @@ def elsewhere(asked, frame):
     return asked
 
 
+def endless(asked, count=10_001):
+    """Return a goal of very many poses."""
+    asked.path.poses = [asked.path.poses[i % 2] for i in range(count)]
+    return asked
+
+
 UP = (0.0, 0.02, 0.0)
 BAD_GOALS = {
     'no poses': (FollowObjectPath.Goal(), 'two or more'),
@@ -240,6 +244,7 @@ BAD_GOALS = {
     'no rotation': (bend(goal(UP, begin=PROBED), orientation=BROKEN), 'quaternion has norm 2'),
     'tilted': (bend(goal(UP, begin=PROBED), orientation=TILTED), 'the robot is planar'),
     'half a turn': (goal((0.0, 0.0, math.pi), begin=PROBED), 'pose in between'),
+    'endless': (endless(goal(UP, begin=PROBED)), 'has 10001 poses; must be at most 10000'),
     'backward': (goal(UP, begin=PROBED, speed=-0.02), 'speed -0.02 m/s: must be positive'),
     'speed nan': (goal(UP, begin=PROBED, speed=math.nan), 'speed nan'),
     'no turn rate': (goal(UP, begin=PROBED, turn_rate=0.0), 'turn rate 0.0'),
@@ -301,11 +306,10 @@ def test_does_not_move_without_manipulation():
         (Status.HALT_EMERGENCY_STOP, 0.0),
         (255, 1.0),
         (Status.OK, math.nan),
-        (Status.OK, 7.0),
     ],
 )
 def test_waits_while_manipulation_halts_and_gives_up_in_the_end(code, scale):
-    with world(node(patience=0.7)) as w:
+    with world(node(patience=2.0)) as w:
         client = Client(w)
         fine, halted = fake(w), fake(w, code, scale)
         w.spin(0.2, fine)
@@ -336,7 +340,7 @@ def test_gives_up_on_a_pose_of_another_time(ages):
 
 
 def test_gives_up_when_the_pose_falls_silent():
-    with world(node(command_timeout=0.3)) as w:
+    with world(node(command_timeout=1.0)) as w:
         client = Client(w)
         tell = fake(w)
         w.spin(0.2, tell)
@@ -344,7 +348,7 @@ def test_gives_up_when_the_pose_falls_silent():
         w.until(client.moves, tell)
         status, result = client.result(handle)
         assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
-        assert 'must be at most 0.3 s' in result.message
+        assert 'must be at most 1.0 s' in result.message
         assert not client.moves()
 
 
@@ -415,7 +419,7 @@ def test_can_be_configured_anew():
 
 
 def test_gives_up_when_simulated_time_stands_still_or_runs_back():
-    with world(node(use_sim_time=True, command_timeout=0.5), sim_time=True) as w:
+    with world(node(use_sim_time=True, command_timeout=1.0), sim_time=True) as w:
         client = Client(w)
         tell = fake(w)
         times = itertools.count(100.0, 0.01)

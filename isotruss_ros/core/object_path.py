@@ -82,7 +82,7 @@ class ObjectPath:
         return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
     def pose(self, time: float) -> Array:
-        """Return the pose (3,) at a time: the first before the start, the last after the end."""
+        """Return where the object should be at a time: at rest at the ends, before and after."""
         if not 0.0 <= time < self.duration:
             return self.poses[0 if time < 0.0 else -1].copy()
         piece = int(np.searchsorted(self.times, time, side='right')) - 1

@@ -8,6 +8,7 @@ from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_ros.core import ObjectPath, PathTracker, Pose, Tracking
+from isotruss_ros.core.object_path import MAX_POSES
 from isotruss_ros.core.path_servo import Outcome
 from isotruss_ros.nodes.messages import (
     check_frame,
@@ -43,6 +44,8 @@ def object_path(
     :raises PathError: see `ObjectPath`.
     """
     check_frame('path', message.header, frame)
+    if len(message.poses) > MAX_POSES:
+        raise MessageError(f'the path has {len(message.poses)} poses; must be at most {MAX_POSES}')
     poses = []
     for number, stamped in enumerate(message.poses):
         what = f'pose {number} of the path'

@@ -11,6 +11,9 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from rclpy.task import Future
 
+#: Results are kept this long for who asks late; with them, the goals [s].
+RESULT_TIMEOUT = 60
+
 
 class Ending(enum.Enum):
     """The states of the action in which a goal can end."""
@@ -58,6 +61,7 @@ class SingleGoal:
             goal_callback=self._ask,
             handle_accepted_callback=self._accept,
             cancel_callback=self._cancel,
+            result_timeout=RESULT_TIMEOUT,
         )
 
     @property
