@@ -1,0 +1,184 @@
+"""The path servo: what is not known stops the object, and nothing that comes in raises."""
+
+import math
+
+from hypothesis import given, strategies
+from isotruss_ros.core import (
+    ObjectPath,
+    PathError,
+    PathPhase,
+    Pose,
+    Refusal,
+    Sample,
+    Status,
+    TrackingSettings,
+)
+from isotruss_ros.core.path_servo import Obedience, Outcome, PathServo
+from isotruss_ros.core.samples import Doubt, InputError
+import numpy as np
+import pytest
+import robots
+
+PERIOD, TIMEOUT = 0.01, 0.2
+PATH = ObjectPath([(0.0, 0.0, 0.0), (0.05, 0.0, 0.0)], 0.05, 0.2)
+OBEYS = Obedience(Status.OK, 1.0, '')
+
+
+def begun(**settings):
+    """Return a servo on its path, in the cycle before time 10, with an object that obeys."""
+    servo = PathServo(PERIOD, TIMEOUT)
+    tell(servo, 10.0 - PERIOD)
+    servo.begin(PATH, TrackingSettings(**settings), 10.0 - PERIOD)
+    return servo
+
+
+def tell(servo, now, pose=(0.0, 0.0, 0.0), answer=OBEYS):
+    servo.pose = Sample(Pose(*pose), now)
+    servo.obedience = Sample(answer, now)
+
+
+def run(servo, seconds, start=10.0, answer=OBEYS, follows=True):
+    """Let an object follow; return the steps."""
+    pose, steps = np.zeros(3), []
+    for cycle in range(int(seconds / PERIOD)):
+        now = start + cycle * PERIOD
+        tell(servo, now, pose, answer)
+        steps.append(servo.decide(now))
+        if steps[-1].outcome is not None:
+            break
+        pose = pose + follows * PERIOD * steps[-1].twist
+    return steps
+
+
+def test_reaches_the_end():
+    steps = run(begun(), 3.0)
+    assert steps[-1].outcome is Outcome.REACHED
+    assert 'off the end of the path' in steps[-1].message
+    assert not steps[-1].twist.any()
+    assert steps[-1].tracking.position_error < 1e-9
+    assert max(step.twist[0] for step in steps) == pytest.approx(PATH.speed)
+
+
+@pytest.mark.parametrize(
+    ('pose', 'words'),
+    [
+        (None, 'none received yet'),
+        (Refusal('in another frame'), 'in another frame'),
+        (Sample(Pose(0.0, 0.0, 0.0), 9.7), 'must be at most 0.2 s'),
+        (Sample(Pose(0.0, 0.0, 0.0), 11.0), 'in the future'),
+    ],
+)
+def test_pose_that_cannot_be_relied_on_stops_it(pose, words):
+    servo = begun()
+    servo.pose = pose
+    step = servo.decide(10.0)
+    assert step.outcome is Outcome.STOPPED
+    assert words in step.message
+    assert not step.twist.any()
+    assert step.tracking is None
+    with pytest.raises(InputError) as caught:
+        servo.begin(PATH, TrackingSettings(), 10.0)
+    assert caught.value.doubt in Doubt
+
+
+@pytest.mark.parametrize(
+    'obedience',
+    [
+        None,
+        Refusal('nonsense'),
+        Sample(OBEYS, 9.7),
+        Sample(OBEYS, 11.0),
+        *(Sample(Obedience(status, 0.0, str(status)), 10.0) for status in Status if status >= 30),
+        Sample(Obedience(99, 1.0, 'of a later version'), 10.0),
+        *(Sample(Obedience(0, scale, ''), 10.0) for scale in (math.nan, math.inf, -0.1, 1.1)),
+    ],
+)
+def test_waits_without_moving_while_the_robot_does_not_obey(obedience):
+    servo = begun()
+    servo.obedience = obedience
+    step = servo.decide(10.0)
+    assert step.outcome is None
+    assert step.tracking.phase is PathPhase.HELD
+    assert not step.twist.any()
+    assert servo.tracker.clock.rate == 0.0
+
+
+@pytest.mark.parametrize('status', [status for status in Status if status < 30])
+def test_goes_on_while_it_moves_however_it_is_slowed(status):
+    servo = begun()
+    tell(servo, 10.0, answer=Obedience(status, 0.5, ''))
+    step = servo.decide(10.0)
+    assert step.outcome is None
+    assert step.twist[0] > 0.0
+
+
+def test_says_why_the_robot_stood_still_when_it_gives_up():
+    halted = Obedience(Status.HALT_EMERGENCY_STOP, 0.0, 'somebody pressed the button')
+    steps = run(begun(patience=0.5), 2.0, answer=halted)
+    assert steps[-1].outcome is Outcome.STOPPED
+    assert steps[-1].message.endswith('manipulation: somebody pressed the button')
+    assert len(steps) * PERIOD == pytest.approx(0.5, abs=0.05)
+    assert not any(step.twist.any() for step in steps)
+
+
+def test_a_robot_that_says_it_moves_and_does_not_is_given_up():
+    steps = run(begun(patience=0.5), 5.0, follows=False)
+    assert steps[-1].outcome is Outcome.STOPPED
+    assert 'no progress' in steps[-1].message
+
+
+def test_object_that_is_elsewhere_ends_it():
+    servo = begun()
+    tell(servo, 10.0, pose=(0.0, 0.02, 0.0))
+    step = servo.decide(10.0)
+    assert step.outcome is Outcome.OFF_PATH
+    assert not step.twist.any()
+
+
+@pytest.mark.parametrize('pose', [(0.0, 0.011, 0.0), (0.0, 0.0, 0.21), (0.0, 0.0, math.pi)])
+def test_path_must_begin_where_the_object_is(pose):
+    servo = PathServo(PERIOD, TIMEOUT)
+    tell(servo, 10.0, pose)
+    with pytest.raises(PathError, match='the path begins'):
+        servo.begin(PATH, TrackingSettings(), 10.0)
+    assert servo.tracker is None
+    # The same angle, told otherwise.
+    tell(servo, 10.0, (0.0, 0.0, 2.0 * math.pi))
+    servo.begin(PATH, TrackingSettings(), 10.0)
+
+
+numbers = strategies.floats(allow_nan=False, allow_infinity=False)
+samples = strategies.none() | strategies.builds(Refusal, strategies.text(max_size=3))
+
+
+@robots.examples(200)
+@given(
+    strategies.lists(
+        strategies.tuples(
+            strategies.floats(0.0, 20.0),
+            samples | strategies.builds(Sample, strategies.builds(Pose, *[numbers] * 3), numbers),
+            samples
+            | strategies.builds(
+                Sample,
+                strategies.builds(
+                    Obedience,
+                    strategies.integers(0, 255),
+                    strategies.floats(),
+                    strategies.just(''),
+                ),
+                numbers,
+            ),
+        ),
+        max_size=5,
+    )
+)
+def test_nothing_that_comes_in_raises_or_moves_it_quickly(cycles):
+    servo = begun()
+    for now, pose, obedience in cycles:
+        servo.pose, servo.obedience = pose, obedience
+        step = servo.decide(now)
+        assert np.isfinite(step.twist).all()
+        assert np.hypot(*step.twist[:2]) <= 1.5 * PATH.speed * (1.0 + 1e-9)
+        if step.outcome is not None:
+            assert not step.twist.any()
+            break
