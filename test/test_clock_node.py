@@ -55,9 +55,15 @@ def seconds_of(w):
     return 1e-9 * w.probe.get_clock().now().nanoseconds
 
 
+def made(kind, **values):
+    """Return a node; the joint states that manipulation gets here may be made up."""
+    extra = {'failure_time': 0.0} if kind is Manipulation else {}
+    return kind(overrides(**extra, **values))
+
+
 def simulated(*kinds, **values):
     """Return a world of nodes that go by simulated time."""
-    makers = [lambda kind=kind: kind(overrides(**SIM, **values)) for kind in kinds]
+    makers = [lambda kind=kind: made(kind, **SIM, **values) for kind in kinds]
     return world(*makers, sim_time=True)
 
 
@@ -206,7 +212,7 @@ def test_time_before_zero_is_not_taken():
 
 
 def test_whose_time_it_is_changes_while_unconfigured_only():
-    with world(lambda: Manipulation()) as w:
+    with world(lambda: made(Manipulation)) as w:
         node, manager = w.nodes[1], Manager(w, 'manipulation')
         refused = node.set_parameters([Parameter('use_sim_time', value=True)])[0]
         assert not refused.successful
@@ -227,7 +233,7 @@ def test_whose_time_it_is_changes_while_unconfigured_only():
 
 def test_stamps_of_the_system_clock_that_jumps_back_are_not_relied_on():
     """No simulated time here: a clock that is set back shows in the readings of the node alone."""
-    with world(lambda: Manipulation()) as w:
+    with world(lambda: made(Manipulation)) as w:
         w.until_code(Status.OK, w.probe.send_all)
         w.nodes[1]._cycle._last += 10**12
         w.probe.seen['command'].clear()

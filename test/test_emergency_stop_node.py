@@ -14,8 +14,8 @@ from std_srvs.srv import Trigger
 
 
 def node(**values):
-    """Return a manipulation node with parameters."""
-    return lambda: Manipulation(overrides(**values))
+    """Return a manipulation node with parameters; the joint states here are made up."""
+    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
 
 
 def press(w, pressed=True):
@@ -119,7 +119,7 @@ def test_a_press_that_is_taken_back_at_once_still_stops():
 def test_a_late_joiner_hears_what_was_said_before():
     with world() as w:
         press(w)
-        w.add(Manipulation())
+        w.add(node()())
         w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
         assert_stays_stopped(w)
 

@@ -43,10 +43,16 @@ HUGE = (1e308, -1e308, 1e100)
 FOREVER = 10**5
 
 
+def manipulation(**values):
+    """Return what makes a manipulation node; the joint states here are made up."""
+    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
+
+
 def record(node):
     """Return the list that will hold every command with the status that belongs to it."""
     pairs = []
-    send, tell = node._commands.publish, node._status.publish
+    commands, statuses = node._commands, node._report._publisher
+    send, tell = commands.publish, statuses.publish
 
     def publish(message):
         pairs.append((np.array(message.data), None))
@@ -56,7 +62,7 @@ def record(node):
         pairs[-1] = (pairs[-1][0], Status(message.code))
         tell(message)
 
-    node._commands.publish, node._status.publish = publish, report
+    commands.publish, statuses.publish = publish, report
     return pairs
 
 
@@ -156,7 +162,7 @@ def send_bad_pose(w, case):
 @pytest.mark.parametrize('topic', ['joint_states', 'object_pose', 'cmd_vel'])
 def test_manipulation_halts_on_every_input_that_cannot_be_and_goes_on_after(topic):
     cases = {'joint_states': joint_states, 'object_pose': poses, 'cmd_vel': twists}[topic]()
-    with world(lambda: Manipulation()) as w:
+    with world(manipulation()) as w:
         pairs = record(w.nodes[1])
         good = {
             'joint_states': w.probe.send_joints,
@@ -186,7 +192,7 @@ def test_manipulation_halts_on_every_input_that_cannot_be_and_goes_on_after(topi
 
 @pytest.mark.parametrize('value', HUGE)
 def test_a_twist_of_any_finite_size_is_carried_out_as_slowly_as_needed(value):
-    with world(lambda: Manipulation()) as w:
+    with world(manipulation()) as w:
         pairs = record(w.nodes[1])
         for twist in ((value, 0.0, 0.0), (0.0, value, -value), (0.0, 0.0, value)):
 
@@ -201,7 +207,7 @@ def test_a_twist_of_any_finite_size_is_carried_out_as_slowly_as_needed(value):
 
 
 def test_stamped_twists_with_stamps_that_cannot_be():
-    node = lambda: Manipulation(overrides(use_stamped_twist=True))  # noqa: E731
+    node = manipulation(use_stamped_twist=True)
     with world(node, twist_type=TwistStamped) as w:
         pairs = record(w.nodes[1])
         twist = Twist(linear=Vector3(y=0.02))
@@ -402,7 +408,7 @@ def test_parameters_that_cannot_be_are_refused_in_flight(kind):
         client = w.probe.create_client(SetParameters, f'{node.get_name()}/set_parameters')
         names = list(node.get_parameters_by_prefix(''))
         before = {name: node.get_parameter(name).value for name in names}
-        may = {'require_emergency_stop'}  # true is a good value of these
+        may = {'require_emergency_stop', 'slide'}  # true is a good value of these
         for value in parameter_values():
             changes = [ParameterMessage(name=name, value=value) for name in [*names, 'nobody']]
             if value.type == 1:
@@ -417,7 +423,7 @@ def test_parameters_that_cannot_be_are_refused_in_flight(kind):
 
 def test_parameters_that_change_all_the_time_do_no_harm():
     """Good and bad ones by turns while the object moves; the last good ones count."""
-    with world(lambda: Manipulation()) as w:
+    with world(manipulation()) as w:
         node, pairs = w.nodes[1], record(w.nodes[1])
         client = w.probe.create_client(SetParameters, 'manipulation/set_parameters')
         w.until(client.service_is_ready)
@@ -453,7 +459,7 @@ def test_parameters_that_change_all_the_time_do_no_harm():
 
 def test_stands_floods_on_every_input():
     """As much as this process can send, on every topic at once; the loops turn and stops count."""
-    with world(lambda: Manipulation(), lambda: Simulator(), lambda: GraspAnalysisNode()) as w:
+    with world(manipulation(), lambda: Simulator(), lambda: GraspAnalysisNode()) as w:
         pairs = record(w.nodes[1])
         w.until_code(Status.OK, w.probe.send_twist)
         cycles = len(pairs)

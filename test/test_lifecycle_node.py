@@ -23,6 +23,11 @@ OUTPUTS = {
 }
 
 
+def manipulation(**values):
+    """Return what makes a manipulation node; the joint states here are made up."""
+    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
+
+
 def counts(w, keys):
     """Return how many messages came of each."""
     return [len(w.probe.seen[key]) for key in keys]
@@ -52,7 +57,7 @@ def test_waits_unconfigured_when_told_to_and_is_silent_unless_active(kind):
 
 
 def test_manipulation_goes_down_with_a_zero_command():
-    with world(lambda: Manipulation()) as w:
+    with world(manipulation()) as w:
         manager = Manager(w, 'manipulation')
         for transition in (
             Transition.TRANSITION_DEACTIVATE,
@@ -71,7 +76,7 @@ def test_manipulation_goes_down_with_a_zero_command():
 
 
 def test_manipulation_is_configured_anew_for_another_robot():
-    with world(lambda: Manipulation()) as w:
+    with world(manipulation()) as w:
         node, manager = w.nodes[1], Manager(w, 'manipulation')
         w.until_code(Status.OK, w.probe.send_all)
         assert all(manager.ask(transition) for transition in DOWN)
@@ -121,7 +126,7 @@ def test_the_simulated_robot_is_back_home_after_it_was_configured_anew():
 
 
 def test_manipulation_reports_its_loop_and_its_inputs():
-    with world(lambda: Manipulation()) as w:
+    with world(manipulation()) as w:
         w.until(lambda: w.report('manipulation').level == DiagnosticStatus.OK)
         assert value(w, 'manipulation', 'age of joint states [s]') == 'none received'
 
@@ -147,7 +152,7 @@ def test_manipulation_reports_its_loop_and_its_inputs():
 
 
 def test_a_slowed_command_is_a_warning():
-    with world(lambda: Manipulation()) as w:
+    with world(manipulation()) as w:
 
         def send():
             w.probe.send_joints()

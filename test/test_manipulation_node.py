@@ -18,8 +18,8 @@ TIMEOUT = 0.2
 
 
 def node(**values):
-    """Return a manipulation node with parameters."""
-    return lambda: Manipulation(overrides(**values))
+    """Return a manipulation node with parameters; the joint states here are made up."""
+    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
 
 
 def test_codes_are_those_of_the_message():

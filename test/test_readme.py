@@ -10,6 +10,7 @@ from isotruss_ros.nodes import (
     parameters,
     path_follower,
     roller_trajectory,
+    servo_settings,
     simulator,
     teleop,
 )
@@ -58,6 +59,7 @@ def test_parameter_table_is_true():
             grasp_analysis,
             path_follower,
             roller_trajectory,
+            servo_settings,
             teleop,
         )
         for spec in vars(module).values()

@@ -20,12 +20,12 @@ PERIOD = 1.0
 SHORTEST_PERIOD = 0.1
 
 
-class Level(enum.Enum):
+class Level(enum.IntEnum):
     """How bad it is."""
 
-    OK = DiagnosticStatus.OK
-    WARN = DiagnosticStatus.WARN
-    ERROR = DiagnosticStatus.ERROR
+    OK = ord(DiagnosticStatus.OK)
+    WARN = ord(DiagnosticStatus.WARN)
+    ERROR = ord(DiagnosticStatus.ERROR)
 
 
 class CycleTimes:
@@ -87,7 +87,7 @@ class Diagnostics:
         """Publish the present state."""
         name = self._node.get_fully_qualified_name().lstrip('/')
         status = DiagnosticStatus(
-            level=self._level.value,
+            level=bytes([self._level]),
             name=name,
             message=self._message,
             hardware_id=self.hardware_id,

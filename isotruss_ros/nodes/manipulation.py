@@ -7,12 +7,15 @@ import sys
 import time
 
 from geometry_msgs.msg import Twist, TwistStamped
-from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import Decision, load_robot, Refusal, Sample, Status, TwistServo
+from isotruss_ros.core import load_robot, Refusal, Sample, Status, TwistServo
 from isotruss_ros.nodes import parameters as params
 from isotruss_ros.nodes.cycle import Cycle
-from isotruss_ros.nodes.diagnostics import CycleTimes, Level
 from isotruss_ros.nodes.emergency_stop import EmergencyStop
+from isotruss_ros.nodes.failed_rollers import (
+    check_failed_rollers,
+    FailedRollers,
+    remaining_motions,
+)
 from isotruss_ros.nodes.inputs import age, latest, Sensors
 from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.messages import (
@@ -21,12 +24,12 @@ from isotruss_ros.nodes.messages import (
     MessageError,
     planar_twist,
     seconds,
-    stamp,
-    twist_message,
 )
 from isotruss_ros.nodes.qos import LATEST, RELIABLE
-from isotruss_ros.nodes.report import Reporter
 from isotruss_ros.nodes.runner import run
+from isotruss_ros.nodes.servo_settings import apply_settings, FAILED_ROLLERS
+from isotruss_ros.nodes.servo_settings import SPECS as SERVO_SPECS
+from isotruss_ros.nodes.status_report import StatusReport
 import numpy as np
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
@@ -35,17 +38,12 @@ from std_msgs.msg import Float64MultiArray
 
 SPECS = (
     params.ROBOT,
-    params.OBJECT_DIAMETER,
-    params.GRIP_MODULE,
-    params.RATE,
-    params.COMMAND_TIMEOUT,
     params.USE_STAMPED_TWIST,
     params.REQUIRE_EMERGENCY_STOP,
+    *SERVO_SPECS,
 )
 #: A controller has this long to acknowledge the last command.
 LAST_WORD = Duration(seconds=0.5)
-#: Statuses that need no words in the log: nobody asks for anything, or all is well.
-SILENT = frozenset({Status.OK, Status.IDLE, Status.HALT_NO_TWIST})
 
 
 class Manipulation(ManagedNode):
@@ -57,22 +55,21 @@ class Manipulation(ManagedNode):
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('manipulation', SPECS, parameter_overrides)
-        self._reporter = Reporter(self.get_logger())
-        # Made once: a message with its parts costs more to make than to fill in.
-        self._status_message = ManipulationStatus()
-        self._cycle_times = CycleTimes()
+        self._report: StatusReport | None = None
         self._servo: TwistServo | None = None
         self._cycle: Cycle | None = None
         self._stop = EmergencyStop(
             self, lambda: self.values[params.REQUIRE_EMERGENCY_STOP], self._stop_changed
         )
+        self._failed_rollers = FailedRollers(self, lambda: self._servo, self._failures_changed)
         self.start()
 
     def configure(self) -> None:
         """Load the robot and listen."""
         values = self.values
         self._robot = load_robot(values[params.ROBOT])
-        values.on_change(lambda new: params.check_grip_module(self._robot, new), self._apply)
+        values.on_change(self._check, self._apply)
+        self._report = StatusReport(self, self._robot.frame)
         self._servo = TwistServo(
             self._robot,
             values[params.GRIP_MODULE],
@@ -80,12 +77,10 @@ class Manipulation(ManagedNode):
             period=1.0 / values[params.RATE],
             timeout=values[params.COMMAND_TIMEOUT],
         )
-        self._servo.stopped = self._halt()
+        self._failures_changed()
+        apply_settings(self._servo, values)
         self._commands = self.create_lifecycle_publisher(
             Float64MultiArray, 'roller_velocity_controller/commands', RELIABLE
-        )
-        self._status = self.create_lifecycle_publisher(
-            ManipulationStatus, 'manipulation/status', RELIABLE
         )
         Sensors(self, self._robot, self._servo)
         if values[params.USE_STAMPED_TWIST]:
@@ -124,14 +119,11 @@ class Manipulation(ManagedNode):
             return found
         now = 1e-9 * self.get_clock().now().nanoseconds
         inputs = {'twist': servo.twist, 'joint states': servo.rollers, 'object pose': servo.center}
-        ages = {f'age of {name} [s]': age(given, now) for name, given in inputs.items()}
-        last = Status(self._status_message.code)
-        return (
-            {'status': last.name, 'status code': int(last)}
-            | found
-            | ages
-            | self._cycle_times.summary(servo.period)
-        )
+        found |= {f'age of {name} [s]': age(given, now) for name, given in inputs.items()}
+        if servo.failed:
+            found['failed rollers'] = ', '.join(sorted(servo.failed))
+            found['what can still be done'] = remaining_motions(servo)
+        return found | self._report.summary(servo.period)
 
     def _send_zeros(self) -> None:
         self._commands.publish(command_message(np.zeros(len(self._robot.roller_names))))
@@ -139,7 +131,10 @@ class Manipulation(ManagedNode):
     def _halt(self) -> tuple[Status, str] | None:
         """Return why the rollers stand still whatever the inputs say."""
         reason = self._stop.reason
-        return None if reason is None else (Status.HALT_EMERGENCY_STOP, reason)
+        if reason is not None:
+            return Status.HALT_EMERGENCY_STOP, reason
+        doubt = self._failed_rollers.doubt(self._robot)
+        return None if doubt is None else (Status.HALT_INVALID_FAILED_ROLLERS, doubt)
 
     def _stop_changed(self) -> None:
         """Stop at once; after a release, go on with what is commanded from then on."""
@@ -162,16 +157,24 @@ class Manipulation(ManagedNode):
         self._step(now)
         self._servo.stopped = self._halt()
 
+    def _failures_changed(self) -> None:
+        """Hold the rollers that somebody says have failed."""
+        if self._servo is None:
+            return
+        by_parameter = set(self.values[FAILED_ROLLERS]) - {''}
+        self._servo.failed = self._failed_rollers.named(self._robot) | by_parameter
+        self._servo.stopped = self._halt()
+
+    def _check(self, new: dict[str, params.Value]) -> None:
+        params.check_grip_module(self._robot, new)
+        check_failed_rollers(self._robot, new)
+
     def _apply(self) -> None:
         """Take over changed parameters, in the next cycle."""
-        servo = self._servo
-        servo.grip_module = self.values[params.GRIP_MODULE]
-        servo.object_diameter = self.values[params.OBJECT_DIAMETER]
-        servo.timeout = self.values[params.COMMAND_TIMEOUT]
-        servo.period = 1.0 / self.values[params.RATE]
-        servo.stopped = self._halt()
+        apply_settings(self._servo, self.values)
+        self._failures_changed()
         if self._cycle is not None:
-            self._cycle.change(self.values[params.RATE], servo.timeout)
+            self._cycle.change(self.values[params.RATE], self._servo.timeout)
 
     def _now(self) -> float:
         return 1e-9 * self.get_clock().now().nanoseconds
@@ -194,31 +197,8 @@ class Manipulation(ManagedNode):
         began = time.perf_counter()
         decision = self._servo.decide(1e-9 * now.nanoseconds)
         self._commands.publish(command_message(decision.command.roller_velocities))
-        self._report(decision, now)
-        duration = time.perf_counter() - began
-        self._status_message.cycle_time = duration
-        self._cycle_times.note(duration)
-
-    def _report(self, decision: Decision, now: Time) -> None:
-        command, message = decision.command, self._status_message
-        stamp(message.header, now, self._robot.frame)
-        message.code = int(command.status)
-        message.message = decision.message
-        twist_message(decision.twist, message.commanded)
-        twist_message(command.achieved_twist, message.achieved)
-        message.scale = command.scale
-        self._status.publish(message)
-        level = level_of(command.status)
-        self.diagnostics.say(level, decision.message or command.status.name)
-        if level is not Level.OK:
-            self._reporter.warn(command.status.name, f'{command.status}: {decision.message}')
-
-
-def level_of(status: Status) -> Level:
-    """Return how bad a status is; that nobody asks for anything is as it should be."""
-    if status in SILENT:
-        return Level.OK
-    return Level.WARN if status < Status.HALT_NO_TWIST else Level.ERROR
+        self._report.tell(decision, now)
+        self._report.note_cycle_time(time.perf_counter() - began)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -11,7 +11,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-Value = bool | int | float | str
+Value = bool | int | float | str | list[str]
 
 UNCONFIGURED_ONLY = 'read-only unless the node is unconfigured'
 

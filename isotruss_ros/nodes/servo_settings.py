@@ -1,0 +1,71 @@
+"""Parameters of the twist servo, as they are when it is made and whenever they change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from isotruss_ros.core import (
+    FailureCriterion,
+    FailureDetector,
+    ShapeBounds,
+    ShapeGuard,
+    TwistServo,
+)
+from isotruss_ros.nodes import parameters as params
+from isotruss_ros.nodes.parameters import Spec
+
+BOUNDS = ShapeBounds()
+MIN_RIGIDITY = Spec(
+    'min_rigidity', BOUNDS.min_rigidity, 'Least rigidity of the shape, 1 at home', (0.0, 0.99)
+)
+MIN_CLEARANCE = Spec(
+    'min_clearance',
+    BOUNDS.min_clearance,
+    'Least distance between parts of the robot [m]',
+    bounds=(0.0, 1.0),
+)
+MIN_OBJECT_CLEARANCE = Spec(
+    'min_object_clearance',
+    BOUNDS.min_object_clearance,
+    'Least distance between the robot and the object, beside the grip [m]',
+    bounds=(0.0, 1.0),
+)
+SLIDE = Spec('slide', False, 'Along limits of lengths and shapes, rather than stop at them')
+FAILED_ROLLERS = Spec('failed_rollers', [''], "Rollers t/j that are held at zero; [''] for none")
+FAILURE_TIME = Spec(
+    'failure_time',
+    FailureCriterion().time,
+    'A roller that is commanded for this long and does not move has failed; 0 for never [s]',
+    bounds=(0.0, 60.0),
+)
+SPECS = (
+    params.OBJECT_DIAMETER,
+    params.GRIP_MODULE,
+    params.RATE,
+    params.COMMAND_TIMEOUT,
+    MIN_RIGIDITY,
+    MIN_CLEARANCE,
+    MIN_OBJECT_CLEARANCE,
+    SLIDE,
+    FAILED_ROLLERS,
+    FAILURE_TIME,
+)
+
+
+def apply_settings(servo: TwistServo, values: params.Parameters) -> None:
+    """Let a servo go by the parameters, from its next cycle on."""
+    servo.grip_module = values[params.GRIP_MODULE]
+    servo.object_diameter = values[params.OBJECT_DIAMETER]
+    servo.period = 1.0 / values[params.RATE]
+    servo.timeout = values[params.COMMAND_TIMEOUT]
+    servo.slide = values[SLIDE]
+    bounds = ShapeBounds(values[MIN_RIGIDITY], values[MIN_CLEARANCE], values[MIN_OBJECT_CLEARANCE])
+    servo.guard = ShapeGuard(servo.robot, bounds)
+    time = values[FAILURE_TIME]
+    if time == 0.0:
+        servo.detector = None
+    elif servo.detector is None:
+        criterion = FailureCriterion(time=time)
+        servo.detector = FailureDetector(servo.robot.roller_names, criterion)
+    else:
+        servo.detector.criterion = replace(servo.detector.criterion, time=time)

@@ -1,0 +1,234 @@
+"""Rollers that fail, and the edge of the good shapes, as the manipulation node deals with them."""
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from isotruss_ros.core import Grasp, remaining_task, shape_margins, solve_twist, Status
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.simulator import Simulator
+from lifecycle_msgs.msg import Transition
+import numpy as np
+from probe import (
+    CENTER,
+    check_refused,
+    DIAMETER,
+    LATCHED,
+    Manager,
+    MODULE,
+    overrides,
+    ROBOT,
+    world,
+)
+import pytest
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+FIRST, SECOND = ROBOT.roller_names[:2]
+
+
+def node(**values):
+    """Return a manipulation node with parameters."""
+    return lambda: Manipulation(overrides(**values))
+
+
+def until_failed(w, *names, send=None):
+    """Spin until the status names exactly these rollers."""
+    w.until(
+        lambda: (
+            w.probe.last('status') is not None
+            and list(w.probe.last('status').failed_rollers) == list(names)
+        ),
+        send or w.probe.send_all,
+    )
+    return w.probe.last('status')
+
+
+def say(w, names):
+    """Return a publisher that has said which rollers have failed."""
+    publisher = w.probe.create_publisher(String, 'failed_rollers', LATCHED)
+    publisher.publish(String(data=names))
+    return publisher
+
+
+def assert_held(w, *names):
+    """Check that some cycles of commands hold these rollers at zero, and move others."""
+    w.probe.seen['command'].clear()
+    w.until(lambda: len(w.probe.seen['command']) > 10, w.probe.send_all)
+    commands = np.array([m.data for _, m in w.probe.seen['command']])
+    places = [ROBOT.roller_names.index(name) for name in names]
+    assert not commands[:, places].any()
+    assert commands.any()
+
+
+def test_a_roller_that_failed_by_parameter_is_held_and_the_rest_goes_on():
+    expected = remaining_task(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER), {FIRST})
+    with world(node(failed_rollers=[FIRST])) as w:
+        status = until_failed(w, FIRST)
+        w.until(lambda: w.code() < Status.HALT_NO_TWIST, w.probe.send_all)
+        assert w.probe.last('status').mobility == len(expected)
+        assert_held(w, FIRST)
+        assert status.code < Status.HALT_NO_TWIST or not status.mobility
+        change = [Parameter('failed_rollers', value=[FIRST, SECOND])]
+        assert w.nodes[1].set_parameters(change)[0].successful
+        until_failed(w, FIRST, SECOND)
+        assert_held(w, FIRST, SECOND)
+        assert w.nodes[1].set_parameters([Parameter('failed_rollers', value=[''])])[0].successful
+        until_failed(w)
+        w.until_code(Status.OK, w.probe.send_all)
+
+
+def test_diagnostics_say_which_failed_and_what_can_still_be_done():
+    with world(node(failed_rollers=[FIRST])) as w:
+
+        def told():
+            values = {v.key: v.value for v in w.report('manipulation').values}
+            return values.get('failed rollers') == FIRST and 'of 3' in values.get(
+                'what can still be done', ''
+            )
+
+        w.until(told, w.probe.send_all)
+        w.until(lambda: w.report('manipulation').level == DiagnosticStatus.WARN, w.probe.send_all)
+        assert FIRST in w.report('manipulation').message
+
+
+def test_names_that_the_robot_does_not_have_are_refused():
+    check_refused(node(failed_rollers=['nobody']), 'no such roller')
+    with world(node()) as w:
+        change = [Parameter('failed_rollers', value=[FIRST, 'nobody'])]
+        result = w.nodes[1].set_parameters(change)[0]
+        assert not result.successful
+        assert 'nobody' in result.reason
+        until_failed(w)
+
+
+def test_the_topic_says_it_too_to_late_joiners_as_well():
+    with world() as w:
+        publisher = say(w, f' {SECOND} ,{FIRST},')
+        w.add(Manipulation())
+        until_failed(w, FIRST, SECOND)
+        assert_held(w, FIRST, SECOND)
+        publisher.publish(String(data=SECOND))
+        until_failed(w, SECOND)
+        publisher.publish(String())
+        until_failed(w)
+        w.until_code(Status.OK, w.probe.send_all)
+
+
+@pytest.mark.parametrize('names', ['nobody', f'{FIRST},nobody', 'x' * 10**5, 'x,' * 10**5 + 'ü'])
+def test_halts_where_it_is_not_known_which_rollers_are_meant(names):
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        publisher = say(w, names)
+        status = w.until_code(Status.HALT_INVALID_FAILED_ROLLERS, w.probe.send_all)
+        assert 'no such roller' in status.message
+        assert len(status.message) < 1000
+        assert not w.command().any()
+        publisher.publish(String(data=FIRST))
+        until_failed(w, FIRST)
+        w.until(lambda: w.code() < Status.HALT_NO_TWIST, w.probe.send_all)
+
+
+def test_what_the_topic_said_outlives_being_configured_anew():
+    with world(node()) as w:
+        say(w, FIRST)
+        until_failed(w, FIRST)
+        manager = Manager(w, 'manipulation')
+        for transition in (
+            Transition.TRANSITION_DEACTIVATE,
+            Transition.TRANSITION_CLEANUP,
+            Transition.TRANSITION_CONFIGURE,
+            Transition.TRANSITION_ACTIVATE,
+        ):
+            assert manager.ask(transition)
+        w.probe.seen['status'].clear()
+        until_failed(w, FIRST)
+        assert {tuple(m.failed_rollers) for _, m in w.probe.seen['status']} == {(FIRST,)}
+
+
+def test_a_roller_that_does_not_move_is_found_and_held_until_it_is_forgiven():
+    patient = {'command_timeout': 5.0}
+    stuck = ROBOT.roller_names[1]
+    with world(
+        lambda: Simulator(overrides(stuck_roller=stuck, **patient)),
+        node(failure_time=0.3, **patient),
+    ) as w:
+        twist = (0.0, 0.03, 0.0)
+
+        def send():
+            w.probe.send_twist(twist)
+
+        until_failed(w, stuck, send=send)
+        count = len(w.probe.seen['command'])
+        w.until(lambda: len(w.probe.seen['command']) > count + 20, send)
+        late = np.array([m.data for _, m in w.probe.seen['command'][count + 1 :]])
+        assert not late[:, 1].any()
+        assert late.any()
+        client = w.probe.create_client(Trigger, 'forgive_failed_rollers')
+        answer = w.call(client, Trigger.Request())
+        assert answer.success
+        assert stuck in answer.message
+        until_failed(w, send=send)
+        # Nothing has been repaired.
+        until_failed(w, stuck, send=send)
+
+
+def test_nothing_is_found_where_nobody_looks():
+    with world(node(failure_time=0.0)) as w:
+        # Encoders that stand still whatever is commanded.
+        w.until(lambda: len(w.probe.seen['status']) > 400, w.probe.send_all)
+        assert not any(m.failed_rollers for _, m in w.probe.seen['status'])
+        assert w.call(
+            w.probe.create_client(Trigger, 'forgive_failed_rollers'), Trigger.Request()
+        ).success
+
+
+def test_encoders_that_stand_still_stop_the_rollers():
+    """Fresh stamps, old places: no time-out finds that, but rollers that do not move."""
+    with world(node(failure_time=0.3)) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+
+        def given_up():
+            latest = [m.data for _, m in w.probe.seen['command'][-20:]]
+            return bool(w.probe.last('status').failed_rollers) and not np.any(latest)
+
+        w.until(given_up, w.probe.send_all)
+        assert w.code() == Status.UNREACHABLE
+
+
+def test_slows_at_the_edge_of_the_good_shapes_and_slides_where_that_is_asked_for():
+    """With two rollers less nothing is left over to keep the shape while the object moves."""
+    failed = ['east/Q', 'east/R']
+    grasp = Grasp(MODULE, CENTER, DIAMETER)
+    lifted = solve_twist(ROBOT.home, grasp, (0.0, 0.02, 0.0), failed).roller_velocities
+    least = shape_margins(ROBOT.configuration(lifted)).rigidity - 0.001
+    assert least < shape_margins(ROBOT.home).rigidity
+    values = {'min_rigidity': least, 'failed_rollers': failed, 'failure_time': 0.0}
+    with world(node(**values)) as w:
+
+        def send(speed):
+            w.probe.send_joints(position=lifted.tolist())
+            w.probe.send_pose(center=(CENTER[0], CENTER[1] + 0.02))
+            w.probe.send_twist((0.0, speed, 0.0))
+
+        status = w.until_code(Status.SLOWED_RIGIDITY, lambda: send(0.02))
+        assert status.scale < 0.5
+        assert 'rigidity' in status.message
+        # Back to where it came from is free.
+        w.until_code(Status.OK, lambda: send(-0.02))
+        assert w.nodes[1].set_parameters([Parameter('slide', value=True)])[0].successful
+        w.until_code(Status.SLIDING, lambda: send(0.02))
+        assert w.nodes[1].set_parameters([Parameter('min_rigidity', value=0.2)])[0].successful
+        w.until_code(Status.OK, lambda: send(0.02))
+
+
+@pytest.mark.parametrize(
+    'values',
+    [
+        {'min_rigidity': 1.0},
+        {'min_rigidity': -0.1},
+        {'min_clearance': -0.1},
+        {'min_object_clearance': float('nan')},
+        {'failure_time': -1.0},
+    ],
+)
+def test_bounds_that_cannot_be_are_refused(values):
+    check_refused(node(**values), 'range')
