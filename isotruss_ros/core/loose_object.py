@@ -9,6 +9,7 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.grasp import Grasp
 from isotruss_ros.core.grasp_analysis import analyze_grasp, Cylinder, GraspAnalysis
 from isotruss_ros.core.motion import HeldObject, Pose
+from isotruss_ros.core.object_gaps import object_gaps
 from isotruss_ros.core.settling import settle
 
 
@@ -19,7 +20,8 @@ class LooseObject:
     Whether it does is looked at whenever the rollers have come to rest: then the object gives way
     to what friction cannot balance, until it can, and from there on it is at rest in the grip.
     Where no two sides of a module press on it any more, it lies free again. While it lies, the
-    ground holds it: the model knows no pushing.
+    ground holds it: the model knows no pushing. A tube that would have to give way by more than
+    its own diameter lies on the object, and does not grip it.
 
     :param cylinder: the object, where it lies.
     :param friction: coefficient between tube and object.
@@ -49,15 +51,15 @@ class LooseObject:
                 if grip_module(config, analyze_grasp(config, lying, self._friction)) is None:
                     self._lies, self._held = pose, None
                 return
+            if object_gaps(config, lying).members.min() < -config.robot.description.tube_diameter:
+                return
             settled = settle(config, lying, self._friction)
+            module = None if settled is None else grip_module(config, settled.analysis)
+            if module is not None:
+                grasp = Grasp(module, settled.cylinder.center, self._diameter)
+                self._held = HeldObject.attach(config, grasp, pose.angle)
         except IsotrussError:
             return  # forces that cannot be computed hold nothing new, and let nothing go
-        if settled is None:
-            return
-        module = grip_module(config, settled.analysis)
-        if module is not None:
-            grasp = Grasp(module, settled.cylinder.center, self._diameter)
-            self._held = HeldObject.attach(config, grasp, pose.angle)
 
 
 def grip_module(config: Configuration, analysis: GraspAnalysis) -> str | None:
