@@ -23,6 +23,8 @@ GAIN = 5.0
 START_TOLERANCE = 0.01
 #: The rollers have arrived when all are this near to the end [m].
 TOLERANCE = 2e-5
+#: A roller that is this share of it near to the end rests while the others come.
+RESTING = 0.25
 #: The path waits while a roller lags by more than this [m], and is given up after so long [s].
 LAG, PATIENCE = 5e-3, 3.0
 
@@ -67,13 +69,12 @@ class RollerPathServo:
 
     def begin(self, path: RollerPath, now: float) -> None:
         """
-        Take a path, in place of another one if there is any.
+        Take a path, in place of another one if there is any; one that is refused changes nothing.
 
         :param now: time on the clock of the samples [s].
         :raises InputError: nobody knows where the rollers are.
         :raises ConfigurationError: the path does not begin there.
         """
-        self._path = None
         state = require_fresh('joint states', self.rollers, now, self.timeout).value
         away = np.abs(path.at(0.0).positions - state.positions)
         worst = int(away.argmax())
@@ -105,12 +106,12 @@ class RollerPathServo:
             return RollerStep(still, True, str(error))
         wanted = path.at(self.time)
         error = wanted.positions - state.positions
-        lag = float(np.abs(error).max())
-        if self.time >= path.duration and lag <= TOLERANCE:
+        lag, at_end = float(np.abs(error).max()), self.time >= path.duration
+        if at_end and lag <= TOLERANCE:
             self._path = None
             return RollerStep(still, True, '')
         speeds = wanted.speeds
-        if lag <= LAG and self.time < path.duration:
+        if lag <= LAG and not at_end:
             self.time, self._waited = min(self.time + self.period, path.duration), 0.0
         else:
             speeds, self._waited = still, self._waited + self.period
@@ -118,5 +119,9 @@ class RollerPathServo:
             self._path = None
             worst = self._robot.roller_names[int(np.abs(error).argmax())]
             return RollerStep(still, True, f'roller {worst} stays {lag:.4g} m behind the path')
+        speeds = speeds + GAIN * error
+        if at_end:
+            # Rollers are uneven only while they move.
+            speeds = np.where(np.abs(error) <= RESTING * TOLERANCE, 0.0, speeds)
         limit = self._robot.description.max_speed
-        return RollerStep(np.clip(speeds + GAIN * error, -limit, limit), False, '')
+        return RollerStep(np.clip(speeds, -limit, limit), False, '')
