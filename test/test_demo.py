@@ -3,21 +3,25 @@
 import math
 
 from isotruss_ros.core import (
-    Grasp,
-    HeldObject,
+    analyze_grasp,
+    Cylinder,
+    GraspRequirements,
     load_robot,
+    LooseObject,
+    plan_grasps,
     RollerFaults,
+    RollerPath,
     RollerState,
     Sample,
     SimulatedRobot,
-    snug_center,
     Status,
     TwistServo,
 )
-from isotruss_ros.demo.__main__ import GRIP_MODULE, OBJECT_DIAMETER, SQUEEZE
-from isotruss_ros.demo.client import PhaseRecord, Snapshot
+from isotruss_ros.core.roller_path_servo import RollerPathServo
+from isotruss_ros.demo.__main__ import GRIP_MODULE, MIN_MARGIN, OBJECT_CENTER, OBJECT_DIAMETER
 from isotruss_ros.demo.figures import animate, draw_panels
 from isotruss_ros.demo.path import figure_9
+from isotruss_ros.demo.record import PhaseRecord, Snapshot
 import numpy as np
 from PIL import Image
 import pytest
@@ -57,18 +61,47 @@ def test_phases_begin_and_end_at_rest(phase):
         assert phase.twist(time) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
 
 
+def grip(simulated, period):
+    """Plan a grasp of the object where it lies, and go there; return the time it took."""
+    cylinder = Cylinder(OBJECT_CENTER, OBJECT_DIAMETER)
+    needs = GraspRequirements(module=GRIP_MODULE, min_margin=MIN_MARGIN, count=1)
+    grasp = plan_grasps(ROBOT.home, cylinder, needs, thorough=False).grasps[0]
+    ways = np.abs(np.diff(grasp.path, axis=0)).max(axis=1)
+    times = np.append(0.0, np.cumsum(np.maximum(ways / ROBOT.description.max_speed, 1e-3)))
+    servo = RollerPathServo(ROBOT, period, timeout=0.2)
+    now = 0.0
+
+    def measure():
+        state = RollerState(simulated.roller_positions, simulated.roller_velocities)
+        servo.rollers = Sample(state, now)
+
+    measure()
+    servo.begin(RollerPath(ROBOT, grasp.path, times), now)
+    while servo.busy:
+        step = servo.decide(now)
+        assert not step.failure
+        simulated.command(step.speeds)
+        simulated.advance(period)
+        now += period
+        measure()
+    return now
+
+
 def play(rate):
-    """Carry the object along the whole path; return records and the exact end."""
+    """Grip the object and carry it along the whole path; return records and the exact end."""
     home, period = ROBOT.home, 1.0 / rate
-    grasp = Grasp(
-        GRIP_MODULE, snug_center(home, GRIP_MODULE, OBJECT_DIAMETER, SQUEEZE), OBJECT_DIAMETER
-    )
-    simulated = SimulatedRobot(home, HeldObject.attach(home, grasp), RollerFaults())
+    lying = LooseObject(Cylinder(OBJECT_CENTER, OBJECT_DIAMETER), friction=0.5)
+    simulated = SimulatedRobot(home, lying, RollerFaults())
+    now = grip(simulated, period)
+    assert lying.grip == GRIP_MODULE
+    gripped = Cylinder(simulated.object_pose[:2], OBJECT_DIAMETER)
+    assert analyze_grasp(simulated.config, gripped).force_closure
     servo = TwistServo(ROBOT, GRIP_MODULE, OBJECT_DIAMETER, period, timeout=0.2)
     # What the servo sees is one cycle old, as over a real transport.
-    seen = (home.roller_positions, simulated.roller_velocities, simulated.object_pose)
+    config = simulated.config
+    seen = (config.roller_positions, simulated.roller_velocities, simulated.object_pose)
     exact = np.array(simulated.object_pose)
-    now, records = 0.0, []
+    records = []
     for phase in PHASES:
         record = PhaseRecord(phase.name)
         for k in range(round(phase.duration * rate)):

@@ -1,28 +1,34 @@
-"""Executable `demo`: see the robot move an object, and how well, in half a minute."""
+"""Executable `demo`: see the robot plan a grasp, grip an object and move it, and how well."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 import sys
 
+from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import GraspCode, IsotrussError, load_robot, Status
-from isotruss_ros.demo.client import DemoClient, PhaseRecord
+from isotruss_ros.demo.client import DemoClient
 from isotruss_ros.demo.figures import animate, draw_panels
+from isotruss_ros.demo.gripping import Gripping
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
-from isotruss_ros.demo.tables import grasp_table, motion_table
+from isotruss_ros.demo.record import PhaseRecord
+from isotruss_ros.demo.tables import grasp_table, motion_table, plan_table
 import numpy as np
 import rclpy
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 ROBOT = 'nine_member'
-GRIP_MODULE = 'north/Z'
 OBJECT_DIAMETER = 0.3
-#: So much nearer to the corner than where it just touches is the object, and pressed on [m].
-SQUEEZE = 0.01
+#: Where the object lies at first, inside of the tube `north`, touched by nothing [m].
+OBJECT_CENTER = (0.5, 0.4)
+#: The module that shall grip: there the object can be rolled, and no other tube is in the way.
+GRIP_MODULE = 'north/Z'
+#: Friction in reserve that the grasp must have [N].
+MIN_MARGIN = 0.01
 #: The object is to end this close to where the commands put it.
 MAX_POSITION_ERROR = 1e-3
 MAX_ANGLE_ERROR = np.deg2rad(0.1)
@@ -40,32 +46,40 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options.output.mkdir(parents=True, exist_ok=True)
     console = Console()
     try:
-        start, records = _play(options.output, options.rate, console)
+        records, plan = _play(options.output, options.rate, console)
     except IsotrussError as error:
         console.print(f'demo failed: {error}', style='red', markup=False)
         return 1
     except KeyboardInterrupt:
         console.print('demo stopped')
         return 130
-    console.print(motion_table(records))
-    console.print(grasp_table([start, *records]))
+    moved = records[3:]
+    console.print(plan_table(plan))
+    console.print(motion_table(moved))
+    console.print(grasp_table(records[2:]))
     robot = load_robot(ROBOT)
     with console.status('drawing'):
-        draw_panels(robot, OBJECT_DIAMETER, [start, *records], options.output / 'demo.png')
-        animate(robot, OBJECT_DIAMETER, records, options.output / 'demo.gif')
+        draw_panels(robot, OBJECT_DIAMETER, records, options.output / 'demo.png')
+        animate(robot, OBJECT_DIAMETER, records[1:], options.output / 'demo.gif')
     console.print(f'written: {options.output / "demo.png"}, {options.output / "demo.gif"}')
-    return _verdict(records, console)
+    return _verdict(moved, console)
 
 
-def _play(output: Path, rate: float, console: Console) -> tuple[PhaseRecord, list[PhaseRecord]]:
-    """Run the nodes as processes and the path through them."""
+def _play(
+    output: Path, rate: float, console: Console
+) -> tuple[list[PhaseRecord], PlanGrasp.Result]:
+    """Run the nodes as processes: plan, approach and grip, then the path through them."""
     domain = keep_to_this_machine()
     shared = {'robot': ROBOT, 'object_diameter': OBJECT_DIAMETER}
-    moving = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
+    gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
+    x, y = OBJECT_CENTER
     started = [
-        ('simulator', moving | {'squeeze': SQUEEZE}),
-        ('manipulation', moving),
+        ('simulator', gripping | {'object_lies_free': True, 'object_x': x, 'object_y': y}),
+        # It commands the rollers on every cycle, so not before the object is in the grip.
+        ('manipulation', gripping | {'autostart': False}),
         ('grasp_analysis', shared),
+        ('grasp_planner', {'robot': ROBOT}),
+        ('roller_trajectory', {'robot': ROBOT}),
     ]
     names = ', '.join(name for name, _ in started)
     console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
@@ -78,17 +92,26 @@ def _play(output: Path, rate: float, console: Console) -> tuple[PhaseRecord, lis
                 for node in nodes:
                     node.require_running()
 
-            start = client.wait_until_ready(check)
-            columns = (TextColumn('{task.description:15}'), BarColumn(), TimeElapsedColumn())
-            records = []
+            gripper = Gripping(client, check)
+            records = [gripper.wait_until_ready()]
+            columns = (TextColumn('{task.description:18}'), BarColumn(), TimeElapsedColumn())
             with Progress(*columns, console=console) as progress:
-                for phase in figure_9():
-                    task = progress.add_task(phase.name, total=1.0)
-                    record = client.play(
-                        phase, check, lambda done, task=task: progress.update(task, completed=done)
-                    )
-                    records.append(record)
-            return start, records
+
+                def bar(name: str) -> Callable[[float], None]:
+                    task = progress.add_task(name, total=1.0)
+                    return lambda done: progress.update(task, completed=done)
+
+                goal = PlanGrasp.Goal(
+                    object_diameter=OBJECT_DIAMETER,
+                    module=GRIP_MODULE,
+                    min_margin=MIN_MARGIN,
+                    count=2,
+                )
+                grasp, plan = gripper.plan(goal, bar('plan a grasp'))
+                records += gripper.approach(grasp, bar('approach and grip'))
+                gripper.activate_manipulation()
+                records += [client.play(phase, check, bar(phase.name)) for phase in figure_9()]
+            return records, plan
     finally:
         client.destroy_node()
         rclpy.shutdown()

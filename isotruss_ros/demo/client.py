@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 import math
 import time
-from typing import NamedTuple
 
 from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import IsotrussError, Pose, Status
 from isotruss_ros.demo.path import Phase
+from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.nodes.messages import RollerStates, seconds, twist_message
 from isotruss_ros.nodes.qos import RELIABLE
 import numpy as np
@@ -32,52 +31,11 @@ class DemoError(IsotrussError, RuntimeError):
     """The nodes did not do what they were asked."""
 
 
-class Snapshot(NamedTuple):
-    """The measured state at one time: roller travel [m] and the object's pose."""
-
-    time: float
-    rollers: np.ndarray
-    pose: Pose
-
-
-@dataclass
-class PhaseRecord:
-    """
-    What came of one phase.
-
-    :ivar commanded: (dx, dy, dangle), the integral of the twists that were sent [m, rad].
-    :ivar measured: (dx, dy, dangle) of the measured pose; the angle unwrapped [m, rad].
-    :ivar max_roller_speed: largest measured speed of any roller [m/s].
-    :ivar loop_rate: cycles of the manipulation node per second [Hz].
-    :ivar statuses: all that it reported while the phase ran.
-    :ivar snapshots: measured states, in time order.
-    :ivar grasps: all that the analysis of the grasp said, in time order.
-    """
-
-    name: str
-    commanded: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    measured: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    max_roller_speed: float = 0.0
-    loop_rate: float = 0.0
-    statuses: set[Status] = field(default_factory=set)
-    snapshots: list[Snapshot] = field(default_factory=list)
-    grasps: list[GraspState] = field(default_factory=list)
-
-    @property
-    def position_error(self) -> float:
-        """Return the distance of the measured from the commanded end [m]."""
-        return float(np.linalg.norm((self.measured - self.commanded)[:2]))
-
-    @property
-    def angle_error(self) -> float:
-        """Return the angle between the measured and the commanded end [rad]."""
-        return abs(float((self.measured - self.commanded)[2]))
-
-
 class DemoClient(Node):
     """
     Publishes `cmd_vel`; collects states, `manipulation/status` and `grasp/state`.
 
+    :ivar frame_id: of the object's pose.
     :param roller_names: the robot's rollers in its order.
     """
 
@@ -85,6 +43,7 @@ class DemoClient(Node):
         super().__init__('demo')
         self._twists = self.create_publisher(Twist, 'cmd_vel', RELIABLE)
         self._roller_states = RollerStates(roller_names)
+        self.frame_id = ''
         self._pose: Pose | None = None
         self._turned = 0.0
         self._moved = time.monotonic()
@@ -102,7 +61,18 @@ class DemoClient(Node):
         self._own_executor = SingleThreadedExecutor()
         self._own_executor.add_node(self)
 
+    @property
+    def pose(self) -> Pose:
+        """Return the pose of the object that was measured last."""
+        return self._pose
+
+    @property
+    def rollers(self) -> np.ndarray:
+        """Return the roller positions that were measured last (r,) [m]."""
+        return self._rollers
+
     def _take_pose(self, message: PoseStamped) -> None:
+        self.frame_id = message.header.frame_id
         q = message.pose.orientation
         angle = 2.0 * math.atan2(q.z, q.w)
         before = self._pose
@@ -116,7 +86,10 @@ class DemoClient(Node):
             self._record.snapshots.append(snapshot)
 
     def _take_joints(self, message: JointState) -> None:
-        self._rollers = self._roller_states.state(message).positions
+        rollers = self._roller_states.state(message).positions
+        if self._rollers is None or not np.array_equal(rollers, self._rollers):
+            self._moved = time.monotonic()
+        self._rollers = rollers
         speed = max(map(abs, message.velocity), default=0.0)
         self._record.max_roller_speed = max(self._record.max_roller_speed, speed)
 
@@ -128,42 +101,63 @@ class DemoClient(Node):
     def _take_grasp(self, message: GraspState) -> None:
         self._record.grasps.append(message)
 
+    def begin(self, name: str) -> PhaseRecord:
+        """Begin a phase: what is heard from now on belongs to its record."""
+        self._record = PhaseRecord(name)
+        self._status_times.clear()
+        return self._record
+
+    def wait(
+        self,
+        ready: Callable[[], bool],
+        check: Callable[[], None],
+        what: str,
+        deadline: float = DEADLINE,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> None:
+        """
+        Wait for something.
+
+        :param check: raises when it cannot come any more.
+        :param what: it is, for the error.
+        :param deadline: within which it must come [s].
+        :param meanwhile: called every `PERIOD`.
+        :raises DemoError: it did not come in time.
+        """
+        end = time.monotonic() + deadline
+        while not ready():
+            if time.monotonic() > end:
+                said = self._last_status.message if self._last_status else 'no status'
+                raise DemoError(f'{what} did not happen within {deadline} s; last heard: {said}')
+            check()
+            if meanwhile is not None:
+                meanwhile()
+            self._spin_until(time.monotonic() + PERIOD)
+
     def _spin_until(self, monotonic_time: float) -> None:
         while (left := monotonic_time - time.monotonic()) > 0.0:
             self._own_executor.spin_once(timeout_sec=left)
 
-    def _hold_still(self, ready: Callable[[], bool], check: Callable[[], None], what: str) -> None:
-        """Send zero twists until `ready`; `check` raises when it cannot come any more."""
-        deadline = time.monotonic() + DEADLINE
-        while not ready():
-            if time.monotonic() > deadline:
-                said = self._last_status.message if self._last_status else 'no status'
-                raise DemoError(f'{what} did not happen within {DEADLINE} s; last heard: {said}')
-            check()
-            self._twists.publish(Twist())
-            self._spin_until(time.monotonic() + PERIOD)
+    def resting(self) -> bool:
+        """Tell whether the object and the rollers have not moved for a while."""
+        return self._rollers is not None and time.monotonic() - self._moved > REST_TIME
 
-    def _resting(self) -> bool:
+    def _idle(self) -> bool:
         idle = self._last_status is not None and self._last_status.code == Status.IDLE
-        return idle and time.monotonic() - self._moved > REST_TIME
+        return idle and self.resting()
 
-    def _grasp_known(self) -> bool:
-        grasps = self._record.grasps
-        return bool(grasps) and grasps[-1].code == GraspState.OK
+    def last_grasp(self) -> GraspState | None:
+        """Return what the analysis said last in this phase."""
+        return self._record.grasps[-1] if self._record.grasps else None
 
-    def wait_until_ready(self, check: Callable[[], None]) -> PhaseRecord:
+    def wait_until_obeyed(self, check: Callable[[], None]) -> None:
         """
-        Wait until all nodes talk and the object rests.
+        Wait until the manipulation answers twists, and the object rests.
 
         :param check: raises when a node has gone.
-        :return: what was heard meanwhile; ends with the state at rest.
         :raises DemoError: it did not come about in time.
         """
-        self._hold_still(
-            lambda: self._resting() and bool(self._record.snapshots), check, 'a robot at rest'
-        )
-        self._hold_still(self._grasp_known, check, 'an analysis of the grasp')
-        return self._record
+        self._hold_still(check, 'a manipulation that is ready')
 
     def play(
         self, phase: Phase, check: Callable[[], None], progress: Callable[[float], None]
@@ -175,8 +169,7 @@ class DemoClient(Node):
         :param progress: told the share that is done.
         :raises DemoError: the object did not come to rest.
         """
-        self._record = record = PhaseRecord(phase.name)
-        self._status_times.clear()
+        record = self.begin(phase.name)
         begin, turned = np.array(self._pose[:2]), self._turned
         start = now = time.monotonic()
         tick = 0
@@ -192,7 +185,11 @@ class DemoClient(Node):
         times = self._status_times
         record.loop_rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
         self._moved = time.monotonic()
-        self._hold_still(self._resting, check, f'rest after {phase.name!r}')
+        self._hold_still(check, f'rest after {phase.name!r}')
         record.measured[:2] = np.array(self._pose[:2]) - begin
         record.measured[2] = self._turned - turned
         return record
+
+    def _hold_still(self, check: Callable[[], None], what: str) -> None:
+        """Send zero twists until the object rests."""
+        self.wait(self._idle, check, what, meanwhile=lambda: self._twists.publish(Twist()))

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from isotruss_ros.core import analyze_grasp, Configuration, Cylinder, Robot
-from isotruss_ros.demo.client import PhaseRecord, Snapshot
 from isotruss_ros.demo.drawing import draw_object, draw_robot, frame, PATH_COLOR
 from isotruss_ros.demo.grasp_drawing import draw_forces, draw_grasp
+from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.figure import Figure
 import numpy as np
@@ -19,6 +19,8 @@ MARGIN = 0.12
 FRAMES_PER_SECOND = 12
 SPEED_UP = 3.0
 
+#: Length of an arrow for its force [m/N].
+ARROW_SCALE = 0.004
 #: The grasp, magnified, is beside its panel: left, bottom, width, height as shares of that.
 BESIDE = (1.03, 0.52, 0.48, 0.48)
 
@@ -26,24 +28,29 @@ Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def draw_panels(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path: Path) -> None:
-    """Write one panel for the end of each phase, the start being one; the grasp magnified."""
+    """Write one panel for the end of each phase; the grasp magnified where there is one."""
     stops = [record.snapshots[-1] for record in records]
     configs = [robot.configuration(stop.rollers) for stop in stops]
     box = _box(configs)
-    figure = Figure(figsize=(11.6, 7.6), layout='constrained')
-    travelled = []
-    for i, axes in enumerate(figure.subplots(2, 2).ravel()):
+    columns = -(-len(stops) // 2)
+    figure = Figure(figsize=(5.8 * columns, 7.6), layout='constrained')
+    travelled: list[Snapshot] = []
+    panels = figure.subplots(2, columns).ravel()
+    for axes in panels[len(stops) :]:
+        axes.set_axis_off()
+    for i, axes in enumerate(panels[: len(stops)]):
         draw_robot(axes, configs[i])
-        if i > 0:
-            travelled += records[i].snapshots
-            _draw_path(axes, travelled)
+        travelled += records[i].snapshots
+        _draw_path(axes, travelled)
         draw_object(axes, stops[i].pose, diameter)
         cylinder = Cylinder(stops[i].pose[:2], diameter)
         analysis = analyze_grasp(configs[i], cylinder)
-        draw_forces(axes, cylinder, analysis)
+        draw_forces(axes, cylinder, analysis, ARROW_SCALE)
         frame(axes, *box)
-        draw_grasp(axes.inset_axes(BESIDE), configs[i], cylinder, analysis)
-        axes.set_title(f'({"abcd"[i]}) {records[i].name}', loc='left')
+        if analysis.contact_lengths:
+            draw_grasp(axes.inset_axes(BESIDE), configs[i], cylinder, analysis, scale=ARROW_SCALE)
+        closed = ', closed by friction' if analysis.force_closure else ''
+        axes.set_title(f'({"abcdefgh"[i]}) {records[i].name}{closed}', loc='left')
     figure.savefig(path, dpi=110)
 
 
@@ -67,7 +74,7 @@ def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path:
         _draw_path(axes, chosen[: i + 1])
         draw_object(axes, chosen[i].pose, diameter)
         cylinder = Cylinder(chosen[i].pose[:2], diameter)
-        draw_forces(axes, cylinder, analyze_grasp(configs[i], cylinder))
+        draw_forces(axes, cylinder, analyze_grasp(configs[i], cylinder), ARROW_SCALE)
         frame(axes, *box)
 
     animation = FuncAnimation(figure, show, frames=len(chosen))

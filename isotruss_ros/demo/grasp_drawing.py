@@ -21,9 +21,15 @@ ARROW_SCALE = 0.015
 AROUND = 1.0
 
 
-def draw_forces(axes: Axes, cylinder: Cylinder, analysis: GraspAnalysis) -> None:
-    """Draw the forces on the object, friction included, as arrows that push at its surface."""
-    for tail, tip in force_lines(cylinder, analysis, ARROW_SCALE):
+def draw_forces(
+    axes: Axes, cylinder: Cylinder, analysis: GraspAnalysis, scale: float = ARROW_SCALE
+) -> None:
+    """
+    Draw the forces on the object, friction included, as arrows that push at its surface.
+
+    :param scale: length of an arrow for its force [m/N].
+    """
+    for tail, tip in force_lines(cylinder, analysis, scale):
         axes.annotate(
             '',
             xy=(tip.real, tip.imag),
@@ -45,11 +51,13 @@ def draw_grasp(
     cylinder: Cylinder,
     analysis: GraspAnalysis,
     spacing: float = 0.005,
+    scale: float = ARROW_SCALE,
 ) -> None:
     """
     Draw the object, the bent tubes, where they were, contact regions and forces, magnified.
 
     :param spacing: of the points along the tubes, as in the analysis [m].
+    :param scale: length of an arrow for its force [m/N].
     """
     robot = config.robot
     for tube, line in zip(robot.layout.tube, deformed_lines(config, analysis), strict=True):
@@ -72,7 +80,7 @@ def draw_grasp(
         inward = complex(*cylinder.center) - line.mean()
         skin = line + 0.5 * robot.description.tube_diameter * inward / abs(inward)
         axes.plot(skin.real, skin.imag, color=REGION_COLOR, lw=5.0, zorder=9)
-    draw_forces(axes, cylinder, analysis)
+    draw_forces(axes, cylinder, analysis, scale)
     lengths = ' + '.join(f'{1e3 * length:.0f}' for length in analysis.contact_lengths.values())
     axes.set_title(f'{analysis.normal_forces.sum():.1f} N on {lengths or 0} mm', fontsize=8, pad=2)
     x, y = cylinder.center

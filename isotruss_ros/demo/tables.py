@@ -4,11 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.demo.client import PhaseRecord
+from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.nodes.messages import seconds
 import numpy as np
 from rich.table import Table
+
+
+def plan_table(plan: PlanGrasp.Result) -> Table:
+    """Return the grasps that were found, best first; the first is the one that is gone to."""
+    table = Table(
+        title=(
+            f'Planned: {plan.evaluations} configurations looked at, {plan.analyses} analysed, '
+            f'{plan.computing_time:.1f} s'
+        ),
+        box=None,
+        pad_edge=False,
+        collapse_padding=True,
+    )
+    table.add_column('grip')
+    table.add_column('touching')
+    for heading in ('margin\nmN', 'needs\nfriction', 'normal\nN', 'way\nm', 'least\nrigidity'):
+        table.add_column(heading, justify='right', no_wrap=True)
+    for grasp in plan.grasps:
+        table.add_row(
+            grasp.module,
+            ' '.join(grasp.members),
+            f'{1e3 * grasp.closure_margin:.0f}',
+            f'{grasp.required_friction:.2f}',
+            f'{grasp.total_force:.1f}',
+            f'{grasp.travel:.2f}',
+            f'{grasp.rigidity:.2f}',
+        )
+    return table
 
 
 def motion_table(records: Sequence[PhaseRecord]) -> Table:
@@ -52,7 +81,7 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
     table = Table(
         title='Grasp: sum of the normal forces; left: what friction does not balance',
         caption=(
-            'Open: the object is fixed in the grip and not where the forces balance;\n'
+            'Closed where it was gripped. Moved from there the sides press unevenly:\n'
             'what friction leaves, the simulator holds.'
         ),
         box=None,
@@ -66,6 +95,7 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
         'in contact\nmm',
         'left\nN',
         'closed\n%',
+        'at the\nend',
         'analysis\nms',
         'states\nHz',
     ):
@@ -85,6 +115,7 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
             ' + '.join(f'{1e3 * length:.0f}' for length in last.contact_lengths),
             f'{last.closure_residual:.1f}',
             f'{100.0 * closed:.0f}',
+            'closed' if last.force_closure else 'open',
             f'{1e3 * np.median([grasp.computing_time for grasp in answers]):.1f}',
             f'{_rate(answers):.0f}',
         )

@@ -1,0 +1,147 @@
+"""The first half of the demonstration: plan a grasp, go there, and see it closed; all over DDS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.action import PlanGrasp
+from isotruss_msgs.msg import GraspState, PlannedGrasp
+from isotruss_ros.demo.client import DemoClient, DemoError
+from isotruss_ros.demo.record import PhaseRecord
+from isotruss_ros.nodes.messages import pose_message
+from isotruss_ros.nodes.qos import RELIABLE
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+import numpy as np
+from rclpy.action import ActionClient
+from rclpy.task import Future
+from trajectory_msgs.msg import JointTrajectory
+
+Check = Callable[[], None]
+
+#: A search takes seconds; on a machine that is busy otherwise, more of them [s].
+PLANNING_DEADLINE = 120.0
+#: The rollers have arrived when all are this near to the end of the way [m].
+ARRIVED = 1e-4
+
+
+class Gripping:
+    """
+    Speaks to the planner, to the rollers' trajectory node and to the manipulation's life cycle.
+
+    :param client: the demonstration's node.
+    :param check: raises when a node has gone.
+    """
+
+    def __init__(self, client: DemoClient, check: Check) -> None:
+        self._client, self._check = client, check
+        self._planner = ActionClient(client, PlanGrasp, 'plan_grasp')
+        self._states = client.create_client(ChangeState, 'manipulation/change_state')
+        self._trajectories = client.create_publisher(
+            JointTrajectory, 'joint_trajectory_controller/joint_trajectory', RELIABLE
+        )
+
+    def wait_until_ready(self) -> PhaseRecord:
+        """
+        Wait until all nodes talk and nothing moves.
+
+        :raises DemoError: it did not come about in time.
+        """
+        client = self._client
+        record = client.begin('start')
+        client.wait(
+            lambda: (
+                client.resting()
+                and bool(record.snapshots)
+                and client.last_grasp() is not None
+                and self._planner.server_is_ready()
+                and self._states.service_is_ready()
+                and self._trajectories.get_subscription_count() > 0
+            ),
+            self._check,
+            'nodes that talk',
+        )
+        return record
+
+    def plan(
+        self, goal: PlanGrasp.Goal, progress: Callable[[float], None]
+    ) -> tuple[PlannedGrasp, PlanGrasp.Result]:
+        """
+        Ask the planner for a grasp of the object where it is.
+
+        :param goal: all but the object's pose.
+        :param progress: told the share that is done.
+        :return: the best grasp, and the whole answer.
+        :raises DemoError: there is none.
+        """
+        pose = self._client.pose
+        goal.object_pose = PoseStamped(pose=pose_message(pose))
+        goal.object_pose.header.frame_id = self._client.frame_id
+        sent = self._planner.send_goal_async(
+            goal, lambda message: progress(message.feedback.progress)
+        )
+        handle = self._answer(sent, 'an answer of the planner')
+        if not handle.accepted:
+            raise DemoError('the planner refused the goal')
+        asked = handle.get_result_async()
+        result = self._answer(asked, 'a planned grasp', PLANNING_DEADLINE).result
+        if result.code != PlanGrasp.Result.FOUND:
+            raise DemoError(f'no grasp was found: {result.message}')
+        progress(1.0)
+        return result.grasps[0], result
+
+    def approach(
+        self, grasp: PlannedGrasp, progress: Callable[[float], None]
+    ) -> tuple[PhaseRecord, PhaseRecord]:
+        """
+        Go the way to a grasp, and wait until the analysis says that it is closed.
+
+        :return: what was heard until the sides touched the object, and from there on.
+        :raises DemoError: the rollers did not arrive, or friction does not close the grasp.
+        """
+        client = self._client
+        record = client.begin('approach')
+        self._trajectories.publish(grasp.path)
+        end = np.array(grasp.path.points[-1].positions)
+        way = max(float(np.abs(end - client.rollers).max()), ARRIVED)
+
+        def arrived() -> bool:
+            left = float(np.abs(end - client.rollers).max())
+            progress(1.0 - min(1.0, left / way))
+            return left <= ARRIVED and client.resting()
+
+        deadline = 3.0 * _seconds(grasp.path.points[-1].time_from_start) + 20.0
+        client.wait(arrived, self._check, 'the way to the grasp', deadline)
+        heard = len(record.grasps)
+        # One that was computed when all was at rest already.
+        client.wait(lambda: len(record.grasps) > heard + 1, self._check, 'an analysis at rest')
+        progress(1.0)
+        said = client.last_grasp()
+        if said.code != GraspState.OK or not said.force_closure:
+            raise DemoError(f'the grasp is not closed: {said.message or said.closure_residual}')
+        touch = next(p for p in grasp.path.points if p.time_from_start == grasp.touch)
+        return record.split('grip', np.array(touch.positions))
+
+    def activate_manipulation(self) -> None:
+        """
+        Bring the manipulation node up, and wait until it obeys.
+
+        :raises DemoError: it did not come up.
+        """
+        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+            request = ChangeState.Request(transition=Transition(id=transition))
+            asked = self._states.call_async(request)
+            if not self._answer(asked, 'a transition of the manipulation').success:
+                raise DemoError('the node manipulation could not be brought up; see its log')
+        self._client.wait_until_obeyed(self._check)
+
+    def _answer(self, future: Future, what: str, deadline: float = 20.0) -> Any:
+        self._client.wait(future.done, self._check, what, deadline)
+        return future.result()
+
+
+def _seconds(duration: Duration) -> float:
+    return duration.sec + 1e-9 * duration.nanosec
