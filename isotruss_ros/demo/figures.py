@@ -36,9 +36,10 @@ def draw_panels(robot: Robot, diameter: float, records: Sequence[PhaseRecord], p
     figure = Figure(figsize=(5.8 * columns, 7.6), layout='constrained')
     travelled: list[Snapshot] = []
     panels = figure.subplots(2, columns).ravel()
-    for axes in panels[len(stops) :]:
+    count = len(stops)
+    for axes in panels[count:]:
         axes.set_axis_off()
-    for i, axes in enumerate(panels[: len(stops)]):
+    for i, axes in enumerate(panels[:count]):
         draw_robot(axes, configs[i])
         travelled += records[i].snapshots
         _draw_path(axes, travelled)
