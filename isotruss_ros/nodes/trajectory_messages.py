@@ -8,8 +8,9 @@ from isotruss_ros.nodes.messages import MAX_DISTANCE, MessageError, quoted
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory
 
-#: A trajectory of more points than this was not planned for a robot [-].
-MAX_POINTS = 100_000
+#: A trajectory of more points than this was not planned for a robot; while it is read, which takes
+#: 20 us for each, nobody looks after the rollers.
+MAX_POINTS = 10_000
 
 
 def roller_path(message: JointTrajectory, robot: Robot) -> RollerPath:
@@ -32,7 +33,8 @@ def roller_path(message: JointTrajectory, robot: Robot) -> RollerPath:
         positions = np.asarray(point.positions, dtype=np.float64)
         if positions.shape != (len(names),) or not (np.abs(positions) <= MAX_DISTANCE).all():
             raise MessageError(
-                f'trajectory: point {number}: must have {len(names)} finite positions [m]'
+                f'trajectory: point {number}: must have {len(names)} positions, '
+                f'finite and at most {MAX_DISTANCE:g} m'
             )
     order = [names.index(name) for name in robot.roller_names]
     positions = np.array([point.positions for point in points])[:, order]
