@@ -2,6 +2,7 @@
 
 PYTHON ?= python3
 MINUTES ?= 10
+WALKS ?= 1000
 VENV := .venv
 BIN := $(VENV)/bin
 STAMPS := $(VENV)/stamps
@@ -17,7 +18,7 @@ unexport FASTRTPS_DEFAULT_PROFILES_FILE FASTDDS_DEFAULT_PROFILES_FILE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test demo paper colcon bench fuzz format clean FORCE
+.PHONY: help venv test demo paper colcon bench fuzz soak format clean FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation'
@@ -26,6 +27,7 @@ help:
 	@echo 'make colcon   build and test both packages as a colcon workspace, in .colcon'
 	@echo 'make bench    run the benchmarks'
 	@echo 'make fuzz     fuzz the readers of files, MINUTES=10 each (x86-64)'
+	@echo 'make soak     run the nodes at 1 kHz for MINUTES=15, and WALKS=1000 walks at the edge of the shapes'
 	@echo 'make format   format the sources and fix what can be fixed'
 	@echo 'make venv     only set up .venv'
 	@echo 'make clean    remove .venv and all that was built'
@@ -52,6 +54,11 @@ bench: venv
 
 fuzz: venv $(STAMPS)/fuzz
 	tools/fuzz/run.sh $(BIN)/python $(MINUTES)
+
+soak: MINUTES = 15
+soak: venv
+	$(BIN)/python test/soak.py --minutes $(MINUTES)
+	$(BIN)/python test/walks.py --walks $(WALKS)
 
 format: venv
 	$(BIN)/ruff check --fix .

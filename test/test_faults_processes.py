@@ -1,102 +1,19 @@
 """Nodes that are killed, that hang or that fail in mid-motion, as processes; and started again."""
 
-import contextlib
 import signal
 import subprocess
 import sys
-import time
 
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import Status
-from isotruss_ros.demo.processes import NodeProcess
 import numpy as np
-from probe import DEADLINE, Manager, ROBOT, world
+from probe import DEADLINE, Manager, ROBOT
+from robot_processes import robot, TIMEOUT
 from std_msgs.msg import Bool
 
-TIMEOUT = 0.5
 #: A busy machine delays [s].
 SLACK = 1.5
 MAX_SPEED = ROBOT.description.max_speed
-
-
-class Robot:
-    """
-    The nodes as processes, and a probe that commands a twist.
-
-    :param logs: folder for what they print.
-    """
-
-    def __init__(self, w, logs):
-        self.w, self._logs = w, logs
-        self._alive = {}
-        self._started = 0
-
-    def start(self, name, **values):
-        """Start a node."""
-        self._started += 1
-        log = self._logs / f'{self._started}-{name}.log'
-        self._alive[name] = NodeProcess(name, {'command_timeout': TIMEOUT} | values, log)
-
-    def signal(self, name, which):
-        """Send a signal to a node; after SIGKILL wait until it is gone."""
-        process = self._alive[name].process
-        process.send_signal(which)
-        if which == signal.SIGKILL:
-            process.wait(DEADLINE)
-            del self._alive[name]
-
-    def close(self):
-        """Stop all, and check that none of them has failed."""
-        for process in self._alive.values():
-            process.process.send_signal(signal.SIGCONT)
-            process.stop()
-        for log in self._logs.glob('*.log'):
-            assert 'Traceback' not in log.read_text(), log.read_text()
-
-    def travel(self):
-        """Return the last measured travel of the rollers."""
-        return np.array(self.w.probe.last('joints').position)
-
-    def moving(self):
-        """Return whether the last joint states tell of a motion."""
-        joints = self.w.probe.last('joints')
-        return joints is not None and any(joints.velocity)
-
-    def until_moving(self):
-        """Command a twist until the rollers move, heard from now on."""
-        for key in ('joints', 'status'):
-            self.w.probe.seen[key].clear()
-        self.until(lambda: self.moving() and self.w.code() == Status.OK)
-
-    def until(self, what):
-        """Command a twist to and fro until something holds."""
-
-        def each():
-            for process in self._alive.values():
-                process.require_running()
-            swing = 0.02 * np.cos(np.pi * time.monotonic())
-            self.w.probe.send_twist((0.0, swing, 0.0))
-
-        self.w.until(what, each)
-
-    def check_at_rest(self):
-        """Check that the rollers stand still for some time in spite of twists."""
-        at = self.travel()
-        count = len(self.w.probe.seen['joints'])
-        self.until(lambda: len(self.w.probe.seen['joints']) > count + 30)
-        assert not any(any(m.velocity) for _, m in self.w.probe.seen['joints'][count:])
-        assert np.array_equal(self.travel(), at)
-
-
-@contextlib.contextmanager
-def robot(logs):
-    """Return a robot of processes; they are stopped at the end."""
-    with world() as w:
-        made = Robot(w, logs)
-        try:
-            yield made
-        finally:
-            made.close()
 
 
 def test_each_node_is_killed_in_mid_motion_and_started_again(tmp_path):

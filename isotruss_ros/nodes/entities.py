@@ -29,6 +29,10 @@ class Entities:
         for entity, destroy in self._all():
             if id(entity) not in before:
                 destroy(entity)
+        # rclpy keeps a weak reference to everything that ever was in the group: without this, a
+        # node that is configured anew again and again grows.
+        known = self._node.default_callback_group.entities
+        known -= {reference for reference in known if reference() is None}
 
     def _all(self) -> list[tuple[object, object]]:
         """Return every entity and how it is destroyed."""

@@ -1,0 +1,99 @@
+"""The nodes as processes, commanded and watched by a probe."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+import contextlib
+from pathlib import Path
+import signal
+import time
+
+from isotruss_ros.core import Status
+from isotruss_ros.demo.processes import NodeProcess
+import numpy as np
+from probe import DEADLINE, World, world
+
+#: Of inputs [s].
+TIMEOUT = 0.5
+
+
+class Robot:
+    """
+    The nodes as processes, and a probe that commands a twist.
+
+    :ivar alive: the processes by name of the node.
+    :param logs: folder for what they print.
+    """
+
+    def __init__(self, w: World, logs: Path) -> None:
+        self.w, self._logs = w, logs
+        self.alive: dict[str, NodeProcess] = {}
+        self._started = 0
+
+    def start(self, name: str, **values: object) -> None:
+        """Start a node."""
+        self._started += 1
+        log = self._logs / f'{self._started}-{name}.log'
+        self.alive[name] = NodeProcess(name, {'command_timeout': TIMEOUT} | values, log)
+
+    def signal(self, name: str, which: int) -> None:
+        """Send a signal to a node; after SIGKILL wait until it is gone."""
+        process = self.alive[name].process
+        process.send_signal(which)
+        if which == signal.SIGKILL:
+            process.wait(DEADLINE)
+            del self.alive[name]
+
+    def close(self) -> None:
+        """Stop all, and check that none of them has failed."""
+        for process in self.alive.values():
+            process.process.send_signal(signal.SIGCONT)
+            process.stop()
+        for log in self._logs.glob('*.log'):
+            assert 'Traceback' not in log.read_text(), log.read_text()
+
+    def travel(self) -> np.ndarray:
+        """Return the last measured travel of the rollers."""
+        return np.array(self.w.probe.last('joints').position)
+
+    def moving(self) -> bool:
+        """Return whether the last joint states tell of a motion."""
+        joints = self.w.probe.last('joints')
+        return joints is not None and any(joints.velocity)
+
+    def until_moving(self) -> None:
+        """Command a twist until the rollers move, heard from now on."""
+        for key in ('joints', 'status'):
+            self.w.probe.seen[key].clear()
+        self.until(lambda: self.moving() and self.w.code() == Status.OK)
+
+    def until(self, what: Callable[[], bool], also: Callable[[], None] = lambda: None) -> None:
+        """Command a twist to and fro, and do something else, until something holds."""
+
+        def each() -> None:
+            for process in self.alive.values():
+                process.require_running()
+            swing = 0.02 * np.cos(np.pi * time.monotonic())
+            self.w.probe.send_twist((0.0, swing, 0.0))
+            also()
+
+        self.w.until(what, each)
+
+    def check_at_rest(self) -> None:
+        """Check that the rollers stand still for some time in spite of twists."""
+        at = self.travel()
+        count = len(self.w.probe.seen['joints'])
+        self.until(lambda: len(self.w.probe.seen['joints']) > count + 30)
+        assert not any(any(m.velocity) for _, m in self.w.probe.seen['joints'][count:])
+        assert np.array_equal(self.travel(), at)
+
+
+@contextlib.contextmanager
+def robot(logs: Path) -> Iterator[Robot]:
+    """Return a robot of processes; they are stopped at the end."""
+    with world() as w:
+        made = Robot(w, logs)
+        try:
+            yield made
+        finally:
+            made.close()
