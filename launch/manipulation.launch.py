@@ -1,4 +1,4 @@
-"""Start manipulation and grasp analysis for a robot whose drivers run under ros2_control."""
+"""Start what moves and watches a held object, for drivers that run under ros2_control."""
 
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
@@ -7,21 +7,34 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
 
-#: What both nodes share; what describes the real robot has no default.
-SHARED = {
+#: What all nodes share; what describes the real robot has no default.
+ALL = {
     'robot': (None, str, 'Preset, or path of a robot file'),
-    'object_diameter': (None, float, "The object's own diameter [m]"),
     'command_timeout': ('0.2', float, 'Inputs older than this are not relied on [s]'),
+    'autostart': ('true', bool, 'Nodes configure and activate on their own'),
+    'use_sim_time': ('false', bool, 'Go by the topic /clock'),
+}
+STAMPED = {
+    'use_stamped_twist': ('false', bool, 'cmd_vel is a TwistStamped instead of a Twist'),
+}
+#: What all share that know the object.
+SHARED = ALL | {
+    'object_diameter': (None, float, "The object's own diameter [m]"),
 }
 MANIPULATION = SHARED | {
     'grip_module': (None, str, 'Module t/j whose two sides hold the object'),
     'rate': ('200.0', float, 'Cycles per second of the manipulation [Hz]'),
-    'use_stamped_twist': ('false', bool, 'cmd_vel is a TwistStamped instead of a Twist'),
+    **STAMPED,
+    'require_emergency_stop': ('false', bool, 'Nothing moves before emergency_stop is heard'),
 }
 GRASP_ANALYSIS = SHARED | {
     'friction': ('0.5', float, 'Coefficient of friction between tube and object'),
 }
-NODES = {'manipulation': MANIPULATION, 'grasp_analysis': GRASP_ANALYSIS}
+NODES = {
+    'manipulation': MANIPULATION,
+    'grasp_analysis': GRASP_ANALYSIS,
+    'path_follower': ALL | STAMPED,
+}
 
 
 def generate_launch_description() -> LaunchDescription:

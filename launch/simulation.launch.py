@@ -1,4 +1,4 @@
-"""Start simulator, manipulation and grasp analysis together: no hardware needed."""
+"""Start simulator and all that moves and watches a held object: no hardware needed."""
 
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
@@ -8,10 +8,18 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch import LaunchDescription
 
 #: What all nodes share.
-SHARED = {
+ALL = {
     'robot': ('nine_member', str, 'Preset, or path of a robot file'),
-    'object_diameter': ('0.3', float, "The object's own diameter [m]"),
     'command_timeout': ('0.2', float, 'Inputs older than this are not relied on [s]'),
+    'autostart': ('true', bool, 'Nodes configure and activate on their own'),
+    'use_sim_time': ('false', bool, 'Go by the topic /clock'),
+}
+STAMPED = {
+    'use_stamped_twist': ('false', bool, 'cmd_vel is a TwistStamped instead of a Twist'),
+}
+#: What all share that know the object.
+SHARED = ALL | {
+    'object_diameter': ('0.3', float, "The object's own diameter [m]"),
 }
 #: What simulator and manipulation share; the grasp analysis has its own rate.
 MOTION = SHARED | {
@@ -22,7 +30,8 @@ SIMULATOR = MOTION | {
     'squeeze': ('0.0', float, 'How much nearer to the corner the object is than snug [m]'),
 }
 MANIPULATION = MOTION | {
-    'use_stamped_twist': ('false', bool, 'cmd_vel is a TwistStamped instead of a Twist'),
+    **STAMPED,
+    'require_emergency_stop': ('false', bool, 'Nothing moves before emergency_stop is heard'),
 }
 GRASP_ANALYSIS = SHARED | {
     'friction': ('0.5', float, 'Coefficient of friction between tube and object'),
@@ -31,6 +40,7 @@ NODES = {
     'simulator': SIMULATOR,
     'manipulation': MANIPULATION,
     'grasp_analysis': GRASP_ANALYSIS,
+    'path_follower': ALL | STAMPED,
 }
 
 

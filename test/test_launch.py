@@ -27,6 +27,6 @@ def test_launch_file_describes_nodes_with_known_parameters(path):
         for module in (parameters, simulator, grasp_analysis)
         for spec in vars(module).values()
         if isinstance(spec, parameters.Spec)
-    }
+    } | {'use_sim_time'}
     assert arguments
     assert arguments <= known
