@@ -71,3 +71,15 @@ def test_parameter_table_is_true():
         shown = str(spec.default).lower()
         words = row.lower()
         assert (shown or "''") in words or (not shown and 'none' in words), (spec.name, row)
+
+
+def test_every_test_that_a_page_names_is_there():
+    named = [
+        (page.name, *found)
+        for page in TOP.glob('docs/*.md')
+        for found in re.findall(r'(test_\w+)\.py::(test_\w+)', page.read_text(encoding='utf-8'))
+    ]
+    assert named
+    for page, file, function in named:
+        source = (TOP / 'test' / f'{file}.py').read_text(encoding='utf-8')
+        assert f'def {function}(' in source, (page, file, function)
