@@ -103,6 +103,41 @@ def test_smooth_path_through_few_poses_of_a_circle_is_nearly_that_circle():
     assert smooth.length > straight.length
 
 
+def catmull_rom(poses, share):
+    """Return the point in the middle span of four poses by the pyramid of Barry and Goldman."""
+    steps = np.diff(poses, axis=0)
+    times = np.maximum(np.hypot(*steps[:, :2].T) / SPEED, np.abs(steps[:, 2]) / TURN_RATE)
+    knots = np.concatenate([[0.0], np.cumsum(np.sqrt(times))])
+    at = knots[1] + share * (knots[2] - knots[1])
+
+    def mix(one, other, i, j):
+        return ((knots[j] - at) * one + (at - knots[i]) * other) / (knots[j] - knots[i])
+
+    a = [mix(poses[i], poses[i + 1], i, i + 1) for i in range(3)]
+    b = [mix(a[i], a[i + 1], i, i + 2) for i in range(2)]
+    return mix(b[0], b[1], 1, 2)
+
+
+def distance(point, poses):
+    """Return how far a point is from the lines between poses, angles taken for lengths."""
+    begin, steps = poses[:-1], np.diff(poses, axis=0)
+    share = ((point - begin) * steps).sum(axis=1) / (steps**2).sum(axis=1)
+    nearest = begin + np.clip(share, 0.0, 1.0)[:, np.newaxis] * steps
+    return np.linalg.norm(nearest - point, axis=1).min()
+
+
+@robots.examples(50)
+@given(strategies.integers(0, 2**32 - 1))
+def test_smooth_path_is_the_centripetal_spline(seed):
+    rng = np.random.default_rng(seed)
+    spread = rng.uniform(0.02, 1.0, (4, 1))  # poses near to each other and far apart
+    poses = np.cumsum(spread * rng.uniform(-0.5, 0.5, (4, 3)), axis=0)
+    path = ObjectPath(poses, SPEED, TURN_RATE, smooth=True)
+    for share in (0.2, 0.5, 0.9):
+        # The path is cut into pieces of about 5 mm; their chords are off by less.
+        assert distance(catmull_rom(poses, share), path.poses) < 2e-3
+
+
 def test_smooth_path_along_a_line_is_that_line():
     spaced = np.array([0.0, 0.1, 0.15, 0.4, 0.5])
     poses = np.column_stack([spaced, 2.0 * spaced, 0.5 * spaced])

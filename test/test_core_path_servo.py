@@ -59,6 +59,21 @@ def test_reaches_the_end():
     assert max(step.twist[0] for step in steps) == pytest.approx(PATH.speed)
 
 
+def test_age_of_the_pose_is_that_of_its_stamp():
+    servo, pose, past, errors = begun(), np.zeros(3), [], []
+    for cycle in range(80):
+        now = 10.0 + cycle * PERIOD
+        past.append(pose)
+        age = min(cycle, 10) * PERIOD
+        servo.pose = Sample(Pose(*past[max(0, cycle - 10)]), now - age)
+        servo.obedience = Sample(OBEYS, now)
+        step = servo.decide(now)
+        errors.append(step.tracking.position_error)
+        pose = pose + PERIOD * step.twist
+    assert max(errors) < 1e-9
+    assert pose[0] > 0.01
+
+
 @pytest.mark.parametrize(
     ('pose', 'words'),
     [

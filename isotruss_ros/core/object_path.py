@@ -28,7 +28,7 @@ MAX_SPEED, MAX_TURN_RATE = 10.0, 100.0
 HALF_TURN_MARGIN = 1e-6
 #: Poses nearer to each other than this are one [m, rad].
 SAME = 1e-9
-#: The pieces of a smooth path are at most this long [m] and turn at most this far [rad].
+#: The pieces of a smooth path are about this long [m] or turn about this far [rad].
 PIECE, PIECE_TURN = 0.005, 0.02
 MAX_PIECES_OF_A_SPAN = 200
 
