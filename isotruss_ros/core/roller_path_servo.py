@@ -23,8 +23,6 @@ GAIN = 5.0
 START_TOLERANCE = 0.01
 #: The rollers have arrived when all are this near to the end [m].
 TOLERANCE = 2e-5
-#: A roller that is this share of it near to the end rests while the others come.
-RESTING = 0.25
 #: The path waits while a roller lags by more than this [m], and is given up after so long [s].
 LAG, PATIENCE = 5e-3, 3.0
 
@@ -121,7 +119,7 @@ class RollerPathServo:
             return RollerStep(still, True, f'roller {worst} stays {lag:.4g} m behind the path')
         speeds = speeds + GAIN * error
         if at_end:
-            # Rollers are uneven only while they move.
-            speeds = np.where(np.abs(error) <= RESTING * TOLERANCE, 0.0, speeds)
+            # What has arrived rests: rollers are uneven only while they move.
+            speeds = np.where(np.abs(error) <= TOLERANCE, 0.0, speeds)
         limit = self._robot.description.max_speed
         return RollerStep(np.clip(speeds, -limit, limit), False, '')
