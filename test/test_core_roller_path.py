@@ -1,7 +1,7 @@
 """Paths of the rollers: straight between waypoints, at rest before and after, or refused."""
 
+import itertools
 import re
-import warnings
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -52,7 +52,7 @@ def test_is_straight_between_its_points_and_rests_outside(rng):
 def test_speed_is_the_derivative_of_the_position_and_within_the_limit(rng):
     positions, times = random_path(rng)
     path = RollerPath(ROBOT, positions, times)
-    for begin, end in zip(times[:-1], times[1:], strict=True):
+    for begin, end in itertools.pairwise(times):
         time = begin + rng.uniform(0.2, 0.8) * (end - begin)
         step = 0.1 * (end - begin)
         found = (path.at(time + step).positions - path.at(time - step).positions) / (2.0 * step)
@@ -106,10 +106,10 @@ BAD_POSITIONS = {
 }
 
 
+@pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize(('positions', 'words'), BAD_POSITIONS.values(), ids=BAD_POSITIONS)
 def test_positions_that_cannot_be_are_refused(positions, words):
-    with warnings.catch_warnings(), pytest.raises(ConfigurationError, match=re.escape(words)):
-        warnings.simplefilter('error')
+    with pytest.raises(ConfigurationError, match=re.escape(words)):
         RollerPath(ROBOT, positions, [0.0, 1.0])
 
 
@@ -136,9 +136,9 @@ def test_times_that_cannot_be_are_refused(times, words):
         RollerPath(ROBOT, [ORIGIN] * 3, times)
 
 
+@pytest.mark.filterwarnings('error')
 def test_steps_without_a_duration_are_too_quick_and_no_warning():
-    with warnings.catch_warnings(), pytest.raises(ConfigurationError, match='inf m/s'):
-        warnings.simplefilter('error')
+    with pytest.raises(ConfigurationError, match='inf m/s'):
         RollerPath(ROBOT, [ORIGIN, [0.1] * N], [0.0, 5e-324])
 
 
