@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from isotruss_ros.core.configuration import Configuration
@@ -71,9 +72,9 @@ class PlannedGrasp:
 
 
 @dataclass(frozen=True, eq=False)
-class GraspPlan:
+class GraspPlan(Sequence[PlannedGrasp]):
     """
-    The answer of a search.
+    The answer of a search; as a sequence, its grasps.
 
     :ivar grasps: distinct ones, best first; empty where none was found.
     :ivar complete: whether the search came to its end, and was not stopped.
@@ -89,6 +90,14 @@ class GraspPlan:
     evaluations: int
     analyses: int
     computing_time: float
+
+    def __getitem__(self, place: int | slice) -> PlannedGrasp | tuple[PlannedGrasp, ...]:
+        """Return a grasp, or some of them."""
+        return self.grasps[place]
+
+    def __len__(self) -> int:
+        """Return how many grasps were found."""
+        return len(self.grasps)
 
 
 @dataclass(frozen=True)
