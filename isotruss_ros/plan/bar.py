@@ -37,7 +37,8 @@ class ProgressBar:
         trace: TracebackType | None,
     ) -> None:
         """Leave the terminal as it was."""
-        self._progress.stop()
+        if not self._progress.disable:  # it would end a line that it did not begin
+            self._progress.stop()
 
     def show(self, told: SearchProgress) -> None:
         """Draw how far it is."""
