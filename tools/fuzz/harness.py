@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+import resource
 import sys
 import tempfile
 import warnings
 
 import atheris
+
+#: An input for which more memory is needed at once is a finding [kB].
+MAX_MEMORY = 500_000
 
 Mutator = Callable[[bytes, int, int], bytes]
 
@@ -27,7 +31,12 @@ def fuzz_file(read: Callable[[Path], None], suffix: str, mutate: Mutator | None 
 
         def test_one_input(data: bytes) -> None:
             path.write_bytes(data)
+            # The peak of one input: what libFuzzer keeps grows with the time that it runs.
+            before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
             read(path)
+            needed = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+            if needed > MAX_MEMORY:
+                raise MemoryError(f'{needed} kB for an input of {len(data)} bytes')
 
         options = {} if mutate is None else {'custom_mutator': mutate}
         atheris.Setup(sys.argv, test_one_input, **options)

@@ -8,9 +8,10 @@ for target in robot_file measurements; do
     found=.fuzz/$target
     mkdir -p "$found/corpus"
     echo "Fuzzing the reader of $target for $2 minutes"
-    # An input that takes a minute (of a busy machine) or a gigabyte is a finding too.
-    "$1" "$tools/$target.py" -max_total_time=$(($2 * 60)) -max_len=20000 -timeout=60 -report_slow_units=60 \
-        -rss_limit_mb=1024 -dict="$tools/$target.dict" -artifact_prefix="$found/" \
-        -print_final_stats=1 "$found/corpus" "$tools/corpus/$target" ||
+    # An input that takes a minute (of a busy machine) is a finding too.
+    "$1" "$tools/$target.py" -max_total_time=$(($2 * 60)) -max_len=20000 -timeout=60 \
+        -report_slow_units=60 -rss_limit_mb=4096 -dict="$tools/$target.dict" \
+        -artifact_prefix="$found/" -print_final_stats=1 "$found/corpus" \
+        "$tools/corpus/$target" ||
         { echo "Found something: see the files in $found/" >&2; exit 1; }
 done
