@@ -93,7 +93,7 @@ def test_ends_at_the_time_limit(capsys):
         (['--rollers', '1', '2'], 'must be 6 finite numbers'),
         (['--friction', '-1'], 'friction'),
         (['--count', '0'], 'must be 1 or more'),
-        (['--seed', '-1'], 'seed -1'),
+        (['--seed', '-1'], "seed '-1': must be an integer, not negative"),
         (['--measure', 'stiffness', '--direction', '0', '0', '0'], 'direction'),
         (['--json', '/nowhere/at/all.json'], '/nowhere/at/all.json'),
         (['--workers', '-1'], "'-1': must be from 0"),

@@ -23,7 +23,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.plan.background import Stop
 from isotruss_ros.plan.bar import ProgressBar
-from isotruss_ros.plan.options import add_requirements, duration, requirements, worker_count
+from isotruss_ros.plan.options import add_requirements, duration, requirements, seed, worker_count
 from isotruss_ros.plan.pool import WorkerPool
 from isotruss_ros.plan.report import as_json, table
 from isotruss_ros.plan.words import plan_in_words
@@ -136,7 +136,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--diameter', type=float, required=True, help='of it [m]')
     add_requirements(parser)
     group = parser.add_argument_group('search')
-    group.add_argument('--seed', type=int, default=0, help='the same seed, the same answer')
+    group.add_argument('--seed', type=seed, default=0, help='the same seed, the same answer')
     group.add_argument(
         '--workers',
         type=worker_count,

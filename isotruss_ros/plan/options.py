@@ -106,6 +106,13 @@ def worker_count(text: str) -> int:
     return value
 
 
+def seed(text: str) -> int:
+    """Return a seed, an integer that is not negative."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f'seed {text!r}: must be an integer, not negative')
+    return int(text)
+
+
 def duration(text: str) -> float:
     """Return a time that is not negative [s]."""
     try:
