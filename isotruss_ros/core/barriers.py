@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeAlias
 
 from isotruss_ros.core.boundary import Boundary
 from isotruss_ros.core.clearance import bodies
@@ -12,11 +11,17 @@ from isotruss_ros.core.grasp import Grasp
 from isotruss_ros.core.robot import Robot
 from isotruss_ros.core.shape_rigidity import Modes, shape_rigidity
 from isotruss_ros.core.status import Status
+from isotruss_ros.core.survey import Survey, survey
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
+
+#: Numbers of values, or all of them.
+Which: TypeAlias = Indices | slice
+EVERYTHING = slice(None)
 
 
 class Near(NamedTuple):
@@ -31,31 +36,6 @@ class Near(NamedTuple):
     which: Indices
     values: Array
     node_rows: Array
-
-
-class Far(NamedTuple):
-    """
-    A state in which nothing was near: what has moved by less than its distance is not near either.
-
-    It saves work and changes no answer: the distance between two things changes by no more than
-    what both of them have moved.
-
-    :ivar config: where the robot was.
-    :ivar grasp: what it held.
-    :ivar spare: how far the closest things were from being near [m].
-    """
-
-    config: Configuration
-    grasp: Grasp
-    spare: float
-
-    def covers(self, config: Configuration, grasp: Grasp) -> bool:
-        """Tell whether nothing can be near in another state."""
-        then = self.grasp
-        if grasp.module != then.module or grasp.diameter != then.diameter:
-            return False
-        moved = float(np.abs(config.points - self.config.points).max())
-        return moved + max(moved, math.dist(grasp.center, then.center)) < self.spare
 
 
 NOTHING = Near(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, 0)))
@@ -75,8 +55,8 @@ class Barrier(Protocol):
     def near(self, config: Configuration, grasp: Grasp) -> Near:
         """Return the values within the band of the boundary."""
 
-    def values(self, config: Configuration, grasp: Grasp) -> Array:
-        """Return all values in one configuration."""
+    def values(self, config: Configuration, grasp: Grasp, which: Which) -> Array:
+        """Return values of these numbers in one configuration."""
 
     def names(self, which: Indices) -> list[str]:
         """Return what the values of these numbers speak of."""
@@ -113,9 +93,9 @@ class RigidityBarrier:
         few = Modes(modes.values[:count], modes.rows[:, :count], modes.nodes[:, :count])
         return Near(np.arange(count), few.values, self._measure.gradients(config, few))
 
-    def values(self, config: Configuration, grasp: Grasp) -> Array:
+    def values(self, config: Configuration, grasp: Grasp, which: Which) -> Array:
         """Return the rigidity of modes, least first."""
-        return self._measure.modes(config).values
+        return self._measure.modes(config).values[which]
 
     def names(self, which: Indices) -> list[str]:
         """Return one name for all."""
@@ -135,22 +115,24 @@ class CrossingBarrier:
     def __init__(self, robot: Robot, boundary: Boundary) -> None:
         self.boundary = boundary
         self._bodies = bodies(robot)
-        self._far: Far | None = None
+        self._survey: Survey | None = None
 
     def near(self, config: Configuration, grasp: Grasp) -> Near:
         """Return the pairs that are close."""
-        if self._far is not None and self._far.covers(config, grasp):
+        if self._survey is None or not self._survey.holds(config, grasp):
+            everything = self._bodies.distances(config)
+            self._survey = survey(config, grasp, everything, self.boundary.end)
+        close = self._survey.close
+        distances = self._bodies.distances(config, close) if len(close) else NOTHING.values
+        near = distances < self.boundary.end
+        if not near.any():
             return NOTHING
-        distances = self._bodies.distances(config)
-        which = np.flatnonzero(distances < self.boundary.end)
-        if not len(which):
-            self._far = Far(config, grasp, distances.min(initial=np.inf) - self.boundary.end)
-            return NOTHING
-        return Near(which, distances[which], self._bodies.gradients(config, which))
+        which = close[near]
+        return Near(which, distances[near], self._bodies.gradients(config, which))
 
-    def values(self, config: Configuration, grasp: Grasp) -> Array:
-        """Return the distances of all pairs [m]."""
-        return self._bodies.distances(config)
+    def values(self, config: Configuration, grasp: Grasp, which: Which) -> Array:
+        """Return the distances of pairs [m]."""
+        return self._bodies.distances(config, None if isinstance(which, slice) else which)
 
     def names(self, which: Indices) -> list[str]:
         """Return the names of the pairs."""
@@ -172,24 +154,26 @@ class ObjectBarrier:
         self._bodies = bodies(robot)
         # The arms of the grip module move with the object: their distance never changes.
         self._parts = 2 * robot.layout.n_modules
-        self._far: Far | None = None
+        self._survey: Survey | None = None
 
     def near(self, config: Configuration, grasp: Grasp) -> Near:
         """Return the members and modules that are close."""
-        if self._far is not None and self._far.covers(config, grasp):
+        if self._survey is None or not self._survey.holds(config, grasp):
+            everything = self.values(config, grasp, EVERYTHING)
+            self._survey = survey(config, grasp, everything, self.boundary.end)
+        if not len(self._survey.close):
             return NOTHING
-        distances = self.values(config, grasp)
+        distances = self.values(config, grasp, EVERYTHING)
         which = np.flatnonzero(distances < self.boundary.end)
         if not len(which):
-            self._far = Far(config, grasp, distances.min(initial=np.inf) - self.boundary.end)
             return NOTHING
         rows = self._bodies.object_gradients(config, grasp, which)
         return Near(which, distances[which], rows)
 
-    def values(self, config: Configuration, grasp: Grasp) -> Array:
+    def values(self, config: Configuration, grasp: Grasp, which: Which) -> Array:
         """Return the distances of members and modules; inf for those at the grip [m]."""
         distances = self._bodies.object_distances(config, grasp, grasp.module)
-        return distances[: self._parts]
+        return distances[: self._parts][which]
 
     def names(self, which: Indices) -> list[str]:
         """Return the names of the members and modules."""

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 #: Share of the band at which motion comes to rest; what is below is for effects of second order.
 RESERVE = 0.01
-#: Share of a margin that is left after an interval, however long it is.
+#: Share of a margin that is left after an interval, however long it is, and of the reserve.
 KEPT = 0.1
 #: Who is beyond the bound must not get further, rounding aside.
 ROUNDING = 1e-9
@@ -61,16 +61,19 @@ class Boundary:
 
     def floor(self, margins: Array, duration: float) -> Array:
         """
-        Return what must be left of margins after a while: above zero where they were.
+        Return what must be left of margins after a while.
+
+        What has got down to a tenth of the reserve must not get further, nor may anything beyond
+        the bound; so errors of a fraction of the reserve do no harm.
 
         :param margins: at its beginning.
         :param duration: how long it is, positive [s].
         """
-        inside = margins > 0.0
-        margins = np.where(inside, margins, margins - ROUNDING)
-        left = np.maximum(margins, 0.0)
+        last = KEPT * self.reserve
+        left = np.maximum(margins, last)
         slowly = left - 2.0 * duration * self._fall(left)
-        return np.where(inside, np.maximum(KEPT * left, slowly), margins)
+        kept = np.maximum(np.maximum(KEPT * left, slowly), last)
+        return np.where(margins > last, kept, margins - ROUNDING)
 
     def _fall(self, left: Array) -> Array:
         share = np.minimum(left / self.band, 1.0)

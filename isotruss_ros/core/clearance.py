@@ -22,12 +22,12 @@ A pair that overlaps already at home cannot lie in one plane, so it is left out 
 from __future__ import annotations
 
 import functools
-from typing import NamedTuple
 
 from isotruss_ros.core.arrays import pairs as pairs_of
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.grasp import Grasp, grasp_rows, module_index
 from isotruss_ros.core.grasp_analysis import Cylinder
+from isotruss_ros.core.nearest import nearest_on_side, TINY
 from isotruss_ros.core.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
@@ -35,46 +35,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Points = NDArray[np.complex128]
 Indices = NDArray[np.intp]
-
-#: Points closer than this are one [m]; it keeps directions between them finite.
-TINY = 1e-12
-
-
-class Nearest(NamedTuple):
-    """
-    The point of a straight side that is nearest to a point; arrays over pairs.
-
-    :ivar away: from there to the point [m].
-    :ivar distance: the length of that [m].
-    :ivar share: where it is along the side, 0 to 1.
-    :ivar along: the side, from begin to end [m].
-    """
-
-    away: Points
-    distance: Array
-    share: Array
-    along: Points
-
-    @property
-    def normal(self) -> Points:
-        """Return the unit vector toward the point, across the side where the point is on it."""
-        across = 1j * self.along / np.abs(self.along)
-        return np.where(self.distance > TINY, self.away / np.maximum(self.distance, TINY), across)
-
-
-def nearest_on_side(point: Points, start: Points, along: Points) -> Nearest:
-    """
-    Return the nearest points of straight sides.
-
-    :param point: (k,) [m].
-    :param start: (k,) where the sides begin [m].
-    :param along: (k,) from begin to end [m].
-    """
-    arm = point - start
-    share = (along.conj() * arm).real / (along.real**2 + along.imag**2)
-    share = np.minimum(np.maximum(share, 0.0), 1.0)
-    away = arm - share * along
-    return Nearest(away, np.abs(away), share, along)
 
 
 class Bodies:
@@ -120,15 +80,19 @@ class Bodies:
             for i in pairs
         ]
 
-    def distances(self, config: Configuration) -> Array:
-        """Return the distance between the surfaces of each pair [m]."""
+    def distances(self, config: Configuration, pairs: Indices | None = None) -> Array:
+        """
+        Return the distances between the surfaces of pairs [m].
+
+        :param pairs: (k,) numbers of pairs, ascending; all when left out.
+        """
         middle, start, along = self._places(config)
-        members = self._member
-        side = nearest_on_side(middle[self._module], start[members], along[members])
+        module, member, one, two = self._parts(pairs)
+        side = nearest_on_side(middle[module], start[member], along[member])
         return np.concatenate(
             [
                 side.distance - (self.radius + self._tube),
-                np.abs(middle[self._one] - middle[self._two]) - 2.0 * self.radius,
+                np.abs(middle[one] - middle[two]) - 2.0 * self.radius,
             ]
         )
 
@@ -136,24 +100,21 @@ class Bodies:
         """
         Return how the distances of some pairs change as nodes move.
 
-        :param pairs: (k,) numbers of pairs.
+        :param pairs: (k,) numbers of pairs, ascending.
         :return: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...) [-].
         """
         middle, start, along = self._places(config)
+        module, member, one, two = self._parts(pairs)
         rows = np.zeros((len(pairs), len(config.points)), dtype=np.complex128)
-        on_side = pairs < len(self._module)
-        first, member = self._module[pairs[on_side]], self._member[pairs[on_side]]
-        near = nearest_on_side(middle[first], start[member], along[member])
-        self._push_modules(rows, np.flatnonzero(on_side), first, near.normal)
-        self._push_members(rows, np.flatnonzero(on_side), member, -near.normal, near.share)
-        if on_side.all():
-            return rows.view(np.float64)
-        others = pairs[~on_side] - len(self._module)
-        first, second = self._one[others], self._two[others]
-        normal = middle[first] - middle[second]
-        normal = normal / np.maximum(np.abs(normal), TINY)
-        self._push_modules(rows, np.flatnonzero(~on_side), first, normal)
-        self._push_modules(rows, np.flatnonzero(~on_side), second, -normal)
+        sides, others = np.arange(len(module)), np.arange(len(module), len(pairs))
+        near = nearest_on_side(middle[module], start[member], along[member])
+        self._push_modules(rows, sides, module, near.normal)
+        self._push_members(rows, sides, member, -near.normal, near.share)
+        if len(others):
+            away = middle[one] - middle[two]
+            normal = away / np.maximum(np.abs(away), TINY)
+            self._push_modules(rows, others, one, normal)
+            self._push_modules(rows, others, two, -normal)
         return rows.view(np.float64)
 
     def object_distances(
@@ -223,6 +184,15 @@ class Bodies:
         start = points[layout.b]
         middle = 0.5 * (start + points[layout.c])
         return middle, start, points[self._to] - start
+
+    def _parts(self, pairs: Indices | None) -> tuple[Indices, Indices, Indices, Indices]:
+        """Return the modules and members of pairs, and the modules and modules."""
+        if pairs is None:
+            return self._module, self._member, self._one, self._two
+        sides = len(self._module)
+        count = int(pairs.searchsorted(sides))
+        first, second = pairs[:count], pairs[count:] - sides
+        return self._module[first], self._member[first], self._one[second], self._two[second]
 
     def _push_modules(self, rows: Points, places: Indices, modules: Indices, by: Points) -> None:
         """Add to rows what moving the middle of modules is worth."""

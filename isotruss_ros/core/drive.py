@@ -5,6 +5,11 @@ Scaling keeps the direction of the twist. Sliding keeps its direction for the sp
 only, which does not depend on where the robot is; of the twists that all limits allow it takes the
 nearest to what is left. It gets at least as far along the twist as scaling does: both are
 admissible, and the nearest point of a convex set that holds the origin has the larger component.
+
+As far as limits allow is further than is good for a machine: where they leave a sliver, or the
+rollers next to no way to move the object, all their speed would go into a thousandth of the twist,
+to and fro as the robot steps from one side of the sliver to the other. A thrifty drive trades
+progress for rolling there, and elsewhere does the same.
 """
 
 from __future__ import annotations
@@ -15,7 +20,7 @@ import functools
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.limits import Limit, RollerSpeedLimit, Rows
-from isotruss_ros.core.program import furthest, least, nearest
+from isotruss_ros.core.program import furthest, least, nearest, PENALTIES
 from isotruss_ros.core.robot import Robot
 from isotruss_ros.core.task import Task
 import numpy as np
@@ -30,6 +35,11 @@ SCALE_TOLERANCE = 1e-9
 MAX_REACH = 1e9
 #: A limit binds when its row is this close to its bound, as a share of the rollers' speeds.
 BINDING_TOLERANCE = 1e-7
+#: Progress at any price: the last thousandth of a twist may take all the speed of the rollers.
+ANY_PRICE, NO_THRIFT = PENALTIES[0], 1e-6
+#: The price of progress that is thrifty: full speed of the rollers only where the object's surface
+#: moves at 2 % of it or more, along the twist; and when sliding.
+PRICE, THRIFT = 100.0, 3e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +102,14 @@ def drive(
     limits: Sequence[Limit],
     limit_rows: Sequence[Rows],
     slide: bool,
+    thrifty: bool,
 ) -> Drive:
     """
     Carry out a task as far as limits allow.
 
     :param limit_rows: the rows of `limits`, in the same order.
     :param slide: along limits on where the robot may be, rather than stop at them.
+    :param thrifty: leave progress that takes far more rolling than it is worth.
     :raises SolverError: a program was not solved.
     """
     upper = np.concatenate([np.zeros(0), *(rows.upper for rows in limit_rows)])
@@ -125,15 +137,30 @@ def drive(
         ]
     )
     direction = task.direction / gain
+    price = PRICE * robot.description.max_speed / (unit * gain) if thrifty else ANY_PRICE
     solution, reached = furthest(
-        working.cost, task.equality, direction, reach, matrix[speed], lower[speed], upper[speed]
+        working.cost,
+        task.equality,
+        direction,
+        reach,
+        matrix[speed],
+        lower[speed],
+        upper[speed],
+        price,
     )
     value = matrix @ solution
     beyond = np.maximum(value - upper, lower - value)
     slid = slide and bool((beyond > BINDING_TOLERANCE).any())
     if slid:
         solution = nearest(
-            working.cost, task.equality, reached * direction, task.rank, matrix, lower, upper
+            working.cost,
+            task.equality,
+            reached * direction,
+            task.rank,
+            matrix,
+            lower,
+            upper,
+            THRIFT if thrifty else NO_THRIFT,
         )
         value = matrix @ solution
         reached = gain * float(task.direction @ (task.equality @ solution))

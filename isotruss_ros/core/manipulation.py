@@ -59,6 +59,7 @@ def solve_twist(
     failed: Collection[str] = (),
     limits: Sequence[Limit] | None = None,
     slide: bool = False,
+    thrifty: bool = False,
 ) -> RollerCommand:
     """
     Find the roller velocities that move the grasped object as asked, at least change of members.
@@ -74,6 +75,8 @@ def solve_twist(
     :param failed: names of rollers that stand still whatever they are told.
     :param limits: limits in place of those of the robot file.
     :param slide: along the limits of lengths and shapes, rather than stop at them.
+    :param thrifty: where limits bind, leave progress that takes far more rolling than it is
+        worth; what loops should do, see `drive`.
     :raises GraspError: the grasp, the twist or a name in `failed` is not usable.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: the program was not solved.
@@ -93,7 +96,7 @@ def solve_twist(
         return RollerCommand(velocities, np.zeros(3), 1.0, status, (), reach.rank)
     limits = default_limits(robot) if limits is None else limits
     rows = [limit.rows(config) for limit in limits]
-    driven = drive(robot, working, task, limits, rows, slide)
+    driven = drive(robot, working, task, limits, rows, slide, thrifty)
     limiting: tuple[str, ...] = ()
     if driven.scale < 1.0:
         slowed, limiting = _binding(config, limits, rows, driven.binding)

@@ -33,8 +33,6 @@ EQUALITY_TOLERANCE = 1e-8
 #: rho, against |C u|^2 with |u| of the order of 1. The first is near enough to exact; where all
 #: solvers stumble over it (corners at which next to nothing can move) the others stop sooner.
 PENALTIES = (1e8, 1e6, 1e4, 1e2, 1.0)
-#: What a unit of cost is worth against a unit of distance from the target, squared.
-CHEAPNESS = 1e-6
 NO_SOLUTION = (
     '{} found no solution of the manipulation program; '
     'the configuration is probably next to a singular one'
@@ -78,6 +76,7 @@ def furthest(
     inequality: Array,
     lower: Array,
     upper: Array,
+    worth: float = PENALTIES[0],
 ) -> tuple[Array, float]:
     """
     Solve the program of this module; all quantities are without units, |u| of the order of 1.
@@ -89,6 +88,7 @@ def furthest(
     :param inequality: (l, r) G.
     :param lower: (l,) not positive, so that u = 0 is a solution.
     :param upper: (l,) not negative.
+    :param worth: rho, what progress is worth against the cost; large for as far as possible.
     :return: u (r,) and s.
     :raises SolverError: the solver gave up.
     """
@@ -109,7 +109,8 @@ def furthest(
     )
     # u = 0 always fits, so who finds nothing, or leaves J u = s * direction open, has met a
     # degenerate corner: ask the next.
-    for penalty, solver in itertools.product(PENALTIES, installed_solvers()):
+    penalties = [worth, *(penalty for penalty in PENALTIES if penalty < worth)]
+    for penalty, solver in itertools.product(penalties, installed_solvers()):
         problem.P[r, r], problem.q[r] = penalty / (2.0 * max(reach, 1.0)), -penalty
         found = _solve(problem, solver)
         if found is not None:
@@ -125,11 +126,12 @@ def nearest(
     inequality: Array,
     lower: Array,
     upper: Array,
+    thrift: float,
 ) -> Array:
     """
     Return the u of which J u comes nearest to a target within bounds, at the least cost there.
 
-    Minimizes 1/2 |J u - target|^2 + CHEAPNESS/2 |C u|^2 over the first `rank` rows of J; the
+    Minimizes 1/2 |J u - target|^2 + thrift/2 |C u|^2 over the first `rank` rows of J; the
     others hold as J u = 0. All quantities are without units, |u| of the order of 1.
 
     :param cost: (r, r) C^T C, positive definite.
@@ -138,13 +140,14 @@ def nearest(
     :param inequality: (l, r) G.
     :param lower: (l,) not positive, so that u = 0 is admissible.
     :param upper: (l,) not negative.
+    :param thrift: what a unit of cost weighs; next to nothing for as near as possible.
     :return: (r,)
     :raises SolverError: the solver gave up.
     """
     wanted, kept = equality[:rank], equality[rank:]
     box = _box(inequality, lower, upper)
     problem = qpsolvers.Problem(
-        wanted.T @ wanted + CHEAPNESS * cost,
+        wanted.T @ wanted + thrift * cost,
         -wanted.T @ target[:rank],
         box.rows,
         box.bounds,

@@ -200,11 +200,11 @@ class TwistServo:
                 held = HeldObject.attach(config, grasp)
                 config = config.extrapolated(rollers.velocities, lead)
                 grasp = held.grasp_in(config)
-            if self.guard is None:
-                return solve_twist(config, grasp, twist, failed, self._limits, self.slide)
-            watch = self.guard.watch(config, grasp)
-            limits = (*self._limits, *watch.limits)
-            command = solve_twist(config, grasp, twist, failed, limits, self.slide)
+            watch = None if self.guard is None else self.guard.watch(config, grasp)
+            limits = self._limits if watch is None else (*self._limits, *watch.limits)
+            command = solve_twist(config, grasp, twist, failed, limits, self.slide, thrifty=True)
+            if watch is None:
+                return command
             return watch.keep(command, rollers.velocities, self.period)
         except GraspError as error:
             raise HaltError(Status.HALT_NO_GRASP, str(error)) from error
@@ -223,7 +223,8 @@ def _remark(command: RollerCommand) -> str:
         )
     if command.scale < 1.0:
         how = 'sliding with' if command.status is Status.SLIDING else 'slowed to'
-        parts.append(
-            f'{how} {100 * command.scale:.3g} % by the limits of {", ".join(command.limiting)}'
-        )
+        why = ': the rest would take more rolling than it is worth'
+        if command.limiting:
+            why = f' by the limits of {", ".join(command.limiting)}'
+        parts.append(f'{how} {100 * command.scale:.3g} %{why}')
     return '; '.join(parts)

@@ -9,20 +9,20 @@ margin must be above its floor, or the command is scaled down until it is.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
+from isotruss_ros.core.barrier_limit import BarrierLimit, Crossed
 from isotruss_ros.core.barriers import (
     Barrier,
     CrossingBarrier,
-    Near,
+    EVERYTHING,
     ObjectBarrier,
     RigidityBarrier,
 )
 from isotruss_ros.core.boundary import Boundary
+from isotruss_ros.core.clearance import bodies
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.grasp import Grasp
-from isotruss_ros.core.limits import Rows
 from isotruss_ros.core.manipulation import RollerCommand
 from isotruss_ros.core.motion import HeldObject
 from isotruss_ros.core.robot import Robot
@@ -32,12 +32,14 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+#: How far from their bounds barriers begin to slow the robot: of the rigidity at home, and [m].
+RIGIDITY_BAND, CLEARANCE_BAND = 0.2, 0.1
 #: Longest steps of the rollers that cannot jump over a band, nor over half of a reserve [m].
 BAND_STEP, RESERVE_STEP = 1e-3, 2e-4
 #: A command is scaled down this often before the robot stands still, each time with some to spare.
 ATTEMPTS, SPARE = 4, 0.8
-#: What rounding leaves of a row that depends on no roller, and what keeps a share finite.
-NOISE, TINY = 1e-10, 1e-15
+#: What rounding leaves of a row that depends on no roller.
+NOISE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -54,20 +56,37 @@ class ShapeBounds:
     min_clearance: float = 0.02
     min_object_clearance: float = 0.02
 
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if not 0.0 <= self.min_rigidity < 1.0:
+            raise ConfigurationError(
+                f'min_rigidity {self.min_rigidity!r}: must be a share of that at home, '
+                'from 0 to less than 1'
+            )
+        for name in ('min_clearance', 'min_object_clearance'):
+            value = getattr(self, name)
+            if not 0.0 <= value < np.inf:
+                raise ConfigurationError(f'{name} {value!r} m: must be finite, not negative')
+
 
 class ShapeGuard:
     """
     The barriers of a robot.
 
+    :ivar bounds: what its shapes must keep.
+    :ivar unguarded: pairs of parts that overlap at home, so that they must lie at different
+        heights, and are left out.
     :param robot: the robot.
     :param bounds: what its shapes must keep.
     """
 
     def __init__(self, robot: Robot, bounds: ShapeBounds) -> None:
+        self.bounds = bounds
+        self.unguarded = bodies(robot).overlapping
         self._barriers: tuple[Barrier, ...] = (
-            RigidityBarrier(robot, Boundary(bounds.min_rigidity, 0.2)),
-            CrossingBarrier(robot, Boundary(bounds.min_clearance, 0.1)),
-            ObjectBarrier(robot, Boundary(bounds.min_object_clearance, 0.1)),
+            RigidityBarrier(robot, Boundary(bounds.min_rigidity, RIGIDITY_BAND)),
+            CrossingBarrier(robot, Boundary(bounds.min_clearance, CLEARANCE_BAND)),
+            ObjectBarrier(robot, Boundary(bounds.min_object_clearance, CLEARANCE_BAND)),
         )
 
     def watch(self, config: Configuration, grasp: Grasp) -> Watch:
@@ -93,49 +112,6 @@ class ShapeGuard:
         return Watch(config, grasp, self._barriers, tuple(limits))
 
 
-class BarrierLimit:
-    """
-    What is near one barrier in one configuration, as a limit on the rollers.
-
-    :ivar barrier: the barrier.
-    :ivar which: (k,) numbers of the values that are near their bound.
-    :ivar matrix: (k, r) their derivatives by roller travel.
-    :ivar margins: (k,) what is left of them.
-    """
-
-    def __init__(self, barrier: Barrier, near: Near, matrix: Array) -> None:
-        self.barrier, self.which, self.matrix = barrier, near.which, matrix
-        self.margins = barrier.boundary.margin(near.values)
-
-    @property
-    def status(self) -> Status:
-        """Return the status of a command that this limit slows."""
-        return self.barrier.status
-
-    def rows(self, config: Configuration) -> Rows:
-        """Return one row for each value; they hold where they were found."""
-        fall = self.barrier.boundary.fall(self.margins)
-        return Rows(self.matrix, -fall, np.full(len(fall), np.inf))
-
-    def row_names(self, config: Configuration) -> tuple[str, ...]:
-        """Return what the values speak of."""
-        return tuple(self.barrier.names(self.which))
-
-
-class Crossed(NamedTuple):
-    """
-    What keeps a motion from being admissible.
-
-    :ivar share: of the motion that seems admissible.
-    :ivar status: of a command that is slowed by it.
-    :ivar names: what would come too near to its bound.
-    """
-
-    share: float
-    status: Status
-    names: tuple[str, ...]
-
-
 class Watch:
     """
     What is near its bound in one configuration.
@@ -152,7 +128,6 @@ class Watch:
     ) -> None:
         self.limits = limits
         self._config, self._grasp = config, grasp
-        self._limits = {limit.barrier: limit for limit in limits}
         self._barriers = barriers
 
     def keep(self, command: RollerCommand, velocities: Array, duration: float) -> RollerCommand:
@@ -165,12 +140,12 @@ class Watch:
         """
         rollers = command.roller_velocities
         size = duration * float(np.abs(rollers).max())
-        watched = self._watched(size)
-        if size == 0.0 or not watched:
+        limits = self._watched(size)
+        if size == 0.0 or not (limits or size > BAND_STEP):
             return command
         share, crossed = 1.0, None
         for _ in range(ATTEMPTS):
-            found = self._crossed(watched, share * rollers, velocities, duration)
+            found = self._crossed(limits, share * rollers, velocities, duration)
             if found is None:
                 break
             share, crossed = SPARE * share * found.share, found
@@ -178,61 +153,44 @@ class Watch:
             share = 0.0
         return command if crossed is None else _scaled(command, share, crossed)
 
-    def _watched(self, size: float) -> tuple[Barrier, ...]:
-        """Return the barriers that a step of this size of the rollers [m] could cross."""
-        if size > BAND_STEP:
-            return self._barriers
+    def _watched(self, size: float) -> tuple[BarrierLimit, ...]:
+        """Return the limits that a step of this size of the rollers [m] could cross."""
         return tuple(
-            limit.barrier
+            limit
             for limit in self.limits
             if size > RESERVE_STEP or limit.margins.min() < 0.5 * limit.barrier.boundary.reserve
         )
 
     def _crossed(
-        self, watched: tuple[Barrier, ...], rollers: Array, velocities: Array, duration: float
+        self,
+        limits: tuple[BarrierLimit, ...],
+        rollers: Array,
+        velocities: Array,
+        duration: float,
     ) -> Crossed | None:
         """Return what of a motion would not be admissible, None where all is."""
-        start = self._config
-        way = duration * (rollers - 0.5 * velocities)
+        start, grasp = self._config, self._grasp
+        way = duration * rollers
         try:
-            end = start.moved_to(start.roller_positions + way)
+            end = start.moved_to(start.roller_positions + way - 0.5 * duration * velocities)
         except ConfigurationError:
             return Crossed(0.5, Status.SLOWED_RIGIDITY, ())
-        grasp = self._grasp
-        if any(isinstance(barrier, ObjectBarrier) for barrier in watched):
+        long = bool(np.abs(way).max() > BAND_STEP)
+        if long or any(isinstance(limit.barrier, ObjectBarrier) for limit in limits):
             grasp = HeldObject.attach(start, grasp).grasp_in(end)
-        worst: Crossed | None = None
-        for barrier in watched:
-            left = barrier.boundary.margin(barrier.values(end, grasp))
-            share, floor = np.full(len(left), 0.5), np.zeros(len(left))
-            limit = self._limits.get(barrier)
-            if limit is not None:
-                before = limit.margins - 0.5 * duration * (limit.matrix @ velocities)
-                floor[limit.which] = barrier.boundary.floor(before, duration)
-                share[limit.which] = _share(
-                    before - floor[limit.which],
-                    duration * (limit.matrix @ rollers),
-                    left[limit.which] - before,
-                )
-            below = np.flatnonzero(left < floor)
-            if len(below) and (worst is None or share[below].min() < worst.share):
-                names = tuple(barrier.names(below))
-                worst = Crossed(float(share[below].min()), barrier.status, names)
-        return worst
+        found = [limit.crossed(end, grasp, way, velocities, duration) for limit in limits]
+        if long:
+            found += [self._jumped(barrier, end, grasp) for barrier in self._barriers]
+        return min((one for one in found if one is not None), default=None)
 
-
-def _share(room: Array, slope: Array, change: Array) -> Array:
-    """
-    Return the share of a motion after which margins have fallen by the room that they have.
-
-    A margin is taken for a parabola over the share, of which slope and end are known.
-
-    :param room: not negative.
-    :param slope: at the beginning, of the share.
-    :param change: at the end.
-    """
-    root = np.sqrt(np.maximum(slope**2 - 4.0 * (change - slope) * room, 0.0))
-    return np.minimum(2.0 * room / np.maximum(root - slope, TINY), 1.0)
+    def _jumped(self, barrier: Barrier, end: Configuration, grasp: Grasp) -> Crossed | None:
+        """Return what has got beyond a bound from outside of its band."""
+        left = barrier.boundary.margin(barrier.values(end, grasp, EVERYTHING))
+        for limit in self.limits:
+            if limit.barrier is barrier:
+                left[limit.which] = np.inf
+        below = np.flatnonzero(left < 0.0)
+        return Crossed(0.5, barrier.status, tuple(barrier.names(below))) if len(below) else None
 
 
 def _scaled(command: RollerCommand, share: float, crossed: Crossed) -> RollerCommand:
