@@ -113,7 +113,11 @@ def test_the_topic_says_it_too_to_late_joiners_as_well():
         w.until_code(Status.OK, w.probe.send_all)
 
 
-@pytest.mark.parametrize('names', ['nobody', f'{FIRST},nobody', 'x' * 10**5, 'x,' * 10**5 + 'ü'])
+@pytest.mark.parametrize(
+    'names',
+    ['nobody', f'{FIRST},nobody', 'x' * 10**5, 'x,' * 10**5 + 'ü'],
+    ids=['other', 'one of two', 'long', 'many'],
+)
 def test_halts_where_it_is_not_known_which_rollers_are_meant(names):
     with world(node()) as w:
         w.until_code(Status.OK, w.probe.send_all)

@@ -16,7 +16,7 @@ from rclpy.node import Node
 
 #: From one report to the next when nothing changes [s].
 PERIOD = 1.0
-#: Changes of the level are told at once, but not oftener than this [s].
+#: Changes for the worse are told at once, those for the better not oftener than this [s].
 SHORTEST_PERIOD = 0.1
 
 
@@ -80,7 +80,9 @@ class Diagnostics:
     def say(self, level: Level, message: str) -> None:
         """Take note of how the node is; report it at once if the level is another one."""
         self._level, self._message = level, message
-        if level is not self._sent_level and time.monotonic() - self._sent >= SHORTEST_PERIOD:
+        if level is not self._sent_level and (
+            level > self._sent_level or time.monotonic() - self._sent >= SHORTEST_PERIOD
+        ):
             self.report()
 
     def report(self) -> None:
