@@ -6,6 +6,7 @@ import re
 from isotruss_ros.core import Status
 from isotruss_ros.nodes import (
     grasp_analysis,
+    grasp_planner,
     manipulation,
     parameters,
     path_follower,
@@ -57,6 +58,7 @@ def test_parameter_table_is_true():
             simulator,
             manipulation,
             grasp_analysis,
+            grasp_planner,
             path_follower,
             roller_trajectory,
             servo_settings,

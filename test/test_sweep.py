@@ -2,6 +2,8 @@
 
 import csv
 from dataclasses import fields, replace
+from pathlib import Path
+import re
 import time
 
 from isotruss_ros.core import Cylinder, GraspRequirements, load_robot, plan_grasps
@@ -106,6 +108,16 @@ def test_writes_a_row_for_every_pair(client, tmp_path, capsys):
     assert rows['0']['members'].split() == list(expected.members)
     assert (rows['1']['found'], rows['1']['missed']) == ('0', 'enclosed')
     assert '2 pairs: 1 grasped, 0 could not be computed' in capsys.readouterr().out
+
+
+def test_example_of_the_docs_runs(client, capsys):
+    page = Path(__file__).parents[1] / 'docs' / 'grasp_planning.md'
+    (example,) = re.findall(r'```py\n(.*?)```', page.read_text(encoding='utf-8'), re.DOTALL)
+    assert 'tcp://scheduler:8786' in example
+    exec(example.replace('tcp://scheduler:8786', client.scheduler.address), {})
+    lines = capsys.readouterr().out.splitlines()
+    assert sorted(line[:3] for line in lines) == ['0 0', '0 1', '1 0', '1 1']
+    assert all(int(line.split()[2]) > 0 for line in lines)
 
 
 @pytest.mark.parametrize(

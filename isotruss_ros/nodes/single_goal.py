@@ -36,7 +36,7 @@ class SingleGoal:
     :param ready: tells whether goals are taken at all.
     :param begin: called with a new goal; may end it at once.
     :param preempted: called before that if there is another one; must end it.
-    :param cancelled: called when the client asks to cancel; must end the goal.
+    :param cancelled: called when the client asks to cancel; ends the goal, at once or soon.
     """
 
     def __init__(
