@@ -1,0 +1,143 @@
+"""
+Random walks of a held object under the twist servo, and how near to trouble each came.
+
+For a soak:  python test/walks.py --walks 1000 --steps 1000
+"""
+
+import argparse
+from collections import Counter
+from dataclasses import dataclass
+import sys
+
+from isotruss_ros.core import (
+    Cylinder,
+    Grasp,
+    HeldObject,
+    IsotrussError,
+    load_robot,
+    RollerState,
+    Sample,
+    shape_margins,
+    ShapeBounds,
+    snug_center,
+    Status,
+    TwistServo,
+)
+import numpy as np
+
+ROBOT = load_robot('nine_member')
+BOUNDS = ShapeBounds()
+#: Grips that can move the object in every direction.
+GRIPS = ('north/Z', 'north/R', 'north/P', 'east/Q', 'east/R')
+
+
+@dataclass
+class Walk:
+    """
+    What became of a walk.
+
+    `lowest` has the smallest margins met, of rigidity [-], clearance [m] and clearance of the
+    object [m], at and between the samples: negative where the walk crossed a bound.
+    """
+
+    lowest: np.ndarray
+    statuses: Counter
+    limiting: Counter
+
+    @property
+    def crossed(self):
+        return bool((self.lowest < 0.0).any())
+
+
+def margins(config, grasp):
+    """Return what is left above the bounds."""
+    found = shape_margins(config, Cylinder(grasp.center, grasp.diameter), grasp.module)
+    least = (BOUNDS.min_rigidity, BOUNDS.min_clearance, BOUNDS.min_object_clearance)
+    return np.array(found[:3]) - least
+
+
+def begin(rng, module):
+    """Return a configuration and a grasp, anywhere within the bounds."""
+    file = ROBOT.description
+    while True:
+        try:
+            config = ROBOT.configuration(rng.uniform(-0.35, 0.35, len(ROBOT.roller_names)))
+            diameter = float(rng.uniform(0.1, 0.4))
+            grasp = Grasp(module, snug_center(config, module, diameter), diameter)
+        except IsotrussError:
+            continue
+        lengths = config.member_lengths
+        fits = lengths.min() > file.min_length and lengths.max() < file.max_length
+        if fits and margins(config, grasp).min() > 0.002:
+            return config, grasp
+
+
+def walk(seed, steps, slide=False):
+    """
+    Command one twist after another, far more than the robot can do, at 20, 100, 200 or 500 Hz.
+
+    In every other walk the servo sees the state of one cycle ago.
+    """
+    rng = np.random.default_rng(seed)
+    config, grasp = begin(rng, GRIPS[seed % len(GRIPS)])
+    held = HeldObject.attach(config, grasp)
+    period = float(rng.choice([0.05, 0.01, 0.005, 0.002], p=[0.1, 0.4, 0.4, 0.1]))
+    delay = period * (seed // 2 % 2)
+    servo = TwistServo(ROBOT, grasp.module, grasp.diameter, period, timeout=1.0)
+    servo.slide = slide
+    result = Walk(np.full(3, np.inf), Counter(), Counter())
+    seen, left, twist = config, 0, np.zeros(3)
+    velocities = np.zeros(len(ROBOT.roller_names))
+    for step in range(steps):
+        if left == 0:
+            left, twist = int(rng.integers(20, 800)), rng.standard_normal(3) * 0.2
+        left -= 1
+        now = 1.0 + step * period
+        state = seen if delay else config
+        servo.twist = Sample(twist, now)
+        servo.rollers = Sample(RollerState(state.roller_positions, velocities), now - delay)
+        servo.center = Sample(held.pose(state)[:2], now - delay)
+        decision = servo.decide(now)
+        command = decision.command
+        assert command.status < Status.HALT_NO_TWIST, decision.message
+        result.statuses[command.status] += 1
+        result.limiting.update(command.limiting)
+        # What is measured next is the speed on the way from what is seen next.
+        seen, velocities = config, command.roller_velocities
+        ends = [config.moved_to(config.roller_positions + period * velocities)]
+        lowest = margins(ends[0], held.grasp_in(ends[0]))
+        if lowest.min() < 0.01:
+            half = config.moved_to(config.roller_positions + 0.5 * period * velocities)
+            lowest = np.minimum(lowest, margins(half, held.grasp_in(half)))
+        config = ends[0]
+        result.lowest = np.minimum(result.lowest, lowest)
+    return result
+
+
+def main():
+    """Walk, and tell how many crossed a bound; the exit code is 1 if any did."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument('--walks', type=int, default=1000)
+    parser.add_argument('--steps', type=int, default=1000)
+    parser.add_argument('--first', type=int, default=0, help='seed of the first walk')
+    arguments = parser.parse_args()
+    lowest, statuses, crossed = np.full(3, np.inf), Counter(), []
+    for number in range(arguments.walks):
+        seed = arguments.first + number
+        found = walk(seed, arguments.steps, slide=bool(seed % 3 == 2))
+        lowest = np.minimum(lowest, found.lowest)
+        statuses += found.statuses
+        if found.crossed:
+            crossed.append(seed)
+            print(f'walk {seed} crossed a bound: {found.lowest}', flush=True)
+        if sys.stdout.isatty() or number % 100 == 99:
+            print(f'{number + 1} walks, {len(crossed)} crossed a bound', flush=True)
+    print(f'smallest margins: rigidity {lowest[0]:.5f}, clearance {lowest[1]:.5f} m,', end=' ')
+    print(f'clearance of the object {lowest[2]:.5f} m')
+    for status, count in statuses.most_common():
+        print(f'{count:9d} steps {status}')
+    return 1 if crossed else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
