@@ -4,6 +4,8 @@
 set -eu
 
 tools=$(dirname "$0")
+# Threads of the linear algebra wait for each other, spinning.
+export OPENBLAS_NUM_THREADS=1
 for target in robot_file measurements; do
     found=.fuzz/$target
     mkdir -p "$found/corpus"
