@@ -157,7 +157,7 @@ def torque(z):
         ({'max_contact_force': -1.0}, 'max_contact_force: -1.0'),
         ({'max_total_force': math.nan}, 'max_total_force: nan'),
         ({'min_rigidity': -1.0}, 'min_rigidity: -1.0'),
-        ({'measure': 'beauty'}, "measure: 'beauty': must be one of closure_margin"),
+        ({'measure': 'beauty' * 1000}, 'measure .{1,90}: must be one of closure_margin'),
         ({'measure': 'stiffness'}, 'direction: .0, 0, 0.: must say along what'),
         ({'direction': np.array([math.nan, 0.0, 0.0])}, 'direction'),
         ({'count': 0}, 'count 0: must be from 1 to 1000'),

@@ -12,6 +12,7 @@ from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
 from isotruss_ros.core import (
     Cylinder,
     GraspRequirements,
+    Measure,
     PlannedGrasp,
     Progress,
     Robot,
@@ -64,6 +65,9 @@ def wanted(goal: PlanGrasp.Goal, robot: Robot) -> Wanted:
             f'module {quoted(goal.module)}: robot {robot.name} has no such module; must be one of '
             f'{", ".join(robot.module_names)}, or empty for any'
         )
+    measures = [measure.value for measure in Measure]
+    if goal.measure not in measures:
+        raise MessageError(f'measure {quoted(goal.measure)}: must be one of {", ".join(measures)}')
     bounds = {
         name: getattr(goal, name) or math.inf for name in ('max_contact_force', 'max_total_force')
     }
