@@ -13,7 +13,7 @@ SENTENCES = {
     'self_clearance': 'on the way the clearance of the robot from itself is {value:.4g} m',
     'object_clearance': 'on the way what is not to touch comes within {value:.4g} m of the object',
     'force_closure': 'it takes a friction coefficient of {value:.4g}, there is {bound:.4g}',
-    'min_margin': 'the closure margin is {value:.4g} N, not {bound:.4g} N',
+    'min_margin': 'the closure margin is {value:.4g} N, and must be {bound:.4g} N',
     'max_contact_force': 'one side presses with {value:.4g} N, and may with {bound:.4g} N',
     'max_total_force': 'the sides press with {value:.4g} N in all, and may with {bound:.4g} N',
     'path': 'there is no way from the touch to the grasp',
