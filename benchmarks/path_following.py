@@ -13,6 +13,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+import os
+
+os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
 
 from isotruss_ros.core import (
     Grasp,
