@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.closing import Closing, step
+from isotruss_ros.core.closing import Closing, look_at
+from isotruss_ros.core.closing_step import step
 from isotruss_ros.core.configuration import Configuration
-from isotruss_ros.core.object_gaps import object_gaps
 import numpy as np
 
 #: The sides stop this far from the object, against the diameter of the tube, give or take.
@@ -54,9 +54,10 @@ def approach(config: Configuration, closing: Closing) -> Approach:
     standoff, tolerance = STANDOFF * diameter, STANDOFF_TOLERANCE * diameter
     sides, targets = list(closing.sides), [standoff] * len(closing.sides)
     path, looked_at = [config], 0
-    gaps = object_gaps(config, closing.cylinder)
+    place = look_at(config, closing.cylinder)
     best, since, share = np.inf, 0, 1.0
     for _ in range(MAX_STEPS):
+        gaps = place.gaps
         gap = float(gaps.members[sides].max()) - standoff
         wide = float(gaps.openings[closing.module]) - closing.opening
         if gap <= tolerance and wide <= 1e-3:
@@ -67,10 +68,10 @@ def approach(config: Configuration, closing: Closing) -> Approach:
         missed = ('opening', gaps.openings[closing.module]) if gap <= tolerance else ('reach', gap)
         if since > PATIENCE:
             return Approach(closing, tuple(path), looked_at, missed)
-        made = step(config, gaps, closing, targets, share)
+        made = step(place, closing, targets, share)
         looked_at += made.looked_at
         if made.blocked:
             return Approach(closing, tuple(path), looked_at, made.blocked)
-        config, gaps, share = made.config, made.gaps, made.share
-        path.append(config)
+        place, share = made.place, made.share
+        path.append(place.config)
     return Approach(closing, tuple(path), looked_at, ('reach', gap))

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from isotruss_ros.core.clearance import nearest_on_side
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.grasp_analysis import Cylinder, GraspAnalysis
+from isotruss_ros.core.nearest import nearest_on_side
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

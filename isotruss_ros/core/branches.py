@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.closing import APPROACH, Closing, scale
+from isotruss_ros.core.closing import Closing, scale
+from isotruss_ros.core.closing_program import APPROACH
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.grasp import module_index
 from isotruss_ros.core.grasp_analysis import Cylinder

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.clearance import bodies, nearest_on_side
+from isotruss_ros.core.clearance import bodies
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.grasp_analysis import Cylinder
+from isotruss_ros.core.nearest import nearest_on_side
 import numpy as np
 from numpy.typing import NDArray
 

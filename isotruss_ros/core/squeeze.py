@@ -11,11 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core.balance import correction, Imbalance, imbalance
-from isotruss_ros.core.closing import Closing, step
+from isotruss_ros.core.closing import Closing, look_at
+from isotruss_ros.core.closing_step import step
 from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.grasp_analysis import analyze_grasp, GraspAnalysis
 from isotruss_ros.core.grasp_plan import Miss
-from isotruss_ros.core.object_gaps import object_gaps
 from isotruss_ros.core.requirements import GraspRequirements
 import numpy as np
 from numpy.typing import NDArray
@@ -110,19 +110,19 @@ class Squeeze:
 
     def press(self, config: Configuration, depths: Array) -> Configuration | None:
         """Return the configuration in which each side presses that deep [m], or None."""
-        gaps = object_gaps(config, self._closing.cylinder)
+        place = look_at(config, self._closing.cylinder)
         sides, share = list(self._closing.sides), 1.0
         for _ in range(MAX_STEPS):
-            left = float(np.abs(gaps.members[sides] + depths).max())
+            left = float(np.abs(place.gaps.members[sides] + depths).max())
             if left <= GAP_TOLERANCE:
-                return config
-            made = step(config, gaps, self._closing, -depths, share)
+                return place.config
+            made = step(place, self._closing, -depths, share)
             self.looked_at += made.looked_at
             if made.blocked:
                 name, value = made.blocked
                 self._note(Miss(name, value, self._closing.bound(name), 50.0))
                 return None
-            config, gaps, share = made.config, made.gaps, made.share
+            place, share = made.place, made.share
         self._note(Miss('reach', left, 0.0, 40.0 + left))
         return None
 
