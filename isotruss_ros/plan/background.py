@@ -22,13 +22,12 @@ class Stop:
     When a search is to stop: when it is told to, or when its time is up.
 
     :ivar asked: whether it was told to.
-    :ivar timed_out: whether it stopped since its time was up.
     :param time_limit: from now [s]; none if 0.
     """
 
     def __init__(self, time_limit: float = 0.0) -> None:
         self._deadline = time.monotonic() + (time_limit or math.inf)
-        self.asked = self.timed_out = False
+        self.asked = False
 
     @property
     def time_left(self) -> float:
@@ -37,8 +36,7 @@ class Stop:
 
     def __call__(self) -> bool:
         """Return whether to stop now; what `plan_grasps` asks."""
-        self.timed_out = self.timed_out or (not self.asked and self.time_left == 0.0)
-        return self.asked or self.timed_out
+        return self.asked or self.time_left == 0.0
 
 
 class BackgroundSearch:
