@@ -18,10 +18,11 @@ from isotruss_ros.core.branches import branches, MAX_ROUNDS
 from isotruss_ros.core.candidate import make_candidate, squeeze_candidate, Squeezed
 from isotruss_ros.core.closing import Closing
 from isotruss_ros.core.configuration import Configuration
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.grasp import Grasp
 from isotruss_ros.core.grasp_analysis import Cylinder
 from isotruss_ros.core.grasp_plan import GraspPlan, Miss, PlannedGrasp, Progress
+from isotruss_ros.core.object_gaps import object_gaps
 from isotruss_ros.core.requirements import GraspRequirements
 from isotruss_ros.core.shape_margins import shape_margins
 from isotruss_ros.core.squeeze import SPACINGS
@@ -57,7 +58,7 @@ def plan_grasps(
     :param seed: of the postures drawn at random.
     :param executor: where candidates are squeezed: a process pool, or that of a Dask client; in
         this process if None.
-    :param on_progress: called after every candidate.
+    :param on_progress: called when the open grips of a round are known, and after every candidate.
     :param should_stop: asked after every candidate and, with an executor, all 50 ms; a plan that
         was stopped has what was found until then.
     :param thorough: whether all candidates of a round are looked at before the best are chosen,
@@ -70,7 +71,7 @@ def plan_grasps(
         raise GraspError(f'seed {seed!r}: must be an integer, not negative')
     search = _Search(config, cylinder, needs, on_progress or _ignore, should_stop or _never)
     config.structure  # contradictory stiffness laws are said here, once  # noqa: B018
-    for number in range(MAX_ROUNDS):
+    for number in range(MAX_ROUNDS if search.is_free() else 0):
         opened = search.approach(branches(config, cylinder, needs, int(seed), number))
         for reached, squeezed in search.squeeze(opened, executor):
             search.judge(reached, squeezed)
@@ -100,6 +101,15 @@ class _Search:
         self._evaluations = self._analyses = self._judged = self._known = self._rounds = 0
         self.stopped = False
 
+    def is_free(self) -> bool:
+        """Tell whether nothing touches the object yet: there is no way to it otherwise."""
+        gaps = object_gaps(self._config, self._cylinder)
+        least = float(min(gaps.members.min(), gaps.modules.min()))
+        self._evaluations += 1
+        if least < 0.0:
+            self._note(Miss('free', least, 0.0, 2000.0))
+        return least >= 0.0
+
     def approach(self, closings: Sequence[Closing]) -> list[Approach]:
         """Bring the branches of a round to open grips; return those that got there."""
         self._rounds += 1
@@ -107,7 +117,12 @@ class _Search:
         for closing in closings:
             if self._hear():
                 break
-            reached = approach(self._config, closing)
+            try:
+                reached = approach(self._config, closing)
+            except (ConfigurationError, SolverError) as error:
+                # A branch that cannot be computed is none; the others are.
+                self._note(Miss(str(error), 0.0, 0.0, 100.0))
+                continue
             self._evaluations += reached.looked_at
             if reached.missed is None:
                 opened.append(reached)
@@ -117,6 +132,7 @@ class _Search:
         if not closings:
             self._note(Miss('enclosed', 0.0, 1.0, 1000.0))
         self._known += len(opened)
+        self._on_progress(self.progress())
         return sorted(opened, key=lambda reached: reached.travel)
 
     def squeeze(

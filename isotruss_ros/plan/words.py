@@ -6,6 +6,7 @@ from isotruss_ros.core import GraspPlan, Miss, PlannedGrasp
 
 #: By the name of a requirement: what the nearest candidate has, and what it would need.
 SENTENCES = {
+    'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
     'enclosed': 'no loop of the robot that may grip goes around the object',
     'reach': 'a side stays {value:.4g} m short of the object',
     'opening': 'the sides open by {value:.3g} rad, and were to open by {bound:.3g}',
