@@ -105,7 +105,6 @@ class _Search:
         """Tell whether nothing touches the object yet: there is no way to it otherwise."""
         gaps = object_gaps(self._config, self._cylinder)
         least = float(min(gaps.members.min(), gaps.modules.min()))
-        self._evaluations += 1
         if least < 0.0:
             self._note(Miss('free', least, 0.0, 2000.0))
         return least >= 0.0
