@@ -42,8 +42,10 @@ def settle(
     """
     Let an object give way to what friction cannot balance, until it can: until (10) holds.
 
-    With its points of contact it moves by the unbalanced wrench over the stiffness of the grasp,
-    again and again. Unlike `find_resting_pose`, it stays where friction first holds it.
+    Where it would go together with its points of contact is the unbalanced wrench over the
+    stiffness of the grasp. As it slides along tubes that are stiff along themselves, that is far
+    too short in some directions; how it changes with each step tells by how much (secants).
+    Unlike `find_resting_pose`, it stays where friction first holds it.
 
     :param friction: coefficient between tube and object.
     :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
@@ -55,6 +57,8 @@ def settle(
     """
     start, arm = complex(*cylinder.center), 0.5 * cylinder.diameter
     analysis: GraspAnalysis | None = None
+    before = move = np.zeros(2)
+    slope = -np.eye(2)
     for _ in range(MAX_STEPS):
         analysis = analyze_grasp(
             config, cylinder, friction, external_wrench, spacing=spacing, previous=analysis
@@ -64,9 +68,17 @@ def settle(
         if analysis.force_closure:
             return Settled(cylinder, analysis)
         left = _unbalanced(analysis, np.asarray(external_wrench, dtype=float), arm)
-        move = complex(*np.linalg.lstsq(analysis.stiffness, left, rcond=None)[0][:2])
-        move *= min(1.0, MAX_STEP * cylinder.diameter / max(abs(move), np.finfo(float).tiny))
-        center = complex(*cylinder.center) + move
+        along = np.linalg.lstsq(analysis.stiffness, left, rcond=None)[0][:2]
+        if move.any():
+            slope = slope + np.outer(along - before - slope @ move, move) / (move @ move)
+        move, before = np.linalg.lstsq(slope, -along, rcond=None)[0], along
+        if move @ along <= 0.0:  # never against what pushes
+            slope, move = -np.eye(2), along
+        size, longest = float(np.linalg.norm(move)), MAX_STEP * cylinder.diameter
+        if size == 0.0:
+            return None
+        move = move * min(1.0, longest / size)
+        center = complex(*cylinder.center) + complex(*move)
         if abs(center - start) > MAX_WAY * cylinder.diameter:
             return None
         cylinder = replace(cylinder, center=(center.real, center.imag))
