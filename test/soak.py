@@ -192,11 +192,9 @@ def main() -> int:
         grown, slope = growth(samples)
         flat = grown < GROWTH
         good &= flat
-        last = samples[-1][1]
-        print(
-            f'{name}: {last:.1f} MB, grew by {grown:+.2f} MB ({slope:+.1f} MB/h): '
-            f'{"flat" if flat else "NOT FLAT"}'
-        )
+        course = ' '.join(f'{size:.1f}' for _, size in samples[:: max(1, len(samples) // 12)])
+        print(f'{name}: {course} MB, {grown:+.2f} MB, {slope:+.1f} MB/h:', end=' ')
+        print('flat' if flat else 'NOT FLAT')
     return 0 if good else 1
 
 

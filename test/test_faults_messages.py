@@ -33,8 +33,16 @@ import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
+from std_msgs.msg import (
+    Bool,
+    Float64MultiArray,
+    Header,
+    MultiArrayDimension,
+    MultiArrayLayout,
+    String,
+)
 
 NAMES = list(ROBOT.roller_names)
 MAX_SPEED = ROBOT.description.max_speed
@@ -455,6 +463,34 @@ def test_parameters_that_change_all_the_time_do_no_harm():
         assert node.get_parameter('rate').value == 200.0
         w.until_code(Status.OK, w.probe.send_all)
         check(pairs)
+
+
+def test_bytes_that_are_no_message_are_dropped():
+    """Such as a publisher sends whose definition of the message is another one."""
+    good = bytes(serialize_message(JointState(name=NAMES, position=[0.0] * N)))
+    garbage = [
+        b'',
+        good[:3],
+        good[:4],
+        good[:40],
+        good[:-3],
+        good[:4] + b'\xff' * 40,
+        b'\xff' * len(good),
+        bytes(range(256)),
+    ]
+    kinds = (manipulation(), lambda: Simulator(), lambda: GraspAnalysisNode())
+    with world(*kinds) as w:
+        strings = w.probe.create_publisher(String, 'failed_rollers', 10)
+        # Those whose messages have no fixed size: the others send nothing that is too long.
+        publishers = (w.probe.joint_states, w.probe.object_poses, w.probe.commands, strings)
+        for data in garbage:
+            w.until_code(Status.OK, w.probe.send_twist)
+            for publisher in publishers:
+                publisher.publish(data)
+                w.spin(0.01, w.probe.send_twist)
+        strings.publish(String())  # should something have been a message after all
+        w.probe.seen['status'].clear()
+        w.until(lambda: bool(w.probe.seen['status']), w.probe.send_twist)
 
 
 def test_stands_floods_on_every_input():

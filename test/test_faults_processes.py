@@ -97,13 +97,19 @@ from isotruss_ros.nodes.runner import run
 
 
 class Mistaken(Manipulation):
-    mistakes = 0
+    moved = 0
 
-    def _step(self, now):
-        super()._step(now)
-        if not self.mistakes and self._servo.rollers is not None:
-            self.mistakes += 1
-            raise ZeroDivisionError('a mistake')
+    def configure(self):
+        super().configure()
+        send = self._commands.publish
+
+        def publish(message):
+            send(message)
+            self.moved += any(message.data)
+            if any(message.data) and self.moved == 100:
+                raise ZeroDivisionError('a mistake')
+
+        self._commands.publish = publish
 
 
 sys.exit(run(Mistaken))

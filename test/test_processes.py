@@ -15,6 +15,7 @@ from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, Status
 from isotruss_ros.demo.client import DemoClient
 from isotruss_ros.demo.path import arc
 from isotruss_ros.demo.processes import NodeError, NodeProcess, running_nodes
+from isotruss_ros.nodes.runner import Interruption
 import numpy as np
 from probe import DEADLINE
 import pytest
@@ -143,6 +144,23 @@ def test_manipulation_stops_cleanly_with_a_zero_command(listener, tmp_path, stop
         spin_until(listener, lambda: not any(commands[-1].data))
         assert nodes[1].process.returncode == 0
         assert 'Traceback' not in nodes[1].log.read_text()
+
+
+def test_an_interruption_raises_nowhere_unless_it_comes_twice():
+    """Raised in the middle of a conversion it would come out of rclpy as another error."""
+    before = {which: signal.getsignal(which) for which in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        interruption = Interruption()
+        assert not interruption.came
+        signal.raise_signal(signal.SIGTERM)
+        assert interruption.came
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        interruption.ignore()
+        signal.raise_signal(signal.SIGINT)
+    finally:
+        for which, handler in before.items():
+            signal.signal(which, handler)
 
 
 def test_stopping_before_anything_happens_is_clean(tmp_path):

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
@@ -50,5 +51,7 @@ def subscribe_latched(node: Node, kind: type, topic: str, callback: Callable[[An
     it, such as `ros2 topic pub` without options: a stop would go unheard. So there are two, and
     what a latching publisher says comes twice.
     """
+    # One of the two not matching is as it should be: no warnings.
+    quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
     for profile in (_KEPT, _ANY):
-        node.create_subscription(kind, topic, callback, profile)
+        node.create_subscription(kind, topic, callback, profile, event_callbacks=quiet)

@@ -28,8 +28,28 @@ class StoppableNode(Node):
         raise error
 
 
-def _interrupt(_signal: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+class Interruption:
+    """
+    Takes Ctrl-C and SIGTERM: the first is for the loop to see, the second one insists.
+
+    It does not raise at first: KeyboardInterrupt in the middle of a conversion from C comes out of
+    rclpy as another error, and would be taken for one.
+    """
+
+    def __init__(self) -> None:
+        self.came = False
+        for which in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(which, self._take)
+
+    def _take(self, _signal: int, _frame: FrameType | None) -> None:
+        if self.came:
+            raise KeyboardInterrupt
+        self.came = True
+
+    def ignore(self) -> None:
+        """Take no more of them."""
+        for which in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(which, signal.SIG_IGN)
 
 
 def run(
@@ -44,10 +64,9 @@ def run(
     """
     # Our own handlers: rclpy's would close the context before the last command is sent.
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    interruption = Interruption()
     node = None
     try:
-        signal.signal(signal.SIGINT, _interrupt)
-        signal.signal(signal.SIGTERM, _interrupt)
         try:
             node = make_node()
         except IsotrussError as error:
@@ -55,12 +74,11 @@ def run(
             return 1
         # What is here by now stays: no need for the garbage collector to walk it between cycles.
         gc.freeze()
-        _spin(node)
+        _spin(node, interruption)
     except KeyboardInterrupt:
         pass
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        interruption.ignore()
         if node is not None:
             node.stop()
             node.destroy_node()
@@ -68,13 +86,15 @@ def run(
     return 0
 
 
-def _spin(node: StoppableNode | ManagedNode) -> None:
-    """Spin for ever; an error that escapes a callback stops the robot, not the process."""
+def _spin(node: StoppableNode | ManagedNode, interruption: Interruption) -> None:
+    """Spin until interrupted; an error out of a callback stops the robot, not the process."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    while True:
+    while not interruption.came:
         try:
-            executor.spin()
+            # A signal ends no wait, but every node has a timer. A time-out would make one anew for
+            # every callback.
+            executor.spin_once()
         except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stop
             traceback.print_exc()
             node.fail(error)
