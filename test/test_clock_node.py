@@ -5,10 +5,10 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.guards import guard_clock
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.messages import pose_message, seconds
 from isotruss_ros.nodes.simulator import Simulator
-from isotruss_ros.nodes.time_source import guard_clock
 from lifecycle_msgs.msg import Transition
 import numpy as np
 from probe import CENTER, Manager, N, overrides, ROBOT, world

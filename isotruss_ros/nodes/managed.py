@@ -8,9 +8,7 @@ from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes import parameters as params
 from isotruss_ros.nodes.diagnostics import Diagnostics, Level
 from isotruss_ros.nodes.entities import Entities
-from isotruss_ros.nodes.time_source import guard_clock
-from lifecycle_msgs.srv import ChangeState
-from rclpy.impl.implementation_singleton import rclpy_implementation
+from isotruss_ros.nodes.guards import guard_clock, guard_transitions
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
@@ -51,8 +49,6 @@ class ManagedNode(LifecycleNode):
         self._entities = Entities(self)
         self._running = False
         self._failure: Exception | None = None
-        self._change_state = self._service_change_state.callback
-        self._service_change_state.callback = self._answer_change_state
         try:
             self.values = params.Parameters(
                 self, (*specs, params.AUTOSTART), lambda: self.state == 'unconfigured'
@@ -61,6 +57,7 @@ class ManagedNode(LifecycleNode):
             self.destroy_node()
             raise
         guard_clock(self)
+        guard_transitions(self)
 
     # -- The steps, for the nodes to fill in --
 
@@ -215,15 +212,3 @@ class ManagedNode(LifecycleNode):
         self.values.release()
         self._entities.end('configured')
         self.cleanup()
-
-    def _answer_change_state(
-        self, request: ChangeState.Request, response: ChangeState.Response
-    ) -> ChangeState.Response:
-        """Refuse a transition that there is not from here; rclpy would die of it."""
-        try:
-            return self._change_state(request, response)
-        except rclpy_implementation.RCLError as error:
-            asked = request.transition.label or request.transition.id
-            self.get_logger().error(f'no transition {asked!r} from state {self.state}: {error}')
-            response.success = False
-            return response
