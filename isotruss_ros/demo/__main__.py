@@ -29,6 +29,8 @@ OBJECT_CENTER = (0.5, 0.4)
 GRIP_MODULE = 'north/Z'
 #: Friction in reserve that the grasp must have [N].
 MIN_MARGIN = 0.01
+#: Longer than the default [s]: a laptop that does other things as well must not stop the show.
+COMMAND_TIMEOUT = 1.0
 #: The object is to end this close to where the commands put it.
 MAX_POSITION_ERROR = 1e-3
 MAX_ANGLE_ERROR = np.deg2rad(0.1)
@@ -70,7 +72,11 @@ def _play(
 ) -> tuple[list[PhaseRecord], PlanGrasp.Result]:
     """Run the nodes as processes: plan, approach and grip, then the path through them."""
     domain = keep_to_this_machine()
-    shared = {'robot': ROBOT, 'object_diameter': OBJECT_DIAMETER}
+    shared = {
+        'robot': ROBOT,
+        'object_diameter': OBJECT_DIAMETER,
+        'command_timeout': COMMAND_TIMEOUT,
+    }
     gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
     x, y = OBJECT_CENTER
     started = [

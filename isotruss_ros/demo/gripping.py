@@ -81,7 +81,7 @@ class Gripping:
         goal.object_pose = PoseStamped(pose=pose_message(pose))
         goal.object_pose.header.frame_id = self._client.frame_id
         sent = self._planner.send_goal_async(
-            goal, lambda message: progress(message.feedback.progress)
+            goal, lambda message: progress(min(0.99, message.feedback.progress))
         )
         handle = self._answer(sent, 'an answer of the planner')
         if not handle.accepted:
