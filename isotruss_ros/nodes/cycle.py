@@ -11,8 +11,8 @@ from rclpy.node import Node
 from rclpy.time import Time
 from rclpy.timer import Timer
 
-#: A clock that stands still is noticed within the patience and this share of it.
-WATCH_SHARE = 0.5
+#: A clock that stands still is noticed within the patience and this share of it, or this time [s].
+WATCH_SHARE, SHORTEST_WATCH = 0.5, 0.01
 
 
 class Cycle:
@@ -45,14 +45,14 @@ class Cycle:
         self._watching: Timer | None = None
         if stands is not None and node.get_parameter('use_sim_time').value:
             steady = Clock(clock_type=ClockType.STEADY_TIME)
-            self._watching = node.create_timer(WATCH_SHARE * patience, self._watch, clock=steady)
+            self._watching = node.create_timer(_watch(patience), self._check, clock=steady)
 
     def change(self, rate: float, patience: float | None = None) -> None:
         """Go on at another rate [Hz] and with another patience [s]."""
         self._timer.timer_period_ns = int(1e9 / rate)
         if self._watching is not None and patience is not None:
             self._patience = patience
-            self._watching.timer_period_ns = int(1e9 * WATCH_SHARE * patience)
+            self._watching.timer_period_ns = int(1e9 * _watch(patience))
 
     def _tick(self) -> None:
         now = self._clock.now()
@@ -61,9 +61,14 @@ class Cycle:
         self._last = now.nanoseconds
         self._step(now)
 
-    def _watch(self) -> None:
+    def _check(self) -> None:
         now, elapsed = self._clock.now(), time.monotonic()
         if now.nanoseconds != self._read:
             self._read, self._changed = now.nanoseconds, elapsed
         elif elapsed - self._changed > self._patience:
             self._stands(now)
+
+
+def _watch(patience: float) -> float:
+    """Return how often a clock is looked at [s]."""
+    return max(WATCH_SHARE * patience, SHORTEST_WATCH)
