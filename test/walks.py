@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import sys
 
 from isotruss_ros.core import (
+    ConfigurationError,
     Cylinder,
     Grasp,
     HeldObject,
@@ -72,7 +73,7 @@ def begin(rng, module):
             return config, grasp
 
 
-def walk(seed, steps, slide=False):
+def walk(seed, steps, slide=False, guarded=True):
     """
     Command one twist after another, far more than the robot can do, at 20, 100, 200 or 500 Hz.
 
@@ -85,6 +86,8 @@ def walk(seed, steps, slide=False):
     delay = period * (seed // 2 % 2)
     servo = TwistServo(ROBOT, grasp.module, grasp.diameter, period, timeout=1.0)
     servo.slide = slide
+    if not guarded:
+        servo.guard = None
     result = Walk(np.full(3, np.inf), Counter(), Counter())
     seen, left, twist = config, 0, np.zeros(3)
     velocities = np.zeros(len(ROBOT.roller_names))
@@ -104,12 +107,16 @@ def walk(seed, steps, slide=False):
         result.limiting.update(command.limiting)
         # What is measured next is the speed on the way from what is seen next.
         seen, velocities = config, command.roller_velocities
-        ends = [config.moved_to(config.roller_positions + period * velocities)]
-        lowest = margins(ends[0], held.grasp_in(ends[0]))
+        try:
+            end = config.moved_to(config.roller_positions + period * velocities)
+        except ConfigurationError:
+            assert not guarded
+            return result
+        lowest = margins(end, held.grasp_in(end))
         if lowest.min() < 0.01:
             half = config.moved_to(config.roller_positions + 0.5 * period * velocities)
             lowest = np.minimum(lowest, margins(half, held.grasp_in(half)))
-        config = ends[0]
+        config = end
         result.lowest = np.minimum(result.lowest, lowest)
     return result
 

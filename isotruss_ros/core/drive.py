@@ -37,9 +37,9 @@ MAX_REACH = 1e9
 BINDING_TOLERANCE = 1e-7
 #: Progress at any price: the last thousandth of a twist may take all the speed of the rollers.
 ANY_PRICE, NO_THRIFT = PENALTIES[0], 1e-6
-#: The price of progress that is thrifty: full speed of the rollers only where the object's surface
-#: moves at 2 % of it or more, along the twist; and when sliding.
-PRICE, THRIFT = 100.0, 3e-3
+#: The thrifty price of progress: full speed of the rollers where the object's surface moves at 2 %
+#: of it or more along the twist, less below. Sliding is thriftier: a tenth is worth half.
+PRICE, THRIFT = 100.0, 1e-2
 
 
 @dataclass(frozen=True, eq=False)
