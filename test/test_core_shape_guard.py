@@ -1,5 +1,7 @@
 """The robot stays within good shapes, from sample to sample, and can always leave bad ones."""
 
+import dataclasses
+
 from isotruss_ros.core import (
     ConfigurationError,
     Grasp,
