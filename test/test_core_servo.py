@@ -1,12 +1,20 @@
 """The servo decides from samples alone: no middleware, no clock but the one it is told."""
 
+import dataclasses
+
 from isotruss_ros.core import (
+    FailureCriterion,
+    FailureDetector,
     Grasp,
+    GraspError,
     HeldObject,
     load_robot,
     Refusal,
+    Robot,
+    RollerFaults,
     RollerState,
     Sample,
+    SimulatedRobot,
     snug_center,
     Status,
     TwistServo,
@@ -134,3 +142,120 @@ def test_says_what_limits():
     assert decision.command.status is Status.SLOWED_ROLLER_SPEED
     for name in decision.command.limiting:
         assert name in decision.message
+
+
+def test_failed_rollers_are_held_and_told():
+    made = servo()
+    made.failed = ['north/Z', 'south/Q']
+    decision = made.decide(NOW)
+    speeds = dict(zip(ROBOT.roller_names, decision.command.roller_velocities, strict=True))
+    assert speeds['north/Z'] == speeds['south/Q'] == 0.0
+    assert any(speeds.values())
+    assert decision.failed == ('south/Q', 'north/Z')
+    # Four rollers are just enough for any motion of the object that keeps the grip.
+    assert decision.command.mobility == 3
+    made.failed = ['south/Q', 'north/Z', 'south/P']
+    assert made.decide(NOW).command.mobility == 2
+    made.failed = ['north/Z', 'south/Q']
+    # A halt tells them too, and that nothing can be done for now.
+    made.twist = None
+    decision = made.decide(NOW)
+    assert decision.failed == ('south/Q', 'north/Z')
+    assert decision.command.mobility == 0
+    made.failed = ()
+    assert made.decide(NOW).failed == ()
+
+
+def test_mobility_is_told_when_idle_too():
+    idle = servo(twist=Sample((0.0, 0.0, 0.0), NOW)).decide(NOW)
+    assert idle.command.status is Status.IDLE
+    assert idle.command.mobility == 3
+    made = servo(twist=Sample((0.0, 0.0, 0.0), NOW))
+    made.failed = ROBOT.roller_names
+    assert made.decide(NOW).command.mobility == 0
+
+
+def test_unknown_failed_rollers_are_refused_and_change_nothing():
+    made = servo()
+    made.failed = ['north/Z']
+    with pytest.raises(GraspError, match=r"failed rollers 'north/P': .* no such rollers"):
+        made.failed = ['north/P']
+    assert made.failed == {'north/Z'}
+
+
+def run(made, robot, duration, twist=(0.0, 0.02, 0.1), begin=NOW):
+    """Let a servo drive a simulated robot; return the decisions."""
+    decisions = []
+    for k in range(round(duration / made.period)):
+        now = begin + k * made.period
+        made.twist = Sample(np.asarray(twist), now)
+        made.rollers = Sample(at(robot.config.roller_positions, robot.roller_velocities), now)
+        made.center = Sample(robot.object_pose[:2], now)
+        decisions.append(made.decide(now))
+        robot.command(decisions[-1].command.roller_velocities)
+        robot.advance(made.period)
+    return decisions
+
+
+def simulated(*stuck):
+    held = HeldObject.attach(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER))
+    return SimulatedRobot(ROBOT.home, held, RollerFaults(stuck=frozenset(stuck)))
+
+
+def test_stuck_roller_is_detected_and_the_object_goes_where_it_is_told_again():
+    made = servo()
+    stuck = int(np.abs(made.decide(NOW).command.roller_velocities).argmax())
+    name, robot = ROBOT.roller_names[stuck], simulated(ROBOT.roller_names[stuck])
+    made.detector = FailureDetector(ROBOT.roller_names, FailureCriterion(time=1.0))
+    decisions = run(made, robot, 3.0)
+    found = [k for k, decision in enumerate(decisions) if decision.failed == (name,)]
+    first = found[0]
+    assert 1.0 <= first * made.period < 2.0
+    assert made.failed == {name}
+    assert len(found) == len(decisions) - first
+    for decision in decisions[first:]:
+        assert decision.command.roller_velocities[stuck] == 0.0
+    # With the failure known the object does again what the command says.
+    before = robot.object_pose
+    decision = run(made, robot, 0.1, begin=NOW + 3.0)[-1]
+    moved = (np.subtract(robot.object_pose, before))[:2] / 0.1
+    assert moved == pytest.approx(decision.command.achieved_twist[:2], abs=2e-4)
+    # It stays failed until somebody says otherwise.
+    made.detector.forgive([name])
+    assert made.failed == set()
+
+
+def test_rollers_that_are_held_by_a_halt_are_not_accused():
+    made, robot = servo(), simulated(*ROBOT.roller_names)
+    made.detector = FailureDetector(ROBOT.roller_names, FailureCriterion(time=0.5))
+    made.stopped = (Status.HALT_EMERGENCY_STOP, 'stopped')
+    assert not any(decision.failed for decision in run(made, robot, 2.0))
+    made.stopped = None
+    assert run(made, robot, 2.0, begin=NOW + 2.0)[-1].failed
+
+
+def test_twists_are_bent_along_limits_only_where_that_is_asked_for():
+    narrow = ROBOT.home.member_lengths.max() + 0.02
+    description = dataclasses.replace(ROBOT.description, max_length=narrow)
+    robot = Robot(description)
+    ends = []
+    for slide in (False, True):
+        made = TwistServo(robot, MODULE, DIAMETER, period=0.01, timeout=0.2)
+        made.slide = slide
+        held = HeldObject.attach(robot.home, Grasp(MODULE, CENTER, DIAMETER))
+        moving = SimulatedRobot(robot.home, held, RollerFaults())
+        decisions = run(made, moving, 4.0, twist=(0.02, 0.05, 0.0))
+        assert moving.config.member_lengths.max() <= narrow + 1e-9
+        statuses = {decision.command.status for decision in decisions}
+        assert (Status.SLIDING in statuses) == slide
+        assert (Status.SLOWED_MEMBER_LENGTH in statuses) == (not slide)
+        assert any('sliding with' in decision.message for decision in decisions) == slide
+        ends.append(np.hypot(*np.subtract(moving.object_pose[:2], CENTER)))
+    assert ends[1] > ends[0]
+
+
+def test_a_servo_without_guard_goes_by_the_robot_file_alone():
+    made = servo()
+    made.guard = None
+    with_guard = servo().decide(NOW).command
+    assert (made.decide(NOW).command.roller_velocities == with_guard.roller_velocities).all()
