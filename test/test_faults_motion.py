@@ -22,8 +22,10 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
 TIMEOUT = 0.2
-#: A busy machine delays; what stops too late does so by far more than this [s].
-SLACK = 0.5
+#: A busy machine delays; what does not stop goes on for longer than this [s].
+SLACK = 2.0
+#: Where nothing shall stop, a busy machine must not either [s].
+PATIENT = 3.0
 TWIST = (0.012, 0.016, 0.05)
 TOPICS = {'joint_states': JointState, 'object_pose': PoseStamped}
 REMAPS = [f'simulator:{topic}:=true/{topic}' for topic in TOPICS]
@@ -69,11 +71,11 @@ class Relay:
         return max(map(abs, self.true['joint_states'][-1].velocity))
 
 
-def relayed(topic, distort, **values):
-    """Return a context manager of a moving robot with a relay."""
-    settings = overrides(command_timeout=TIMEOUT, **values)
+def relayed(timeout):
+    """Return a context manager of a moving robot whose states can be distorted."""
+    settings = overrides(command_timeout=timeout)
     return world(
-        lambda: Simulator(overrides(command_timeout=TIMEOUT)),
+        lambda: Simulator(settings),
         lambda: Manipulation(settings),
         remaps=REMAPS,
     )
@@ -178,7 +180,7 @@ HARMLESS = {
 @pytest.mark.parametrize('name', HARMLESS)
 def test_moves_on_as_commanded(name):
     topic, distort = HARMLESS[name]
-    with relayed(topic, distort) as w:
+    with relayed(PATIENT) as w:
         relay = Relay(w, topic, distort)
         w.until_code(Status.OK, send(w))
         relay.distorting = True
@@ -193,7 +195,7 @@ def test_moves_on_as_commanded(name):
         times, places = times[times <= moving[1]], places[times <= moving[1]]
         elapsed = times[-1] - times[0]
         assert elapsed > 0.2
-        assert places[-1] - places[0] == pytest.approx(np.array(TWIST) * elapsed, abs=2e-4)
+        assert places[-1] - places[0] == pytest.approx(np.array(TWIST) * elapsed, abs=1e-3)
 
 
 def longest_run(relay, begin):
@@ -270,7 +272,7 @@ def moved(by):
 def test_stands_still_within_the_time_out_and_goes_on_after(name):
     topic, make_distort, code = HARMFUL[name]
     distort = make_distort()
-    with relayed(topic, distort) as w:
+    with relayed(TIMEOUT) as w:
         relay = Relay(w, topic, distort)
         w.until_code(Status.OK, send(w))
         w.until(lambda: relay.speed() > 0.0, send(w))
@@ -290,7 +292,7 @@ def test_stands_still_within_the_time_out_and_goes_on_after(name):
 @pytest.mark.parametrize('by', [0.01, -0.02])
 def test_an_object_that_jumps_within_the_grip_is_moved_from_where_it_is_now(by):
     distort = moved(by)
-    with relayed('object_pose', distort) as w:
+    with relayed(PATIENT) as w:
         relay = Relay(w, 'object_pose', distort)
         w.until_code(Status.OK, send(w))
         relay.distorting = True
