@@ -21,8 +21,9 @@ Array = NDArray[np.float64]
 GAIN = 5.0
 #: The path must begin this near to where the rollers are [m].
 START_TOLERANCE = 0.01
-#: The rollers have arrived when all are this near to the end [m].
-TOLERANCE = 2e-5
+#: The rollers have arrived when all are this near to the end [m], and were for so long [s]: what
+#: is measured is old, and rollers that pass by are soon elsewhere.
+TOLERANCE, REST = 2e-5, 0.1
 #: The path waits while a roller lags by more than this [m], and is given up after so long [s].
 LAG, PATIENCE = 5e-3, 3.0
 
@@ -58,7 +59,7 @@ class RollerPathServo:
         self.rollers: Input = None
         self.time = 0.0
         self._path: RollerPath | None = None
-        self._waited = 0.0
+        self._waited = self._rested = 0.0
 
     @property
     def busy(self) -> bool:
@@ -81,7 +82,7 @@ class RollerPathServo:
                 f'the path begins {away[worst]:.4g} m from where roller '
                 f'{self._robot.roller_names[worst]} is; must begin within {START_TOLERANCE} m'
             )
-        self._path, self.time, self._waited = path, 0.0, 0.0
+        self._path, self.time, self._waited, self._rested = path, 0.0, 0.0, 0.0
 
     def end(self) -> None:
         """Let the path go."""
@@ -105,13 +106,15 @@ class RollerPathServo:
         wanted = path.at(self.time)
         error = wanted.positions - state.positions
         lag, at_end = float(np.abs(error).max()), self.time >= path.duration
-        if at_end and lag <= TOLERANCE:
+        near = at_end and lag <= TOLERANCE
+        self._rested = self._rested + self.period if near else 0.0
+        if self._rested > REST:
             self._path = None
             return RollerStep(still, True, '')
         speeds = wanted.speeds
         if lag <= LAG and not at_end:
             self.time, self._waited = min(self.time + self.period, path.duration), 0.0
-        else:
+        elif not near:
             speeds, self._waited = still, self._waited + self.period
         if self._waited > PATIENCE:
             self._path = None
