@@ -12,6 +12,7 @@ import sys
 
 from isotruss_ros.core import IsotrussError, load_robot, Refusal, Sample
 from isotruss_ros.core.roller_path_servo import RollerPathServo
+from isotruss_ros.core.samples import require_fresh
 from isotruss_ros.nodes import parameters as params
 from isotruss_ros.nodes.cycle import Cycle
 from isotruss_ros.nodes.diagnostics import Level
@@ -78,8 +79,8 @@ class RollerTrajectory(ManagedNode):
             self,
             self.values[RATE],
             self._step,
-            jumped_back=lambda: self._give_up('the clock ran back'),
-            stands=lambda now: self._give_up(f'simulated time stands at {now}'),
+            jumped_back=lambda: self._forget('the clock ran back'),
+            stands=lambda now: self._forget(f'simulated time stands at {now}'),
             patience=self._servo.timeout,
         )
 
@@ -108,14 +109,17 @@ class RollerTrajectory(ManagedNode):
             self._servo.rollers = Refusal(str(error))
 
     def _take_trajectory(self, message: JointTrajectory) -> None:
+        if not message.points:
+            self._give_up('an empty trajectory ends it')
+            return
+        now, meant = 1e-9 * self.get_clock().now().nanoseconds, seconds(message.header)
         try:
             if self._stopped:
                 raise MessageError('the topic emergency_stop says true; let it say false first')
-            if not message.points:
-                self._give_up('an empty trajectory ends it')
-                return
+            if meant:  # zero means at once
+                require_fresh('trajectory', Sample(None, meant), now, self._servo.timeout)
             path = roller_path(message, self._robot)
-            self._servo.begin(path, 1e-9 * self.get_clock().now().nanoseconds)
+            self._servo.begin(path, now)
         except IsotrussError as error:
             self._give_up('a trajectory that cannot be followed came')
             self.diagnostics.say(Level.WARN, f'trajectory refused: {error}')
@@ -143,6 +147,11 @@ class RollerTrajectory(ManagedNode):
             self._tell(Level.WARN, f'trajectory given up: {step.failure}')
         elif step.ended:
             self._tell(Level.OK, 'the rollers have arrived')
+
+    def _forget(self, why: str) -> None:
+        """Rely on nothing that was measured so far: its age cannot be known."""
+        self._servo.rollers = None
+        self._give_up(why)
 
     def _give_up(self, why: str) -> None:
         """Leave the rollers at rest if they follow a trajectory."""
