@@ -1,0 +1,179 @@
+"""
+What the nine-member robot can still do with one roller failed: reach, and following a path.
+
+Reach is the area of the positions of the object's centre that are reached from home by continuing
+motion: a flood fill of a grid, in which a cell is entered from its neighbours by the twist
+program, within the limits of the robot file and the bounds on shapes, sliding along them. The
+object is to keep its orientation, and turns where it must. The grip keeps its angle.
+
+Following is one lap of a circle by feed-forward alone, with the servo and a simulated robot of
+which one roller is stuck: while nobody knows, when it is known, and when the servo finds out.
+
+    python benchmarks/failed_rollers.py
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from isotruss_ros.core import (
+    Configuration,
+    ConfigurationError,
+    FailureCriterion,
+    FailureDetector,
+    Grasp,
+    HeldObject,
+    load_robot,
+    RollerFaults,
+    RollerState,
+    Sample,
+    ShapeBounds,
+    ShapeGuard,
+    SimulatedRobot,
+    snug_center,
+    solve_twist,
+    TwistServo,
+)
+from isotruss_ros.core.grasp import sides_at
+from isotruss_ros.core.manipulation import default_limits
+from measuring import print_machine, print_table
+import numpy as np
+
+MODULE, DIAMETER = 'north/Z', 0.3
+#: The grid of the flood fill, and how near to the middle of a cell the object must come [m].
+SPACING, ARRIVED = 0.1, 0.005
+#: Step of the way from cell to cell [s]. So many steps that gain next to nothing end it.
+STEP, PATIENCE, GAIN = 0.1, 5, 2e-4
+RADIUS, LAP, PERIOD = 0.1, 60.0, 0.02
+
+ROBOT = load_robot('nine_member')
+HELD = HeldObject.attach(
+    ROBOT.home, Grasp(MODULE, snug_center(ROBOT.home, MODULE, DIAMETER), DIAMETER)
+)
+LIMITS = default_limits(ROBOT)
+STILL = np.zeros(len(ROBOT.roller_names))
+
+
+def position(config: Configuration) -> complex:
+    """Return the object's centre [m]."""
+    return complex(*HELD.pose(config)[:2])
+
+
+def carry(
+    config: Configuration, goal: complex, guard: ShapeGuard, failed: Collection[str]
+) -> Configuration | None:
+    """Carry the object to a goal; return the configuration there, None if it does not arrive."""
+    nearest, idle = abs(goal - position(config)), 0
+    while idle < PATIENCE:
+        missing = goal - position(config)
+        if abs(missing) < ARRIVED:
+            return config
+        velocity = missing * min(ROBOT.description.max_speed / abs(missing), 1.0 / STEP)
+        twist = (velocity.real, velocity.imag, 0.0)
+        grasp = HELD.grasp_in(config)
+        watch = guard.watch(config, grasp)
+        limits = (*LIMITS, *watch.limits)
+        command = solve_twist(config, grasp, twist, failed, limits, slide=True, thrifty=True)
+        command = watch.keep(command, STILL, STEP)
+        try:
+            config = config.moved_to(config.roller_positions + STEP * command.roller_velocities)
+        except ConfigurationError:
+            return None
+        left = abs(goal - position(config))
+        idle = idle + 1 if left > nearest - GAIN else 0
+        nearest = min(nearest, left)
+    return None
+
+
+def reached(failed: Collection[str]) -> set[tuple[int, int]]:
+    """Return the cells that the object gets to from home."""
+    guard, start = ShapeGuard(ROBOT, ShapeBounds()), position(ROBOT.home)
+    found = {(0, 0): ROBOT.home}
+    waiting = deque(found)
+    while waiting:
+        here = waiting.popleft()
+        for dx, dy in ((1, 0), (0, 1), (-1, 0), (0, -1)):
+            cell = here[0] + dx, here[1] + dy
+            if cell not in found:
+                there = carry(found[here], start + SPACING * complex(*cell), guard, failed)
+                if there is not None:
+                    found[cell] = there
+                    waiting.append(cell)
+    return set(found)
+
+
+@dataclass
+class Errors:
+    """Largest distance from the circle's point [m], and largest change of the grip [rad]."""
+
+    position: float
+    grip: float
+
+
+def opening(config: Configuration) -> float:
+    """Return the angle between the sides of the grip [rad]."""
+    sides = sides_at(config, MODULE)
+    return float(np.angle(sides.ahead.conjugate() * sides.back))
+
+
+def follow(stuck: str | None, known: bool, detect: bool) -> Errors:
+    """Drive one lap and compare with the circle."""
+    servo = TwistServo(ROBOT, MODULE, DIAMETER, PERIOD, timeout=1.0)
+    if stuck is not None and known:
+        servo.failed = [stuck]
+    if detect:
+        servo.detector = FailureDetector(ROBOT.roller_names, FailureCriterion())
+    faults = RollerFaults(stuck=frozenset() if stuck is None else frozenset([stuck]))
+    robot = SimulatedRobot(ROBOT.home, HELD, faults)
+    start, angle = position(ROBOT.home), opening(ROBOT.home)
+    errors = Errors(0.0, 0.0)
+    for k in range(round(LAP / PERIOD)):
+        now = k * PERIOD
+        turn = np.exp(2j * np.pi * (now + 0.5 * PERIOD) / LAP)
+        velocity = 2.0 * np.pi / LAP * RADIUS * 1j * turn
+        servo.twist = Sample((velocity.real, velocity.imag, 0.0), now)
+        state = RollerState(robot.config.roller_positions, robot.roller_velocities)
+        servo.rollers = Sample(state, now)
+        servo.center = Sample(robot.object_pose[:2], now)
+        robot.command(servo.decide(now).command.roller_velocities)
+        robot.advance(PERIOD)
+        goal = start + RADIUS * (np.exp(2j * np.pi * (now + PERIOD) / LAP) - 1.0)
+        errors.position = max(errors.position, abs(position(robot.config) - goal))
+        errors.grip = max(errors.grip, abs(opening(robot.config) - angle))
+    return errors
+
+
+def main() -> None:
+    """Print the tables."""
+    print_machine()
+    whole = reached([])
+    rows, shares = [['none', f'{SPACING**2 * len(whole):.2f}', '', '']], []
+    for name in ROBOT.roller_names:
+        cells = reached([name])
+        shares.append(len(cells & whole) / len(whole))
+        beside = len(cells - whole) / len(whole)
+        area = SPACING**2 * len(cells)
+        rows.append([name, f'{area:.2f}', f'{100 * shares[-1]:.0f} %', f'{100 * beside:.0f} %'])
+    print_table(['failed roller', 'reached m^2', 'kept', 'beside it'], rows)
+    print(f'\nkept at least {100 * min(shares):.0f} %, on average {100 * np.mean(shares):.0f} %\n')
+
+    rows = []
+    for name in (None, *ROBOT.roller_names):
+        blind, knowing = follow(name, False, False), follow(name, True, False)
+        finding = follow(name, False, True)
+        rows.append(
+            [
+                name or 'none',
+                *(f'{1e3 * errors.position:.2f}' for errors in (blind, knowing, finding)),
+                f'{blind.position / knowing.position:.0f}',
+                *(f'{np.rad2deg(errors.grip):.2f}' for errors in (blind, knowing, finding)),
+            ]
+        )
+    header = ['failed roller', 'not known mm', 'known mm', 'found out mm', 'ratio']
+    print_table([*header, 'grip, not known deg', 'known deg', 'found out deg'], rows)
+
+
+if __name__ == '__main__':
+    main()
