@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Collection
-from dataclasses import dataclass
 
 from isotruss_ros.core import (
     Configuration,
@@ -36,7 +35,6 @@ from isotruss_ros.core import (
     solve_twist,
     TwistServo,
 )
-from isotruss_ros.core.grasp import sides_at
 from isotruss_ros.core.manipulation import default_limits
 from measuring import print_machine, print_table
 import numpy as np
@@ -104,22 +102,8 @@ def reached(failed: Collection[str]) -> set[tuple[int, int]]:
     return set(found)
 
 
-@dataclass
-class Errors:
-    """Largest distance from the circle's point [m], and largest change of the grip [rad]."""
-
-    position: float
-    grip: float
-
-
-def opening(config: Configuration) -> float:
-    """Return the angle between the sides of the grip [rad]."""
-    sides = sides_at(config, MODULE)
-    return float(np.angle(sides.ahead.conjugate() * sides.back))
-
-
-def follow(stuck: str | None, known: bool, detect: bool) -> Errors:
-    """Drive one lap and compare with the circle."""
+def follow(stuck: str | None, known: bool, detect: bool) -> float:
+    """Drive one lap; return the largest distance of the object from where it should be [m]."""
     servo = TwistServo(ROBOT, MODULE, DIAMETER, PERIOD, timeout=1.0)
     if stuck is not None and known:
         servo.failed = [stuck]
@@ -127,8 +111,7 @@ def follow(stuck: str | None, known: bool, detect: bool) -> Errors:
         servo.detector = FailureDetector(ROBOT.roller_names, FailureCriterion())
     faults = RollerFaults(stuck=frozenset() if stuck is None else frozenset([stuck]))
     robot = SimulatedRobot(ROBOT.home, HELD, faults)
-    start, angle = position(ROBOT.home), opening(ROBOT.home)
-    errors = Errors(0.0, 0.0)
+    start, error = position(ROBOT.home), 0.0
     for k in range(round(LAP / PERIOD)):
         now = k * PERIOD
         turn = np.exp(2j * np.pi * (now + 0.5 * PERIOD) / LAP)
@@ -140,9 +123,8 @@ def follow(stuck: str | None, known: bool, detect: bool) -> Errors:
         robot.command(servo.decide(now).command.roller_velocities)
         robot.advance(PERIOD)
         goal = start + RADIUS * (np.exp(2j * np.pi * (now + PERIOD) / LAP) - 1.0)
-        errors.position = max(errors.position, abs(position(robot.config) - goal))
-        errors.grip = max(errors.grip, abs(opening(robot.config) - angle))
-    return errors
+        error = max(error, abs(position(robot.config) - goal))
+    return error
 
 
 def main() -> None:
@@ -163,16 +145,10 @@ def main() -> None:
     for name in (None, *ROBOT.roller_names):
         blind, knowing = follow(name, False, False), follow(name, True, False)
         finding = follow(name, False, True)
-        rows.append(
-            [
-                name or 'none',
-                *(f'{1e3 * errors.position:.2f}' for errors in (blind, knowing, finding)),
-                f'{blind.position / knowing.position:.0f}',
-                *(f'{np.rad2deg(errors.grip):.2f}' for errors in (blind, knowing, finding)),
-            ]
-        )
-    header = ['failed roller', 'not known mm', 'known mm', 'found out mm', 'ratio']
-    print_table([*header, 'grip, not known deg', 'known deg', 'found out deg'], rows)
+        errors = [f'{1e3 * error:.4f}' for error in (blind, finding, knowing)]
+        rows.append([name or 'none', *errors, f'{blind / finding:.1f}'])
+    header = ['failed roller', 'not known mm', 'found out mm', 'known mm', 'not known / found out']
+    print_table(header, rows)
 
 
 if __name__ == '__main__':
