@@ -1,0 +1,502 @@
+"""The node that follows trajectories of the rollers: alone, and with the simulator."""
+
+import itertools
+import math
+import time
+
+from builtin_interfaces.msg import Duration, Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from isotruss_ros.core import Cylinder, GraspRequirements, plan_grasps, snug_center
+from isotruss_ros.core.roller_path_servo import PATIENCE, TOLERANCE
+from isotruss_ros.nodes.roller_trajectory import RollerTrajectory
+from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.trajectory_messages import MAX_POINTS
+from lifecycle_msgs.msg import Transition
+import numpy as np
+from probe import check_refused, Manager, N, overrides, ROBOT, world
+import pytest
+from rclpy.qos import QoSProfile
+from std_msgs.msg import Bool
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+NAMES = list(ROBOT.roller_names)
+MAX_SPEED = ROBOT.description.max_speed
+HOME = np.zeros(N)
+AWAY = np.array([0.02, -0.01, 0.0, 0.015, 0.01, -0.02])
+TOPIC = 'joint_trajectory_controller/joint_trajectory'
+#: Long: a busy machine delays, and most tests are not about that.
+TIMEOUT = 5.0
+#: The node speaks more often than that while it speaks [s].
+SILENCE = 0.15
+
+
+def node(**values):
+    """Return what makes the node."""
+    return lambda: RollerTrajectory(overrides(**({'command_timeout': TIMEOUT} | values)))
+
+
+def simulator(**values):
+    """Return what makes a simulator."""
+    return lambda: Simulator(overrides(**({'command_timeout': TIMEOUT} | values)))
+
+
+def lasting(seconds):
+    """Return a duration."""
+    sec = math.floor(seconds)
+    return Duration(sec=sec, nanosec=round(1e9 * (seconds - sec)))
+
+
+def trajectory(*rows, times=None, names=NAMES):
+    """Return a trajectory; 0.4 s from row to row unless told otherwise."""
+    times = 0.4 * np.arange(len(rows)) if times is None else times
+    points = [
+        JointTrajectoryPoint(positions=[float(v) for v in row], time_from_start=lasting(when))
+        for row, when in zip(rows, times, strict=True)
+    ]
+    return JointTrajectory(joint_names=list(names), points=points)
+
+
+class Rollers:
+    """
+    Sends trajectories, and looks at what the rollers are told.
+
+    :param still: whether the probe tells joint states, of rollers that stand still at home.
+    """
+
+    def __init__(self, w, still=False):
+        self.w = w
+        self._publisher = w.probe.create_publisher(JointTrajectory, TOPIC, QoSProfile(depth=10))
+        self._tell = w.probe.send_joints if still else (lambda: None)
+        self.until(lambda: self._publisher.get_subscription_count() > 0)
+        self.until(lambda: w.probe.last('joints') is not None)
+        # A node that has not heard of the rollers refuses every trajectory.
+        self.until(lambda: w.nodes[1].details()['age of joint states [s]'] != 'none received')
+
+    def until(self, what):
+        """Spin until something holds."""
+        self.w.until(what, self._tell)
+
+    def spin(self, duration):
+        """Spin for a while."""
+        self.w.spin(duration, self._tell)
+
+    def send(self, message):
+        """Send a trajectory; forget what the rollers were told before."""
+        self.w.probe.seen['command'].clear()
+        self._publisher.publish(message)
+
+    def commands(self):
+        """Return all that the rollers were told since then, (k, r)."""
+        told = [m.data for _, m in self.w.probe.seen['command']]
+        return np.array(told).reshape(len(told), N)
+
+    def moves(self):
+        """Return whether the rollers were told to move last."""
+        return bool(len(self.commands())) and self.commands()[-1].any()
+
+    def places(self):
+        """Return where the rollers were in all joint states (k, r) [m]."""
+        return np.array([m.position for _, m in self.w.probe.seen['joints']])
+
+    def until_moving(self, message):
+        """Send a trajectory and wait until it moves the rollers."""
+        self.send(message)
+        self.until(self.moves)
+
+    def until_still(self):
+        """Wait until the rollers were told to stand still, and nobody says more."""
+
+        def silent():
+            told = self.w.probe.seen['command']
+            return told and time.monotonic() - told[-1][0] > SILENCE
+
+        self.until(silent)
+        assert not self.moves()
+        assert np.abs(self.commands()).max() <= MAX_SPEED
+
+    def said(self):
+        """Return what the node says of itself now."""
+        self.w.probe.seen['diagnostics'].clear()
+        self.w.nodes[1].diagnostics.report()
+        self.until(lambda: self.w.report('roller_trajectory').name)
+        return self.w.report('roller_trajectory').message
+
+
+# With the simulator
+
+
+def test_follows_a_trajectory_and_rests_at_its_end():
+    with world(node(), simulator()) as w:
+        rollers = Rollers(w)
+        rollers.until_moving(trajectory(HOME, AWAY, 0.5 * AWAY, times=[0.0, 0.5, 0.8]))
+        rollers.until_still()
+        assert rollers.said() == 'the rollers have arrived'
+        rollers.until(lambda: not any(w.probe.last('joints').velocity))
+        assert np.abs(rollers.places()[-1] - 0.5 * AWAY).max() <= TOLERANCE
+        # The way leads over the point between.
+        assert np.abs(rollers.places() - AWAY).max(axis=1).min() < 5e-3
+        # It takes the time that it should, and what the last 20 um take.
+        moving = [t for t, m in w.probe.seen['command'] if any(m.data)]
+        assert moving[-1] - moving[0] > 0.7
+
+
+def test_follows_names_in_any_order():
+    order = np.random.default_rng(0).permutation(N)
+    with world(node(), simulator()) as w:
+        rollers = Rollers(w)
+        names = [NAMES[i] for i in order]
+        rollers.until_moving(trajectory(HOME[order], AWAY[order], names=names))
+        rollers.until_still()
+        assert np.abs(rollers.places()[-1] - AWAY).max() <= TOLERANCE
+
+
+def test_arrives_with_uneven_rollers_that_slip():
+    """As the encoders tell it: nobody else knows better."""
+    with world(node(), simulator(roller_noise=0.002, roller_slip=0.05, seed=1)) as w:
+        rollers = Rollers(w)
+        rollers.until_moving(trajectory(HOME, AWAY))
+        rollers.until_still()
+        assert rollers.said() == 'the rollers have arrived'
+        assert np.abs(rollers.places()[-1] - AWAY).max() <= TOLERANCE
+
+
+def test_gives_up_on_a_stuck_roller():
+    with world(node(), simulator(stuck_roller=NAMES[3])) as w:
+        rollers = Rollers(w)
+        rollers.until_moving(trajectory(HOME, 3.0 * AWAY, times=[0.0, 1.2]))
+        rollers.until_still()
+        assert f'trajectory given up: roller {NAMES[3]} stays 0.00' in rollers.said()
+        began, ended = (w.probe.seen['command'][i][0] for i in (0, -1))
+        assert PATIENCE < ended - began < PATIENCE + 3.0
+        # The others wait for it.
+        assert np.abs(rollers.places()[-1]).max() < 0.01
+
+
+def test_a_newer_one_takes_over():
+    with world(node(), simulator()) as w:
+        rollers = Rollers(w)
+        rollers.until_moving(trajectory(HOME, 5.0 * AWAY, times=[0.0, 2.0]))
+        rollers.until(lambda: np.abs(rollers.places()[-1]).max() > 0.01)
+        here = rollers.places()[-1]
+        rollers.send(trajectory(here, HOME))
+        rollers.until_still()
+        assert rollers.said() == 'the rollers have arrived'
+        assert np.abs(rollers.places()[-1]).max() <= TOLERANCE
+        assert np.abs(rollers.places()).max() < 0.08
+        # Without a halt in between.
+        assert rollers.commands()[:10].any(axis=1).all()
+
+
+def test_an_empty_one_ends_it():
+    with world(node(), simulator()) as w:
+        rollers = Rollers(w)
+        for empty in (JointTrajectory(), JointTrajectory(joint_names=NAMES)):
+            here = rollers.places()[-1]
+            rollers.until_moving(trajectory(here, here + 3.0 * AWAY, times=[0.0, 1.0]))
+            rollers.send(empty)
+            rollers.until_still()
+            assert rollers.said() == 'trajectory given up: an empty trajectory ends it'
+            rollers.until(lambda: not any(w.probe.last('joints').velocity))
+            assert np.abs(rollers.places()[-1] - here).max() < 0.06
+        rollers.send(JointTrajectory())  # nothing to end
+        rollers.spin(0.1)
+        assert not len(rollers.commands())
+
+
+def test_grips_an_object_that_lies_free():
+    """A short way to a planned grasp; then the object goes with the grip."""
+    center = snug_center(ROBOT.home, 'north/Z', 0.3, -0.01)
+    needs = GraspRequirements(friction=1.0, module='north/Z', min_margin=0.01, count=1)
+    plan = plan_grasps(ROBOT.home, Cylinder(center, 0.3), needs, thorough=False).grasps[0]
+    ways = np.abs(np.diff(plan.path, axis=0)).max(axis=1)
+    times = np.append(0.0, np.cumsum(ways / (0.95 * MAX_SPEED)))
+    free = {'object_lies_free': True, 'object_x': center[0], 'object_y': center[1]}
+    with world(node(), simulator(friction=1.0, **free)) as w:
+        rollers = Rollers(w)
+
+        def place():
+            position = w.probe.last('pose').pose.position
+            return np.array([position.x, position.y])
+
+        # Away from the object and back: it stays.
+        rollers.until_moving(trajectory(HOME, -0.3 * plan.path[plan.touch]))
+        rollers.until_still()
+        rollers.until_moving(trajectory(-0.3 * plan.path[plan.touch], HOME))
+        rollers.until_still()
+        assert {(m.pose.position.x, m.pose.position.y) for _, m in w.probe.seen['pose']} == {
+            center
+        }
+        rollers.until_moving(trajectory(*plan.path, times=times))
+        rollers.until_still()
+        assert rollers.said() == 'the rollers have arrived'
+        rollers.until(lambda: not any(w.probe.last('joints').velocity))
+        assert place() == pytest.approx(center, abs=1e-3)
+        gripped, end = place(), rollers.places()[-1]
+        lifted = end + 0.02 * np.array([0, 0, 0, 0, 1, 1])
+        rollers.until_moving(trajectory(end, lifted))
+        rollers.until_still()
+        assert np.linalg.norm(place() - gripped) > 5e-3
+
+
+# What ends it
+
+
+def test_is_silent_while_there_is_none():
+    with world(node()) as w:
+        rollers = Rollers(w, still=True)
+        w.probe.seen['command'].clear()
+        rollers.spin(0.4)
+        assert not len(rollers.commands())
+        assert rollers.said() == 'no trajectory to follow'
+
+
+def test_an_emergency_stop_ends_it_and_none_begins_meanwhile():
+    with world(node()) as w:
+        rollers = Rollers(w, still=True)
+        rollers.until_moving(trajectory(HOME, AWAY))
+        w.probe.stops.publish(Bool(data=True))
+        rollers.until_still()
+        assert rollers.said() == 'trajectory given up: emergency stop'
+        rollers.send(trajectory(HOME, AWAY))
+        rollers.until(lambda: 'the topic emergency_stop says true' in rollers.said())
+        rollers.spin(0.1)
+        assert not len(rollers.commands())
+        w.probe.stops.publish(Bool(data=False))
+        rollers.until(lambda: not w.nodes[1].details()['emergency stop'])
+        rollers.spin(0.1)
+        assert not len(rollers.commands())  # nothing goes on by itself
+        rollers.until_moving(trajectory(HOME, AWAY))
+
+
+def test_an_emergency_stop_from_before_it_came_up_counts():
+    with world() as w:
+        w.probe.stops.publish(Bool(data=True))
+        w.add(node()())
+        rollers = Rollers(w, still=True)
+        rollers.until(lambda: w.nodes[1].details()['emergency stop'])
+        rollers.send(trajectory(HOME, AWAY))
+        rollers.until(lambda: 'the topic emergency_stop says true' in rollers.said())
+        assert not len(rollers.commands())
+
+
+def test_deactivated_it_leaves_the_rollers_at_rest():
+    with world(node()) as w:
+        rollers, manager = Rollers(w, still=True), Manager(w, 'roller_trajectory')
+        for _ in range(2):
+            rollers.until_moving(trajectory(HOME, AWAY))
+            assert manager.ask(Transition.TRANSITION_DEACTIVATE)
+            rollers.until_still()
+            w.probe.seen['command'].clear()
+            rollers.spin(0.1)
+            assert manager.ask(Transition.TRANSITION_CLEANUP)
+            w.probe.stops.publish(Bool(data=True))  # heard in every state
+            rollers.until(lambda: w.nodes[1]._stopped)
+            w.probe.stops.publish(Bool(data=False))
+            rollers.until(lambda: not w.nodes[1]._stopped)
+            assert manager.ask(Transition.TRANSITION_CONFIGURE)
+            assert manager.ask(Transition.TRANSITION_ACTIVATE)
+            rollers.spin(0.1)
+            assert not len(rollers.commands())
+        rollers.until_moving(trajectory(HOME, AWAY))
+        assert manager.ask(Transition.TRANSITION_ACTIVE_SHUTDOWN)
+        rollers.until_still()
+
+
+def test_stops_in_time_when_the_joint_states_fall_silent():
+    with world(node(command_timeout=0.4)) as w:
+        rollers = Rollers(w, still=True)
+        rollers.until_moving(trajectory(HOME, AWAY))
+        last = w.probe.seen['joints'][-1][0]
+        w.until(lambda: not rollers.moves())  # and tell nothing meanwhile
+        stopped = w.probe.seen['command'][-1][0]
+        assert 0.2 < stopped - last < 0.4 + 0.5
+        rollers.until_still()
+        assert 'must be at most 0.4 s' in rollers.said()
+
+
+BAD_STATES = {
+    'nan': {'position': [math.nan] * N},
+    'huge': {'position': [1e308] * N},
+    'none': {'name': [], 'position': []},
+    'too few': {'position': [0.0] * (N - 1)},
+    'renamed': {'name': [f'{name}_' for name in NAMES]},
+    'old': {'age': 9.0},
+    'in the future': {'age': -9.0},
+}
+
+
+@pytest.mark.parametrize('case', BAD_STATES)
+def test_stops_on_joint_states_that_cannot_be_and_does_not_begin_on_them(case):
+    with world(node(command_timeout=2.0)) as w:
+        rollers = Rollers(w, still=True)
+        rollers.until_moving(trajectory(HOME, AWAY))
+        w.until(lambda: not rollers.moves(), lambda: w.probe.send_joints(**BAD_STATES[case]))
+        rollers._tell = lambda: w.probe.send_joints(**BAD_STATES[case])
+        rollers.until_still()
+        assert 'trajectory given up: joint states' in rollers.said()
+        rollers.send(trajectory(HOME, AWAY))
+        rollers.until(lambda: 'trajectory refused: joint states' in rollers.said())
+        assert not len(rollers.commands())
+
+
+def bent(**changes):
+    """Return a trajectory of which the second point is changed."""
+    made = trajectory(HOME, AWAY, 0.5 * AWAY)
+    for name, value in changes.items():
+        setattr(made.points[1], name, value)
+    return made
+
+
+def stamped(seconds, nanosec=0):
+    """Return a trajectory that says for when it is meant."""
+    made = trajectory(HOME, AWAY)
+    made.header.stamp = Time(sec=seconds, nanosec=nanosec)
+    return made
+
+
+ROW = [0.0] * N
+HOSTILE = {
+    'nan': (bent(positions=[math.nan] * N), 'point 1: must have 6 positions'),
+    'inf': (bent(positions=[math.inf] * N), 'point 1: must have 6 positions'),
+    '1e308': (bent(positions=[1e308] * N), 'at most 1e+06 m'),
+    '-1e308': (bent(positions=[*ROW[:-1], -1e308]), 'at most 1e+06 m'),
+    'far': (bent(positions=[1e5] * N), 'm/s; must be at most 0.1'),
+    'too quick': (bent(time_from_start=lasting(0.1)), '0.2 m/s; must be at most 0.1'),
+    'at once': (bent(time_from_start=Duration(sec=0, nanosec=1)), 'm/s; must be at most 0.1'),
+    'no positions': (bent(positions=[]), 'point 1: must have 6 positions'),
+    'too few': (bent(positions=ROW[:-1]), 'point 1: must have 6 positions'),
+    'too many': (bent(positions=[0.0] * 10_000), 'point 1: must have 6 positions'),
+    'only speeds': (bent(positions=[], velocities=ROW), 'point 1: must have 6 positions'),
+    'the same time': (trajectory(HOME, AWAY, times=[0.5, 0.5]), 'time 0.5 s of point 1'),
+    'times back': (trajectory(HOME, AWAY, AWAY, times=[0.0, 1.0, 0.5]), 'time 0.5 s of point 2'),
+    'negative': (trajectory(HOME, AWAY, times=[-1.0, 0.0]), 'time -1 s of point 0'),
+    'before all time': (bent(time_from_start=Duration(sec=-(2**31))), 'of point 1'),
+    'after all time': (bent(time_from_start=Duration(sec=2**31 - 1)), 'of point 1'),
+    'no names': (trajectory(HOME, AWAY, names=[]), 'joint_names: none; must be each of south/P'),
+    'too few names': (trajectory(HOME, AWAY, names=NAMES[:-1]), 'joint_names: '),
+    'too many names': (trajectory(HOME, AWAY, names=[*NAMES, 'north/P']), "'north/P'; must be"),
+    'twice': (trajectory(HOME, AWAY, names=[*NAMES[:-1], NAMES[0]]), 'joint_names: '),
+    'and twice': (trajectory(HOME, AWAY, names=[*NAMES, NAMES[0]]), 'joint_names: '),
+    'renamed': (trajectory(HOME, AWAY, names=['a', *NAMES[1:]]), "joint_names: 'a', "),
+    'endless names': (trajectory(HOME, AWAY, names=['x' * 10**6] * N), 'joint_names: '),
+    'names without end': (trajectory(HOME, names=map(str, range(10**5))), 'joint_names: '),
+    'points without end': (
+        trajectory(*[ROW] * (MAX_POINTS + 1), times=0.01 * np.arange(MAX_POINTS + 1)),
+        f'{MAX_POINTS + 1} points; must be at most {MAX_POINTS}',
+    ),
+    'elsewhere': (trajectory(AWAY, HOME), 'the path begins 0.02 m from where roller'),
+    'long ago': (stamped(0, 1), 's old; must be at most'),
+    'before time': (stamped(-(2**31)), 's old; must be at most'),
+    'in the future': (stamped(2**31 - 1), 'in the future'),
+}
+
+
+@pytest.mark.parametrize('moving', [False, True])
+def test_trajectories_that_cannot_be_are_refused_and_end_the_one_under_way(moving):
+    with world(node()) as w:
+        rollers = Rollers(w, still=True)
+        for name, (message, words) in HOSTILE.items():
+            if moving:
+                rollers.until_moving(trajectory(HOME, AWAY))
+            rollers.send(message)
+
+            def refused(words=words):
+                return all(part in rollers.said() for part in ('trajectory refused: ', words))
+
+            rollers.until(refused)
+            assert len(rollers.said()) < 3000, name
+            if moving:
+                rollers.until(lambda: not rollers.moves())
+                assert not w.nodes[1].details()['following'], name
+            assert moving or not len(rollers.commands()), name
+        if moving:
+            rollers.until_still()
+        # No harm done.
+        rollers.until_moving(trajectory(HOME, AWAY))
+
+
+def test_what_a_good_one_says_beside_positions_and_times_does_not_matter():
+    with world(node()) as w:
+        rollers = Rollers(w, still=True)
+        odd = trajectory(HOME, AWAY)
+        odd.header.frame_id = 'x' * 1000
+        now = w.probe.get_clock().now().to_msg()
+        odd.header.stamp = now
+        for point in odd.points:
+            point.velocities, point.accelerations, point.effort = [math.nan] * N, [1e308], [0.0]
+        rollers.until_moving(odd)
+
+
+# Clocks, parameters, diagnostics
+
+
+def test_gives_up_when_simulated_time_stands_still_or_runs_back():
+    with world(node(use_sim_time=True, command_timeout=0.5), sim_time=True) as w:
+        times = itertools.count(100.0, 0.01)
+
+        def run():
+            w.probe.tick(next(times))
+            w.probe.send_joints()
+
+        w.spin(0.3, run)
+        rollers = Rollers(w, still=True)
+        rollers._tell = run
+        rollers.until_moving(trajectory(HOME, AWAY))
+        w.until(lambda: not rollers.moves(), w.probe.send_joints)
+        rollers._tell = w.probe.send_joints
+        rollers.until_still()
+        assert 'simulated time stands' in rollers.said()
+
+        rollers._tell = run
+        rollers.spin(0.2)
+        rollers.until_moving(trajectory(HOME, AWAY))
+        times = itertools.count(50.0, 0.01)
+        rollers._tell = lambda: w.probe.tick(next(times))
+        rollers.until(lambda: not rollers.moves())
+        rollers.until_still()
+        assert rollers.said() == 'trajectory given up: the clock ran back'
+        # What was measured before says nothing about now.
+        rollers.send(trajectory(HOME, AWAY))
+        rollers.until(lambda: 'joint states: none received yet' in rollers.said())
+        assert not len(rollers.commands())
+
+
+def test_rate_and_time_out_can_be_changed_under_way():
+    with world(node(rate=20.0)) as w:
+        rollers = Rollers(w, still=True)
+        rollers.until_moving(trajectory(HOME, AWAY, times=[0.0, 60.0]))
+        w.nodes[1].set_parameters(overrides(rate=200.0, command_timeout=0.3))
+        w.probe.seen['command'].clear()
+        rollers.until(lambda: len(rollers.commands()) > 50)
+        told = [t for t, _ in w.probe.seen['command']]
+        assert np.median(np.diff(told)) < 0.04
+        w.until(lambda: not rollers.moves())
+        assert 'must be at most 0.3 s' in rollers.said()
+
+
+def test_says_in_its_diagnostics_what_it_does():
+    with world(node()) as w:
+        rollers = Rollers(w, still=True)
+        assert w.nodes[1].details()['following'] is False
+        rollers.until_moving(trajectory(HOME, AWAY, times=[0.0, 2.0]))
+        assert rollers.said() == 'following a trajectory of 2.0 s'
+        details = {value.key: value.value for value in w.report('roller_trajectory').values}
+        assert details['following'] == 'True'
+        assert 0.0 < float(details['time on the trajectory [s]']) < 2.0
+        assert w.report('roller_trajectory').level == DiagnosticStatus.OK
+        rollers.send(bent(positions=[]))
+        rollers.until_still()
+        assert w.report('roller_trajectory').level == DiagnosticStatus.WARN
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'robot': '/nowhere.yaml'}, 'no such file'),
+        ({'rate': 1.0}, 'range'),
+        ({'rate': math.nan}, 'range'),
+        ({'command_timeout': 0.0}, 'range'),
+    ],
+)
+def test_bad_parameters_are_refused_at_start(values, words):
+    check_refused(node(**values), words)
