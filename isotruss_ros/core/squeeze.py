@@ -212,7 +212,7 @@ class Squeeze:
         for name, value in (('max_contact_force', largest), ('max_total_force', total)):
             bound = getattr(needs, name)
             if value > bound:
-                return Miss(name, value, bound, value / bound - 1.0), 0.95 * bound / value
+                return Miss(name, value, bound, 1.0 - bound / value), 0.95 * bound / value
         friction, margin = analysis.required_friction, analysis.closure_margin
         if not analysis.force_closure or margin < 0.0:
             # Where the plane of friction is all but flat, deeper contact is wider contact.

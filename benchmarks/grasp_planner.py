@@ -1,0 +1,245 @@
+"""
+How often grasps are found, and for how many evaluations, against searches that know no structure.
+
+Objects lie free inside a loop of the nine-member robot at home, 2 cm from everything at least;
+places and diameters (0.15 to 0.5 m) are random, with a fixed seed. A grasp closes by friction 0.5
+with a margin of 10 mN, whichever of three spacings the contact points have.
+
+The peers draw roller positions, up to 0.5 m from home: plain random sampling, and SciPy's
+differential evolution on a sum of all that is missed: gaps between the object and the two sides
+that are nearest to touching it, depth of what should not touch, lengths, rigidity, clearance, then
+imbalance and margin. They need a shape only, no way to it. Each gets ten times the evaluations
+that the planner took for the same object, and no fewer than 1000, up to 5000. Every configuration
+counts as one evaluation; the planner's analyses count besides, those of the peers do not.
+
+    python benchmarks/grasp_planner.py [OBJECTS]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import os
+import sys
+import time
+from typing import NamedTuple
+
+os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
+
+from isotruss_ros.core import (
+    analyze_grasp,
+    Configuration,
+    Cylinder,
+    GraspRequirements,
+    IsotrussError,
+    load_robot,
+    plan_grasps,
+    shape_margins,
+)
+from isotruss_ros.core.object_gaps import encloses, object_gaps
+from isotruss_ros.core.squeeze import SPACINGS
+from measuring import print_machine, print_table
+import numpy as np
+from scipy.optimize import differential_evolution
+
+ROBOT = load_robot('nine_member')
+NEEDS = GraspRequirements(min_margin=0.01, count=1)
+SEED, OBJECTS = 0, 50
+DIAMETERS, FREE = (0.15, 0.5), 0.02
+#: The peers draw roller positions this far from home [m].
+REACH = 0.5
+#: The peers may look at this many times more configurations, within these bounds.
+ALLOWANCE, LEAST, MOST = 10, 1000, 5000
+#: Members that differential evolution keeps for each of the six rollers.
+POPULATION = 10
+#: The sides of a grasp press about as deep [m].
+DEPTH = 0.03
+
+
+class FoundError(Exception):
+    """A peer has found a grasp: it may stop."""
+
+
+class Outcome(NamedTuple):
+    """What a search came to: whether it found a grasp, evaluations, and time [s]."""
+
+    found: bool
+    evaluations: int
+    duration: float
+
+
+Search = Callable[[Cylinder, int], Outcome]
+
+
+def objects(count: int) -> list[Cylinder]:
+    """Return objects that lie free inside a loop of the robot at home."""
+    draw, home = np.random.default_rng(SEED), ROBOT.home
+    low, high = home.nodes.min(axis=0), home.nodes.max(axis=0)
+    tubes = range(len(ROBOT.layout.tube_names))
+    found: list[Cylinder] = []
+    while len(found) < count:
+        cylinder = Cylinder(tuple(draw.uniform(low, high)), draw.uniform(*DIAMETERS))
+        if any(encloses(home, tube, complex(*cylinder.center)) for tube in tubes):
+            gaps = object_gaps(home, cylinder)
+            if min(gaps.members.min(), gaps.modules.min()) >= FREE:
+                found.append(cylinder)
+    return found
+
+
+def missed(positions: np.ndarray, cylinder: Cylinder) -> float:
+    """Return how much a shape misses of a grasp, 0 for a grasp; smooth where that is possible."""
+    try:
+        config = ROBOT.configuration(positions)
+        return _missed(config, cylinder)
+    except IsotrussError:
+        return 100.0
+
+
+def _missed(config: Configuration, cylinder: Cylinder) -> float:
+    file, layout = ROBOT.description, ROBOT.layout
+    margins, gaps = shape_margins(config), object_gaps(config, cylinder)
+    lengths = config.member_lengths
+    shape = (
+        max(0.0, NEEDS.min_rigidity - margins.rigidity)
+        + max(0.0, -margins.clearance)
+        + max(0.0, file.min_length - lengths.min())
+        + max(0.0, lengths.max() - file.max_length)
+        + np.maximum(0.0, -gaps.modules).sum()
+    )
+    center = complex(*cylinder.center)
+    around = [t for t in range(len(layout.tube_names)) if encloses(config, t, center)]
+    if not around:
+        return 50.0 + shape
+    off = np.abs(gaps.members + DEPTH)
+    grips = [int(i) for i in np.flatnonzero(np.isin(layout.tube, around))]
+    grip = min(grips, key=lambda i: off[i] + off[layout.previous[i]])
+    sides = [grip, int(layout.previous[grip])]
+    others = np.delete(gaps.members, sides)
+    wide = max(0.0, gaps.openings[grip] - 1.6 * np.arctan(NEEDS.friction))
+    shape += np.maximum(0.0, -others).sum()
+    if gaps.members[sides].max() > -1e-3 or shape > 0.0:
+        return 20.0 + 10.0 * (off[sides].sum() + shape) + wide
+    worst = 0.0
+    for spacing in SPACINGS:
+        found = analyze_grasp(config, cylinder, NEEDS.friction, spacing=spacing)
+        total = float(found.normal_forces.sum())
+        if total == 0.0:
+            return 20.0 + wide
+        pressing = [found.contact_forces.get(ROBOT.member_names[i], 0.0) for i in sides]
+        uneven = abs(pressing[0] - pressing[1]) / total
+        short = max(0.0, NEEDS.min_margin - found.closure_margin)
+        if short > 0.0 or not found.force_closure:
+            worst = max(worst, uneven + wide + short / total + 1e-6)
+    return worst
+
+
+def judge(positions: np.ndarray, cylinder: Cylinder) -> bool:
+    """Check a grasp anew, with half the spacing of the contact points."""
+    config = ROBOT.configuration(positions)
+    return all(
+        analyze_grasp(config, cylinder, NEEDS.friction, spacing=spacing).force_closure
+        for spacing in (0.005, 0.0025)
+    )
+
+
+def planned(cylinder: Cylinder) -> Outcome:
+    """Let the planner search."""
+    start = time.thread_time()
+    plan = plan_grasps(ROBOT.home, cylinder, NEEDS, SEED, thorough=False)
+    duration = time.thread_time() - start
+    if plan.grasps:
+        assert judge(plan.grasps[0].roller_positions, cylinder)
+    return Outcome(bool(plan.grasps), plan.evaluations, duration)
+
+
+def sampled(cylinder: Cylinder, budget: int) -> Outcome:
+    """Draw roller positions."""
+    draw = np.random.default_rng(SEED)
+    start = time.thread_time()
+    for count in range(1, budget + 1):
+        positions = draw.uniform(-REACH, REACH, len(ROBOT.roller_names))
+        if missed(positions, cylinder) == 0.0 and judge(positions, cylinder):
+            return Outcome(True, count, time.thread_time() - start)
+    return Outcome(False, budget, time.thread_time() - start)
+
+
+def evolved(cylinder: Cylinder, budget: int) -> Outcome:
+    """Let differential evolution search."""
+    count = 0
+
+    def objective(positions: np.ndarray) -> float:
+        nonlocal count
+        if count >= budget:
+            raise FoundError
+        count += 1
+        value = missed(positions, cylinder)
+        if value == 0.0 and judge(positions, cylinder):
+            raise FoundError(positions)
+        return value
+
+    rollers = len(ROBOT.roller_names)
+    start = time.thread_time()
+    found = False
+    try:
+        differential_evolution(
+            objective,
+            [(-REACH, REACH)] * rollers,
+            maxiter=budget,
+            popsize=POPULATION,
+            init='sobol',
+            tol=0.0,
+            polish=False,
+            seed=SEED,
+        )
+    except FoundError as ended:
+        found = bool(ended.args)
+    return Outcome(found, count, time.thread_time() - start)
+
+
+def main() -> None:
+    """Search for all objects in all ways, and print what came of it."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else OBJECTS
+    print_machine()
+    rows: dict[str, list[Outcome]] = {'planner': [], 'random': [], 'evolution': []}
+    peers: dict[str, Callable[[Cylinder, int], Outcome]] = {
+        'random': sampled,
+        'evolution': evolved,
+    }
+    for cylinder in objects(count):
+        own = planned(cylinder)
+        rows['planner'].append(own)
+        for name, search in peers.items():
+            budget = min(max(ALLOWANCE * own.evaluations, LEAST), MOST)
+            rows[name].append(search(cylinder, budget))
+    own_total = sum(one.evaluations for one in rows['planner'])
+    table = []
+    for name, outcomes in rows.items():
+        found = sum(one.found for one in outcomes)
+        evaluations = sum(one.evaluations for one in outcomes)
+        duration = sum(one.duration for one in outcomes)
+        each = (f'{evaluations / found:.0f}', f'{duration / found:.2f}') if found else ('-', '-')
+        table.append(
+            (
+                name,
+                f'{found} of {count}',
+                f'{np.median([one.evaluations for one in outcomes]):.0f}',
+                f'{evaluations / own_total:.1f}',
+                *each,
+                f'{1e3 * duration / evaluations:.2f}',
+            )
+        )
+    print_table(
+        (
+            'search',
+            'found',
+            'evaluations, median',
+            'all, ratio',
+            'for each found',
+            's for each',
+            'ms each',
+        ),
+        table,
+    )
+
+
+if __name__ == '__main__':
+    main()
