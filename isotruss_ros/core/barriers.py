@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-
 #: Numbers of values, or all of them.
 Which: TypeAlias = Indices | slice
 EVERYTHING = slice(None)

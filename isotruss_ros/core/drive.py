@@ -137,7 +137,9 @@ def drive(
         ]
     )
     direction = task.direction / gain
-    price = PRICE * robot.description.max_speed / (unit * gain) if thrifty else ANY_PRICE
+    price = ANY_PRICE
+    if thrifty:
+        price = min(price, PRICE * robot.description.max_speed / (unit * gain))
     solution, reached = furthest(
         working.cost,
         task.equality,

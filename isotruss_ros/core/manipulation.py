@@ -28,7 +28,8 @@ class RollerCommand:
     :ivar roller_velocities: (r,) speed of the tube through each roller [m/s].
     :ivar achieved_twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame,
         computed from `roller_velocities`.
-    :ivar scale: 0 to 1, by which the limits shrank the (nearest reachable) twist.
+    :ivar scale: 0 to 1, by which the limits shrank the (nearest reachable) twist; where it slides,
+        the component along that.
     :ivar status: how the twist was answered.
     :ivar limiting: the rollers, members and so on whose limits bind, empty at scale 1.
     :ivar mobility: how many independent motions of the object the working rollers can bring about
