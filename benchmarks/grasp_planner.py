@@ -9,8 +9,8 @@ The peers draw roller positions, up to 0.5 m from home: plain random sampling, a
 differential evolution on a sum of all that is missed: gaps between the object and the two sides
 that are nearest to touching it, depth of what should not touch, lengths, rigidity, clearance, then
 imbalance and margin. They need a shape only, no way to it. Each gets ten times the evaluations
-that the planner took for the same object, and no fewer than 1000, up to 5000. Every configuration
-counts as one evaluation; the planner's analyses count besides, those of the peers do not.
+that the planner took for the same object, up to 5000 of them. Every configuration counts as one
+evaluation; the planner's analyses count besides, those of the peers do not.
 
     python benchmarks/grasp_planner.py [OBJECTS]
 """
@@ -47,8 +47,8 @@ SEED, OBJECTS = 0, 50
 DIAMETERS, FREE = (0.15, 0.5), 0.02
 #: The peers draw roller positions this far from home [m].
 REACH = 0.5
-#: The peers may look at this many times more configurations, within these bounds.
-ALLOWANCE, LEAST, MOST = 10, 1000, 5000
+#: The peers may look at this many times more configurations, and at so many in all.
+ALLOWANCE, MOST = 10, 5000
 #: Members that differential evolution keeps for each of the six rollers.
 POPULATION = 10
 #: The sides of a grasp press about as deep [m].
@@ -87,6 +87,11 @@ def objects(count: int) -> list[Cylinder]:
 
 def missed(positions: np.ndarray, cylinder: Cylinder) -> float:
     """Return how much a shape misses of a grasp, 0 for a grasp; smooth where that is possible."""
+    file = ROBOT.description
+    lengths = ROBOT.home.member_lengths + ROBOT.layout.length_change(positions)
+    off = np.maximum(0.0, file.min_length - lengths) + np.maximum(0.0, lengths - file.max_length)
+    if off.any():
+        return 200.0 + float(off.sum())
     try:
         config = ROBOT.configuration(positions)
         return _missed(config, cylinder)
@@ -95,14 +100,11 @@ def missed(positions: np.ndarray, cylinder: Cylinder) -> float:
 
 
 def _missed(config: Configuration, cylinder: Cylinder) -> float:
-    file, layout = ROBOT.description, ROBOT.layout
+    layout = ROBOT.layout
     margins, gaps = shape_margins(config), object_gaps(config, cylinder)
-    lengths = config.member_lengths
     shape = (
         max(0.0, NEEDS.min_rigidity - margins.rigidity)
         + max(0.0, -margins.clearance)
-        + max(0.0, file.min_length - lengths.min())
-        + max(0.0, lengths.max() - file.max_length)
         + np.maximum(0.0, -gaps.modules).sum()
     )
     center = complex(*cylinder.center)
@@ -208,8 +210,10 @@ def main() -> None:
         own = planned(cylinder)
         rows['planner'].append(own)
         for name, search in peers.items():
-            budget = min(max(ALLOWANCE * own.evaluations, LEAST), MOST)
+            budget = min(ALLOWANCE * own.evaluations, MOST)
             rows[name].append(search(cylinder, budget))
+        if sys.stderr.isatty():
+            print(f'{len(rows["planner"])} of {count}', end='\r', file=sys.stderr)
     own_total = sum(one.evaluations for one in rows['planner'])
     table = []
     for name, outcomes in rows.items():
