@@ -171,8 +171,8 @@ def test_stays_in_the_grip_over_rests_while_it_is_pressed(plan):
 def test_is_let_go_where_the_grip_opens_and_can_be_gripped_again(plan):
     scene = Scene()
     scene.grip(plan)
-    way = plan.path[plan.touch - 2 :][::-1]
-    for place in way:
+    touch = plan.touch - 2
+    for place in plan.path[touch:][::-1]:
         scene.go(place)
     assert scene.object.grip is not None  # until somebody looks
     left = scene.pose
@@ -180,7 +180,7 @@ def test_is_let_go_where_the_grip_opens_and_can_be_gripped_again(plan):
     assert scene.object.grip is None
     assert scene.pose == pytest.approx(left)
     left = scene.pose
-    for place in plan.path[: plan.touch - 2][::-1]:
+    for place in plan.path[:touch][::-1]:
         scene.go(place)
         scene.rest()
         assert scene.pose == left
@@ -245,28 +245,22 @@ def test_behind_a_corner_it_is_not_in_the_grip():
 
 
 def test_the_robot_looks_once_for_each_rest():
-    class Counting:
-        def __init__(self):
-            self.rests = []
-
-        def come_to_rest(self, config):
-            self.rests.append(config)
-
-    counting = Counting()
+    rests = []
+    counting = SimpleNamespace(come_to_rest=rests.append)
     robot = SimulatedRobot(ROBOT.home, counting, RollerFaults(stuck=frozenset({'south/P'})))
     for _ in range(3):
         robot.advance(0.1)
-    assert counting.rests == [ROBOT.home]
+    assert rests == [ROBOT.home]
     for count, sort in enumerate((robot.stop, lambda: robot.command([0.1, 0, 0, 0, 0, 0])), 1):
         robot.command([0.0, 0.01, 0.0, 0.0, 0.0, 0.0])
         for _ in range(3):
             robot.advance(0.1)
-            assert len(counting.rests) == count
+            assert len(rests) == count
         sort()  # a stuck roller that is told to move rests too
         for _ in range(3):
             robot.advance(0.0)
-        assert len(counting.rests) == count + 1
-        assert counting.rests[-1] is robot.config
+        assert len(rests) == count + 1
+        assert rests[-1] is robot.config
 
 
 # Which module grips

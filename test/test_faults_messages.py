@@ -26,6 +26,7 @@ from isotruss_ros.core import Refusal, Sample, Status, TwistServo
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.messages import MessageError, RollerStates, stamp
+from isotruss_ros.nodes.roller_trajectory import RollerTrajectory
 from isotruss_ros.nodes.simulator import Simulator
 import numpy as np
 from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT, world
@@ -409,7 +410,7 @@ def parameter_values():
     ]
 
 
-@pytest.mark.parametrize('kind', [Manipulation, Simulator, GraspAnalysisNode])
+@pytest.mark.parametrize('kind', [Manipulation, Simulator, GraspAnalysisNode, RollerTrajectory])
 def test_parameters_that_cannot_be_are_refused_in_flight(kind):
     with world(lambda: kind()) as w:
         node = w.nodes[1]
