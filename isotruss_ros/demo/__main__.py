@@ -72,11 +72,8 @@ def _play(
 ) -> tuple[list[PhaseRecord], PlanGrasp.Result]:
     """Run the nodes as processes: plan, approach and grip, then the path through them."""
     domain = keep_to_this_machine()
-    shared = {
-        'robot': ROBOT,
-        'object_diameter': OBJECT_DIAMETER,
-        'command_timeout': COMMAND_TIMEOUT,
-    }
+    patient = {'robot': ROBOT, 'command_timeout': COMMAND_TIMEOUT}
+    shared = patient | {'object_diameter': OBJECT_DIAMETER}
     gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
     x, y = OBJECT_CENTER
     started = [
@@ -84,8 +81,8 @@ def _play(
         # It commands the rollers on every cycle, so not before the object is in the grip.
         ('manipulation', gripping | {'autostart': False}),
         ('grasp_analysis', shared),
-        ('grasp_planner', {'robot': ROBOT}),
-        ('roller_trajectory', {'robot': ROBOT}),
+        ('grasp_planner', patient),
+        ('roller_trajectory', patient),
     ]
     names = ', '.join(name for name, _ in started)
     console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
