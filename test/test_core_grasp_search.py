@@ -85,7 +85,8 @@ def test_path_begins_here_and_touches_nothing_before_it_says_so(plans):
         assert grasp.path[0] == pytest.approx(ROBOT.home.roller_positions)
         assert np.abs(grasp.path[-1] - grasp.config.roller_positions).max() == 0.0
         sides = [ROBOT.member_names.index(name) for name in grasp.members]
-        for row, config in along(grasp.path[: grasp.touch + 1]):
+        until = grasp.touch + 1
+        for row, config in along(grasp.path[:until]):
             assert distances(config, cylinder).min() > -1e-6, row
         touching = distances(config, cylinder)[sides]
         assert np.abs(touching).max() < 1e-6
