@@ -96,7 +96,8 @@ def test_only_the_grip_presses_after_the_touch_and_all_of_it_together(plans):
     for cylinder, grasp in each(plans):
         sides = [ROBOT.member_names.index(name) for name in grasp.members]
         before = np.zeros(len(sides))
-        for _, config in along(grasp.path[grasp.touch :]):
+        touch = grasp.touch
+        for _, config in along(grasp.path[touch:]):
             gaps = distances(config, cylinder)
             assert np.delete(gaps, sides).min() > 0.0
             assert (gaps[sides] <= before + 1e-4).all()
