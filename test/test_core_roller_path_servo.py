@@ -51,7 +51,7 @@ class Run:
     def __init__(self, faults=PERFECT, seed=0, late=0, begin=None):
         config = ROBOT.home if begin is None else ROBOT.configuration(begin)
         self.robot = SimulatedRobot(config, HeldObject.attach(ROBOT.home, GRASP), faults, seed)
-        self.servo = RollerPathServo(ROBOT, PERIOD, TIMEOUT)
+        self.servo = RollerPathServo(ROBOT, TIMEOUT)
         self.now, self.commands, self.places = 100.0, [], []
         self._late = [self.state()] * (late + 1)
         self.measure()
@@ -68,13 +68,13 @@ class Run:
         self._late = [*self._late[1:], self.state()]
         self.servo.rollers = self._late[0]
 
-    def cycle(self):
+    def cycle(self, period=PERIOD):
         """Go on by one cycle; return what the servo decided."""
         step = self.servo.decide(self.now)
         self.commands.append(step.speeds)
         self.robot.command(step.speeds)
-        self.robot.advance(PERIOD)
-        self.now += PERIOD
+        self.robot.advance(period)
+        self.now += period
         self.places.append(self.robot.roller_positions)
         self.measure()
         return step
@@ -133,6 +133,40 @@ def test_keeps_to_the_time_and_the_way():
         assert place == pytest.approx(wanted, abs=MAX_SPEED * PERIOD)
 
 
+@pytest.mark.parametrize('longest', [0.03, 0.1, 0.15])
+def test_takes_the_time_that_it_says_however_late_the_cycles_come(longest):
+    """Also the time until it is given up."""
+    rng = np.random.default_rng(0)
+    for stuck in (frozenset(), frozenset({'south/P'})):
+        run = Run(RollerFaults(stuck=stuck))
+        run.servo.begin(PATH, run.now)
+        step = run.cycle()
+        while not step.ended:
+            step = run.cycle(rng.uniform(0.002, longest))
+        took = run.now - 100.0
+        if stuck:
+            assert 'south/P' in step.failure
+            assert PATIENCE < took < PATH.duration + PATIENCE + 2.0 * longest
+        else:
+            assert step.failure == ''
+            assert run.away() <= TOLERANCE
+            assert PATH.duration < took < PATH.duration + 1.5 + REST
+        check_speeds(run.commands)
+
+
+def test_a_clock_that_stands_or_runs_back_moves_the_path_no_further():
+    run = Run()
+    run.servo.begin(PATH, run.now)
+    for _ in range(20):
+        run.cycle()
+    time = run.servo.time
+    for back in (PERIOD, PERIOD, 0.05, 0.1):
+        step = run.servo.decide(run.now - back)
+        assert not step.ended
+        assert run.servo.time == time
+        check_speeds(step.speeds)
+
+
 @examples(25)
 @given(generators())
 def test_arrives_on_random_paths_from_near_their_beginning(rng):
@@ -156,7 +190,7 @@ def test_rollers_that_have_arrived_rest_while_the_others_come():
     run.follow(RollerPath(ROBOT, [[0.0] * N], [0.0]))
     commands = np.array(run.commands)
     resting = int((commands[:, 2] == 0.0).argmax())
-    assert 50 < resting < len(commands) - REST / PERIOD
+    assert 50 < resting <= len(commands) - REST / PERIOD
     assert not commands[resting:].any()
     assert not np.delete(commands, 2, axis=1).any()
 

@@ -68,7 +68,7 @@ def grip(simulated, period):
     grasp = plan_grasps(ROBOT.home, cylinder, needs, thorough=False).grasps[0]
     ways = np.abs(np.diff(grasp.path, axis=0)).max(axis=1)
     times = np.append(0.0, np.cumsum(np.maximum(ways / ROBOT.description.max_speed, 1e-3)))
-    servo = RollerPathServo(ROBOT, period, timeout=0.2)
+    servo = RollerPathServo(ROBOT, timeout=0.2)
     now = 0.0
 
     def measure():

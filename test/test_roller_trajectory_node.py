@@ -26,8 +26,8 @@ AWAY = np.array([0.02, -0.01, 0.0, 0.015, 0.01, -0.02])
 TOPIC = 'joint_trajectory_controller/joint_trajectory'
 #: Long: a busy machine delays, and most tests are not about that.
 TIMEOUT = 5.0
-#: The node speaks more often than that while it speaks [s].
-SILENCE = 0.15
+#: Some cycles of the node [s].
+SILENCE = 0.08
 
 
 def node(**values):
@@ -104,15 +104,21 @@ class Rollers:
         self.until(self.moves)
 
     def until_still(self):
-        """Wait until the rollers were told to stand still, and nobody says more."""
-
-        def silent():
-            told = self.w.probe.seen['command']
-            return told and time.monotonic() - told[-1][0] > SILENCE
-
-        self.until(silent)
+        """Wait until no trajectory is followed; check that a zero command was the last word."""
+        self.until(lambda: not self.w.nodes[1].details()['following'])
+        self.until(lambda: len(self.commands()) and not self.moves())
+        self.listen()  # for what was on its way
+        count = len(self.commands())
+        self.listen()
+        assert len(self.commands()) == count
         assert not self.moves()
         assert np.abs(self.commands()).max() <= MAX_SPEED
+
+    def listen(self):
+        """Spin for many cycles of the node, on a busy machine too."""
+        rounds = itertools.count()
+        end = time.monotonic() + SILENCE
+        self.until(lambda: next(rounds) > 50 and time.monotonic() > end)
 
     def said(self):
         """Return what the node says of itself now."""

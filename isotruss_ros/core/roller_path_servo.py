@@ -49,17 +49,16 @@ class RollerPathServo:
     :ivar rollers: sample of the measured `RollerState`, a refusal, or None for none yet.
     :ivar time: how far on the path the rollers are [s].
     :param robot: the robot.
-    :param period: time from cycle to cycle [s].
     :param timeout: measurements older than this are not relied on [s].
     """
 
-    def __init__(self, robot: Robot, period: float, timeout: float) -> None:
+    def __init__(self, robot: Robot, timeout: float) -> None:
         self._robot = robot
-        self.period, self.timeout = period, timeout
+        self.timeout = timeout
         self.rollers: Input = None
         self.time = 0.0
         self._path: RollerPath | None = None
-        self._waited = self._rested = 0.0
+        self._before = self._waited = self._rested = 0.0
 
     @property
     def busy(self) -> bool:
@@ -82,7 +81,8 @@ class RollerPathServo:
                 f'the path begins {away[worst]:.4g} m from where roller '
                 f'{self._robot.roller_names[worst]} is; must begin within {START_TOLERANCE} m'
             )
-        self._path, self.time, self._waited, self._rested = path, 0.0, 0.0, 0.0
+        self._path, self._before = path, now
+        self.time = self._waited = self._rested = 0.0
 
     def end(self) -> None:
         """Let the path go."""
@@ -95,6 +95,8 @@ class RollerPathServo:
         :param now: time on the clock of the samples [s].
         """
         still = np.zeros(len(self._robot.roller_names))
+        # Cycles come late on a busy machine, or seldom by a clock that ticks seldom.
+        elapsed, self._before = min(max(0.0, now - self._before), self.timeout), now
         path = self._path
         if path is None:
             return RollerStep(still, True, 'there is no path to follow')
@@ -103,19 +105,22 @@ class RollerPathServo:
         except IsotrussError as error:
             self._path = None
             return RollerStep(still, True, str(error))
-        wanted = path.at(self.time)
-        error = wanted.positions - state.positions
-        lag, at_end = float(np.abs(error).max()), self.time >= path.duration
+        ahead = min(self.time + elapsed, path.duration)
+        wanted = path.at(ahead)
+        error, speeds = wanted.positions - state.positions, wanted.speeds
+        waits = float(np.abs(error).max()) > LAG
+        if waits:
+            error, speeds = path.at(self.time).positions - state.positions, still
+        lag, at_end = float(np.abs(error).max()), ahead >= path.duration and not waits
         near = at_end and lag <= TOLERANCE
-        self._rested = self._rested + self.period if near else 0.0
+        self._rested = self._rested + elapsed if near else 0.0
         if self._rested > REST:
             self._path = None
             return RollerStep(still, True, '')
-        speeds = wanted.speeds
-        if lag <= LAG and not at_end:
-            self.time, self._waited = min(self.time + self.period, path.duration), 0.0
+        if not waits and self.time < path.duration:
+            self.time, self._waited = ahead, 0.0
         elif not near:
-            speeds, self._waited = still, self._waited + self.period
+            self._waited += elapsed
         if self._waited > PATIENCE:
             self._path = None
             worst = self._robot.roller_names[int(np.abs(error).argmax())]

@@ -56,9 +56,7 @@ class RollerTrajectory(ManagedNode):
         values = self.values
         self._robot = load_robot(values[params.ROBOT])
         self._states = RollerStates(self._robot.roller_names)
-        self._servo = RollerPathServo(
-            self._robot, 1.0 / values[RATE], values[params.COMMAND_TIMEOUT]
-        )
+        self._servo = RollerPathServo(self._robot, values[params.COMMAND_TIMEOUT])
         values.on_change(lambda _new: None, self._apply)
         self._commands = self.create_lifecycle_publisher(
             Float64MultiArray, 'roller_velocity_controller/commands', RELIABLE
@@ -134,7 +132,6 @@ class RollerTrajectory(ManagedNode):
 
     def _apply(self) -> None:
         self._servo.timeout = self.values[params.COMMAND_TIMEOUT]
-        self._servo.period = 1.0 / self.values[RATE]
         if self._cycle is not None:
             self._cycle.change(self.values[RATE], self._servo.timeout)
 
