@@ -210,9 +210,9 @@ def test_rollers_that_pass_by_the_end_have_not_arrived():
 @pytest.mark.parametrize('size', [1.0, 0.02])
 def test_gives_up_on_a_stuck_roller_and_names_it(stuck, size):
     """The way of each roller, and so the lag, is far more or far less than what it may lag by."""
-    way = size * 0.05 * np.linspace(0.9, 1.0, N)
+    way = size * 0.05 * np.linspace(0.9, 1.0, N) * (-1.0) ** np.arange(N)
     path = RollerPath(ROBOT, [[0.0] * N, way], [0.0, size])
-    assert (way.max() > LAG) == (size == 1.0)
+    assert (np.abs(way).max() > LAG) == (size == 1.0)
     run = Run(RollerFaults(stuck=frozenset({stuck})))
     step = run.follow(path)
     assert step.failure.startswith(f'roller {stuck} stays ')
@@ -259,6 +259,80 @@ def test_patience_begins_anew_with_each_wait():
     while not step.ended:
         step = run.cycle()
     assert step.failure == ''
+
+
+@pytest.mark.parametrize('period', [0.05, 0.1, 0.15])
+def test_goes_on_after_a_wait_also_where_a_cycle_is_longer_than_a_roller_may_lag(period):
+    quick = RollerPath(ROBOT, [[0.0] * N, [0.1] * N], [0.0, 0.1 / MAX_SPEED])
+    run = Run()
+    run.servo.begin(quick, run.now)
+    for _ in range(3):
+        run.cycle(period)
+    held = run.robot.roller_positions
+    for _ in range(round(1.0 / period)):  # something holds all rollers
+        assert not run.cycle(period).ended
+        run.robot.roller_positions = held
+        run.measure()
+    step = run.cycle(period)
+    while not step.ended:
+        step = run.cycle(period)
+    assert step.failure == ''
+    assert run.away(quick) <= TOLERANCE
+    check_speeds(run.commands)
+
+
+def test_a_new_path_has_all_of_the_patience():
+    run = Run(RollerFaults(stuck=frozenset({'north/Z'})))
+    run.servo.begin(PATH, run.now)
+    began = run.now
+    while run.now < began + 0.9 * PATIENCE:
+        assert not run.cycle().ended
+    here = run.robot.roller_positions
+    away = RollerPath(ROBOT, [here, here - 0.02], [0.0, 0.3])
+    began = run.now
+    assert 'north/Z' in run.follow(away).failure
+    assert run.now - began > PATIENCE
+
+
+def at_end(run, off):
+    """Tell the servo that all rollers are off the end of PATH by that much; return the step."""
+    state = RollerState(PATH.at(PATH.duration).positions + off, np.zeros(N))
+    run.servo.rollers = Sample(state, run.now)
+    step = run.servo.decide(run.now)
+    run.now += PERIOD
+    return step
+
+
+def near_its_end():
+    """Return a run of which the path is over, and the rollers are nearly there."""
+    run = Run()
+    run.servo.begin(PATH, run.now)
+    while run.servo.time < PATH.duration:
+        run.cycle()
+    return run
+
+
+def test_rollers_have_arrived_when_they_stay_there_without_interruption():
+    run = near_its_end()
+    cycles = round(REST / PERIOD)
+    for _ in range(3):
+        assert at_end(run, 1.1 * TOLERANCE).speeds.all()
+        for _ in range(cycles - 1):
+            step = at_end(run, 0.9 * TOLERANCE)
+            assert not step.ended
+            assert not step.speeds.any()
+    at_end(run, -1.1 * TOLERANCE)
+    ended = [at_end(run, -0.9 * TOLERANCE).ended for _ in range(cycles + 2)]
+    assert not any(ended[: cycles - 1])
+    assert ended[-1]
+
+
+def test_nobody_gives_up_on_rollers_that_have_come_at_the_last_moment():
+    run = near_its_end()
+    for _ in range(round(PATIENCE / PERIOD) - 3):
+        assert not at_end(run, 5.0 * TOLERANCE).ended
+    steps = [at_end(run, 0.5 * TOLERANCE) for _ in range(round(REST / PERIOD) + 2)]
+    assert next(step.failure for step in steps if step.ended) == ''
 
 
 def broken(run, how):

@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 GAIN = 5.0
 #: The path must begin this near to where the rollers are [m].
 START_TOLERANCE = 0.01
-#: The rollers have arrived when all are this near to the end [m], and were for so long [s]: what
-#: is measured is old, and rollers that pass by are soon elsewhere.
+#: The rollers have arrived when all are this near to the end [m], and still are when it is
+#: measured so much later [s]: those that pass by are elsewhere then.
 TOLERANCE, REST = 2e-5, 0.1
 #: The path waits while a roller lags by more than this [m], and is given up after so long [s].
 LAG, PATIENCE = 5e-3, 3.0
@@ -58,7 +58,8 @@ class RollerPathServo:
         self.rollers: Input = None
         self.time = 0.0
         self._path: RollerPath | None = None
-        self._before = self._waited = self._rested = 0.0
+        self._before = self._waited = 0.0
+        self._near_since: float | None = None
 
     @property
     def busy(self) -> bool:
@@ -82,7 +83,7 @@ class RollerPathServo:
                 f'{self._robot.roller_names[worst]} is; must begin within {START_TOLERANCE} m'
             )
         self._path, self._before = path, now
-        self.time = self._waited = self._rested = 0.0
+        self.time, self._waited, self._near_since = 0.0, 0.0, None
 
     def end(self) -> None:
         """Let the path go."""
@@ -101,20 +102,24 @@ class RollerPathServo:
         if path is None:
             return RollerStep(still, True, 'there is no path to follow')
         try:
-            state = require_fresh('joint states', self.rollers, now, self.timeout).value
+            measured = require_fresh('joint states', self.rollers, now, self.timeout)
         except IsotrussError as error:
             self._path = None
             return RollerStep(still, True, str(error))
-        ahead = min(self.time + elapsed, path.duration)
-        wanted = path.at(ahead)
-        error, speeds = wanted.positions - state.positions, wanted.speeds
-        waits = float(np.abs(error).max()) > LAG
+        positions, ahead = measured.value.positions, min(self.time + elapsed, path.duration)
+        wanted, behind = path.at(ahead), path.at(self.time).positions - positions
+        error, speeds = wanted.positions - positions, wanted.speeds
+        # Rollers at rest are behind, those under way are ahead by what they do in a cycle.
+        waits = min(float(np.abs(error).max()), float(np.abs(behind).max())) > LAG
         if waits:
-            error, speeds = path.at(self.time).positions - state.positions, still
+            error, speeds = behind, still
         lag, at_end = float(np.abs(error).max()), ahead >= path.duration and not waits
         near = at_end and lag <= TOLERANCE
-        self._rested = self._rested + elapsed if near else 0.0
-        if self._rested > REST:
+        if not near:
+            self._near_since = None
+        elif self._near_since is None:
+            self._near_since = now
+        elif min(measured.time, now) - self._near_since > REST:
             self._path = None
             return RollerStep(still, True, '')
         if not waits and self.time < path.duration:
