@@ -287,11 +287,11 @@ def test_a_new_path_has_all_of_the_patience():
     began = run.now
     while run.now < began + 0.9 * PATIENCE:
         assert not run.cycle().ended
-    here = run.robot.roller_positions
-    away = RollerPath(ROBOT, [here, here - 0.02], [0.0, 0.3])
+    # Further away than a roller may lag: it waits from the first cycle on.
+    away = RollerPath(ROBOT, [run.robot.roller_positions + 0.9 * START_TOLERANCE], [0.0])
     began = run.now
     assert 'north/Z' in run.follow(away).failure
-    assert run.now - began > PATIENCE
+    assert run.now - began >= PATIENCE
 
 
 def at_end(run, off):

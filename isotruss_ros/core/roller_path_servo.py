@@ -113,7 +113,7 @@ class RollerPathServo:
         waits = min(float(np.abs(error).max()), float(np.abs(behind).max())) > LAG
         if waits:
             error, speeds = behind, still
-        lag, at_end = float(np.abs(error).max()), ahead >= path.duration and not waits
+        lag, at_end = float(np.abs(error).max()), ahead >= path.duration
         near = at_end and lag <= TOLERANCE
         if not near:
             self._near_since = None
