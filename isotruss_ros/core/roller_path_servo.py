@@ -115,11 +115,7 @@ class RollerPathServo:
             error, speeds = behind, still
         lag, at_end = float(np.abs(error).max()), ahead >= path.duration
         near = at_end and lag <= TOLERANCE
-        if not near:
-            self._near_since = None
-        elif self._near_since is None:
-            self._near_since = now
-        elif min(measured.time, now) - self._near_since > REST:
+        if self._rests(near, min(measured.time, now), now):
             self._path = None
             return RollerStep(still, True, '')
         if not waits and self.time < path.duration:
@@ -136,3 +132,15 @@ class RollerPathServo:
             speeds = np.where(np.abs(error) <= TOLERANCE, 0.0, speeds)
         limit = self._robot.description.max_speed
         return RollerStep(np.clip(speeds, -limit, limit), False, '')
+
+    def _rests(self, near: bool, measured: float, now: float) -> bool:
+        """
+        Take note of whether the rollers are near to the end; tell whether they stay there.
+
+        :param measured: when they were there [s].
+        """
+        if not near:
+            self._near_since = None
+        elif self._near_since is None:
+            self._near_since = now
+        return self._near_since is not None and measured - self._near_since > REST
