@@ -506,3 +506,11 @@ def test_says_in_its_diagnostics_what_it_does():
 )
 def test_bad_parameters_are_refused_at_start(values, words):
     check_refused(node(**values), words)
+
+
+@pytest.mark.parametrize(
+    'values',
+    [{'object_x': math.inf}, {'object_y': -1e4}, {'friction': -0.1}, {'friction': math.nan}],
+)
+def test_objects_that_cannot_be_do_not_lie_there(values):
+    check_refused(simulator(object_lies_free=True, **values), 'range')
