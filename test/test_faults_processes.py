@@ -127,7 +127,7 @@ def test_a_mistake_of_ours_leaves_the_rollers_at_zero_and_a_node_that_answers(tm
             r.until(lambda: 'a mistake' in w.report('manipulation').message)
             w.probe.seen['joints'].clear()
             r.until(lambda: bool(w.probe.seen['joints']) and not r.moving())
-            assert not w.command().any()
+            r.until(lambda: not w.command().any())
             r.check_at_rest()
             manager = Manager(w, 'manipulation')
             assert manager.state() == 'unconfigured'
