@@ -38,7 +38,8 @@ venv: $(STAMPS)/messages $(STAMPS)/package
 test: venv
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -m 'not nodes' -n auto
+	$(BIN)/python -m pytest -m nodes
 
 demo: venv
 	$(BIN)/python -m isotruss_ros.demo

@@ -41,6 +41,7 @@ NODES = {
     'manipulation': MANIPULATION,
     'grasp_analysis': GRASP_ANALYSIS,
     'path_follower': ALL | STAMPED,
+    'grasp_planner': ALL,
 }
 
 

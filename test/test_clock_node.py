@@ -18,6 +18,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
 
+pytestmark = pytest.mark.nodes
+
 SIM = {'use_sim_time': True}
 START = 1000.0
 STEP = 0.004

@@ -12,6 +12,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
+pytestmark = pytest.mark.nodes
+
 
 def node(**values):
     """Return a manipulation node with parameters; the joint states here are made up."""

@@ -22,6 +22,8 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+pytestmark = pytest.mark.nodes
+
 FIRST, SECOND = ROBOT.roller_names[:2]
 
 

@@ -24,8 +24,10 @@ from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import Refusal, Sample, Status, TwistServo
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.grasp_planner import GraspPlanner
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.messages import MessageError, RollerStates, stamp
+from isotruss_ros.nodes.path_follower import PathFollower
 from isotruss_ros.nodes.roller_trajectory import RollerTrajectory
 from isotruss_ros.nodes.simulator import Simulator
 import numpy as np
@@ -44,6 +46,8 @@ from std_msgs.msg import (
     MultiArrayLayout,
     String,
 )
+
+pytestmark = pytest.mark.nodes
 
 NAMES = list(ROBOT.roller_names)
 MAX_SPEED = ROBOT.description.max_speed
@@ -410,14 +414,24 @@ def parameter_values():
     ]
 
 
-@pytest.mark.parametrize('kind', [Manipulation, Simulator, GraspAnalysisNode, RollerTrajectory])
+@pytest.mark.parametrize(
+    'kind',
+    [
+        Manipulation,
+        Simulator,
+        GraspAnalysisNode,
+        RollerTrajectory,
+        PathFollower,
+        GraspPlanner,
+    ],
+)
 def test_parameters_that_cannot_be_are_refused_in_flight(kind):
     with world(lambda: kind()) as w:
         node = w.nodes[1]
         client = w.probe.create_client(SetParameters, f'{node.get_name()}/set_parameters')
         names = list(node.get_parameters_by_prefix(''))
         before = {name: node.get_parameter(name).value for name in names}
-        may = {'require_emergency_stop', 'slide'}  # true is a good value of these
+        may = {'require_emergency_stop', 'slide', 'smooth_path'}  # true is a good value of these
         for value in parameter_values():
             changes = [ParameterMessage(name=name, value=value) for name in [*names, 'nobody']]
             if value.type == 1:

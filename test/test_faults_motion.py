@@ -21,6 +21,8 @@ import pytest
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
+pytestmark = pytest.mark.nodes
+
 TIMEOUT = 0.2
 #: A busy machine delays; what does not stop goes on for longer than this [s].
 SLACK = 2.0

@@ -8,8 +8,11 @@ from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import Status
 import numpy as np
 from probe import DEADLINE, Manager, ROBOT
+import pytest
 from robot_processes import robot, TIMEOUT
 from std_msgs.msg import Bool
+
+pytestmark = pytest.mark.nodes
 
 #: A busy machine delays [s].
 SLACK = 1.5

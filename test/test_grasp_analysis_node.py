@@ -16,6 +16,8 @@ import pytest
 from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker, MarkerArray
 
+pytestmark = pytest.mark.nodes
+
 NAMES = list(ROBOT.roller_names)
 SQUEEZED = snug_center(ROBOT.home, MODULE, DIAMETER, squeeze=0.01)
 #: In the middle of the triangle south, so wide that all three sides press on it.

@@ -16,6 +16,8 @@ from planning import assert_same, CENTER, Client, DIAMETER, goal, NO_MARGIN, nod
 from probe import Manager, ROBOT, world
 import pytest
 
+pytestmark = pytest.mark.nodes
+
 Result = PlanGrasp.Result
 #: A goal is to end this soon after it was cancelled [s].
 CANCELLED_WITHIN = 0.2

@@ -16,6 +16,8 @@ import psutil
 import pytest
 from rclpy.action import ActionClient
 
+pytestmark = pytest.mark.nodes
+
 Result = PlanGrasp.Result
 
 

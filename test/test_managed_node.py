@@ -15,6 +15,8 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
+pytestmark = pytest.mark.nodes
+
 PLACE = Spec('place', 'here', 'Where', read_only=True)
 SPEED = Spec('speed', 1.0, 'How quick', bounds=(0.0, 2.0))
 

@@ -1,6 +1,7 @@
 """The manipulation node, under an executor in this process, with the rest of the world faked."""
 
 import math
+from pathlib import Path
 import time
 
 from geometry_msgs.msg import Pose, PoseStamped, Quaternion, Twist, TwistStamped, Vector3
@@ -12,6 +13,8 @@ import numpy as np
 from probe import CENTER, check_refused, DIAMETER, MODULE, N, overrides, ROBOT, stamped, UP, world
 import pytest
 from rclpy.parameter import Parameter
+
+pytestmark = pytest.mark.nodes
 
 NAMES = list(ROBOT.roller_names)
 TIMEOUT = 0.2
@@ -433,3 +436,17 @@ def test_stop_leaves_the_rollers_at_zero():
         w.nodes[1].stop()
         w.until(lambda: bool(w.probe.seen['command']))
         assert not w.command().any()
+
+
+def test_says_which_parts_it_does_not_keep_apart(tmp_path, capfd):
+    preset = Path(__file__).parents[1] / 'config' / 'nine_member.yaml'
+    folded = preset.read_text().replace('X: [-0.5, -0.8660254037844386]', 'X: [0.3, -0.3]')
+    file = tmp_path / 'folded.yaml'
+    file.write_text(folded)
+    with world(lambda: Manipulation(overrides(robot=str(file)))):
+        pass
+    warned = 'module south/X and member north/R-P overlap at home: they are not kept apart'
+    assert warned in capfd.readouterr().err
+    with world(lambda: Manipulation()):
+        pass
+    assert 'overlap' not in capfd.readouterr().err

@@ -21,6 +21,8 @@ from probe import CENTER, check_refused, Manager, overrides, world
 import pytest
 from rclpy.action import ActionClient
 
+pytestmark = pytest.mark.nodes
+
 Result = FollowObjectPath.Result
 #: In the grip at home, as the simulator puts it, and as the probe puts it.
 HOME = (*CENTER, 0.0)

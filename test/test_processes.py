@@ -22,6 +22,8 @@ import pytest
 import rclpy
 from std_msgs.msg import Bool, Float64MultiArray
 
+pytestmark = pytest.mark.nodes
+
 #: A busy machine delays; these tests are about what happens, not how soon.
 PATIENT = {'command_timeout': 5.0}
 
@@ -64,6 +66,7 @@ def test_processes_carry_the_object_along_an_arc(context, tmp_path):
                 process.require_running()
 
         client.wait_until_obeyed(check)
+        client.wait(lambda: client.last_grasp() is not None, check, 'an analysis')
         radius, heading, angle = 0.05, 0.5, -0.4
         phase = arc('arc', 2.0, radius, heading, angle)
         record = client.play(phase, check, lambda done: None)

@@ -15,9 +15,13 @@ from lifecycle_msgs.msg import Transition
 import numpy as np
 from probe import check_refused, Manager, N, overrides, ROBOT, world
 import pytest
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+pytestmark = pytest.mark.nodes
 
 NAMES = list(ROBOT.roller_names)
 MAX_SPEED = ROBOT.description.max_speed
@@ -26,6 +30,7 @@ AWAY = np.array([0.02, -0.01, 0.0, 0.015, 0.01, -0.02])
 TOPIC = 'joint_trajectory_controller/joint_trajectory'
 #: Long: a busy machine delays, and most tests are not about that.
 TIMEOUT = 5.0
+STOPPED = 'stopped by the topic emergency_stop'
 #: Some cycles of the node [s].
 SILENCE = 0.08
 
@@ -38,6 +43,12 @@ def node(**values):
 def simulator(**values):
     """Return what makes a simulator."""
     return lambda: Simulator(overrides(**({'command_timeout': TIMEOUT} | values)))
+
+
+def release(w):
+    """Release the emergency stop of the node, and return what it says."""
+    name = 'roller_trajectory/release_emergency_stop'
+    return w.call(w.probe.create_client(Trigger, name), Trigger.Request())
 
 
 def lasting(seconds):
@@ -257,15 +268,36 @@ def test_an_emergency_stop_ends_it_and_none_begins_meanwhile():
         w.probe.stops.publish(Bool(data=True))
         rollers.until_still()
         assert rollers.said() == 'trajectory given up: emergency stop'
-        rollers.send(trajectory(HOME, AWAY))
-        rollers.until(lambda: 'the topic emergency_stop says true' in rollers.said())
-        rollers.spin(0.1)
-        assert not len(rollers.commands())
-        w.probe.stops.publish(Bool(data=False))
-        rollers.until(lambda: not w.nodes[1].details()['emergency stop'])
+        for said in (True, False):
+            w.probe.stops.publish(Bool(data=said))
+            still = 'it still says true' if said else 'it says false again'
+            rollers.until(lambda words=still: words in w.nodes[1].details()['emergency stop'])
+            rollers.send(trajectory(HOME, AWAY))
+            rollers.until(lambda words=still: f'refused: {STOPPED}; {words}' in rollers.said())
+            rollers.spin(0.1)
+            assert not len(rollers.commands())
+            assert release(w).success is not said
+        assert w.nodes[1].details()['emergency stop'] == 'no'
         rollers.spin(0.1)
         assert not len(rollers.commands())  # nothing goes on by itself
         rollers.until_moving(trajectory(HOME, AWAY))
+
+
+def test_none_begins_before_the_topic_is_heard_where_that_is_required():
+    with world(node(require_emergency_stop=True)) as w:
+        rollers = Rollers(w, still=True)
+        rollers.send(trajectory(HOME, AWAY))
+        rollers.until(lambda: 'has not been heard yet' in rollers.said())
+        assert not len(rollers.commands())
+        w.probe.stops.publish(Bool(data=False))
+        rollers.until(lambda: w.nodes[1].details()['emergency stop'] == 'no')
+        rollers.until_moving(trajectory(HOME, AWAY))
+    with world(node()) as w:
+        rollers = Rollers(w, still=True)
+        rollers.until_moving(trajectory(HOME, AWAY))
+        w.nodes[1].set_parameters([Parameter('require_emergency_stop', value=True)])
+        rollers.until_still()
+        assert rollers.said() == 'trajectory given up: emergency stop'
 
 
 def test_an_emergency_stop_from_before_it_came_up_counts():
@@ -273,9 +305,9 @@ def test_an_emergency_stop_from_before_it_came_up_counts():
         w.probe.stops.publish(Bool(data=True))
         w.add(node()())
         rollers = Rollers(w, still=True)
-        rollers.until(lambda: w.nodes[1].details()['emergency stop'])
+        rollers.until(lambda: w.nodes[1].details()['emergency stop'] != 'no')
         rollers.send(trajectory(HOME, AWAY))
-        rollers.until(lambda: 'the topic emergency_stop says true' in rollers.said())
+        rollers.until(lambda: f'trajectory refused: {STOPPED}' in rollers.said())
         assert not len(rollers.commands())
 
 
@@ -290,9 +322,10 @@ def test_deactivated_it_leaves_the_rollers_at_rest():
             rollers.spin(0.1)
             assert manager.ask(Transition.TRANSITION_CLEANUP)
             w.probe.stops.publish(Bool(data=True))  # heard in every state
-            rollers.until(lambda: w.nodes[1]._stopped)
+            rollers.until(lambda: w.nodes[1]._stop.reason is not None)
             w.probe.stops.publish(Bool(data=False))
-            rollers.until(lambda: not w.nodes[1]._stopped)
+            rollers.until(lambda: 'says false again' in w.nodes[1]._stop.reason)
+            assert release(w).success
             assert manager.ask(Transition.TRANSITION_CONFIGURE)
             assert manager.ask(Transition.TRANSITION_ACTIVATE)
             rollers.spin(0.1)

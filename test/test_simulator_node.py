@@ -12,6 +12,8 @@ from probe import CENTER, check_refused, DIAMETER, MODULE, N, overrides, ROBOT, 
 import pytest
 from std_msgs.msg import Float64MultiArray
 
+pytestmark = pytest.mark.nodes
+
 SPEED = 0.02
 
 

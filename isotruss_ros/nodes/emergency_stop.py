@@ -21,24 +21,33 @@ class EmergencyStop:
     :param node: listens and answers, from now until it is destroyed.
     :param required: tells whether nothing moves before the topic has been heard.
     :param changed: called when `reason` is another one.
+    :param service: name of the service that releases the stop.
     """
 
     def __init__(
-        self, node: Node, required: Callable[[], bool], changed: Callable[[], None]
+        self,
+        node: Node,
+        required: Callable[[], bool],
+        changed: Callable[[], None],
+        service: str = SERVICE,
     ) -> None:
         self._required, self._changed = required, changed
+        self._service = node.resolve_service_name(service)
         #: What the topic said last; None before the first message.
         self._said: bool | None = None
         self._kept = False
         subscribe_latched(node, Bool, TOPIC, self._take)
-        node.create_service(Trigger, SERVICE, self._release)
+        node.create_service(Trigger, service, self._release)
 
     @property
     def reason(self) -> str | None:
         """Return why the rollers stand still."""
         if self._kept:
             still = 'it still says true' if self._said else 'it says false again'
-            return f'stopped by the topic {TOPIC}; {still}; released by the service {SERVICE} only'
+            return (
+                f'stopped by the topic {TOPIC}; {still}; '
+                f'released by the service {self._service} only'
+            )
         if self._said is None and self._required():
             return f'the topic {TOPIC} has not been heard yet, and require_emergency_stop is set'
         return None

@@ -79,6 +79,8 @@ class Manipulation(ManagedNode):
         )
         self._failures_changed()
         apply_settings(self._servo, values)
+        for pair in self._servo.guard.unguarded:
+            self.get_logger().warning(f'{pair} overlap at home: they are not kept apart')
         self._commands = self.create_lifecycle_publisher(
             Float64MultiArray, 'roller_velocity_controller/commands', RELIABLE
         )

@@ -16,21 +16,24 @@ from isotruss_ros.core.samples import require_fresh
 from isotruss_ros.nodes import parameters as params
 from isotruss_ros.nodes.cycle import Cycle
 from isotruss_ros.nodes.diagnostics import Level
+from isotruss_ros.nodes.emergency_stop import EmergencyStop
 from isotruss_ros.nodes.inputs import age, latest
 from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.messages import command_message, MessageError, RollerStates, seconds
-from isotruss_ros.nodes.qos import LATEST, RELIABLE, subscribe_latched
+from isotruss_ros.nodes.qos import LATEST, RELIABLE
 from isotruss_ros.nodes.runner import run
 from isotruss_ros.nodes.trajectory_messages import roller_path
 import numpy as np
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64MultiArray
+from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 RATE = replace(params.RATE, default=100.0, bounds=(10.0, 1000.0))
-SPECS = (params.ROBOT, RATE, params.COMMAND_TIMEOUT)
+SPECS = (params.ROBOT, RATE, params.COMMAND_TIMEOUT, params.REQUIRE_EMERGENCY_STOP)
+#: Of this node alone: `manipulation` has a stop of its own to be released.
+RELEASE = '~/release_emergency_stop'
 
 
 class RollerTrajectory(ManagedNode):
@@ -38,7 +41,7 @@ class RollerTrajectory(ManagedNode):
     Follows one trajectory at a time; says nothing to the rollers while there is none.
 
     A new trajectory takes over from the old one, an empty one ends it. An emergency stop ends it
-    too, and none is taken while that holds; nothing goes on by itself afterwards.
+    too, and none is taken until it is released; nothing goes on by itself afterwards.
 
     :raises IsotrussError: a parameter is unusable; says which and what would be right.
     """
@@ -47,8 +50,9 @@ class RollerTrajectory(ManagedNode):
         super().__init__('roller_trajectory', SPECS, parameter_overrides)
         self._servo: RollerPathServo | None = None
         self._cycle: Cycle | None = None
-        self._stopped = False
-        subscribe_latched(self, Bool, 'emergency_stop', self._take_stop)
+        self._stop = EmergencyStop(
+            self, lambda: self.values[params.REQUIRE_EMERGENCY_STOP], self._stop_changed, RELEASE
+        )
         self.start()
 
     def configure(self) -> None:
@@ -96,7 +100,7 @@ class RollerTrajectory(ManagedNode):
             'following': self._servo.busy,
             'time on the trajectory [s]': f'{self._servo.time:.3f}',
             'age of joint states [s]': age(self._servo.rollers, now),
-            'emergency stop': self._stopped,
+            'emergency stop': self._stop.reason or 'no',
         }
 
     def _take_joint_states(self, message: JointState) -> None:
@@ -112,8 +116,8 @@ class RollerTrajectory(ManagedNode):
             return
         now, meant = 1e-9 * self.get_clock().now().nanoseconds, seconds(message.header)
         try:
-            if self._stopped:
-                raise MessageError('the topic emergency_stop says true; let it say false first')
+            if self._stop.reason is not None:
+                raise MessageError(self._stop.reason)
             if meant:  # zero means at once
                 require_fresh('trajectory', Sample(None, meant), now, self._servo.timeout)
             path = roller_path(message, self._robot)
@@ -125,15 +129,15 @@ class RollerTrajectory(ManagedNode):
             return
         self.diagnostics.say(Level.OK, f'following a trajectory of {path.duration:.1f} s')
 
-    def _take_stop(self, message: Bool) -> None:
-        self._stopped = message.data
-        if message.data:
+    def _stop_changed(self) -> None:
+        if self._stop.reason is not None:
             self._give_up('emergency stop')
 
     def _apply(self) -> None:
         self._servo.timeout = self.values[params.COMMAND_TIMEOUT]
         if self._cycle is not None:
             self._cycle.change(self.values[RATE], self._servo.timeout)
+        self._stop_changed()
 
     def _step(self, now: Time) -> None:
         if not self._servo.busy:
