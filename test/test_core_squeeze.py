@@ -1,0 +1,339 @@
+"""How hard the sides of a grip must press: what is found holds, and what is not is told."""
+
+import functools
+
+import closings
+from isotruss_ros.core import analyze_grasp, Cylinder, GraspRequirements, load_robot, squeeze
+from isotruss_ros.core.approach import approach
+from isotruss_ros.core.branches import branches
+from isotruss_ros.core.closing import Closing
+from isotruss_ros.core.squeeze import Squeeze
+import numpy as np
+import pytest
+import robots
+from scipy.optimize import linprog
+
+SPACINGS = (0.00125, 0.0025, 0.005)
+NEEDS = GraspRequirements()
+#: Grips that are found: preset, module, centre and diameter of the object, number of the branch.
+GRIPS = {
+    'top': ('triangle', 'main/T', (0.5, 0.3), 0.3, 0),
+    'tight': ('triangle', 'main/T', (0.51, 0.35), 0.4, 0),
+    'north': ('nine_member', 'north/P', (0.5, 0.4), 0.3, 0),
+    'narrow': ('nine_member', 'north/P', (0.5, 0.3), 0.3, 1),
+}
+
+
+@functools.lru_cache(maxsize=16)
+def opened(name):
+    """Return an open grip, and what closes."""
+    preset, module, center, diameter, number = GRIPS[name]
+    config = load_robot(preset).home
+    cylinder, wanted = Cylinder(center, diameter), GraspRequirements(module=module)
+    reached = approach(config, branches(config, cylinder, wanted, 0, 0)[number])
+    assert reached.missed is None
+    return reached.path[-1], reached.closing
+
+
+@functools.lru_cache(maxsize=32)
+def squeezed(name, needs=NEEDS):
+    """Return what squeezes a grip, and what it found."""
+    search = Squeeze(*opened(name), needs)
+    return search, search.search()
+
+
+def side_gaps(config, closing):
+    """Return how far the sides that are to touch are from the object [m]; exact."""
+    begin, end, _ = closings.parts(config)
+    sides, center = list(closing.sides), complex(*closing.cylinder.center)
+    along = end[sides] - begin[sides]
+    across = ((center - begin[sides]).conj() * along).imag / np.abs(along)
+    tube = config.robot.description.tube_diameter
+    return np.abs(across) - 0.5 * (closing.cylinder.diameter + tube)
+
+
+def others(config, closing):
+    """Return how far all else is from the object [m]."""
+    members, modules = closings.gaps(config, closing.cylinder)
+    return np.append(np.delete(members, list(closing.sides)), modules)
+
+
+def unbalanced(analysis, cylinder, needs):
+    """Return what friction leaves of the load at best [N], moments over d/2: a linear program."""
+    forces, normals = analysis.normal_forces, analysis.normals
+    segments = forces[:, None] * np.column_stack(
+        [-normals[:, 1], normals[:, 0], np.ones(len(forces))]
+    )
+    arm = np.array([1.0, 1.0, 0.5 * cylinder.diameter])
+    load = np.append(-forces @ normals, 0.0) + np.array(needs.external_wrench) / arm
+    rows = np.block([[segments.T, -np.ones((3, 1))], [-segments.T, -np.ones((3, 1))]])
+    bounds = [(-needs.friction, needs.friction)] * len(forces)
+    cost = np.append(np.zeros(len(forces)), 1.0)
+    return linprog(cost, rows, np.append(-load, load), bounds=[*bounds, (0.0, None)]).fun
+
+
+@pytest.mark.parametrize('name', GRIPS)
+def test_what_is_found_is_held_whatever_the_spacing(name):
+    config, closing = opened(name)
+    _, pressed = squeezed(name)
+    assert -side_gaps(pressed.config, closing) == pytest.approx(pressed.depths, abs=2e-9)
+    assert others(pressed.config, closing).min() > 0.0
+    again = config.robot.configuration(pressed.config.roller_positions)
+    for spacing in SPACINGS:
+        analysis = analyze_grasp(again, closing.cylinder, NEEDS.friction, spacing=spacing)
+        total = analysis.normal_forces.sum()
+        assert total > 0.0
+        assert unbalanced(analysis, closing.cylinder, NEEDS) < 1e-6 * total
+        assert analysis.closure_margin >= -1e-9
+    # The worst of all is told, so all of them are there.
+    counts = sorted(len(one.normal_forces) for one in pressed.analyses)
+    assert len(counts) == 3
+    assert counts[2] > 1.5 * counts[1] > 2.25 * counts[0]
+
+
+@pytest.mark.parametrize('name', GRIPS)
+def test_sides_press_with_the_same_force_along_the_line_between_them(name):
+    # Two sides hold an object only where what they press differs by less than friction takes.
+    _, closing = opened(name)
+    _, pressed = squeezed(name)
+    for analysis in pressed.analyses:
+        one, other = analysis.contact_forces.values()
+        assert abs(one - other) < 0.2 * NEEDS.friction * (one + other)
+    assert set(analysis.contact_forces) == {
+        pressed.config.robot.member_names[i] for i in closing.sides
+    }
+
+
+@pytest.mark.parametrize('name', GRIPS)
+def test_way_leads_from_the_touch_to_the_grasp_all_sides_together(name):
+    _, closing = opened(name)
+    search, pressed = squeezed(name)
+    way = search.way(pressed)
+    assert way[-1] is pressed.config
+    assert side_gaps(way[0], closing) == pytest.approx(0.0, abs=2e-9)
+    shares = [-side_gaps(config, closing) / pressed.depths for config in way]
+    assert all(np.ptp(share) < 1e-6 for share in shares)
+    assert np.mean(shares, axis=1) == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0], abs=1e-6)
+    tubes = closings.tube_lengths(pressed.config.robot.home)
+    before = np.zeros(len(closing.sides))
+    for _, config in closings.between(way):
+        assert others(config, closing).min() > 0.0
+        assert closings.rigidity(config) >= NEEDS.min_rigidity
+        assert closings.clearance(config) > 0.0
+        assert closings.tube_lengths(config) == pytest.approx(tubes, abs=1e-9)
+        depths = -side_gaps(config, closing)
+        assert (depths >= before - 1e-4).all()
+        before = depths
+
+
+@pytest.mark.parametrize('seed', range(12))
+def test_sides_are_pressed_as_deep_as_is_said(seed):
+    config, cylinder, _ = closings.scene(seed)
+    found = [approach(config, one) for one in branches(config, cylinder, NEEDS, 0, 0)[:6]]
+    rng = np.random.default_rng(seed)
+    for reached in found:
+        if reached.missed is not None:
+            continue
+        closing, start = reached.closing, reached.path[-1]
+        search = Squeeze(start, closing, NEEDS)
+        depths = rng.uniform(0.0, 0.03, len(closing.sides))
+        there = search.press(start, depths)
+        assert search.looked_at > 0
+        if there is None:
+            assert search.nearest.requirement in {
+                'reach',
+                'rigidity',
+                'self_clearance',
+                'object_clearance',
+            }
+            continue
+        reached = closings.gaps(there, cylinder)[0][list(closing.sides)]
+        assert reached == pytest.approx(-depths, abs=1e-4)
+        # Nothing else comes near that was not.
+        least = np.minimum(0.005, others(start, closing))
+        assert (others(there, closing) >= least - 2e-5).all()
+
+
+def test_pull_to_a_posture_does_not_keep_sides_from_their_depths():
+    start, closing = opened('north')
+    fields = {name: getattr(closing, name) for name in closing.__dataclass_fields__}
+    pull = start.roller_positions + 0.5
+    pulled = Squeeze(start, Closing(**(fields | {'pull': pull})), NEEDS)
+    plain = Squeeze(start, closing, NEEDS)
+    depths = np.array([0.02, 0.025])
+    there = pulled.press(start, depths)
+    assert -side_gaps(there, closing) == pytest.approx(depths, abs=2e-9)
+    assert (there.roller_positions == plain.press(start, depths).roller_positions).all()
+
+
+def test_a_bound_that_keeps_sides_from_their_depths_is_told():
+    start, closing = opened('top')
+    fields = {name: getattr(closing, name) for name in closing.__dataclass_fields__}
+    still = Closing(**(fields | {'limits': (*closing.limits, Still())}))
+    search = Squeeze(start, still, NEEDS)
+    assert search.press(start, np.array([0.02, 0.02])) is None
+    assert search.nearest.requirement == 'reach'
+    # Nothing can move: what is left is all of it.
+    expected = (side_gaps(start, closing) + 0.02).max()
+    assert search.nearest.value == pytest.approx(expected, abs=1e-6)
+
+
+class Still:
+    """A limit that leaves the rollers no motion."""
+
+    def rows(self, config):
+        """Return one row for each roller."""
+        nothing = np.zeros(len(config.roller_positions))
+        return np.eye(len(nothing)), nothing, nothing
+
+
+@pytest.mark.parametrize(
+    ('name', 'needs'),
+    [
+        ('narrow', GraspRequirements(max_contact_force=8.0)),
+        ('north', GraspRequirements(max_contact_force=12.0)),
+        ('north', GraspRequirements(max_total_force=20.0)),
+        ('tight', GraspRequirements(max_total_force=20.0)),
+        ('narrow', GraspRequirements(min_margin=0.02)),
+        ('narrow', GraspRequirements(friction=0.35)),
+        ('narrow', GraspRequirements(external_wrench=(0.3, -0.4, 0.02))),
+        ('tight', GraspRequirements(external_wrench=(0.8, -1.0, 0.05))),
+    ],
+)
+def test_requirements_are_fulfilled_whatever_the_spacing(name, needs):
+    _, closing = opened(name)
+    _, pressed = squeezed(name, needs)
+    config = pressed.config.robot.configuration(pressed.config.roller_positions)
+    for spacing in SPACINGS:
+        analysis = analyze_grasp(
+            config, closing.cylinder, needs.friction, needs.external_wrench, spacing=spacing
+        )
+        assert max(analysis.contact_forces.values()) <= needs.max_contact_force * (1.0 + 1e-6)
+        assert analysis.normal_forces.sum() <= needs.max_total_force * (1.0 + 1e-6)
+        assert analysis.closure_margin >= needs.min_margin - 1e-6
+        assert unbalanced(analysis, closing.cylinder, needs) < 1e-6 * analysis.normal_forces.sum()
+
+
+@pytest.fixture
+def recorded(monkeypatch):
+    """Return a list that all analyses of a squeeze are written to."""
+    made = []
+
+    def record(config, cylinder, friction, wrench, spacing):
+        made.append((config, analyze_grasp(config, cylinder, friction, wrench, spacing=spacing)))
+        return made[-1][1]
+
+    monkeypatch.setattr(squeeze, 'analyze_grasp', record)
+    return made
+
+
+def largest(analysis):
+    """Return what the member that presses most presses with [N]."""
+    return max(analysis.contact_forces.values())
+
+
+def total(analysis):
+    """Return the sum of all normal forces [N]."""
+    return analysis.normal_forces.sum()
+
+
+@pytest.mark.parametrize(
+    ('name', 'values', 'missed', 'measured', 'badness'),
+    [
+        ('top', {'max_contact_force': 1e-3}, 'max_contact_force', largest, largest),
+        ('top', {'max_total_force': 1e-3}, 'max_total_force', total, total),
+        (
+            'top',
+            {'min_margin': 1e3},
+            'min_margin',
+            lambda a: a.closure_margin,
+            lambda a: -a.closure_margin if a.force_closure else np.inf,
+        ),
+        (
+            'narrow',
+            {'friction': 0.25},
+            'force_closure',
+            lambda a: a.required_friction,
+            lambda a: -a.closure_margin / total(a),
+        ),
+    ],
+)
+def test_what_is_missed_is_the_worst_of_the_nearest_grip(
+    name, values, missed, measured, badness, recorded
+):
+    search = Squeeze(*opened(name), GraspRequirements(**values))
+    assert search.search() is None
+    assert search.analyses == len(recorded)
+    miss = search.nearest
+    assert (miss.requirement, miss.bound) == (missed, *values.values())
+    grips = {}
+    for config, analysis in recorded:
+        grips.setdefault(id(config), []).append(analysis)
+    worst = [max(analyses, key=badness) for analyses in grips.values()]
+    assert miss.value == measured(min(worst, key=badness))
+
+
+@pytest.mark.parametrize('name', ['narrow', 'tight'])
+def test_work_is_counted(name, recorded, monkeypatch):
+    looked_at, make = [], squeeze.step
+
+    def record(*arguments):
+        made = make(*arguments)
+        looked_at.append(made.looked_at)
+        return made
+
+    monkeypatch.setattr(squeeze, 'step', record)
+    search = Squeeze(*opened(name), NEEDS)
+    search.way(search.search())
+    assert search.analyses == len(recorded) > 0
+    assert search.looked_at == sum(looked_at) > 0
+
+
+def test_more_margin_is_sought_deeper_and_less_force_less_deep():
+    soft, firm = GraspRequirements(max_total_force=14.0), GraspRequirements(min_margin=0.02)
+    means = [squeezed('tight', needs)[1].depths.mean() for needs in (soft, NEEDS, firm)]
+    assert means == sorted(means)
+    assert means[0] < 0.9 * means[1] < 0.7 * means[2]
+
+
+def test_depths_stay_within_bounds_and_so_do_shares(monkeypatch):
+    tube = load_robot('nine_member').description.tube_diameter
+    tried, press = [], Squeeze.press
+
+    def record(self, config, depths):
+        tried.append(depths)
+        return press(self, config, depths)
+
+    monkeypatch.setattr(Squeeze, 'press', record)
+    for values in ({'min_margin': 1e3}, {'max_total_force': 1e-3}, {'friction': 0.02}):
+        for name in ('north', 'top'):
+            Squeeze(*opened(name), GraspRequirements(**values)).search()
+    means = np.array([depths.mean() for depths in tried])
+    assert means.min() >= 0.03 * tube
+    assert means.max() <= 0.8 * tube
+    assert means.max() > 1.5 * 0.33 * tube > 3.0 * means.min()
+    assert all(0.1 <= depth / depths.mean() <= 10.0 for depths in tried for depth in depths)
+
+
+def symmetric():
+    """Return a triangle that is its own mirror image, and so are its supports."""
+    document = robots.example()
+    document['joints'] = {'P': [-0.5, 0.0], 'Q': [0.5, 0.0], 'X': [0.0, 0.9]}
+    document['supports'] = {'P': ['y'], 'Q': ['y'], 'X': ['x']}
+    return robots.load(document)
+
+
+@pytest.mark.parametrize('friction', [0.3, 0.6])
+def test_symmetric_robots_press_alike_on_both_sides(friction):
+    config, cylinder = symmetric().home, Cylinder((0.0, 0.35), 0.25)
+    needs = GraspRequirements(friction=friction, module='south/X')
+    reached = approach(config, branches(config, cylinder, needs, 0, 0)[0])
+    assert reached.missed is None
+    search = Squeeze(reached.path[-1], reached.closing, needs)
+    pressed = search.search()
+    assert pressed.depths[0] == pytest.approx(pressed.depths[1], rel=1e-3)
+    one, other = pressed.config.roller_positions
+    assert one == pytest.approx(-other, abs=1e-5)
+    for analysis in pressed.analyses:
+        left, right = analysis.contact_forces.values()
+        assert left == pytest.approx(right, rel=1e-2)
