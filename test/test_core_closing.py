@@ -3,7 +3,14 @@
 from itertools import pairwise
 
 import closings
-from isotruss_ros.core import closing_program, closing_step, Cylinder, load_robot, SolverError
+from isotruss_ros.core import (
+    closing_program,
+    closing_step,
+    ConfigurationError,
+    Cylinder,
+    load_robot,
+    SolverError,
+)
 from isotruss_ros.core.clearance import bodies
 from isotruss_ros.core.closing import Closing, look_at, scale
 from isotruss_ros.core.closing_program import solve_step
@@ -270,30 +277,43 @@ def test_sides_come_to_their_targets_where_nothing_else_is_near(preset, module):
     assert reached == pytest.approx(targets, abs=1e-5)
 
 
-@pytest.mark.parametrize('seed', SEEDS)
+def crowded(seed):
+    """Return what closes on an object that nearly touches something, or does, and a generator."""
+    config, cylinder, tube = closings.scene(seed)
+    rng = np.random.default_rng([9, seed])
+    gaps = np.concatenate(closings.gaps(config, cylinder))
+    # What is not to touch is to keep 0.05 diameters of the tube away.
+    left = config.robot.description.tube_diameter * rng.uniform(-0.02, 0.12)
+    wider = Cylinder(cylinder.center, cylinder.diameter + 2.0 * (gaps.min() - left))
+    closing = closings.closing(config, wider, tube, rng)
+    if rng.random() < 0.7:
+        # The nearest part is one that is not to touch.
+        nearest = int(gaps.argmin()) % len(config.robot.member_names)
+        away = [i for i in np.flatnonzero(config.robot.layout.tube == tube) if i != nearest]
+        closing = with_fields(closing, sides=tuple(int(i) for i in away[:2]))
+    least = closings.rigidity(config) * rng.uniform(0.98, 1.02)
+    return config, with_fields(closing, min_rigidity=least), rng
+
+
+@pytest.mark.parametrize('seed', range(40))
 def test_a_step_is_halved_until_it_leads_where_it_may(seed, monkeypatch):
     # Whatever the program says: here it knows nothing, and its steps are far too long.
-    config, (closing, _), rng = tasks(seed)
-    closing = with_fields(closing, min_rigidity=0.9 * closings.rigidity(config))
+    config, closing, rng = crowded(seed)
     place, targets = look_at(config, closing.cylinder), np.full(len(closing.sides), STANDOFF)
-    seen = set()
-    for _ in range(6):
-        size = rng.choice([0.01, 0.1, 0.4]) * scale(config)
-        move = size * rng.uniform(-1.0, 1.0, len(config.roller_positions))
+    for size in (0.002, 0.02, 0.1, 0.4):
+        move = size * scale(config) * rng.uniform(-1.0, 1.0, len(config.roller_positions))
         monkeypatch.setattr(closing_step, 'solve_step', lambda *_, move=move: move)
         made = step(place, closing, targets, 0.3)
-        expected = None
         for halving in range(5):
             goal = config.roller_positions + move / 2**halving
             try:
                 there = config.moved_to(goal)
-            except closing_step.ConfigurationError:
+            except ConfigurationError:
                 expected = ('rigidity', 0.0)
                 continue
             expected = trouble(config, there, closing, targets)
             if expected is None:
                 break
-        seen.add(made.looked_at)
         if expected is None:
             assert made.blocked is None
             assert (made.place.config.roller_positions == goal).all()
@@ -304,7 +324,16 @@ def test_a_step_is_halved_until_it_leads_where_it_may(seed, monkeypatch):
             assert (made.looked_at, made.share) == (5, 0.3)
             assert made.blocked[0] == expected[0]
             assert made.blocked[1] == pytest.approx(expected[1], abs=1e-3)
-    assert seen
+
+
+def test_where_there_is_no_shape_there_is_no_rigidity(monkeypatch):
+    config, (closing, _), _ = tasks(0)
+    place, far = look_at(config, closing.cylinder), np.full(len(config.roller_positions), 1e3)
+    far[::2] *= -1.0
+    monkeypatch.setattr(closing_step, 'solve_step', lambda *_: far)
+    made = step(place, closing, np.full(len(closing.sides), STANDOFF))
+    assert made.blocked == ('rigidity', 0.0)
+    assert made.place is place
 
 
 def test_the_longest_step_is_not_made_longer(monkeypatch):

@@ -6,6 +6,7 @@ Kinematics only: from the present configuration, by admissible steps, so that th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from isotruss_ros.core.closing import Closing, look_at
@@ -16,7 +17,8 @@ import numpy as np
 #: The sides stop this far from the object, against the diameter of the tube, give or take.
 STANDOFF, STANDOFF_TOLERANCE = 0.06, 0.02
 MAX_STEPS = 100
-#: Given up when in this many steps the largest gap has not shrunk by `MIN_PROGRESS`.
+#: Given up when more steps than this in a row have each brought what is left, in diameters of the
+#: tube and in radians, less than `MIN_PROGRESS` below the least before.
 PATIENCE, MIN_PROGRESS = 12, 0.1
 
 
@@ -44,10 +46,14 @@ class Approach:
         return float(np.abs(np.diff(places, axis=0)).sum(axis=0).max(initial=0.0))
 
 
-def approach(config: Configuration, closing: Closing) -> Approach:
+def approach(
+    config: Configuration, closing: Closing, should_stop: Callable[[], bool] | None = None
+) -> Approach:
     """
     Bring the sides near to the object and their opening down to what friction can hold.
 
+    :param should_stop: asked before every step; an approach that was stopped has missed what was
+        still in the way.
     :raises SolverError: a program was not solved.
     """
     diameter = config.robot.description.tube_diameter
@@ -56,7 +62,7 @@ def approach(config: Configuration, closing: Closing) -> Approach:
     path, looked_at = [config], 0
     place = look_at(config, closing.cylinder)
     best, since, share = np.inf, 0, 1.0
-    for _ in range(MAX_STEPS):
+    while True:
         gaps = place.gaps
         gap = float(gaps.members[sides].max()) - standoff
         wide = float(gaps.openings[closing.module]) - closing.opening
@@ -66,7 +72,8 @@ def approach(config: Configuration, closing: Closing) -> Approach:
         since = 0 if left < best - MIN_PROGRESS else since + 1
         best = min(best, left) if since else left
         missed = ('opening', gaps.openings[closing.module]) if gap <= tolerance else ('reach', gap)
-        if since > PATIENCE:
+        given_up = since > PATIENCE or len(path) > MAX_STEPS
+        if given_up or (should_stop is not None and should_stop()):
             return Approach(closing, tuple(path), looked_at, missed)
         made = step(place, closing, targets, share)
         looked_at += made.looked_at
@@ -74,4 +81,3 @@ def approach(config: Configuration, closing: Closing) -> Approach:
             return Approach(closing, tuple(path), looked_at, made.blocked)
         place, share = made.place, made.share
         path.append(place.config)
-    return Approach(closing, tuple(path), looked_at, ('reach', gap))

@@ -59,8 +59,8 @@ def plan_grasps(
     :param executor: where candidates are squeezed: a process pool, or that of a Dask client; in
         this process if None.
     :param on_progress: called when the open grips of a round are known, and after every candidate.
-    :param should_stop: asked after every candidate and, with an executor, all 50 ms; a plan that
-        was stopped has what was found until then.
+    :param should_stop: asked before every step toward an open grip, after every candidate and,
+        with an executor, all 50 ms; a plan that was stopped has what was found until then.
     :param thorough: whether all candidates of a round are looked at before the best are chosen,
         or only so many as it takes.
     :raises GraspError: the robot has no such module, or the seed is not usable.
@@ -117,7 +117,7 @@ class _Search:
             if self._hear():
                 break
             try:
-                reached = approach(self._config, closing)
+                reached = approach(self._config, closing, self._hear)
             except (ConfigurationError, SolverError) as error:
                 # A branch that cannot be computed is none; the others are.
                 self._note(Miss(str(error), 0.0, 0.0, 100.0))
