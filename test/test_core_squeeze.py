@@ -1,5 +1,6 @@
 """How hard the sides of a grip must press: what is found holds, and what is not is told."""
 
+import dataclasses
 import functools
 
 import closings
@@ -278,9 +279,10 @@ def test_work_is_counted(name, recorded, monkeypatch):
     looked_at, make = [], squeeze.step
 
     def record(*arguments):
+        # As if each of them had been halved twice.
         made = make(*arguments)
-        looked_at.append(made.looked_at)
-        return made
+        looked_at.append(made.looked_at + 2)
+        return dataclasses.replace(made, looked_at=looked_at[-1])
 
     monkeypatch.setattr(squeeze, 'step', record)
     search = Squeeze(*opened(name), NEEDS)
@@ -296,6 +298,22 @@ def test_more_margin_is_sought_deeper_and_less_force_less_deep():
     assert means[0] < 0.9 * means[1] < 0.7 * means[2]
 
 
+def test_sides_that_do_not_press_are_brought_deeper(monkeypatch):
+    # As if the tubes gave way until the sides are 45 mm deep.
+    def soft(config, cylinder, *arguments, **options):
+        depth = -closings.gaps(config, cylinder)[0].min()
+        here = cylinder if depth > 0.045 else Cylinder((9.0, 9.0), cylinder.diameter)
+        return analyze_grasp(config, here, *arguments, **options)
+
+    monkeypatch.setattr(squeeze, 'analyze_grasp', soft)
+    search = Squeeze(*opened('tight'), NEEDS)
+    assert search.search().depths.mean() > 0.04
+    monkeypatch.setattr(squeeze, 'MAX_DEPTHS', 1)
+    search = Squeeze(*opened('tight'), NEEDS)
+    assert search.search() is None
+    assert (search.nearest.requirement, search.nearest.value) == ('force_closure', 0.0)
+
+
 def test_depths_stay_within_bounds_and_so_do_shares(monkeypatch):
     tube = load_robot('nine_member').description.tube_diameter
     tried, press = [], Squeeze.press
@@ -305,9 +323,13 @@ def test_depths_stay_within_bounds_and_so_do_shares(monkeypatch):
         return press(self, config, depths)
 
     monkeypatch.setattr(Squeeze, 'press', record)
-    for values in ({'min_margin': 1e3}, {'max_total_force': 1e-3}, {'friction': 0.02}):
-        for name in ('north', 'top'):
-            Squeeze(*opened(name), GraspRequirements(**values)).search()
+    for name, values in (
+        ('narrow', {'min_margin': 1e3}),
+        ('tight', {'min_margin': 1e3}),
+        ('top', {'max_total_force': 1e-3}),
+        ('top', {'friction': 0.02}),
+    ):
+        Squeeze(*opened(name), GraspRequirements(**values)).search()
     means = np.array([depths.mean() for depths in tried])
     assert means.min() >= 0.03 * tube
     assert means.max() <= 0.8 * tube
