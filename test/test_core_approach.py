@@ -71,8 +71,8 @@ def test_sides_stand_off_the_object_and_are_closed_enough_for_friction():
 
 def test_way_is_free_of_the_object_between_its_rows_too():
     for cylinder, way in each(arrived):
-        others = [i for i in range(len(way.path[0].robot.member_names))]
-        others = [i for i in others if i not in way.closing.sides]
+        count = len(way.path[0].robot.member_names)
+        others = [i for i in range(count) if i not in way.closing.sides]
         for _, config in closings.between(way.path, 3):
             members, modules = closings.gaps(config, cylinder)
             assert members.min() > 0.0

@@ -69,8 +69,9 @@ class Program:
         tube, r = robot.description.tube_diameter, len(config.roller_positions)
         length = robot.home.member_lengths.mean()
         values, by = watched(config, closing.cylinder), slopes(config, closing.cylinder)
-        members, modules, angles, modes, _ = np.split(values, [m, 2 * m, 3 * m, 3 * m + 2])
-        near, lengths = values[3 * m + 2 : -m], values[-m:]
+        ends = [m, 2 * m, 3 * m, 3 * m + 2, len(values) - m]
+        members, modules, angles, modes, near, lengths = np.split(values, ends)
+        *_, by_modes, by_near, _ = np.split(by, ends)
         sides = list(closing.sides)
 
         wanted = np.maximum(targets - members[sides], -0.027 * share * length)
@@ -87,10 +88,10 @@ class Program:
             rows.append(-turn[None])
             bounds.append(np.array([wide]))
         count = sum(map(len, rows))
-        rows.append(by[3 * m : 3 * m + 2])
+        rows.append(by_modes)
         bounds.append(np.minimum(0.0, -0.5 * (modes - closing.min_rigidity)))
         close = np.flatnonzero(near < 0.15 * length)
-        rows.append(by[3 * m + 2 : -m][close])
+        rows.append(by_near[close])
         bounds.append(np.minimum(0.0, -0.5 * (near[close] - 0.01 * length)))
         shortest, speed = closing.limits[0], closing.limits[1].max_speed
         rows += [by[-m:], -by[-m:]]

@@ -244,7 +244,7 @@ def total(analysis):
         ('top', {'max_contact_force': 1e-3}, 'max_contact_force', largest, largest),
         ('top', {'max_total_force': 1e-3}, 'max_total_force', total, total),
         (
-            'top',
+            'narrow',
             {'min_margin': 1e3},
             'min_margin',
             lambda a: a.closure_margin,
@@ -312,6 +312,30 @@ def test_sides_that_do_not_press_are_brought_deeper(monkeypatch):
     search = Squeeze(*opened('tight'), NEEDS)
     assert search.search() is None
     assert (search.nearest.requirement, search.nearest.value) == ('force_closure', 0.0)
+
+
+@pytest.mark.parametrize('fields', [{'force_closure': False}, {'closure_margin': -1e-9}])
+def test_open_grips_are_none_by_whichever_sign(fields, monkeypatch):
+    def opened_up(*arguments, **options):
+        return dataclasses.replace(analyze_grasp(*arguments, **options), **fields)
+
+    monkeypatch.setattr(squeeze, 'analyze_grasp', opened_up)
+    search = Squeeze(*opened('top'), NEEDS)
+    assert search.search() is None
+    assert search.nearest.requirement == 'force_closure'
+
+
+def test_what_blocks_a_step_is_told_with_its_bound(monkeypatch):
+    start, closing = opened('top')
+    search, make = Squeeze(start, closing, NEEDS), squeeze.step
+
+    def blocked(*arguments):
+        return dataclasses.replace(make(*arguments), blocked=('rigidity', 0.125))
+
+    monkeypatch.setattr(squeeze, 'step', blocked)
+    assert search.press(start, np.array([0.02, 0.02])) is None
+    miss = search.nearest
+    assert (miss.requirement, miss.value, miss.bound) == ('rigidity', 0.125, closing.min_rigidity)
 
 
 def test_depths_stay_within_bounds_and_so_do_shares(monkeypatch):
