@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import robots
 
-SEEDS = range(14)
+SEEDS = range(10)
 NEEDS = GraspRequirements()
 
 
@@ -54,7 +54,7 @@ def opening(way, config):
 
 def test_there_are_approaches_of_all_kinds():
     counts = [len(each(arrived)), len(each(lambda way: not arrived(way)))]
-    assert min(counts) >= 20
+    assert min(counts) >= 15
     missed = {way.missed[0] for _, way in each(lambda way: not arrived(way))}
     assert {'reach', 'object_clearance'} <= missed
 
