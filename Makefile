@@ -38,7 +38,7 @@ venv: $(STAMPS)/messages $(STAMPS)/package
 test: venv
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/python -m pytest -m 'not nodes' -n auto
+	$(BIN)/python -m pytest -m 'not nodes' -n auto --dist loadfile
 	$(BIN)/python -m pytest -m nodes
 
 demo: venv

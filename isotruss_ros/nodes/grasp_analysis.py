@@ -19,7 +19,8 @@ from isotruss_ros.nodes.inputs import age, latest, Sensors
 from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.markers import GraspMarkers
 from isotruss_ros.nodes.messages import MessageError, seconds
-from isotruss_ros.nodes.qos import LATEST, RELIABLE
+from isotruss_ros.nodes.newest import subscribe_newest
+from isotruss_ros.nodes.qos import RELIABLE
 from isotruss_ros.nodes.report import Reporter
 from isotruss_ros.nodes.runner import run
 from rclpy.parameter import Parameter
@@ -78,7 +79,7 @@ class GraspAnalysisNode(ManagedNode):
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
         self._markers = GraspMarkers(self._robot.frame)
         Sensors(self, self._robot, self._monitor)
-        self.create_subscription(WrenchStamped, 'external_wrench', self._take_wrench, LATEST)
+        subscribe_newest(self, WrenchStamped, 'external_wrench', self._take_wrench)
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:

@@ -22,8 +22,8 @@ from isotruss_ros.nodes.diagnostics import Level
 from isotruss_ros.nodes.inputs import age, latest
 from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.messages import MessageError, RollerStates, seconds
+from isotruss_ros.nodes.newest import subscribe_newest
 from isotruss_ros.nodes.plan_messages import feedback_message, result_message, wanted
-from isotruss_ros.nodes.qos import LATEST
 from isotruss_ros.nodes.runner import run
 from isotruss_ros.nodes.single_goal import Ending, SingleGoal
 from isotruss_ros.plan.pool import MAX_WORKERS
@@ -78,7 +78,7 @@ class GraspPlanner(ManagedNode):
         self._searcher = Searcher(workers)
         self._shapes = ShapeTracker(self._robot)
         self._states = RollerStates(self._robot.roller_names)
-        self.create_subscription(JointState, 'joint_states', self._take_joint_states, LATEST)
+        subscribe_newest(self, JointState, 'joint_states', self._take_joint_states)
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,

@@ -8,7 +8,7 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Refusal, Robot, Sample
 from isotruss_ros.core.samples import Input
 from isotruss_ros.nodes.messages import MessageError, object_center, RollerStates, seconds
-from isotruss_ros.nodes.qos import LATEST
+from isotruss_ros.nodes.newest import subscribe_newest
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -34,8 +34,8 @@ class Sensors:
         self._frame = robot.frame
         self._roller_states = RollerStates(robot.roller_names)
         self._target = target
-        node.create_subscription(JointState, 'joint_states', self._take_joint_states, LATEST)
-        node.create_subscription(PoseStamped, 'object_pose', self._take_object_pose, LATEST)
+        subscribe_newest(node, JointState, 'joint_states', self._take_joint_states)
+        subscribe_newest(node, PoseStamped, 'object_pose', self._take_object_pose)
 
     def _take_joint_states(self, message: JointState) -> None:
         try:

@@ -25,7 +25,8 @@ from isotruss_ros.nodes.messages import (
     planar_twist,
     seconds,
 )
-from isotruss_ros.nodes.qos import LATEST, RELIABLE
+from isotruss_ros.nodes.newest import subscribe_newest
+from isotruss_ros.nodes.qos import RELIABLE
 from isotruss_ros.nodes.runner import run
 from isotruss_ros.nodes.servo_settings import apply_settings, FAILED_ROLLERS
 from isotruss_ros.nodes.servo_settings import SPECS as SERVO_SPECS
@@ -86,9 +87,9 @@ class Manipulation(ManagedNode):
         )
         Sensors(self, self._robot, self._servo)
         if values[params.USE_STAMPED_TWIST]:
-            self.create_subscription(TwistStamped, 'cmd_vel', self._take_stamped_twist, LATEST)
+            subscribe_newest(self, TwistStamped, 'cmd_vel', self._take_stamped_twist)
         else:
-            self.create_subscription(Twist, 'cmd_vel', self._take_twist, LATEST)
+            subscribe_newest(self, Twist, 'cmd_vel', self._take_twist)
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:

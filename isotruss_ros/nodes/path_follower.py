@@ -25,13 +25,14 @@ from isotruss_ros.nodes.diagnostics import Level
 from isotruss_ros.nodes.inputs import age, latest
 from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.messages import MessageError, seconds, stamp, twist_message
+from isotruss_ros.nodes.newest import subscribe_newest
 from isotruss_ros.nodes.path_messages import (
     feedback_message,
     measured_pose,
     object_path,
     result_message,
 )
-from isotruss_ros.nodes.qos import LATEST, RELIABLE
+from isotruss_ros.nodes.qos import RELIABLE
 from isotruss_ros.nodes.runner import run
 from isotruss_ros.nodes.single_goal import Ending, SingleGoal
 import numpy as np
@@ -102,10 +103,8 @@ class PathFollower(ManagedNode):
         self._twists = self.create_lifecycle_publisher(
             TwistStamped if self._stamped else Twist, 'cmd_vel', RELIABLE
         )
-        self.create_subscription(PoseStamped, 'object_pose', self._take_pose, LATEST)
-        self.create_subscription(
-            ManipulationStatus, 'manipulation/status', self._take_status, LATEST
-        )
+        subscribe_newest(self, PoseStamped, 'object_pose', self._take_pose)
+        subscribe_newest(self, ManipulationStatus, 'manipulation/status', self._take_status)
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,

@@ -1,7 +1,7 @@
 """
 Quality of service of each topic.
 
-State and twists are worth something only while they are new: subscribers keep the last one and do
+State and twists are worth something only while they are new: subscribers take the newest and do
 not ask for it again, and so match reliable and best-effort publishers alike. What we publish, and
 the commands that the simulator takes, is reliable, as ros2_control's controllers have it. None of
 it is kept for late joiners: the next one comes with the next cycle, and an old one would be a lie
@@ -33,7 +33,8 @@ def _last(
     )
 
 
-LATEST = _last(1, ReliabilityPolicy.BEST_EFFORT)
+#: For `subscribe_newest`, which says why it is not 1.
+NEWEST = _last(20, ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = _last(1)
 #: What tools that show `/diagnostics` expect.
 DIAGNOSTICS = _last(10)

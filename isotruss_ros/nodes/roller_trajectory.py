@@ -20,7 +20,8 @@ from isotruss_ros.nodes.emergency_stop import EmergencyStop
 from isotruss_ros.nodes.inputs import age, latest
 from isotruss_ros.nodes.managed import ManagedNode
 from isotruss_ros.nodes.messages import command_message, MessageError, RollerStates, seconds
-from isotruss_ros.nodes.qos import LATEST, RELIABLE
+from isotruss_ros.nodes.newest import subscribe_newest
+from isotruss_ros.nodes.qos import RELIABLE
 from isotruss_ros.nodes.runner import run
 from isotruss_ros.nodes.trajectory_messages import roller_path
 import numpy as np
@@ -65,7 +66,7 @@ class RollerTrajectory(ManagedNode):
         self._commands = self.create_lifecycle_publisher(
             Float64MultiArray, 'roller_velocity_controller/commands', RELIABLE
         )
-        self.create_subscription(JointState, 'joint_states', self._take_joint_states, LATEST)
+        subscribe_newest(self, JointState, 'joint_states', self._take_joint_states)
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
