@@ -1,5 +1,8 @@
 """Simulated time, and clocks that jump, stand still or say what cannot be."""
 
+import ctypes
+import time
+
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import GraspState
@@ -23,6 +26,8 @@ pytestmark = pytest.mark.nodes
 SIM = {'use_sim_time': True}
 START = 1000.0
 STEP = 0.004
+#: A busy machine delays [s].
+SLACK = 5.0
 
 
 class SimulatedTime:
@@ -225,12 +230,84 @@ def test_whose_time_it_is_changes_while_unconfigured_only():
         w.until(lambda: node.get_clock().now().nanoseconds > 0, lambda: w.probe.tick(START))
 
 
-def test_stamps_of_the_system_clock_that_jumps_back_are_not_relied_on():
-    """No simulated time here: a clock that is set back shows in the readings of the node alone."""
-    with world(lambda: made(Manipulation)) as w:
+class SystemTime:
+    """
+    The system's clock as nodes and their timers read it; no test may set the real one.
+
+    Every node has a clock of rcl's, which reads the time by a function that it points to: the one
+    here, until all is over.
+
+    :ivar by: how far it has been set [s].
+    """
+
+    class _Clock(ctypes.Structure):
+        """The beginning of rcl_clock_t."""
+
+        _fields_ = (
+            ('kind', ctypes.c_int),
+            ('jump_callbacks', ctypes.c_void_p),
+            ('count', ctypes.c_size_t),
+            ('get_now', ctypes.c_void_p),
+        )
+
+    def __init__(self, w):
+        self.by = 0.0
+        kind = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int64))
+        self._read = kind(self._now)
+        self._clocks = [self._Clock.from_address(n.get_clock().handle.pointer) for n in w.nodes]
+        self._before = [clock.get_now for clock in self._clocks]
+
+    def _now(self, _data, now):
+        now[0] = time.time_ns() + int(1e9 * self.by)
+        return 0
+
+    def __enter__(self):
+        for clock in self._clocks:
+            clock.get_now = ctypes.cast(self._read, ctypes.c_void_p).value
+        return self
+
+    def __exit__(self, *_):
+        for clock, before in zip(self._clocks, self._before, strict=True):
+            clock.get_now = before
+
+
+@pytest.mark.parametrize('by', [-0.1, -3.0, -3600.0])
+def test_stamps_of_the_system_clock_that_jumps_back_are_not_relied_on(by):
+    """No simulated time here: the loop goes on, and stops in the cycle that sees the clock."""
+    with world(lambda: made(Manipulation)) as w, SystemTime(w) as system:
         w.until_code(Status.OK, w.probe.send_all)
-        w.nodes[1]._cycle._last += 10**12
-        w.probe.seen['command'].clear()
-        w.until(lambda: w.code() == Status.HALT_NO_TWIST)
+        del w.probe.seen['status'][:-1]
+        system.by = by
+
+        def since():
+            """Return the statuses since the clock was set."""
+            statuses = [m for _, m in w.probe.seen['status']]
+            back = 1 + np.flatnonzero(np.diff([seconds(m.header) for m in statuses]) < 0.0)
+            first = back[0] if len(back) else len(statuses)
+            return statuses[first:]
+
+        w.until(lambda: len(since()) > 3, w.probe.send_twist)
+        assert all(m.code >= Status.HALT_NO_TWIST for m in since())
         assert not np.any(w.command())
         w.until_code(Status.OK, w.probe.send_all)
+
+
+@pytest.mark.parametrize('by', [-3600.0, 3600.0])
+def test_the_simulated_robot_stands_still_when_the_system_clock_is_set(by):
+    with world(lambda: made(Simulator, command_timeout=0.5)) as w, SystemTime(w) as system:
+        command = Float64MultiArray(data=[0.0, 0.02, *[0.0] * (N - 2)])
+
+        def moving():
+            last = w.probe.last('joints')
+            return last is not None and last.velocity[1] > 0.0
+
+        w.until(moving, lambda: w.probe.commands.publish(command))
+        travel = w.probe.last('joints').position[1]
+        system.by = by
+        w.probe.seen['joints'].clear()
+        w.until(lambda: len(w.probe.seen['joints']) > 20 and not moving())
+        assert w.probe.last('joints').position[1] < travel + 0.02 * (0.5 + SLACK)
+        assert abs(seconds(w.probe.last('joints').header) - time.time() - by) < 10.0
+        # Commands move it again, and end again.
+        w.until(moving, lambda: w.probe.commands.publish(command))
+        w.until(lambda: not moving())

@@ -1,4 +1,4 @@
-"""A cycle by the node's clock that notices when the clock runs back or stands still."""
+"""A cycle that goes on when clocks are set, and notices when one runs back or stands still."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Cycle:
     """
     Calls back at a rate until it is destroyed with the node's other timers.
 
-    :param node: its clock is the one that counts, simulated or not.
-    :param rate: cycles per second of that clock [Hz].
+    :param node: its clock, simulated or not, is the one that times are read from.
+    :param rate: cycles per second, of `pace` [Hz].
     :param step: called in every cycle with the time.
     :param jumped_back: called before the step when the clock reads less than in the step before.
     :param stands: called instead of steps, again and again, while simulated time does not go on.
@@ -41,7 +41,7 @@ class Cycle:
         self._patience = patience
         self._last = self._read = 0
         self._changed = time.monotonic()
-        self._timer = node.create_timer(1.0 / rate, self._tick)
+        self._timer = node.create_timer(1.0 / rate, self._tick, clock=pace(node))
         self._watching: Timer | None = None
         if stands is not None and node.get_parameter('use_sim_time').value:
             steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -67,6 +67,17 @@ class Cycle:
             self._read, self._changed = now.nanoseconds, elapsed
         elif elapsed - self._changed > self._patience:
             self._stands(now)
+
+
+def pace(node: Node) -> Clock:
+    """
+    Return the clock by which a node goes on: that of the simulation, or one that nobody sets.
+
+    The system's clock will not do: set back by an hour, its timers are silent for an hour.
+    """
+    if node.get_parameter('use_sim_time').value:
+        return node.get_clock()
+    return Clock(clock_type=ClockType.STEADY_TIME)
 
 
 def _watch(patience: float) -> float:

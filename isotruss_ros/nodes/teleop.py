@@ -9,6 +9,7 @@ import select
 import sys
 import termios
 import threading
+import time
 import tty
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -16,6 +17,8 @@ from isotruss_ros.nodes import parameters as params
 from isotruss_ros.nodes.messages import stamp, twist_message
 from isotruss_ros.nodes.qos import RELIABLE
 from isotruss_ros.nodes.runner import run, StoppableNode
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.parameter import Parameter
 
 HELP = """
@@ -64,23 +67,25 @@ class Teleop(StoppableNode):
         kind = TwistStamped if self._stamped else Twist
         self._twists = self.create_publisher(kind, 'cmd_vel', RELIABLE)
         self._direction = KEYS[' ']
-        self._pressed = self.get_clock().now()
+        self._pressed = time.monotonic()
         self._gain = 1.0
-        self.create_timer(1.0 / self._values[rate], self._cycle)
+        # Fingers know no simulated time, and a system's clock that is set back would stop it.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1.0 / self._values[rate], self._cycle, clock=steady)
 
     def press(self, key: str) -> None:
         """Take a key."""
         self._gain = min(10.0, max(0.1, self._gain * FASTER.get(key, 1.0)))
         if key not in FASTER:
             self._direction = KEYS.get(key, KEYS[' '])
-            self._pressed = self.get_clock().now()
+            self._pressed = time.monotonic()
 
     def stop(self) -> None:
         """Leave with a zero twist."""
         self._send(KEYS[' '])
 
     def _cycle(self) -> None:
-        held = 1e-9 * (self.get_clock().now() - self._pressed).nanoseconds
+        held = time.monotonic() - self._pressed
         self._send(self._direction if held < self._values[KEY_TIMEOUT] else KEYS[' '])
 
     def _send(self, direction: Sequence[float]) -> None:
