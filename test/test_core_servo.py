@@ -119,22 +119,84 @@ def test_history_does_not_matter():
     )
 
 
+def moved(positions):
+    """Return the servo's inputs of now, for a robot that has taken the object along."""
+    there = ROBOT.configuration(positions)
+    held = HeldObject.attach(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER))
+    return {
+        'rollers': Sample(at(there.roller_positions), NOW),
+        'center': Sample(held.pose(there)[:2], NOW),
+    }
+
+
+def close(late, exact):
+    """Tell whether commands are the same, but for what is of second order in a way of a few mm."""
+    return np.abs(late - exact).max() < 1e-5 * np.abs(exact).max()
+
+
 def test_looks_ahead_by_the_age_of_the_state_and_half_a_period():
     """The command for an old state of a moving robot is that for where it is by now."""
     speeds = servo().decide(NOW).command.roller_velocities
-    made = servo(rollers=Sample(at(HOME, speeds), NOW - 0.05))
+    made = servo(rollers=Sample(at(HOME, speeds), NOW - 0.05), center=Sample(CENTER, NOW - 0.05))
     made.period = 0.02
     late = made.decide(NOW).command.roller_velocities
     lead = 0.05 + 0.01
     # To first order in the way: 0.0012 m here, so 1e-6 m off in a robot of 1 m, and 1e-6 in speed.
-    moved = ROBOT.configuration(lead * speeds)
-    held = HeldObject.attach(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER))
-    there = servo(
-        rollers=Sample(at(moved.roller_positions), NOW), center=Sample(held.pose(moved)[:2], NOW)
-    )
-    exact = there.decide(NOW).command.roller_velocities
-    assert np.abs(late - exact).max() < 1e-5 * np.abs(exact).max()
-    assert np.abs(late - speeds).max() > 1e-5
+    exact = servo(**moved(lead * speeds)).decide(NOW).command.roller_velocities
+    assert close(late, exact)
+    assert not close(late, speeds)
+
+
+@pytest.mark.parametrize('measured', [0.0, -1.0, 3.0])
+def test_old_rollers_are_where_they_were_sent_whatever_speeds_are_measured(measured):
+    made = servo()
+    made.period = 0.02
+    ways = [np.zeros(6)]
+    for k in range(6):
+        now = NOW + 0.02 * k
+        made.twist = Sample((0.02 * (-1) ** k, 0.02 + 0.01 * k, 0.1), now)
+        sent = made.decide(now).command.roller_velocities
+        ways.append(ways[-1] + 0.02 * sent)
+    # All that is known is the state of 0.03 s after the beginning, in the second interval.
+    now, seen = NOW + 0.12, 0.5 * (ways[1] + ways[2])
+    state = moved(seen)
+    made.rollers = Sample(at(seen, measured * sent), NOW + 0.03)
+    made.center = state['center']._replace(time=NOW + 0.03)
+    made.twist = Sample((0.0, 0.02, 0.1), now)
+    late = made.decide(now).command.roller_velocities
+    exact = servo(**moved(ways[-1] + 0.01 * sent)).decide(NOW).command.roller_velocities
+    assert close(late, exact)
+    assert not close(late, servo(**state).decide(NOW).command.roller_velocities)
+
+
+def test_rollers_and_pose_of_different_ages_fit_together():
+    """The object is put where it was in the robot of that time, and has gone on with it."""
+    exact = servo(**moved(np.array([4.0, 2.0, -5.0, 3.0, 4.0, -4.0]) * 1e-3))
+    exact = exact.decide(NOW).command.roller_velocities
+    speeds = np.array([4.0, 2.0, -5.0, 3.0, 4.0, -4.0]) * 1e-3 / 0.1
+    for ages in ((0.1, 0.0), (0.0, 0.1), (0.05, 0.1), (0.1, 0.05)):
+        seen = [moved((0.1 - age) * speeds) for age in ages]
+        made = servo(
+            rollers=Sample(at(seen[0]['rollers'].value.positions, speeds), NOW - ages[0]),
+            center=seen[1]['center']._replace(time=NOW - ages[1]),
+        )
+        made.period = 1e-9
+        late = made.decide(NOW).command.roller_velocities
+        assert np.abs(late - exact).max() < 1e-4 * np.abs(exact).max()
+
+
+def test_failed_rollers_are_not_expected_to_move():
+    made = servo()
+    sent = made.decide(NOW).command.roller_velocities
+    failed = int(np.abs(sent).argmax())
+    made.failed = [ROBOT.roller_names[failed]]
+    now = NOW + 0.1
+    made.twist = Sample((0.0, 0.02, 0.1), now)
+    late = made.decide(now).command.roller_velocities
+    working = np.arange(len(HOME)) != failed
+    there = servo(**moved((0.1 + 0.0025) * sent * working))
+    there.failed = made.failed
+    assert np.abs(late - there.decide(NOW).command.roller_velocities).max() < 1e-5
 
 
 def test_says_what_limits():

@@ -5,7 +5,7 @@ For a soak:  python test/walks.py --walks 1000 --steps 1000
 """
 
 import argparse
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass
 import sys
 
@@ -30,6 +30,9 @@ ROBOT = load_robot('nine_member')
 BOUNDS = ShapeBounds()
 #: Grips that can move the object in every direction.
 GRIPS = ('north/Z', 'north/R', 'north/P', 'east/Q', 'east/R')
+PERIODS = (0.05, 0.01, 0.005, 0.002, 0.001)
+#: Inputs are this old at most [s].
+LATE = 0.15
 
 
 @dataclass
@@ -73,40 +76,67 @@ def begin(rng, module):
             return config, grasp
 
 
-def walk(seed, steps, slide=False, guarded=True):
+@dataclass
+class Sensors:
     """
-    Command one twist after another, far more than the robot can do, at 20, 100, 200 or 500 Hz.
+    How late the servo sees the robot and the object, in cycles, and whether it is told speeds.
 
-    In every other walk the servo sees the state of one cycle ago.
+    Speeds are those with which the robot came to where it is seen.
+    """
+
+    rollers: int
+    pose: int
+    speeds: bool
+
+    @classmethod
+    def of(cls, seed, period):
+        """Return prompt ones, ones that are a cycle late, and twice as many up to 150 ms late."""
+        rng = np.random.default_rng([seed, 1])
+        speeds = bool(rng.integers(2))
+        kind = seed // 2 % 4
+        if kind < 2:
+            return cls(kind, kind, speeds)
+        rollers, pose = (round(late / period) for late in rng.uniform(0.0, LATE, 2))
+        if kind == 2:
+            rollers = pose = round(LATE / period)
+        return cls(rollers, pose, speeds)
+
+
+def walk(seed, steps, slide=False, guarded=True, sensors=None):
+    """
+    Command one twist after another, far more than the robot can do, at 20 Hz to 1 kHz.
+
+    What the servo sees is true, but late; see `Sensors`.
     """
     rng = np.random.default_rng(seed)
     config, grasp = begin(rng, GRIPS[seed % len(GRIPS)])
     held = HeldObject.attach(config, grasp)
-    period = float(rng.choice([0.05, 0.01, 0.005, 0.002], p=[0.1, 0.4, 0.4, 0.1]))
-    delay = period * (seed // 2 % 2)
-    servo = TwistServo(ROBOT, grasp.module, grasp.diameter, period, timeout=1.0)
+    period = float(rng.choice(PERIODS, p=[0.15, 0.35, 0.3, 0.1, 0.1]))
+    sensors = Sensors.of(seed, period) if sensors is None else sensors
+    servo = TwistServo(ROBOT, grasp.module, grasp.diameter, period, timeout=0.2)
     servo.slide = slide
     if not guarded:
         servo.guard = None
     result = Walk(np.full(3, np.inf), Counter(), Counter())
-    seen, left, twist = config, 0, np.zeros(3)
-    velocities = np.zeros(len(ROBOT.roller_names))
+    length = 1 + max(sensors.rollers, sensors.pose)
+    seen = deque([(config, np.zeros(len(ROBOT.roller_names)))] * length, length)
+    left, twist = 0, np.zeros(3)
     for step in range(steps):
         if left == 0:
             left, twist = int(rng.integers(20, 800)), rng.standard_normal(3) * 0.2
         left -= 1
         now = 1.0 + step * period
-        state = seen if delay else config
+        (state, speeds), (place, _) = seen[-1 - sensors.rollers], seen[-1 - sensors.pose]
+        measured = RollerState(state.roller_positions, speeds if sensors.speeds else 0.0 * speeds)
         servo.twist = Sample(twist, now)
-        servo.rollers = Sample(RollerState(state.roller_positions, velocities), now - delay)
-        servo.center = Sample(held.pose(state)[:2], now - delay)
+        servo.rollers = Sample(measured, now - period * sensors.rollers)
+        servo.center = Sample(held.pose(place)[:2], now - period * sensors.pose)
         decision = servo.decide(now)
         command = decision.command
         assert command.status < Status.HALT_NO_TWIST, decision.message
         result.statuses[command.status] += 1
         result.limiting.update(command.limiting)
-        # What is measured next is the speed on the way from what is seen next.
-        seen, velocities = config, command.roller_velocities
+        velocities = command.roller_velocities
         try:
             end = config.moved_to(config.roller_positions + period * velocities)
         except ConfigurationError:
@@ -117,6 +147,7 @@ def walk(seed, steps, slide=False, guarded=True):
             half = config.moved_to(config.roller_positions + 0.5 * period * velocities)
             lowest = np.minimum(lowest, margins(half, held.grasp_in(half)))
         config = end
+        seen.append((config, velocities))
         result.lowest = np.minimum(result.lowest, lowest)
     return result
 

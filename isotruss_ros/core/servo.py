@@ -1,15 +1,17 @@
 """
 Twist servo: in every cycle, move or halt, by what is known and how old it is.
 
-Each cycle starts from the measured state. Nothing that was computed in an earlier cycle says where
-the robot or the object is, so motion resumes from wherever they are.
+Each cycle starts from the measured state. A measurement is old when it is used: since then the
+rollers have gone where they were sent, so that is where the robot is taken to be. What was sent
+before the measurement says nothing, so motion resumes from wherever robot and object are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 
+from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.drive import working_rollers
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.failure_detector import FailureDetector
@@ -26,12 +28,16 @@ from isotruss_ros.core.samples import (
     Sample,
     ShapeTracker,
 )
+from isotruss_ros.core.sent import SentSpeeds
 from isotruss_ros.core.shape_guard import ShapeBounds, ShapeGuard
 from isotruss_ros.core.status import Status
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+#: Rollers that go no further than this have led the nodes there to first order, to 0.1 mm [m].
+FIRST_ORDER = 3e-3
 
 
 @dataclass(frozen=True)
@@ -121,7 +127,7 @@ class TwistServo:
         self.detector: FailureDetector | None = None
         self._failed: frozenset[str] = frozenset()
         self._limits = default_limits(robot)
-        self._sent = np.zeros(len(robot.roller_names))
+        self._sent = SentSpeeds(len(robot.roller_names))
         self._shape = ShapeTracker(robot)
 
     @property
@@ -148,6 +154,7 @@ class TwistServo:
         :param now: time on the clock of the samples [s].
         """
         twist = np.zeros(3)
+        self._sent.keep(now, self.timeout + 2.0 * self.period)
         self._detect()
         failed = self.failed
         try:
@@ -155,22 +162,24 @@ class TwistServo:
                 raise HaltError(*self.stopped)
             twist = np.asarray(self._fresh('twist', self.twist, now, TWIST).value)
             rollers = self._fresh('joint states', self.rollers, now, JOINT_STATES)
-            center = self._fresh('object pose', self.center, now, OBJECT_POSE).value
-            lead = max(0.0, now - rollers.time) + 0.5 * self.period
-            command = self._solve(rollers.value, center, twist, lead, failed)
+            center = self._fresh('object pose', self.center, now, OBJECT_POSE)
+            command = self._solve(rollers, center, twist, now, failed)
             message = _remark(command)
         except HaltError as halt:
             stopped = np.zeros(len(self.robot.roller_names))
             command = RollerCommand(stopped, np.zeros(3), 0.0, halt.status)
             message = str(halt)
-        self._sent = command.roller_velocities
+        self._sent.note(now, command.roller_velocities)
         names = tuple(name for name in self.robot.roller_names if name in failed) if failed else ()
         return Decision(command, twist, message, names)
 
     def _detect(self) -> None:
         """Compare what the rollers were told with what they did."""
         if self.detector is not None and isinstance(self.rollers, Sample):
-            self.detector.update(self.rollers.value.positions, self.rollers.time, self._sent)
+            sent = self._sent.last
+            if sent is None:
+                sent = np.zeros(len(self.robot.roller_names))
+            self.detector.update(self.rollers.value.positions, self.rollers.time, sent)
 
     def _fresh(self, what: str, given: Input, now: float, statuses: dict[Doubt, Status]) -> Sample:
         """Return an input that can be relied on."""
@@ -180,36 +189,65 @@ class TwistServo:
             raise HaltError(statuses[error.doubt], str(error)) from error
 
     def _solve(
-        self,
-        rollers: RollerState,
-        center: Sequence[float],
-        twist: Array,
-        lead: float,
-        failed: frozenset[str],
+        self, rollers: Sample, center: Sample, twist: Array, now: float, failed: frozenset[str]
     ) -> RollerCommand:
         """
         Solve for where the robot will be in the middle of the cycle that the command is for.
 
-        The measured state is `lead` seconds older than that; the measured speeds tell how far the
-        robot gets meanwhile. A command for the old state would be wrong in first order.
+        A command for the measured state, which is older, would be wrong in first order.
         """
+        state: RollerState = rollers.value
+        before, way, last = self._ways(rollers, center.time, now, failed)
         try:
-            config = self._shape.configuration(rollers.positions)
-            grasp = Grasp(self.grip_module, (center[0], center[1]), self.object_diameter)
-            if rollers.velocities.any():
-                held = HeldObject.attach(config, grasp)
-                config = config.extrapolated(rollers.velocities, lead)
+            config = self._shape.configuration(state.positions)
+            x, y = center.value
+            grasp = Grasp(self.grip_module, (x, y), self.object_diameter)
+            if before.any() or way.any():
+                held = HeldObject.attach(_moved(config, before), grasp)
+                config = _moved(config, way)
                 grasp = held.grasp_in(config)
             watch = None if self.guard is None else self.guard.watch(config, grasp)
             limits = self._limits if watch is None else (*self._limits, *watch.limits)
             command = solve_twist(config, grasp, twist, failed, limits, self.slide, thrifty=True)
-            if watch is None:
-                return command
-            return watch.keep(command, rollers.velocities, self.period)
+            return command if watch is None else watch.keep(command, last, self.period)
         except GraspError as error:
             raise HaltError(Status.HALT_NO_GRASP, str(error)) from error
         except IsotrussError as error:
             raise HaltError(Status.HALT_KINEMATICS, str(error)) from error
+
+    def _ways(
+        self, rollers: Sample, pose_time: float, now: float, failed: frozenset[str]
+    ) -> tuple[Array, Array, Array]:
+        """
+        Return how far the rollers go from their measurement on.
+
+        They go where they are sent, failed ones nowhere. Measured speeds count for the time from
+        before this servo sent anything: somebody else may have moved them.
+
+        :return: (r,) each: travel until the object was measured, until the middle of the cycle
+            that begins now [m], and the speeds with which they get from now to there [m/s].
+        """
+        measured = rollers.value.velocities
+        last = measured if self._sent.last is None else self._sent.last
+        way = self._sent.travel(rollers.time, max(now, rollers.time), measured)
+        way = way + 0.5 * self.period * last
+        before = np.zeros(len(way))
+        if pose_time != rollers.time:
+            before = self._sent.travel(rollers.time, pose_time, measured)
+        if failed:
+            stuck = [name in failed for name in self.robot.roller_names]
+            last = np.where(stuck, 0.0, last)
+            before[stuck] = way[stuck] = 0.0
+        return before, way, last
+
+
+def _moved(config: Configuration, way: Array) -> Configuration:
+    """Return where the robot is after some travel of its rollers (r,) [m]."""
+    if not way.any():
+        return config
+    if np.abs(way).max() <= FIRST_ORDER:
+        return config.extrapolated(way, 1.0)
+    return config.moved_to(config.roller_positions + way)
 
 
 def _remark(command: RollerCommand) -> str:
