@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from isotruss_ros.nodes.qos import subscribe_latched
+from isotruss_ros.nodes.every_message import subscribe_every
 from rclpy.node import Node
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -35,8 +35,8 @@ class EmergencyStop:
         self._service = node.resolve_service_name(service)
         #: What the topic said last; None before the first message.
         self._said: bool | None = None
-        self._kept = False
-        subscribe_latched(node, Bool, TOPIC, self._take)
+        self._kept = self._missed = False
+        subscribe_every(node, Bool, TOPIC, self._take, self._miss)
         node.create_service(Trigger, service, self._release)
 
     @property
@@ -48,15 +48,26 @@ class EmergencyStop:
                 f'stopped by the topic {TOPIC}; {still}; '
                 f'released by the service {self._service} only'
             )
+        if self._missed:
+            return (
+                f'messages of {TOPIC} were lost: one of them may have said true; '
+                f'released by the service {self._service} only'
+            )
         if self._said is None and self._required():
             return f'the topic {TOPIC} has not been heard yet, and require_emergency_stop is set'
         return None
 
-    def _take(self, message: Bool) -> None:
+    def _take(self, messages: list[Bool]) -> None:
         before = self._said, self._kept
-        self._said = message.data
-        self._kept = self._kept or message.data
+        self._said = messages[-1].data
+        self._kept = self._kept or any(message.data for message in messages)
         if (self._said, self._kept) != before:
+            self._changed()
+
+    def _miss(self) -> None:
+        """Stop on doubt."""
+        if not self._missed:
+            self._missed = True
             self._changed()
 
     def _release(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -65,7 +76,8 @@ class EmergencyStop:
             response.message = f'the topic {TOPIC} still says true; let it say false first'
             return response
         response.success = True
-        response.message = 'released' if self._kept else 'nothing was stopped'
-        self._kept = False
+        stopped = self._kept or self._missed
+        response.message = 'released' if stopped else 'nothing was stopped'
+        self._kept = self._missed = False
         self._changed()
         return response

@@ -39,9 +39,20 @@ RELIABLE = _last(1)
 #: What tools that show `/diagnostics` expect.
 DIAGNOSTICS = _last(10)
 
-# Deep enough that a stop that is taken back at once is still seen.
+# Where the last message holds.
 _KEPT = _last(100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _ANY = _last(100, ReliabilityPolicy.BEST_EFFORT)
+#: Where every message counts. Of reliable publishers all are kept, up to the 5000 of Fast DDS;
+#: then they wait, and where they do not, we hear of the loss. A best-effort queue that is full
+#: drops messages without a word, so its depth has to be known, and more than it ever holds.
+EVERY = (
+    QoSProfile(
+        history=HistoryPolicy.KEEP_ALL,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    ),
+    _last(1000, ReliabilityPolicy.BEST_EFFORT),
+)
 
 
 def subscribe_latched(node: Node, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
