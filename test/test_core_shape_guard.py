@@ -32,10 +32,11 @@ PERIOD = 0.01
 class Pushed:
     """A robot whose object is pushed along one twist."""
 
-    def __init__(self, config, grasp, bounds=None, slide=False):
+    def __init__(self, config, grasp, bounds=None, slide=False, period=PERIOD):
+        self.period = period
         self.config, self.velocities = config, np.zeros(len(config.robot.roller_names))
         self.held = HeldObject.attach(config, grasp)
-        self.servo = TwistServo(config.robot, grasp.module, grasp.diameter, PERIOD, 1.0)
+        self.servo = TwistServo(config.robot, grasp.module, grasp.diameter, period, 1.0)
         self.servo.slide = slide
         self.now = 0.0
         if bounds is not None:
@@ -43,14 +44,15 @@ class Pushed:
 
     def step(self, twist):
         """Go on for one cycle, and return the command."""
-        self.now += PERIOD
+        self.now += self.period
         state = RollerState(self.config.roller_positions, self.velocities)
         self.servo.twist = Sample(np.asarray(twist), self.now)
         self.servo.rollers = Sample(state, self.now)
         self.servo.center = Sample(self.held.pose(self.config)[:2], self.now)
         command = self.servo.decide(self.now).command
         self.velocities = command.roller_velocities
-        self.config = self.config.moved_to(self.config.roller_positions + PERIOD * self.velocities)
+        way = self.period * self.velocities
+        self.config = self.config.moved_to(self.config.roller_positions + way)
         return command
 
     @property
@@ -189,6 +191,28 @@ def test_rollers_do_not_swing_at_a_bound(seed, slide):
         turns += (robot.velocities * before < -(0.01**2)).any()
         before = robot.velocities
     assert robot.margins.min() < 0.01
+    assert turns < 6
+
+
+@pytest.mark.parametrize('guarded', [True, False])
+@pytest.mark.parametrize('period', [0.1, 0.05, 0.02])
+@pytest.mark.parametrize(('seed', 'size'), [(11, 2.0), (13, 0.2)])
+def test_rollers_do_not_swing_in_slow_loops(seed, size, period, guarded):
+    """A step at full speed goes further there than what is the best way of rolling changes in."""
+    rng = np.random.default_rng(seed)
+    config, grasp = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
+    twist = rng.standard_normal(3)
+    twist *= size / np.linalg.norm(twist)
+    robot = Pushed(config, grasp, period=period)
+    if not guarded:
+        robot.servo.guard = None
+    turns, rolled = 0, 0.0
+    for _ in range(round(6.0 / period)):
+        before = robot.velocities
+        robot.step(twist)
+        turns += (robot.velocities * before < -(0.001**2)).any()
+        rolled += period * np.abs(robot.velocities).sum()
+    assert rolled > 0.1
     assert turns < 6
 
 

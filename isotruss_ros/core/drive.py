@@ -38,8 +38,9 @@ BINDING_TOLERANCE = 1e-7
 #: Progress at any price: the last thousandth of a twist may take all the speed of the rollers.
 ANY_PRICE, NO_THRIFT = PENALTIES[0], 1e-6
 #: The thrifty price of progress: full speed of the rollers where the object's surface moves at 2 %
-#: of it or more along the twist, less below. Sliding is thriftier: a tenth is worth half.
-PRICE, THRIFT = 100.0, 1e-2
+#: of it or more along the twist, less below; in slow loops, which step further, 2 % for each
+#: `QUICK` of the period [s]. Sliding is thriftier: a tenth is worth half.
+PRICE, QUICK, THRIFT = 100.0, 1e-2, 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,14 +103,15 @@ def drive(
     limits: Sequence[Limit],
     limit_rows: Sequence[Rows],
     slide: bool,
-    thrifty: bool,
+    period: float,
 ) -> Drive:
     """
     Carry out a task as far as limits allow.
 
     :param limit_rows: the rows of `limits`, in the same order.
     :param slide: along limits on where the robot may be, rather than stop at them.
-    :param thrifty: leave progress that takes far more rolling than it is worth.
+    :param period: for which the command will hold [s]: it leaves progress that takes far more
+        rolling than it is worth. Zero for as far as limits allow at this instant.
     :raises SolverError: a program was not solved.
     """
     upper = np.concatenate([np.zeros(0), *(rows.upper for rows in limit_rows)])
@@ -138,8 +140,9 @@ def drive(
     )
     direction = task.direction / gain
     price = ANY_PRICE
-    if thrifty:
-        price = min(price, PRICE * robot.description.max_speed / (unit * gain))
+    if period > 0.0:
+        worth = PRICE * min(1.0, QUICK / period)
+        price = min(price, worth * robot.description.max_speed / (unit * gain))
     solution, reached = furthest(
         working.cost,
         task.equality,
@@ -162,7 +165,7 @@ def drive(
             matrix,
             lower,
             upper,
-            THRIFT if thrifty else NO_THRIFT,
+            THRIFT if period > 0.0 else NO_THRIFT,
         )
         value = matrix @ solution
         reached = gain * float(task.direction @ (task.equality @ solution))

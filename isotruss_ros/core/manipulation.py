@@ -60,7 +60,7 @@ def solve_twist(
     failed: Collection[str] = (),
     limits: Sequence[Limit] | None = None,
     slide: bool = False,
-    thrifty: bool = False,
+    period: float = 0.0,
 ) -> RollerCommand:
     """
     Find the roller velocities that move the grasped object as asked, at least change of members.
@@ -76,8 +76,8 @@ def solve_twist(
     :param failed: names of rollers that stand still whatever they are told.
     :param limits: limits in place of those of the robot file.
     :param slide: along the limits of lengths and shapes, rather than stop at them.
-    :param thrifty: where limits bind, leave progress that takes far more rolling than it is
-        worth; what loops should do, see `drive`.
+    :param period: of the loop whose command this is [s]: where limits bind, it leaves progress
+        that takes far more rolling than it is worth, see `drive`. Zero leaves nothing.
     :raises GraspError: the grasp, the twist or a name in `failed` is not usable.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: the program was not solved.
@@ -97,7 +97,7 @@ def solve_twist(
         return RollerCommand(velocities, np.zeros(3), 1.0, status, (), reach.rank)
     limits = default_limits(robot) if limits is None else limits
     rows = [limit.rows(config) for limit in limits]
-    driven = drive(robot, working, task, limits, rows, slide, thrifty)
+    driven = drive(robot, working, task, limits, rows, slide, period)
     limiting: tuple[str, ...] = ()
     if driven.scale < 1.0:
         slowed, limiting = _binding(config, limits, rows, driven.binding)

@@ -208,7 +208,7 @@ class TwistServo:
                 grasp = held.grasp_in(config)
             watch = None if self.guard is None else self.guard.watch(config, grasp)
             limits = self._limits if watch is None else (*self._limits, *watch.limits)
-            command = solve_twist(config, grasp, twist, failed, limits, self.slide, thrifty=True)
+            command = solve_twist(config, grasp, twist, failed, limits, self.slide, self.period)
             return command if watch is None else watch.keep(command, last, self.period)
         except GraspError as error:
             raise HaltError(Status.HALT_NO_GRASP, str(error)) from error
