@@ -177,6 +177,91 @@ def test_a_roller_that_does_not_move_is_found_and_held_until_it_is_forgiven():
         until_failed(w, stuck, send=send)
 
 
+def until_found(w):
+    """Let encoders stand still until rollers are found not to move; return which."""
+    w.until(lambda: bool(w.nodes[1]._servo.failed), w.probe.send_all)
+    return w.nodes[1]._servo.failed
+
+
+def found(w):
+    """Return which rollers the next status names."""
+    w.probe.seen['status'].clear()
+    w.until(lambda: bool(w.probe.seen['status']), w.probe.send_all)
+    return set(w.probe.last('status').failed_rollers)
+
+
+def forgive(w):
+    """Call the service; return its answer."""
+    client = w.probe.create_client(Trigger, 'forgive_failed_rollers')
+    return w.call(client, Trigger.Request())
+
+
+def test_what_was_found_stays_while_nobody_looks():
+    with world(node(failure_time=0.3)) as w:
+        names = until_found(w)
+        for time in (0.0, 0.3, 5.0):
+            change = [Parameter('failure_time', value=time)]
+            assert w.nodes[1].set_parameters(change)[0].successful
+            assert found(w) >= names
+        w.nodes[1].set_parameters([Parameter('failure_time', value=0.0)])
+        assert forgive(w).success
+        assert found(w) == set()
+
+
+def test_what_was_seen_while_nobody_looked_does_not_count():
+    """Drives that were off for a while, on purpose."""
+    with world(node(failure_time=0.0)) as w:
+        w.until(lambda: len(w.probe.seen['status']) > 400, w.probe.send_all)
+        w.nodes[1].set_parameters([Parameter('failure_time', value=60.0)])
+        assert found(w) == set()
+        w.nodes[1].set_parameters([Parameter('failure_time', value=0.1)])
+        begin = len(w.probe.seen['status'])
+        until_found(w)
+        assert len(w.probe.seen['status']) > begin + 5
+
+
+UP = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
+DOWN = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
+
+
+@pytest.mark.parametrize('how', ['asked', 'mistaken'])
+def test_what_was_found_outlives_being_configured_anew(how):
+    with world(node(failure_time=0.3)) as w:
+        names, manager = until_found(w), Manager(w, 'manipulation')
+        if how == 'asked':
+            assert all(manager.ask(transition) for transition in DOWN)
+        else:
+            w.nodes[1].fail(RuntimeError('a mistake of ours'))
+        assert manager.state() == 'unconfigured'
+        # A robot that there is not changes nothing.
+        w.nodes[1].set_parameters(overrides(robot='/nowhere.yaml'))
+        assert not manager.ask(Transition.TRANSITION_CONFIGURE)
+        w.nodes[1].set_parameters(overrides(robot='nine_member'))
+        assert all(manager.ask(transition) for transition in UP)
+        assert found(w) >= names
+
+
+def test_what_was_found_is_forgiven_by_a_node_that_is_not_configured_too():
+    with world(node(failure_time=0.3)) as w:
+        names, manager = until_found(w), Manager(w, 'manipulation')
+        assert all(manager.ask(transition) for transition in DOWN)
+        message = forgive(w).message
+        assert all(name in message for name in names)
+        assert all(manager.ask(transition) for transition in UP)
+        assert found(w) == set()
+
+
+def test_what_was_found_is_nothing_to_a_robot_that_has_no_such_rollers():
+    with world(node(failure_time=0.3)) as w:
+        until_found(w)
+        manager = Manager(w, 'manipulation')
+        for robot, module in (('triangle', 'main/T'), ('nine_member', MODULE)):
+            assert all(manager.ask(transition) for transition in DOWN)
+            w.nodes[1].set_parameters(overrides(robot=robot, grip_module=module))
+            assert all(manager.ask(transition) for transition in UP)
+            assert found(w) == set()
+
+
 def test_nothing_is_found_where_nobody_looks():
     with world(node(failure_time=0.0)) as w:
         # Encoders that stand still whatever is commanded.

@@ -23,7 +23,7 @@ class FailureCriterion:
     """
     When a roller has failed.
 
-    :ivar time: commanded for this long without moving [s].
+    :ivar time: commanded for this long without moving; infinite for never [s].
     :ivar min_speed: slower commands do not count: friction may hold them [m/s].
     :ivar min_travel: nor do commands that send it over less than this, to and fro [m].
     :ivar min_share: who came this share of the way that it was sent has moved.

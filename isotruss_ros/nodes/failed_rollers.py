@@ -18,7 +18,7 @@ SERVICE = 'forgive_failed_rollers'
 
 class FailedRollers:
     """
-    Keeps what the topic said last, in whatever state the node is.
+    Keeps what the topic said last, and what was found, in whatever state the node is.
 
     :param node: listens and answers, from now until it is destroyed.
     :param servo: gives the servo while there is one.
@@ -30,6 +30,8 @@ class FailedRollers:
     ) -> None:
         self._servo, self._changed = servo, changed
         self._named: frozenset[str] = frozenset()
+        #: Found to have failed by the servo before, for the next one.
+        self._found: frozenset[str] = frozenset()
         subscribe_latched(node, String, NAME, self._take)
         node.create_service(Trigger, SERVICE, self._forgive)
 
@@ -44,6 +46,17 @@ class FailedRollers:
             return None
         return f'the topic {NAME} names {unknown_rollers(unknown, robot)}'
 
+    def keep_found(self) -> None:
+        """Keep what was found, before the servo goes."""
+        servo = self._servo()
+        if servo is not None and servo.detector is not None:
+            self._found = servo.detector.failed
+
+    def hold_found(self) -> None:
+        """Let a new servo hold what was found before, of the rollers that its robot has."""
+        servo = self._servo()
+        servo.detector.failed = self._found & frozenset(servo.robot.roller_names)
+
     def _take(self, message: String) -> None:
         named = frozenset(part.strip() for part in message.data.split(',')) - {''}
         if named != self._named:
@@ -52,13 +65,15 @@ class FailedRollers:
 
     def _forgive(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Take the rollers for working again that were found not to be."""
-        servo = self._servo()
-        detector = None if servo is None else servo.detector
+        self.keep_found()
         response.success = True
         response.message = 'no roller was found to have failed'
-        if detector is not None and detector.failed:
-            response.message = f'working again: {", ".join(sorted(detector.failed))}'
-            detector.forgive()
+        if self._found:
+            response.message = f'working again: {", ".join(sorted(self._found))}'
+            self._found = frozenset()
+            servo = self._servo()
+            if servo is not None:
+                servo.detector.forgive()
         return response
 
 

@@ -78,8 +78,9 @@ class Manipulation(ManagedNode):
             period=1.0 / values[params.RATE],
             timeout=values[params.COMMAND_TIMEOUT],
         )
-        self._failures_changed()
         apply_settings(self._servo, values)
+        self._failed_rollers.hold_found()
+        self._failures_changed()
         for pair in self._servo.guard.unguarded:
             self.get_logger().warning(f'{pair} overlap at home: they are not kept apart')
         self._commands = self.create_lifecycle_publisher(
@@ -111,7 +112,8 @@ class Manipulation(ManagedNode):
             self.get_logger().warning('the last zero command was not acknowledged by everyone')
 
     def cleanup(self) -> None:
-        """Let go of the robot."""
+        """Let go of the robot; which rollers failed is kept."""
+        self._failed_rollers.keep_found()
         self._servo = None
 
     def details(self) -> dict[str, object]:

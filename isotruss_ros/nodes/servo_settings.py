@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import math
 
 from isotruss_ros.core import (
     FailureCriterion,
@@ -61,11 +62,11 @@ def apply_settings(servo: TwistServo, values: params.Parameters) -> None:
     servo.slide = values[SLIDE]
     bounds = ShapeBounds(values[MIN_RIGIDITY], values[MIN_CLEARANCE], values[MIN_OBJECT_CLEARANCE])
     servo.guard = ShapeGuard(servo.robot, bounds)
-    time = values[FAILURE_TIME]
-    if time == 0.0:
-        servo.detector = None
-    elif servo.detector is None:
+    time = values[FAILURE_TIME] or math.inf  # 0 is for never
+    if servo.detector is None:
         criterion = FailureCriterion(time=time)
         servo.detector = FailureDetector(servo.robot.roller_names, criterion)
-    else:
+    elif servo.detector.criterion.time != time:
+        # What was found stays; what was seen by another measure does not count.
         servo.detector.criterion = replace(servo.detector.criterion, time=time)
+        servo.detector.forgive(())
