@@ -34,7 +34,18 @@ class PathClock:
         self._least_progress = STANDSTILL * patience
         self._mark = self._now = 0.0
         self._period = period
-        self._known = deque([(0.0, 0.0)], maxlen=2 + 2 * math.ceil(MEMORY / period))
+        self._known = deque([(0.0, 0.0)], maxlen=_samples(period))
+
+    @property
+    def period(self) -> float:
+        """Return the time from cycle to cycle [s]."""
+        return self._period
+
+    @period.setter
+    def period(self, period: float) -> None:
+        """Go on with another period, from the cycle after the one that is under way."""
+        self._period = period
+        self._known = deque(self._known, maxlen=_samples(period))
 
     @property
     def at_end(self) -> bool:
@@ -83,7 +94,15 @@ class PathClock:
         left = self._duration - self.time
         self.rate = 0.0 if held else min(rate, room, math.sqrt(2.0 * left / self._ramp))
         self.time = min(self.time + self.rate * step, self._duration)
-        self._known.append((self._now + self._period, self.time))
+        due = self._now + self._period
+        if due < self._known[-1][0]:
+            self._known.pop()  # the cycle before was to take longer
+        self._known.append((due, self.time))
         self.waited += max(elapsed, 0.0)
         if self.time - self._mark > self._least_progress:
             self.waited, self._mark = 0.0, self.time
+
+
+def _samples(period: float) -> int:
+    """Return how many cycles to remember; every one may add two."""
+    return 2 + 2 * math.ceil(MEMORY / period)

@@ -84,12 +84,24 @@ class PathServo:
     """
 
     def __init__(self, period: float, timeout: float) -> None:
-        self.period = period
+        self._period = period
         self.timeout = timeout
         self.pose: Input = None
         self.obedience: Input = None
         self.tracker: PathTracker | None = None
         self._before = 0.0
+
+    @property
+    def period(self) -> float:
+        """Return the time from cycle to cycle [s]."""
+        return self._period
+
+    @period.setter
+    def period(self, period: float) -> None:
+        """Go on at another rate, on the path that is being followed as well."""
+        self._period = period
+        if self.tracker is not None:
+            self.tracker.period = period
 
     def begin(self, path: ObjectPath, settings: TrackingSettings, now: float) -> None:
         """
@@ -109,7 +121,7 @@ class PathServo:
                 f'({measured.x:.4g}, {measured.y:.4g}) m, {measured.angle:.4g} rad; must begin '
                 f'within {settings.position_tolerance:g} m and {settings.angle_tolerance:g} rad'
             )
-        self.tracker = PathTracker(path, settings, self.period)
+        self.tracker = PathTracker(path, settings, self._period)
         self._before = now
 
     def decide(self, now: float) -> Step:

@@ -125,10 +125,18 @@ class PathTracker:
     def __init__(self, path: ObjectPath, settings: TrackingSettings, period: float) -> None:
         self.path = path
         self.settings = settings
-        self.period = period
         self.clock = PathClock(path.duration, settings.ramp_time, settings.patience, period)
         self.max_position_error = self.max_angle_error = 0.0
         self._watched, self._squares = 0.0, 0.0
+
+    @property
+    def period(self) -> float:
+        """Return the time from cycle to cycle; the rate may change on the way [s]."""
+        return self.clock.period
+
+    @period.setter
+    def period(self, period: float) -> None:
+        self.clock.period = period
 
     @property
     def rms_position_error(self) -> float:
