@@ -4,6 +4,7 @@ import math
 
 from hypothesis import given, strategies
 from isotruss_ros.core import ObjectPath, PathError
+from isotruss_ros.core.object_path import MAX_PIECES, MAX_POSES
 import numpy as np
 import pytest
 import robots
@@ -230,6 +231,17 @@ def test_what_cannot_be_followed_is_refused(case, smooth):
     arguments, words = BAD[case]
     with pytest.raises(PathError, match=words):
         ObjectPath(*arguments, smooth=smooth)
+
+
+@pytest.mark.parametrize('step', [(1.0, 0.0, 0.0), (0.0, 0.0, 3.0)])
+def test_smooth_path_of_too_many_pieces_is_refused(step):
+    """As many poses as there may be, far from each other: each way is cut into many pieces."""
+    zigzag = (np.arange(MAX_POSES) % 2)[:, np.newaxis] * np.array(step)
+    assert len(ObjectPath(zigzag, 0.5, 1.0).poses) == MAX_POSES
+    with pytest.raises(PathError, match=f'must be at most {MAX_PIECES}: give fewer poses'):
+        ObjectPath(zigzag, 0.5, 1.0, smooth=True)
+    near = ObjectPath(zigzag[: MAX_POSES // 25], 0.5, 1.0, smooth=True)
+    assert MAX_PIECES / 2 < len(near.poses) <= MAX_PIECES + 1
 
 
 @robots.examples(150)

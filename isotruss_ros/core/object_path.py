@@ -31,6 +31,8 @@ SAME = 1e-9
 #: The pieces of a smooth path are about this long [m] or turn about this far [rad].
 PIECE, PIECE_TURN = 0.005, 0.02
 MAX_PIECES_OF_A_SPAN = 200
+#: More of them in all would hold up whoever waits for the path, and fill the memory.
+MAX_PIECES = 100_000
 
 
 class ObjectPath:
@@ -149,6 +151,7 @@ def _smoothed(poses: Array, durations: Array) -> Array:
     Cut the splines through poses into short pieces.
 
     :param durations: (n - 1,) from pose to pose, the measure of how far apart they are [s].
+    :raises PathError: there are too many pieces.
     """
     spans = np.sqrt(durations)
     knots = np.concatenate([[0.0], np.cumsum(spans)])
@@ -164,6 +167,12 @@ def _smoothed(poses: Array, durations: Array) -> Array:
         np.hypot(steps[:, 0], steps[:, 1]) / PIECE, np.abs(steps[:, 2]) / PIECE_TURN
     )
     counts = np.clip(np.ceil(wanted), 1, MAX_PIECES_OF_A_SPAN).astype(int)
+    total = int(counts.sum())
+    if total > MAX_PIECES:
+        raise PathError(
+            f'the smooth path has {total} pieces of about {PIECE:g} m or {PIECE_TURN:g} rad; '
+            f'must be at most {MAX_PIECES}: give fewer poses, or a shorter way, or do not smooth it'
+        )
     span = np.repeat(np.arange(len(counts)), counts)
     share = (np.arange(len(span)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[span]
     cut = np.append(knots[span] + share * spans[span], knots[-1])
