@@ -171,7 +171,7 @@ def _smoothed(poses: Array, durations: Array) -> Array:
     if total > MAX_PIECES:
         raise PathError(
             f'the smooth path has {total} pieces of about {PIECE:g} m or {PIECE_TURN:g} rad; '
-            f'must be at most {MAX_PIECES}: give fewer poses, or a shorter way, or do not smooth it'
+            f'must be at most {MAX_PIECES}: give fewer poses, or do not smooth it'
         )
     span = np.repeat(np.arange(len(counts)), counts)
     share = (np.arange(len(span)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[span]
