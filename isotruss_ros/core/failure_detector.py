@@ -2,8 +2,8 @@
 Tell which rollers have failed: commanded, and not moving for a stated time.
 
 What counts is how far a roller was sent against how far it came, both as ranges, the largest less
-the smallest. A delay between command and motion, commands that swing to and fro, and noise that
-does not grow with time leave ranges as they are.
+the smallest. It has a while to come there, so delays between command and motion do no harm;
+neither do commands that swing to and fro, and noise that does not grow with time.
 """
 
 from __future__ import annotations
@@ -23,17 +23,24 @@ class FailureCriterion:
     """
     When a roller has failed.
 
-    :ivar time: commanded for this long without moving; infinite for never [s].
+    :ivar time: commanded for this long without moving [s].
     :ivar min_speed: slower commands do not count: friction may hold them [m/s].
     :ivar min_travel: nor do commands that send it over less than this, to and fro [m].
+    :ivar min_swing: nor those that send it over less than it goes in this time at the mean speed,
+        which drives need not follow [s].
     :ivar min_share: who came this share of the way that it was sent has moved.
+    :ivar settling: rollers follow commands within this time [s].
+    :ivar evident: sent over this and moved, it works, and the time begins anew [m].
     :ivar max_gap: samples further apart than this, or running back, say nothing [s].
     """
 
     time: float = 1.0
     min_speed: float = 0.002
-    min_travel: float = 0.02
+    min_travel: float = 0.002
+    min_swing: float = 0.1
     min_share: float = 0.25
+    settling: float = 0.2
+    evident: float = 0.02
     max_gap: float = 0.5
 
 
@@ -75,6 +82,9 @@ class FailureDetector:
         self._time: float | None = None
         self._sent = np.zeros(count)  # travel that was commanded [m]
         self._commanded = np.zeros(count)  # time for which it was, since the roller last moved [s]
+        self._path = np.zeros(count)  # travel to and fro in that time [m]
+        self._asked = np.full(count, np.nan)  # range to be judged by; nan while there is none [m]
+        self._asked_at = np.zeros(count)  # the time when it had been sent over that [s]
         self._sent_range, self._moved_range = _Range(count), _Range(count)
 
     def forgive(self, names: Collection[str] | None = None) -> None:
@@ -111,19 +121,33 @@ class FailureDetector:
             self._begin(everyone, positions)
             return
         counts = np.abs(commanded) >= self.criterion.min_speed
-        self._sent += elapsed * np.where(counts, commanded, 0.0)
+        step = elapsed * np.where(counts, commanded, 0.0)
+        self._sent += step
+        self._path += np.abs(step)
         self._commanded += elapsed * counts
         self._sent_range.take(self._sent)
         self._moved_range.take(positions)
-        sent = self._sent_range.size
-        enough = sent >= self.criterion.min_travel
-        moved = self._moved_range.size >= self.criterion.min_share * sent
-        stuck = enough & ~moved & (self._commanded >= self.criterion.time)
+        self._judge(time, positions)
+
+    def _judge(self, time: float, positions: Array) -> None:
+        """Tell who has failed and who works, among those for whom that can be told."""
+        criterion, sent, moved = self.criterion, self._sent_range.size, self._moved_range.size
+        long = self._commanded >= max(criterion.time - criterion.settling, 0.0)
+        swing = criterion.min_swing * self._path
+        far = (sent >= criterion.min_travel) & (sent * self._commanded >= swing)
+        ready = long & far & np.isnan(self._asked)
+        self._asked[ready], self._asked_at[ready] = sent[ready], time
+        settled = time - self._asked_at >= criterion.settling
+        due = ~np.isnan(self._asked) & settled & (self._commanded >= criterion.time)
+        stuck = due & (moved < criterion.min_share * self._asked)
         if stuck.any():
             self.failed |= {self._names[i] for i in np.flatnonzero(stuck)}
-        self._begin(enough & moved, positions)
+        works = (sent >= criterion.evident) & (moved >= criterion.min_share * sent)
+        if due.any() or works.any():
+            self._begin(due | works, positions)
 
     def _begin(self, which: NDArray[np.bool_], positions: Array) -> None:
-        self._commanded[which] = 0.0
+        self._commanded[which] = self._path[which] = 0.0
+        self._asked[which] = np.nan
         self._sent_range.begin(which, self._sent)
         self._moved_range.begin(which, positions)

@@ -128,6 +128,7 @@ class TwistServo:
         self._failed: frozenset[str] = frozenset()
         self._limits = default_limits(robot)
         self._sent = SentSpeeds(len(robot.roller_names))
+        self._detected: float | None = None  # the time of the rollers that were compared last
         self._shape = ShapeTracker(robot)
 
     @property
@@ -175,11 +176,14 @@ class TwistServo:
 
     def _detect(self) -> None:
         """Compare what the rollers were told with what they did."""
-        if self.detector is not None and isinstance(self.rollers, Sample):
-            sent = self._sent.last
-            if sent is None:
-                sent = np.zeros(len(self.robot.roller_names))
-            self.detector.update(self.rollers.value.positions, self.rollers.time, sent)
+        if self.detector is None or not isinstance(self.rollers, Sample):
+            return
+        state, time = self.rollers
+        told, before = np.zeros(len(state.positions)), self._detected
+        if before is not None and time > before:
+            told = self._sent.travel(before, time, told) / (time - before)
+        self._detected = time
+        self.detector.update(state.positions, time, told)
 
     def _fresh(self, what: str, given: Input, now: float, statuses: dict[Doubt, Status]) -> Sample:
         """Return an input that can be relied on."""
