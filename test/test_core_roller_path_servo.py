@@ -161,6 +161,7 @@ def test_a_clock_that_stands_or_runs_back_moves_the_path_no_further():
         run.cycle()
     time = run.servo.time
     for back in (PERIOD, PERIOD, 0.05, 0.1):
+        run.servo.rollers = run.servo.rollers._replace(time=run.now - back)
         step = run.servo.decide(run.now - back)
         assert not step.ended
         assert run.servo.time == time

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+#: Stamps may be this far ahead, since clocks are never quite the same [s].
+CLOCK_SKEW = 0.01
+
 
 class Sample(NamedTuple):
     """A measured or commanded value and the time for which it holds [s]."""
@@ -64,7 +67,7 @@ def require_fresh(what: str, given: Input, now: float, timeout: float) -> Sample
 
     :param what: the input, for the message.
     :param now: time on the clock of the samples [s].
-    :param timeout: largest age, into the future too [s].
+    :param timeout: largest age; into the future it is `CLOCK_SKEW` [s].
     :raises InputError: missing, refused, too old, or stamped in the future.
     """
     if given is None:
@@ -74,10 +77,24 @@ def require_fresh(what: str, given: Input, now: float, timeout: float) -> Sample
     age = now - given.time
     if age > timeout:
         raise InputError(Doubt.STALE, f'{what}: {age:.3f} s old; must be at most {timeout} s')
-    if age < -timeout:
+    if age < -CLOCK_SKEW:
         raise InputError(
-            Doubt.INVALID, f'{what}: stamped {-age:.3f} s in the future; synchronise the clocks'
+            Doubt.INVALID,
+            f'{what}: stamped {-age:.3f} s in the future; must be at most {CLOCK_SKEW:g} s: '
+            'synchronise the clocks',
         )
+    return given
+
+
+def aged(given: Input, now: float) -> Input:
+    """
+    Return an input that ages from now on, where it is ahead by no more than `CLOCK_SKEW`.
+
+    :param given: as it came.
+    :param now: time on the clock of the samples when it is first looked at [s].
+    """
+    if isinstance(given, Sample) and 0.0 < given.time - now <= CLOCK_SKEW:
+        return given._replace(time=now)
     return given
 
 

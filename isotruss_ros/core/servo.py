@@ -20,6 +20,7 @@ from isotruss_ros.core.manipulation import default_limits, RollerCommand, solve_
 from isotruss_ros.core.motion import HeldObject
 from isotruss_ros.core.robot import Robot
 from isotruss_ros.core.samples import (
+    aged,
     Doubt,
     Input,
     InputError,
@@ -155,6 +156,9 @@ class TwistServo:
         :param now: time on the clock of the samples [s].
         """
         twist = np.zeros(3)
+        self.twist, self.rollers, self.center = (
+            aged(given, now) for given in (self.twist, self.rollers, self.center)
+        )
         self._sent.keep(now, self.timeout + 2.0 * self.period)
         self._detect()
         failed = self.failed
@@ -233,7 +237,7 @@ class TwistServo:
         """
         measured = rollers.value.velocities
         last = measured if self._sent.last is None else self._sent.last
-        way = self._sent.travel(rollers.time, max(now, rollers.time), measured)
+        way = self._sent.travel(rollers.time, now, measured)
         way = way + 0.5 * self.period * last
         before = np.zeros(len(way))
         if pose_time != rollers.time:
