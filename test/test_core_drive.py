@@ -3,15 +3,21 @@
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConfigurationError,
+    Grasp,
+    HeldObject,
+    load_robot,
     MemberLengthLimit,
     remaining_task,
     RollerSpeedLimit,
+    ShapeBounds,
+    ShapeGuard,
     solve_twist,
     Status,
     task_jacobian,
 )
 from isotruss_ros.core.drive import NO_THRIFT
 from isotruss_ros.core.limits import Rows
+from isotruss_ros.core.manipulation import default_limits
 from isotruss_ros.core.program import nearest
 import numpy as np
 import pytest
@@ -189,3 +195,26 @@ def test_remaining_task_is_what_solve_twist_reaches(robot, rng, number):
     assert (left * measure) @ (left * measure).T == pytest.approx(np.eye(len(left)), abs=1e-9)
     idle = solve_twist(config, grasp, np.zeros(3), failed)
     assert idle.mobility == len(left)
+
+
+def test_twists_of_any_size_are_solved_in_corners_too():
+    """Next to bounds of shapes, and far beyond what the rollers can do."""
+    robot = load_robot('nine_member')
+    corner = np.array([-0.42978, -0.81067, 0.59683, 0.54481, -0.15247, -0.08584])
+    start = robot.configuration(corner)
+    held = HeldObject.attach(start, Grasp('north/Z', (-1.59972, 0.86889), 0.2399))
+    guard = ShapeGuard(robot, ShapeBounds())
+    twist = np.array([-1.787, 1.571, 2.072])
+    rng, moved = np.random.default_rng(0), 0
+    for _ in range(60):
+        config = start.moved_to(corner + 0.003 * rng.uniform(-1.0, 1.0, 6))
+        grasp = held.grasp_in(config)
+        limits = (*default_limits(robot), *guard.watch(config, grasp).limits)
+        done = []
+        for size in (1e3, 1e12, 1e300):
+            command = solve_twist(config, grasp, size * twist, (), limits, period=0.05)
+            done.append(command.scale * size)
+            assert command.achieved_twist == pytest.approx(done[-1] * twist, abs=1e-6)
+        assert done == pytest.approx([done[0]] * 3, rel=1e-2, abs=1e-6)
+        moved += done[0] > 1e-3
+    assert moved

@@ -9,7 +9,8 @@ admissible, and the nearest point of a convex set that holds the origin has the 
 As far as limits allow is further than is good for a machine: where they leave a sliver, or the
 rollers next to no way to move the object, all their speed would go into a thousandth of the twist,
 to and fro as the robot steps from one side of the sliver to the other. A thrifty drive trades
-progress for rolling there, and elsewhere does the same.
+progress for rolling there, and elsewhere does the same. Sliding, it may then stay behind scaling
+by a few per cent of the twist.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ Indices = NDArray[np.intp]
 SCALE_TOLERANCE = 1e-9
 #: Bounds and twists this many times larger than what matters are as good as infinite.
 MAX_REACH = 1e9
+#: Nor can the rollers ever do this many times what they would at full speed the straight way.
+MAX_SCALE = 1e4
 #: A limit binds when its row is this close to its bound, as a share of the rollers' speeds.
 BINDING_TOLERANCE = 1e-7
 #: Progress at any price: the last thousandth of a twist may take all the speed of the rollers.
@@ -131,7 +134,7 @@ def drive(
     with np.errstate(over='ignore'):
         lower, upper = np.maximum(lower / unit, -MAX_REACH), np.minimum(upper / unit, MAX_REACH)
     matrix = np.vstack([rows.matrix for rows in limit_rows])[:, working.places]
-    reach = min(asked / unit, MAX_REACH)
+    reach = min(asked / unit, MAX_SCALE)
     speed = np.concatenate(
         [
             np.full(len(rows.upper), not slide or isinstance(limit, RollerSpeedLimit))
