@@ -4,6 +4,7 @@ from hypothesis import assume, given
 from isotruss_ros.core import (
     ConfigurationError,
     Cylinder,
+    Grasp,
     GraspError,
     load_robot,
     shape_margins,
@@ -11,6 +12,8 @@ from isotruss_ros.core import (
     ShapeGuard,
     snug_center,
 )
+from isotruss_ros.core.barriers import EVERYTHING, ObjectBarrier
+from isotruss_ros.core.boundary import Boundary
 from isotruss_ros.core.clearance import bodies
 import numpy as np
 import pytest
@@ -189,14 +192,20 @@ def test_object_that_lies_free_and_that_is_held():
     cylinder = Cylinder(snug_center(robot.home, 'north/Z', 0.3), 0.3)
     held = shape_margins(robot.home, cylinder, 'north/Z')
     free = shape_margins(robot.home, cylinder)
-    # It touches both sides: that is what the grip is for. The joint behind it is not.
+    # It touches both sides: that is what the grip is for.
     assert free.object_clearance == pytest.approx(0.0, abs=1e-9)
     assert free.nearest_to_object.startswith('member north/')
-    joint = robot.home.nodes[robot.node_names.index('Z')]
-    assert held.object_clearance == pytest.approx(
-        np.hypot(*(joint - cylinder.center)) - 0.15, abs=1e-9
-    )
-    assert held.nearest_to_object == 'module north/Z'
+    assert held.object_clearance > 0.1
+    assert 'Z' not in held.nearest_to_object.split('/')[1]
+    # A small one that lies over the grip's own arms is no nearer to anything else.
+    small = Cylinder(snug_center(robot.home, 'north/Z', 0.1), 0.1)
+    assert shape_margins(robot.home, small, 'north/Z').object_clearance > held.object_clearance
+    # All of a triangle but the side across meets at the joint that holds.
+    triangle = load_robot('triangle')
+    module = triangle.module_names[0]
+    cylinder = Cylinder(snug_center(triangle.home, module, 0.1), 0.1)
+    joint = module.split('/')[1]
+    assert joint not in shape_margins(triangle.home, cylinder, module).nearest_to_object.split('/')
     with pytest.raises(GraspError, match='no such module'):
         shape_margins(robot.home, cylinder, 'north/X')
 
@@ -227,9 +236,11 @@ def test_object_distances_are_those_of_points_along_the_tubes(robot, rng):
         *(d for d, n in zip(modules, robot.module_names, strict=True) if n.split('/')[1] != joint),
     ]
     found = bodies(robot).object_distances(config, cylinder, grip)
-    m = len(robot.module_names)
-    assert found[: 2 * m].min() == pytest.approx(min(others, default=np.inf), abs=1e-4)
-    places = dict(zip(robot.node_names, config.points, strict=True))
-    for pinch, distance in zip('BC', found[-2:], strict=True):
-        arm = places[joint] + share * (places[f'{grip}/{pinch}'] - places[joint])
-        assert distance == pytest.approx(np.abs(arm - center).min() - radius, abs=1e-4)
+    assert found.min() == pytest.approx(min(others, default=np.inf), abs=1e-4)
+    held = shape_margins(config, cylinder, grip)
+    assert held.object_clearance == found.min()
+    assert (held.nearest_to_object == '') == (not others)
+    # It is what the guard goes by.
+    barrier = ObjectBarrier(robot, Boundary(0.0, 1.0))
+    grasp = Grasp(grip, cylinder.center, cylinder.diameter)
+    assert (barrier.values(config, grasp, EVERYTHING) == found).all()

@@ -151,8 +151,6 @@ class ObjectBarrier:
     def __init__(self, robot: Robot, boundary: Boundary) -> None:
         self.boundary = boundary
         self._bodies = bodies(robot)
-        # The arms of the grip module move with the object: their distance never changes.
-        self._parts = 2 * robot.layout.n_modules
         self._survey: Survey | None = None
 
     def near(self, config: Configuration, grasp: Grasp) -> Near:
@@ -171,10 +169,9 @@ class ObjectBarrier:
 
     def values(self, config: Configuration, grasp: Grasp, which: Which) -> Array:
         """Return the distances of members and modules; inf for those at the grip [m]."""
-        distances = self._bodies.object_distances(config, grasp, grasp.module)
-        return distances[: self._parts][which]
+        return self._bodies.object_distances(config, grasp, grasp.module)[which]
 
     def names(self, which: Indices) -> list[str]:
         """Return the names of the members and modules."""
-        names = self._bodies.object_names(None)
+        names = self._bodies.object_names()
         return [f'{names[i]} and the object' for i in which]

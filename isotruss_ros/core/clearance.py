@@ -121,13 +121,13 @@ class Bodies:
         self, config: Configuration, cylinder: Cylinder | Grasp, grip: str | None
     ) -> Array:
         """
-        Return the distances between an object and members, modules and the grip module [m].
+        Return the distances between an object and members and modules [m].
 
         :param cylinder: the object.
         :param grip: the module `t/j` that holds it, or None for an object that lies free. What
-            meets at the joint of the grip is left out (inf), but for the two arms of the grip
-            module, from the joint to the pinch points.
-        :return: (2m + 2,) members, modules, arms of the grip module; inf for what is left out.
+            meets at the joint of the grip is left out: the grip itself touches the object, and
+            another tube that meets there lies over or under it, or would be in its way already.
+        :return: (2m,) members, modules; inf for what is left out.
         :raises GraspError: no such module.
         """
         layout = self._robot.layout
@@ -135,24 +135,20 @@ class Bodies:
         middle, start, along = self._places(config)
         members = nearest_on_side(center, start, along).distance - (radius + self._tube)
         modules = np.abs(center - middle) - (radius + self.radius)
-        arms = np.full(2, np.inf)
         if grip is not None:
             i = module_index(self._robot, grip)
             near = layout.joint == layout.joint[i]
             members[near | near[layout.following]] = np.inf
             modules[near] = np.inf
-            joint = config.points[layout.joint[i]]
-            ends = config.points[[layout.b[i], layout.c[i]]]
-            arms = nearest_on_side(center, joint, ends - joint).distance - radius
-        return np.concatenate([members, modules, arms])
+        return np.concatenate([members, modules])
 
     def object_gradients(self, config: Configuration, grasp: Grasp, parts: Indices) -> Array:
         """
         Return how the distances of a held object from some parts change as nodes move.
 
-        The object moves with the grip (15). It never moves against the arms of the grip module.
+        The object moves with the grip (15).
 
-        :param parts: (k,) numbers as in `object_distances`, of members and modules.
+        :param parts: (k,) numbers as in `object_distances`.
         :return: (k, 2n) rows on the node velocities [-].
         :raises GraspError: see `grasp_rows`.
         """
@@ -170,12 +166,11 @@ class Bodies:
         self._push_modules(rows, np.flatnonzero(~on_side), modules, -normal[~on_side])
         return rows.view(np.float64) + pairs_of(normal) @ grasp_rows(config, grasp).nodes[:2]
 
-    def object_names(self, grip: str | None) -> list[str]:
+    def object_names(self) -> list[str]:
         """Return what the object is near to, in the order of `object_distances`."""
         return [
             *(f'member {name}' for name in self._robot.member_names),
             *(f'module {name}' for name in self._robot.module_names),
-            *(2 * [f'module {grip}']),
         ]
 
     def _places(self, config: Configuration) -> tuple[Points, Points, Points]:

@@ -9,6 +9,7 @@ from isotruss_ros.core.configuration import Configuration
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.grasp_analysis import Cylinder
 from isotruss_ros.core.shape_rigidity import shape_rigidity
+import numpy as np
 
 
 class ShapeMargins(NamedTuple):
@@ -19,7 +20,7 @@ class ShapeMargins(NamedTuple):
     :ivar clearance: the smallest distance between parts of the robot that must not meet, between
         surfaces [m], negative where they overlap; see `clearance`.
     :ivar object_clearance: that between the robot and the object away from the grip; inf where
-        there is no object.
+        there is no object, or nothing away from it.
     :ivar nearest: the parts at `clearance`, in words.
     :ivar nearest_to_object: the part at `object_clearance`, in words.
     """
@@ -39,8 +40,8 @@ def shape_margins(
 
     :param config: where the robot is.
     :param cylinder: an object in the plane of the robot.
-    :param grip: the module `t/j` that holds the object: nothing that meets at its joint counts,
-        but for the module's own arms. None for an object that lies free: everything counts.
+    :param grip: the module `t/j` that holds the object: nothing that meets at its joint counts.
+        None for an object that lies free: everything counts.
     :raises GraspError: the robot has no such module.
     """
     try:
@@ -57,5 +58,5 @@ def shape_margins(
         return ShapeMargins(rigidity, clearance, float('inf'), nearest, '')
     distances = parts.object_distances(config, cylinder, grip)
     least = int(distances.argmin())
-    part = parts.object_names(grip)[least]
+    part = parts.object_names()[least] if distances[least] < np.inf else ''
     return ShapeMargins(rigidity, clearance, float(distances[least]), nearest, part)
