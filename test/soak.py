@@ -129,6 +129,9 @@ class Soak:
                 probe.stops.publish(Bool(data=False))
 
         self._for(DURATION, flood)
+        # This publisher keeps one message only: what it overwrote is lost, and that is a stop.
+        self._for(0.5)
+        assert self._w.call(self._release, Trigger.Request()).success
 
     def _stop(self) -> None:
         self._w.probe.stops.publish(Bool(data=True))
