@@ -36,7 +36,8 @@ FAILED_ROLLERS = Spec('failed_rollers', [''], "Rollers t/j that are held at zero
 FAILURE_TIME = Spec(
     'failure_time',
     FailureCriterion().time,
-    'A roller that is commanded for this long and does not move has failed; 0 for never [s]',
+    'A roller that is commanded 2 mm/s or more for this long and does not move has failed; '
+    '0 for never [s]',
     bounds=(0.0, 60.0),
 )
 SPECS = (
