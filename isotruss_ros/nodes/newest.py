@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from isotruss_ros.nodes.qos import NEWEST
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
 
@@ -31,4 +32,14 @@ def subscribe_newest(node: Node, kind: type, topic: str, callback: Callable[[Any
             message = taken[0]
         callback(message)
 
-    subscription = node.create_subscription(kind, topic, take, NEWEST)
+    def tell_of_type(_event: Any) -> None:
+        node.get_logger().warning(
+            f'somebody publishes another type than {kind.__name__} on {topic}: it is not heard'
+        )
+
+    # No quality of service is incompatible with this one. Every event that is waited for costs the
+    # executor some microseconds in every cycle.
+    events = SubscriptionEventCallbacks(
+        incompatible_type=tell_of_type, use_default_callbacks=False
+    )
+    subscription = node.create_subscription(kind, topic, take, NEWEST, event_callbacks=events)
