@@ -35,6 +35,8 @@ def circle(center: ArrayLike, diameter: float) -> tuple[tuple[float, float], flo
 
     :raises GraspError: the centre is not two finite numbers, or the diameter not positive.
     """
+    if _plain(center, diameter):
+        return center, diameter
     x, y = finite_array(center, 2, "the object's centre [m]", GraspError)
     (size,) = finite_array([diameter], 1, "the object's diameter [m]", GraspError)
     if size <= 0.0:
@@ -45,6 +47,18 @@ def circle(center: ArrayLike, diameter: float) -> tuple[tuple[float, float], flo
             f'within {MAX_DISTANCE:g} m, and the diameter at least {MIN_DIAMETER:g} m'
         )
     return (float(x), float(y)), float(size)
+
+
+def _plain(center: ArrayLike, diameter: float) -> bool:
+    """Tell whether these are good floats already, as they are in every cycle of a servo."""
+    return (
+        type(center) is tuple
+        and len(center) == 2
+        and type(center[0]) is type(center[1]) is type(diameter) is float
+        and -MAX_DISTANCE <= center[0] <= MAX_DISTANCE
+        and -MAX_DISTANCE <= center[1] <= MAX_DISTANCE
+        and MIN_DIAMETER <= diameter <= MAX_DISTANCE
+    )
 
 
 def pairs(vectors: NDArray[np.complex128]) -> NDArray[np.float64]:
