@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from isotruss_ros.nodes.pending import with_pending
 from isotruss_ros.nodes.qos import EVERY
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -45,7 +46,7 @@ class _Queue:
         take: Callable[[list[Any]], None],
         lost: Callable[[], None],
     ) -> None:
-        self._kind, self._take, self._lost = kind, take, lost
+        self._take, self._lost = take, lost
         # Where only so many are kept, the oldest make room for new ones, and nobody says so.
         bounded = profile.history == HistoryPolicy.KEEP_LAST
         self._room = profile.depth if bounded else None
@@ -59,12 +60,7 @@ class _Queue:
 
     def _drain(self, first: Any) -> None:
         """Take what waits, within bounds."""
-        messages, handle = [first], self._subscription.handle
-        while len(messages) < AT_ONCE:
-            taken = handle.take_message(self._kind, False)
-            if taken is None:
-                break
-            messages.append(taken[0])
+        messages = with_pending(first, self._subscription, AT_ONCE)
         self._take(messages)
         # So many came since the queue was empty: there were too many for it, perhaps.
         self._waited = self._waited + AT_ONCE if len(messages) == AT_ONCE else 0

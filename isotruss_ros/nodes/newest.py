@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from isotruss_ros.nodes.pending import with_pending
 from isotruss_ros.nodes.qos import NEWEST
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -24,13 +25,7 @@ def subscribe_newest(node: Node, kind: type, topic: str, callback: Callable[[Any
     """
 
     def take(message: Any) -> None:
-        # As many as the queue holds, not for as long as there are some: a flood has no end.
-        for _ in range(NEWEST.depth):
-            taken = subscription.handle.take_message(kind, False)
-            if taken is None:
-                break
-            message = taken[0]
-        callback(message)
+        callback(with_pending(message, subscription, 1 + NEWEST.depth)[-1])
 
     def tell_of_type(_event: Any) -> None:
         node.get_logger().warning(
