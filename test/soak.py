@@ -38,9 +38,8 @@ DURATION = 3.0
 #: node is configured anew leave in the middleware, some 50 kB each until nothing more comes.
 WARM_UP = 20.0
 WARM_UP_ROUNDS = 40
-#: The median of a late quarter may exceed that of an early one by this much [MB]: the middleware's
-#: pools grow whenever more waits in a queue than ever before, up to 5000 messages of a stop.
-GROWTH = 2.0
+#: The median of a late quarter may exceed that of an early one by this much [MB].
+GROWTH = 1.5
 
 
 class Soak:
