@@ -7,7 +7,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMPS := $(VENV)/stamps
 
-# Tests and demo keep to this machine, and two runs at once on it do not hear each other.
+# Tests and demo keep to this machine, and two runs at once on it have domains of their own.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 export ROS_DOMAIN_ID := $(shell echo $$(($$$$ % 100 + 1)))
 
@@ -18,12 +18,13 @@ unexport FASTRTPS_DEFAULT_PROFILES_FILE FASTDDS_DEFAULT_PROFILES_FILE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test demo paper colcon bench fuzz soak format clean FORCE
+.PHONY: help venv test demo paper docs colcon bench fuzz soak format clean FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation'
 	@echo 'make test     style and tests'
 	@echo 'make paper    compute and draw what the paper shows: docs/paper.md'
+	@echo 'make docs     build the documentation site: docs/_build/html/index.html'
 	@echo 'make colcon   build and test both packages as a colcon workspace, in .colcon'
 	@echo 'make bench    run the benchmarks'
 	@echo 'make fuzz     fuzz the readers of files, MINUTES=10 each (x86-64)'
@@ -38,14 +39,19 @@ venv: $(STAMPS)/messages $(STAMPS)/package
 test: venv
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/python -m pytest -m 'not nodes' -n auto --dist loadfile
-	$(BIN)/python -m pytest -m nodes
+	$(BIN)/python -m pytest -m 'not system' -n auto --dist worksteal
+	$(BIN)/python -m pytest -m system
 
 demo: venv
 	$(BIN)/python -m isotruss_ros.demo
 
 paper: venv
-	$(BIN)/python -m isotruss_ros.paper
+	$(BIN)/python -m paper
+
+docs: venv $(STAMPS)/docs
+	rm -rf docs/_build docs/api
+	$(BIN)/python -m sphinx -n -W --keep-going -q docs docs/_build/html
+	$(BIN)/python docs/_ext/check_links.py docs/_build/html
 
 colcon: venv
 	tools/colcon.sh $(VENV) .colcon
@@ -58,15 +64,15 @@ fuzz: venv $(STAMPS)/fuzz
 
 soak: MINUTES = 15
 soak: venv
-	$(BIN)/python test/soak.py --minutes $(MINUTES)
-	$(BIN)/python test/walks.py --walks $(WALKS)
+	$(BIN)/python test/helpers/soak.py --minutes $(MINUTES)
+	$(BIN)/python test/helpers/walks.py --walks $(WALKS)
 
 format: venv
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) .colcon build install log *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) docs/_build docs/api .colcon build install log *.egg-info .pytest_cache .ruff_cache .hypothesis
 
 # The script leaves the stamp alone while the same Python serves the same folder.
 $(STAMPS)/python: FORCE
@@ -90,4 +96,9 @@ $(STAMPS)/package: $(STAMPS)/packages setup.py setup.cfg package.xml
 $(STAMPS)/fuzz: $(STAMPS)/packages requirements-fuzz.txt
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --only-binary :all: --no-deps \
 		-r requirements-fuzz.txt
+	@touch $@
+
+$(STAMPS)/docs: $(STAMPS)/packages requirements-docs.txt
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --only-binary :all: --no-deps \
+		-r requirements-docs.txt
 	@touch $@

@@ -48,8 +48,8 @@ setup(
             'grasp_planner = isotruss_ros.nodes.grasp_planner:main',
             'teleop = isotruss_ros.nodes.teleop:main',
             'demo = isotruss_ros.demo.__main__:main',
-            'plan_grasps = isotruss_ros.plan.__main__:main',
-            'fit_tube_stiffness = isotruss_ros.fit.__main__:main',
+            'plan_grasps = isotruss_ros.cli.plan_grasps:main',
+            'fit_tube_stiffness = isotruss_ros.cli.fit_tube_stiffness:main',
         ],
     },
 )

@@ -27,15 +27,15 @@ from isotruss_ros.core import (
     load_robot,
     RollerFaults,
     RollerState,
-    Sample,
     ShapeBounds,
     ShapeGuard,
     SimulatedRobot,
-    snug_center,
     solve_twist,
+    StampedInput,
+    tangent_center,
     TwistServo,
 )
-from isotruss_ros.core.manipulation import default_limits
+from isotruss_ros.core.manipulation.solve_twist import default_limits
 from measuring import print_machine, print_table
 import numpy as np
 
@@ -48,7 +48,7 @@ RADIUS, LAP, PERIOD = 0.1, 60.0, 0.02
 
 ROBOT = load_robot('nine_member')
 HELD = HeldObject.attach(
-    ROBOT.home, Grasp(MODULE, snug_center(ROBOT.home, MODULE, DIAMETER), DIAMETER)
+    ROBOT.home, Grasp(MODULE, tangent_center(ROBOT.home, MODULE, DIAMETER), DIAMETER)
 )
 LIMITS = default_limits(ROBOT)
 STILL = np.zeros(len(ROBOT.roller_names))
@@ -116,10 +116,10 @@ def follow(stuck: str | None, known: bool, detect: bool) -> float:
         now = k * PERIOD
         turn = np.exp(2j * np.pi * (now + 0.5 * PERIOD) / LAP)
         velocity = 2.0 * np.pi / LAP * RADIUS * 1j * turn
-        servo.twist = Sample((velocity.real, velocity.imag, 0.0), now)
+        servo.twist = StampedInput((velocity.real, velocity.imag, 0.0), now)
         state = RollerState(robot.config.roller_positions, robot.roller_velocities)
-        servo.rollers = Sample(state, now)
-        servo.center = Sample(robot.object_pose[:2], now)
+        servo.rollers = StampedInput(state, now)
+        servo.center = StampedInput(robot.object_pose[:2], now)
         robot.command(servo.decide(now).command.roller_velocities)
         robot.advance(PERIOD)
         goal = start + RADIUS * (np.exp(2j * np.pi * (now + PERIOD) / LAP) - 1.0)

@@ -18,16 +18,17 @@ import os
 os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
 
 from isotruss_ros import core
-from isotruss_ros.core.constraints import Targets
-from isotruss_ros.core.grasp import grasp_rows, module_index
-from isotruss_ros.core.program import installed_solvers, OPTIONS, PENALTIES
+from isotruss_ros.core.kinematics.constraints import Targets
+from isotruss_ros.core.manipulation.grasp import module_index
+from isotruss_ros.core.manipulation.limits import default_limits
+from isotruss_ros.core.manipulation.task import grasp_rows
+from isotruss_ros.core.manipulation.twist_qp import PENALTIES
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.qp import installed_solvers, OPTIONS
 from measuring import print_machine, print_table, timed
 import numpy as np
-from numpy.typing import NDArray
 import qpsolvers
 import scipy.optimize
-
-Array = NDArray[np.float64]
 
 STATES = 2000
 #: Roller travel of random states [m]: 98 % of the corners have 15 to 134 degrees.
@@ -40,7 +41,7 @@ REGULAR = 1e-9
 
 @dataclass(frozen=True)
 class State:
-    """A random reachable state: configuration, grasp and the twist that just meets a limit."""
+    """A random reachable state: configuration, grasp and the largest twist within the limits."""
 
     config: core.Configuration
     grasp: core.Grasp
@@ -48,7 +49,7 @@ class State:
 
 
 def random_states(robot: core.Robot, count: int, seed: int) -> list[State]:
-    """Draw states in which members keep their limits and the object fits its grip."""
+    """Draw states within the length limits in which the object fits into its grasp."""
     rng = np.random.default_rng(seed)
     limits = robot.description
     surface = np.array([1.0, 1.0, 0.5 * DIAMETER])
@@ -60,7 +61,7 @@ def random_states(robot: core.Robot, count: int, seed: int) -> list[State]:
         twist = direction / np.linalg.norm(direction) / surface
         try:
             config = robot.configuration(travel)
-            grasp = core.Grasp(module, core.snug_center(config, module, DIAMETER), DIAMETER)
+            grasp = core.Grasp(module, core.tangent_center(config, module, DIAMETER), DIAMETER)
             command = core.solve_twist(config, grasp, twist)
         except (core.ConfigurationError, core.GraspError):
             continue
@@ -72,7 +73,7 @@ def random_states(robot: core.Robot, count: int, seed: int) -> list[State]:
 
 
 def unprepared(config: core.Configuration) -> core.Configuration:
-    """Return the same configuration without anything that it keeps for later."""
+    """Return the same configuration without its cached results."""
     return core.Configuration(config.robot, config.roller_positions, config.points)
 
 
@@ -93,7 +94,9 @@ class Row:
         """
         Time both on one state.
 
-        :param unit: results that differ by more than this are of another branch or failed.
+        :param ours: the call of the package.
+        :param peer: that of the peer; None where it failed.
+        :param unit: results that differ by more than this are of another branch.
         """
         time, result = timed(ours)
         self.ours.append(time)
@@ -137,7 +140,7 @@ def root_by_hybr(near: core.Configuration, travel: Array) -> Array | None:
     """Forward kinematics by MINPACK's hybr, with the same residual and Jacobian."""
     robot = near.robot
     lengths = robot.home_targets.lengths.copy()
-    lengths[: robot.layout.n_modules] += robot.layout.length_change(travel)
+    lengths[: robot.topology.n_modules] += robot.topology.incidence @ travel
     targets = Targets(lengths, robot.home_targets.ground)
     found = scipy.optimize.root(
         lambda x: robot.constraints.residual(x.view(np.complex128), targets),
@@ -151,25 +154,25 @@ def root_by_hybr(near: core.Configuration, travel: Array) -> Array | None:
 
 class PaperProgram:
     """
-    The program (11) with the rows of (20), in node velocities as the paper has it.
+    The quadratic program (11) with the rows of (20), in node velocities as in the paper.
 
     :ivar rollers_by_lengths: constant maps, made once: roller speeds and tubes from length rates.
     """
 
     def __init__(self, robot: core.Robot) -> None:
-        layout = robot.layout
+        topology = robot.topology
         self.robot = robot
-        self.rollers_by_lengths = np.linalg.pinv(layout.incidence)
-        self.tubes = (np.arange(len(layout.tube_names))[:, None] == layout.tube).astype(float)
+        self.rollers_by_lengths = np.linalg.pinv(topology.incidence)
+        self.tubes = (np.arange(len(topology.tube_names))[:, None] == topology.tube).astype(float)
 
     def _rows(self, state: State) -> tuple[Array, Array, Array]:
         """Return R_tube, the rows of (20) above M, and M with rolling expressed in nodes."""
         config = unprepared(state.config)
-        m = self.robot.layout.n_modules
+        m = self.robot.topology.n_modules
         matrix = config.matrix
         lengths = matrix[:m]
         grasp = grasp_rows(config, state.grasp)
-        roller = self.robot.layout.driven.searchsorted(
+        roller = self.robot.topology.driven.searchsorted(
             module_index(self.robot, state.grasp.module)
         )
         speed = self.rollers_by_lengths[roller] @ lengths
@@ -177,7 +180,7 @@ class PaperProgram:
         return lengths, np.vstack([self.tubes @ lengths, matrix[m:]]), task
 
     def solve(self, state: State, twist: Array) -> Array | None:
-        """Solve (11) with (20), which knows no limits, by the solver that the package uses."""
+        """Solve (11) with (20), without limits, by the solver that the package uses."""
         lengths, fixed, task = self._rows(state)
         nodes = qpsolvers.solve_qp(
             lengths.T @ lengths + REGULAR * np.eye(lengths.shape[1]),
@@ -205,9 +208,7 @@ class PaperProgram:
     def solve_within_limits(self, state: State, twist: Array) -> Array | None:
         """Solve (11) with (20), the limits as rows, and the scale of the twist as a variable."""
         lengths, fixed, task = self._rows(state)
-        limits = [
-            limit.rows(state.config) for limit in core.manipulation.default_limits(self.robot)
-        ]
+        limits = [limit.rows(state.config) for limit in default_limits(self.robot)]
         by_nodes = self.rollers_by_lengths @ lengths
         inequality = np.vstack([rows.matrix @ by_nodes for rows in limits])
         upper = np.concatenate([rows.upper for rows in limits])
@@ -245,7 +246,7 @@ def forward_rows(robot: core.Robot, states: list[State], rng: np.random.Generato
     for name, step, prepared, target in (
         ('one cycle at 200 Hz, full speed', speed / 200.0, False, TARGET),
         ('one cycle at 1 kHz, full speed', speed / 1000.0, False, TARGET),
-        ('one cycle at 1 kHz, factor at hand', speed / 1000.0, True, TARGET),
+        ('one cycle at 1 kHz, factored before', speed / 1000.0, True, TARGET),
         ('1 s at full speed in one step', speed, False, None),
         ('from home', None, False, None),
     ):
@@ -304,7 +305,7 @@ def main() -> None:
     twist_rows(robot, states[:20])
     rows = [*forward_rows(robot, states, np.random.default_rng(2)), *twist_rows(robot, states)]
     print(f'{robot.name}: {STATES} random reachable states, times in us; matrix, factorization,')
-    print('Jacobians and program included; "ratio" is peer / ours; "apart": how often the peer')
+    print('Jacobians and QP included; "ratio" is peer / ours; "apart": how often the peer')
     print('failed or ended elsewhere; "typical": the median difference otherwise, 1 = 1 cm or 1 %')
     print('of the largest roller speed. CPU time of the calling thread.\n')
     header = ['case', 'median', 'p99', 'target', '', 'peer', 'its median', 'ratio', 'apart']

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import deque
 import math
 
-from isotruss_ros.core.description import Module, RobotDescription, Tube
+from isotruss_ros.core.model.description import Module, RobotDescription, Tube
 
 #: Sizes from one triangle to 300 modules.
 SIZES = (3, 9, 15, 27, 51, 99, 147, 201, 303)
@@ -55,7 +55,7 @@ def nested_triangles(n_modules: int) -> RobotDescription:
         tubes=tuple(tubes),
         module=Module(0.12, 0.10, 0.08, axial_rigidity=5.0e6, flexural_rigidity=2.0e3),
         tube_diameter=0.102,
-        pressure=34500.0,
+        pressures={tube.name: 34500.0 for tube in tubes},
         stiffness={'model': 'inflatable_beam'},
         supports={'left': ('x', 'y'), 'right': ('y',)},
         max_speed=0.10,
@@ -91,7 +91,7 @@ def write_robot_file(description: RobotDescription) -> str:
         f'  flexural_rigidity: {module.flexural_rigidity}',
         'tube:',
         f'  diameter: {description.tube_diameter}',
-        f'  pressure: {description.pressure}',
+        f'  pressure: {dict(description.pressures)}',
         f'  stiffness: {{model: {description.stiffness["model"]}}}',
         'supports:',
         *(f'  {joint}: [{", ".join(axes)}]' for joint, axes in description.supports.items()),

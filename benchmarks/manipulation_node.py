@@ -21,7 +21,7 @@ import time
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Status
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
-from isotruss_ros.nodes.messages import seconds, twist_message
+from isotruss_ros.nodes.conversions.messages import read_stamp, to_twist_message
 from measuring import print_machine, print_table
 import numpy as np
 import psutil
@@ -71,7 +71,7 @@ def measure_manipulation(rate: float) -> Load:
         while (now := time.monotonic()) < end:
             if now >= due:
                 swing = math.cos(math.pi * (now - begin))
-                twists.publish(twist_message((0.02 * swing, 0.03 * swing, 0.1 * swing)))
+                twists.publish(to_twist_message((0.02 * swing, 0.03 * swing, 0.1 * swing)))
                 due = now + 0.01
             rclpy.spin_once(node, timeout_sec=due - now)
 
@@ -87,7 +87,7 @@ def measure_manipulation(rate: float) -> Load:
     moving = [status for status in statuses if status.code == Status.OK]
     if len(moving) < 0.9 * len(statuses):
         print(f'only {len(moving)} of {len(statuses)} cycles moved the object')
-    times = [seconds(status.header) for status in statuses]
+    times = [read_stamp(status.header) for status in statuses]
     return Load(
         share,
         (len(times) - 1) / (times[-1] - times[0]),

@@ -9,7 +9,7 @@ import platform
 import time
 from typing import Any
 
-from isotruss_ros.core.program import installed_solvers
+from isotruss_ros.core.numerics.qp import installed_solvers
 import numpy as np
 import qpsolvers
 import scipy

@@ -27,19 +27,19 @@ from isotruss_ros.core import (
     Pose,
     RollerFaults,
     RollerState,
-    Sample,
     SimulatedRobot,
-    snug_center,
+    StampedInput,
+    tangent_center,
     TrackingSettings,
     TwistServo,
 )
-from isotruss_ros.core.path_tracking import FINISHED
+from isotruss_ros.core.control.path_tracking import FINISHED
 from measuring import print_machine, print_table
 import numpy as np
 
 ROBOT = load_robot('nine_member')
 MODULE, DIAMETER = 'north/Z', 0.3
-GRASP = Grasp(MODULE, snug_center(ROBOT.home, MODULE, DIAMETER), DIAMETER)
+GRASP = Grasp(MODULE, tangent_center(ROBOT.home, MODULE, DIAMETER), DIAMETER)
 SPEED, TURN_RATE = 0.03, 0.25
 #: Of the robot and the node `manipulation`; the tracker runs in every second cycle [s].
 PERIOD = 0.005
@@ -113,9 +113,9 @@ def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> 
             if tracking.phase in FINISHED:
                 break
         if tracking is not None:
-            servo.twist = Sample(tracking.twist, now)
-            servo.rollers = Sample(state, now - PERIOD * (cycle % 2))
-            servo.center = Sample(measured[:2], now - PERIOD * (cycle % 2))
+            servo.twist = StampedInput(tracking.twist, now)
+            servo.rollers = StampedInput(state, now - PERIOD * (cycle % 2))
+            servo.center = StampedInput(measured[:2], now - PERIOD * (cycle % 2))
             command = servo.decide(now).command
             scale = command.scale
             robot.command(command.roller_velocities)

@@ -18,9 +18,9 @@ import tracemalloc
 os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
 
 from isotruss_ros import core
-from isotruss_ros.core import constraints
-from isotruss_ros.core.description import RobotDescription
-from isotruss_ros.core.linear import factorize
+from isotruss_ros.core.kinematics import constraints
+from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.numerics.factorization import factorize
 from kinematics import PaperProgram, State
 from large_robots import nested_triangles, SIZES, top_module, write_robot_file
 from measuring import median_time, print_machine, print_table, timed
@@ -67,7 +67,7 @@ def measure(robot: core.Robot, module: str, peer: bool = False) -> Times:
     rollers = len(robot.roller_names)
     state = robot.configuration(rng.uniform(-TRAVEL, TRAVEL, rollers))
     step = robot.description.max_speed / 200.0 * rng.choice([-1.0, 1.0], rollers)
-    grasp = core.Grasp(module, core.snug_center(state, module, DIAMETER), DIAMETER)
+    grasp = core.Grasp(module, core.tangent_center(state, module, DIAMETER), DIAMETER)
     twist = np.array([1.0, 0.5, 4.0])
     limit = core.solve_twist(state, grasp, twist).scale * twist
 

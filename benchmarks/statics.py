@@ -1,10 +1,11 @@
 """
 How long the analysis of a grasp takes, how it grows, and the same frame in other programs.
 
-Grasps are those of the nine-member preset at its top module, candidates every 5 mm. "Cold" is all
-of it: assembly, factorization, contact, closure, stiffness; "warm" is the same robot with the
-object moved. Peers solve one linear frame (the members of the nine-member robot, all ends fixed,
-one load), model building included, in the same run; those not installed are left out:
+Grasps are those of the nine-member preset at its top module, contact points every 5 mm, with
+tubes that flatten and with the paper's round ones. "Cold" is all of it: assembly, factorization,
+contact, closure, stiffness, wrinkling; "warm" is the same configuration with the object moved.
+Peers solve one linear frame (the members of the nine-member robot, all ends fixed, one load),
+model building included, in the same run; those not installed are left out:
 pip install openseespy anastruct PyNiteFEA, OpenSeesPy needs libblas3 and liblapack3.
 
     python benchmarks/statics.py
@@ -13,62 +14,72 @@ pip install openseespy anastruct PyNiteFEA, OpenSeesPy needs libblas3 and liblap
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 import importlib.util
 import os
 
 os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
 
 from isotruss_ros import core
-from isotruss_ros.core.frame import Frame, Members
-from isotruss_ros.core.structure import Structure
+from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.statics.frame import Frame, Members
+from isotruss_ros.core.statics.structure import Structure, structure_of
 from large_robots import nested_triangles, SIZES, TOP_JOINT
 from measuring import median_time, print_machine, print_table, timed
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 STATES = 500
 DIAMETER = 0.3
 MODULE = 'north/Z'
 #: How far the object is pressed toward the corner [m].
-SQUEEZES = (0.002, 0.02)
+DEPTHS = (0.002, 0.02)
 COLD_TARGET, WARM_TARGET = 2e-3, 1e-3
 LOAD = -10.0
 
 
-def squeezed(config: core.Configuration, module: str, depth: float) -> core.Cylinder:
+def pressed(config: core.Configuration, module: str, depth: float) -> core.Cylinder:
     """Return an object that is pressed toward the corner at a module."""
     robot = config.robot
-    snug = np.array(core.snug_center(config, module, DIAMETER))
+    tangent = np.array(core.tangent_center(config, module, DIAMETER))
     pinch = [config.nodes[robot.node_names.index(f'{module}/{node}')] for node in 'BC']
-    outward = np.mean(pinch, axis=0) - snug
-    return core.Cylinder(tuple(snug + depth * outward / np.linalg.norm(outward)), DIAMETER)
+    outward = np.mean(pinch, axis=0) - tangent
+    return core.Cylinder(tuple(tangent + depth * outward / np.linalg.norm(outward)), DIAMETER)
 
 
 def print_grasps() -> None:
     """Measure whole analyses of random states."""
     robot = core.load_robot('nine_member')
-    random = np.random.default_rng(1)
-    cold, warm, contacts = [], [], []
-    while len(cold) < STATES:
-        config = robot.configuration(random.uniform(-0.15, 0.15, len(robot.roller_names)))
-        cylinder = squeezed(config, MODULE, random.uniform(*SQUEEZES))
-        seconds, analysis = timed(lambda: core.analyze_grasp(config, cylinder))  # noqa: B023
-        cold.append(seconds)
-        contacts.append(len(analysis.points))
-        x, y = cylinder.center
-        moved = core.Cylinder((x + 1e-4, y - 1e-4), DIAMETER)
-        warm.append(timed(lambda: core.analyze_grasp(config, moved, previous=analysis))[0])  # noqa: B023
-    rows = []
-    for name, times, target in (('cold', cold, COLD_TARGET), ('warm', warm, WARM_TARGET)):
-        median, tail = np.percentile(times, [50.0, 99.0])
-        verdict = 'pass' if median < target else 'FAIL'
-        rows.append(
-            [name, f'{1e3 * median:.2f}', f'{1e3 * tail:.2f}', f'< {1e3 * target:.0f}', verdict]
-        )
-    print(f'{STATES} random states, {np.median(contacts):.0f} candidates on average; ms')
-    print_table(['whole analysis', 'median', 'p99', 'target', ''], rows)
+    rows: list[list[str]] = []
+    for model, flattening in (('flattening', True), ('round sections', False)):
+        random = np.random.default_rng(1)
+        cold, warm, contacts = [], [], []
+        while len(cold) < STATES:
+            config = robot.configuration(random.uniform(-0.15, 0.15, len(robot.roller_names)))
+            cylinder = pressed(config, MODULE, random.uniform(*DEPTHS))
+            seconds, analysis = timed(partial(analyze, config, cylinder, flattening))
+            cold.append(seconds)
+            contacts.append(len(analysis.points))
+            x, y = cylinder.center
+            moved = core.Cylinder((x + 1e-4, y - 1e-4), DIAMETER)
+            warm.append(timed(partial(analyze, config, moved, flattening, analysis))[0])
+        for name, times, target in (('cold', cold, COLD_TARGET), ('warm', warm, WARM_TARGET)):
+            median, tail = np.percentile(times, [50.0, 99.0])
+            verdict = 'pass' if median < target else 'FAIL'
+            milliseconds = f'{1e3 * median:.2f}', f'{1e3 * tail:.2f}', f'< {1e3 * target:.0f}'
+            points = f'{np.median(contacts):.0f}'
+            rows.append([f'{model}, {name}', points, *milliseconds, verdict])
+    print(f'{STATES} random states; ms')
+    print_table(['whole analysis', 'contact points', 'median', 'p99', 'target', ''], rows)
+
+
+def analyze(
+    config: core.Configuration,
+    cylinder: core.Cylinder,
+    flattening: bool = True,
+    previous: core.GraspAnalysis | None = None,
+) -> core.GraspAnalysis:
+    """Analyse a grasp; the last two arguments by place."""
+    return core.analyze_grasp(config, cylinder, flattening=flattening, previous=previous)
 
 
 def print_growth() -> None:
@@ -78,19 +89,19 @@ def print_growth() -> None:
         robot = core.Robot(nested_triangles(size))
         module = next(name for name in robot.roller_names if name.endswith(f'/{TOP_JOINT}'))
         home = robot.home
-        cylinder = squeezed(home, module, 0.01)
+        cylinder = pressed(home, module, 0.01)
 
         def cold(home: core.Configuration = home, cylinder: core.Cylinder = cylinder) -> object:
-            home.__dict__.pop('structure', None)
-            return core.analyze_grasp(home, cylinder)
+            # A new object, for which no structure is cached.
+            return analyze(
+                core.Configuration(home.robot, home.roller_positions, home.points), cylinder
+            )
 
-        def warm(home: core.Configuration = home, cylinder: core.Cylinder = cylinder) -> object:
-            return core.analyze_grasp(home, cylinder)
-
-        times = median_time(cold, 1.0), median_time(warm, 1.0)
+        times = median_time(cold, 1.0), median_time(partial(analyze, home, cylinder), 1.0)
         first = first or times
+        displacements = 3 * len(structure_of(home).node_names)
         rows.append(
-            [str(size), str(3 * len(home.structure.node_names)), str(len(warm().points))]
+            [str(size), str(displacements), str(len(analyze(home, cylinder).points))]
             + [
                 text
                 for t, t0 in zip(times, first, strict=True)
@@ -98,33 +109,30 @@ def print_growth() -> None:
             ]
         )
     print('\nGrowth at one grasp; ms, and ratio to 3 modules (linear growth would be 101)')
-    print_table(['modules', 'displacements', 'candidates', 'cold', '/ 3', 'warm', '/ 3'], rows)
+    print_table(['modules', 'displacements', 'contact points', 'cold', '/ 3', 'warm', '/ 3'], rows)
 
 
-def all_fixed(config: core.Configuration) -> tuple[NDArray[np.complex128], Members, Array]:
+def all_fixed(config: core.Configuration) -> tuple[Points, Members, Array]:
     """Return nodes, members and supports of a frame that any program knows."""
     frame = Structure(config).frame
-    members, count = frame.members, len(frame.members.start)
-    fixed = np.zeros(count, dtype=bool)
-    # Arms and tube pieces lie on each other: one of the two will do.
-    m = config.robot.layout.n_modules
-    keep = np.r_[0 : 3 * m, 5 * m : 8 * m]
+    members = frame.members
+    fixed = np.zeros(len(members.start), dtype=bool)
     return (
         frame.points,
         Members(
-            members.start[keep],
-            members.end[keep],
-            members.axial[keep],
-            members.flexural[keep],
-            np.full(len(keep), np.inf),
-            fixed[keep],
-            fixed[keep],
+            members.start,
+            members.end,
+            members.axial,
+            members.flexural,
+            np.full_like(members.shear, np.inf),
+            fixed,
+            fixed,
         ),
-        config.robot.layout.grounded,
+        config.robot.topology.grounded,
     )
 
 
-def ours(points: NDArray[np.complex128], members: Members, grounded: Array, node: int) -> float:
+def ours(points: Points, members: Members, grounded: Array, node: int) -> float:
     """Return how far the loaded node sinks."""
     held = np.zeros((len(points), 3), dtype=bool)
     held.reshape(-1)[3 * (grounded // 2) + grounded % 2] = True
@@ -134,9 +142,7 @@ def ours(points: NDArray[np.complex128], members: Members, grounded: Array, node
     return float(Frame(points, members, held, names).solve(loads).displacements[node, 1])
 
 
-def opensees(
-    points: NDArray[np.complex128], members: Members, grounded: Array, node: int
-) -> float:
+def opensees(points: Points, members: Members, grounded: Array, node: int) -> float:
     """Solve it with OpenSeesPy."""
     import openseespy.opensees as ops
 
@@ -167,9 +173,7 @@ def opensees(
     return float(ops.nodeDisp(node, 2))
 
 
-def anastruct(
-    points: NDArray[np.complex128], members: Members, grounded: Array, node: int
-) -> float:
+def anastruct(points: Points, members: Members, grounded: Array, node: int) -> float:
     """Solve it with anastruct."""
     from anastruct import SystemElements
 
@@ -192,7 +196,7 @@ def anastruct(
     return float(system.get_node_displacements(ids[node])['uy'])
 
 
-def pynite(points: NDArray[np.complex128], members: Members, grounded: Array, node: int) -> float:
+def pynite(points: Points, members: Members, grounded: Array, node: int) -> float:
     """Solve it with PyNiteFEA, in space, with the plane held."""
     from Pynite import FEModel3D
 

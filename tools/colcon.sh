@@ -18,8 +18,8 @@ colcon build "$@" --cmake-args -Wno-deprecated \
 # Reports of tests that are no more would count.
 find "$folder/build" -name '*.xml' -path '*test_results*' -delete
 # All tests run in `make test`; here those that building and installing by colcon could break.
-tests='flake8 pep257 packaging msgs launch readme core_imports core_robot_file simulator_node processes'
+tests='style core/model/test_robot_file.py nodes/test_simulator_node.py system/test_processes.py'
 colcon test "$@" --event-handlers console_direct+ --return-code-on-test-failure \
-    --pytest-args $(printf 'test/test_%s.py ' $tests) || failed=1
+    --pytest-args $(printf 'test/%s ' $tests) || failed=1
 colcon test-result --test-result-base "$folder/build" --verbose
 exit "${failed:-0}"

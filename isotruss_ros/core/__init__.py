@@ -5,7 +5,18 @@ robot -> configuration -> grasp -> twist to rollers (docs/kinematics.md);
 robot -> structure -> contact -> closure (docs/statics.md).
 """
 
-from isotruss_ros.core.configuration import Configuration
+from isotruss_ros.core.control.grasp_monitor import GraspMonitor
+from isotruss_ros.core.control.grasp_report import AnalyzedGrasp, GraspCode, GraspReport, Question
+from isotruss_ros.core.control.inputs import RejectedInput, RollerState, StampedInput
+from isotruss_ros.core.control.object_path import ObjectPath
+from isotruss_ros.core.control.path_tracking import (
+    PathPhase,
+    PathTracker,
+    Tracking,
+    TrackingSettings,
+)
+from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
+from isotruss_ros.core.control.twist_servo import Decision, TwistServo
 from isotruss_ros.core.errors import (
     ConfigurationError,
     GraspError,
@@ -15,33 +26,36 @@ from isotruss_ros.core.errors import (
     SolverError,
     StructureError,
 )
-from isotruss_ros.core.failure_detector import FailureCriterion, FailureDetector
-from isotruss_ros.core.grasp import Grasp, snug_center
-from isotruss_ros.core.grasp_analysis import analyze_grasp, Cylinder, GraspAnalysis
-from isotruss_ros.core.grasp_monitor import GraspMonitor
-from isotruss_ros.core.grasp_plan import GraspPlan, Miss, PlannedGrasp, Progress
-from isotruss_ros.core.grasp_report import AnalyzedGrasp, GraspCode, GraspReport, Question
-from isotruss_ros.core.grasp_search import plan_grasps
-from isotruss_ros.core.limits import Limit, MemberLengthLimit, RollerSpeedLimit
-from isotruss_ros.core.loose_object import LooseObject
-from isotruss_ros.core.manipulation import remaining_task, RollerCommand, solve_twist
-from isotruss_ros.core.motion import HeldObject, Pose, solve_twist_ahead
-from isotruss_ros.core.object_path import ObjectPath
-from isotruss_ros.core.path_tracking import PathPhase, PathTracker, Tracking, TrackingSettings
-from isotruss_ros.core.presets import preset_names
-from isotruss_ros.core.requirements import GraspRequirements, Measure
-from isotruss_ros.core.resting import find_resting_pose, RestingPose
-from isotruss_ros.core.robot import load_robot, Robot
-from isotruss_ros.core.roller_path import RollerPath
-from isotruss_ros.core.samples import Refusal, RollerState, Sample
-from isotruss_ros.core.servo import Decision, TwistServo
-from isotruss_ros.core.settling import settle, Settled
-from isotruss_ros.core.shape_guard import ShapeBounds, ShapeGuard
-from isotruss_ros.core.shape_margins import shape_margins, ShapeMargins
-from isotruss_ros.core.simulation import RollerFaults, SimulatedRobot
-from isotruss_ros.core.status import Status
-from isotruss_ros.core.structure import deform, Deformation
-from isotruss_ros.core.task import task_jacobian
+from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
+from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.settle_grasp import settle_grasp, SettledGrasp
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.rigidity import worst_case_rigidity_index
+from isotruss_ros.core.kinematics.robot import load_robot, Robot
+from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject
+from isotruss_ros.core.manipulation.limits import Limit, MemberLengthLimit, RollerSpeedLimit
+from isotruss_ros.core.manipulation.solve_joint_velocity import JointCommand, solve_joint_velocity
+from isotruss_ros.core.manipulation.solve_twist import (
+    reachable_twists,
+    RollerCommand,
+    solve_twist,
+    solve_twist_ahead,
+)
+from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.manipulation.tangent_center import tangent_center
+from isotruss_ros.core.manipulation.task import task_jacobian
+from isotruss_ros.core.model.objects import Cylinder, Pose
+from isotruss_ros.core.model.presets import preset_names
+from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, Violation
+from isotruss_ros.core.planning.plan_grasps import plan_grasps
+from isotruss_ros.core.planning.requirements import GraspRequirements, Measure
+from isotruss_ros.core.safety.margins import shape_margins, ShapeMargins
+from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
+from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
+from isotruss_ros.core.simulation.elastic_object import ElasticObject
+from isotruss_ros.core.simulation.free_object import FreeObject
+from isotruss_ros.core.simulation.simulated_robot import RollerFaults, SimulatedRobot
+from isotruss_ros.core.statics.structure import deform, Deformation
 
 __all__ = [
     'AnalyzedGrasp',
@@ -50,8 +64,10 @@ __all__ = [
     'Cylinder',
     'Decision',
     'Deformation',
+    'ElasticObject',
     'FailureCriterion',
     'FailureDetector',
+    'FreeObject',
     'Grasp',
     'GraspAnalysis',
     'GraspCode',
@@ -61,12 +77,12 @@ __all__ = [
     'GraspReport',
     'GraspRequirements',
     'HeldObject',
+    'Hold',
     'IsotrussError',
+    'JointCommand',
     'Limit',
-    'LooseObject',
     'Measure',
     'MemberLengthLimit',
-    'Miss',
     'ObjectPath',
     'PathError',
     'PathPhase',
@@ -75,38 +91,39 @@ __all__ = [
     'Pose',
     'Progress',
     'Question',
-    'Refusal',
-    'RestingPose',
+    'RejectedInput',
     'Robot',
     'RobotFileError',
     'RollerCommand',
     'RollerFaults',
-    'RollerPath',
     'RollerSpeedLimit',
     'RollerState',
-    'Sample',
-    'Settled',
+    'RollerTrajectory',
+    'SettledGrasp',
     'ShapeBounds',
     'ShapeGuard',
     'ShapeMargins',
     'SimulatedRobot',
     'SolverError',
+    'StampedInput',
     'Status',
     'StructureError',
     'Tracking',
     'TrackingSettings',
     'TwistServo',
+    'Violation',
     'analyze_grasp',
     'deform',
-    'find_resting_pose',
     'load_robot',
     'plan_grasps',
     'preset_names',
-    'remaining_task',
-    'settle',
+    'reachable_twists',
+    'settle_grasp',
     'shape_margins',
-    'snug_center',
+    'solve_joint_velocity',
     'solve_twist',
     'solve_twist_ahead',
+    'tangent_center',
     'task_jacobian',
+    'worst_case_rigidity_index',
 ]

@@ -27,3 +27,13 @@ class StructureError(IsotrussError, ValueError):
 
 class PathError(IsotrussError, ValueError):
     """A path of the object, or what is asked of following it, is not usable."""
+
+
+def quote(name: str, longest: int = 80) -> str:
+    """
+    Return a name in quotes for an error, cut off where it is long.
+
+    :param name: of any length, such as one from a message.
+    :param longest: number of characters that are kept.
+    """
+    return repr(name if len(name) <= longest else f'{name[:longest]}…')

@@ -23,15 +23,17 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 ROBOT = 'nine_member'
 OBJECT_DIAMETER = 0.3
-#: Where the object lies at first, inside of the tube `north`, touched by nothing [m].
-OBJECT_CENTER = (0.5, 0.4)
-#: The module that shall grip: there the object can be rolled, and no other tube is in the way.
+#: Initial position of the free object, inside the tube `north`, 5 cm from its members [m].
+OBJECT_CENTER = (0.6, 0.3)
+#: The module whose members grasp: its roller is driven, so the object can be rolled.
 GRIP_MODULE = 'north/Z'
-#: Friction in reserve that the grasp must have [N].
+#: Closure margin that the grasp must have [N].
 MIN_MARGIN = 0.01
-#: Longer than the default [s]: a laptop that does other things as well must not stop the show.
+#: Of one member [N]: leaves a reserve to wrinkling for the turn in place, where a side is short.
+MAX_CONTACT_FORCE = 15.0
+#: Longer than the default [s], for a machine that is busy otherwise.
 COMMAND_TIMEOUT = 1.0
-#: The object is to end this close to where the commands put it.
+#: Largest error of the final pose, against the integral of the commanded twists.
 MAX_POSITION_ERROR = 1e-3
 MAX_ANGLE_ERROR = np.deg2rad(0.1)
 
@@ -70,19 +72,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _play(
     output: Path, rate: float, console: Console
 ) -> tuple[list[PhaseRecord], PlanGrasp.Result]:
-    """Run the nodes as processes: plan, approach and grip, then the path through them."""
+    """Run the nodes as processes: plan, approach, grip, then follow the path."""
     domain = keep_to_this_machine()
-    patient = {'robot': ROBOT, 'command_timeout': COMMAND_TIMEOUT}
-    shared = patient | {'object_diameter': OBJECT_DIAMETER}
+    common = {'robot': ROBOT, 'command_timeout': COMMAND_TIMEOUT}
+    shared = common | {'object_diameter': OBJECT_DIAMETER}
     gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
     x, y = OBJECT_CENTER
     started = [
-        ('simulator', gripping | {'object_lies_free': True, 'object_x': x, 'object_y': y}),
-        # It commands the rollers on every cycle, so not before the object is in the grip.
+        ('simulator', gripping | {'object_is_free': True, 'object_x': x, 'object_y': y}),
+        # It commands the rollers in every cycle, so it is activated once the object is grasped.
         ('manipulation', gripping | {'autostart': False}),
         ('grasp_analysis', shared),
-        ('grasp_planner', patient),
-        ('roller_trajectory', patient),
+        ('grasp_planner', common),
+        ('roller_trajectory', common),
     ]
     names = ', '.join(name for name, _ in started)
     console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
@@ -108,6 +110,7 @@ def _play(
                     object_diameter=OBJECT_DIAMETER,
                     module=GRIP_MODULE,
                     min_margin=MIN_MARGIN,
+                    max_contact_force=MAX_CONTACT_FORCE,
                     count=2,
                 )
                 grasp, plan = gripper.plan(goal, bar('plan a grasp'))

@@ -1,8 +1,9 @@
-"""The demonstration's own node: sends twists, hears what becomes of them, all over DDS."""
+"""The demonstration's own node: publishes twists and records what the others publish."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 import math
 import time
 
@@ -11,24 +12,24 @@ from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import IsotrussError, Pose, Status
 from isotruss_ros.demo.path import Phase
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
-from isotruss_ros.nodes.messages import RollerStates, seconds, twist_message
-from isotruss_ros.nodes.qos import RELIABLE
+from isotruss_ros.nodes.conversions.messages import read_stamp, RollerStateReader, to_twist_message
+from isotruss_ros.nodes.framework.qos import RELIABLE
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
-#: Twists are sent this often [s].
+#: Period of the twists [s].
 PERIOD = 0.01
-#: What should come at once has this long on a busy machine [s].
+#: Time for what takes no time, on a busy machine [s].
 DEADLINE = 20.0
-#: The object rests when its pose has not changed for this long [s].
+#: The object is at rest when its pose has not changed for this long [s].
 REST_TIME = 0.1
 
 
 class DemoError(IsotrussError, RuntimeError):
-    """The nodes did not do what they were asked."""
+    """The nodes did not do what was requested."""
 
 
 class DemoClient(Node):
@@ -42,7 +43,7 @@ class DemoClient(Node):
     def __init__(self, roller_names: tuple[str, ...]) -> None:
         super().__init__('demo')
         self._twists = self.create_publisher(Twist, 'cmd_vel', RELIABLE)
-        self._roller_states = RollerStates(roller_names)
+        self._roller_states = RollerStateReader(roller_names)
         self.frame_id = ''
         self._pose: Pose | None = None
         self._turned = 0.0
@@ -63,12 +64,12 @@ class DemoClient(Node):
 
     @property
     def pose(self) -> Pose:
-        """Return the pose of the object that was measured last."""
+        """Return the last measured pose of the object."""
         return self._pose
 
     @property
     def rollers(self) -> np.ndarray:
-        """Return the roller positions that were measured last (r,) [m]."""
+        """Return the last measured roller positions (r,) [m]."""
         return self._rollers
 
     def _take_pose(self, message: PoseStamped) -> None:
@@ -82,11 +83,11 @@ class DemoClient(Node):
         if self._pose != before:
             self._moved = time.monotonic()
         if self._rollers is not None:
-            snapshot = Snapshot(seconds(message.header), self._rollers, self._pose)
+            snapshot = Snapshot(read_stamp(message.header), self._rollers, self._pose)
             self._record.snapshots.append(snapshot)
 
     def _take_joints(self, message: JointState) -> None:
-        rollers = self._roller_states.state(message).positions
+        rollers = self._roller_states.read(message).positions
         if self._rollers is None or not np.array_equal(rollers, self._rollers):
             self._moved = time.monotonic()
         self._rollers = rollers
@@ -96,13 +97,17 @@ class DemoClient(Node):
     def _take_status(self, message: ManipulationStatus) -> None:
         self._last_status = message
         self._record.statuses.add(Status(message.code))
-        self._status_times.append(seconds(message.header))
+        self._status_times.append(read_stamp(message.header))
 
     def _take_grasp(self, message: GraspState) -> None:
         self._record.grasps.append(message)
 
     def begin(self, name: str) -> PhaseRecord:
-        """Begin a phase: what is heard from now on belongs to its record."""
+        """
+        Begin a phase: messages received from now on belong to its record.
+
+        :param name: of the phase.
+        """
         self._record = PhaseRecord(name)
         self._status_times.clear()
         return self._record
@@ -116,19 +121,20 @@ class DemoClient(Node):
         meanwhile: Callable[[], None] | None = None,
     ) -> None:
         """
-        Wait for something.
+        Wait for a condition.
 
-        :param check: raises when it cannot come any more.
-        :param what: it is, for the error.
-        :param deadline: within which it must come [s].
+        :param ready: returns whether it holds.
+        :param check: raises when it cannot hold any more.
+        :param what: the condition, for the error.
+        :param deadline: within which it must hold [s].
         :param meanwhile: called every `PERIOD`.
-        :raises DemoError: it did not come in time.
+        :raises DemoError: it did not hold in time.
         """
         end = time.monotonic() + deadline
         while not ready():
             if time.monotonic() > end:
-                said = self._last_status.message if self._last_status else 'no status'
-                raise DemoError(f'{what} did not happen within {deadline} s; last heard: {said}')
+                last = self._last_status.message if self._last_status else 'no status'
+                raise DemoError(f'{what}: not within {deadline} s; last status: {last}')
             check()
             if meanwhile is not None:
                 meanwhile()
@@ -138,35 +144,36 @@ class DemoClient(Node):
         while (left := monotonic_time - time.monotonic()) > 0.0:
             self._own_executor.spin_once(timeout_sec=left)
 
-    def resting(self) -> bool:
-        """Tell whether the object and the rollers have not moved for a while."""
+    def at_rest(self) -> bool:
+        """Return whether the object and the rollers have not moved for `REST_TIME`."""
         return self._rollers is not None and time.monotonic() - self._moved > REST_TIME
 
     def _idle(self) -> bool:
         idle = self._last_status is not None and self._last_status.code == Status.IDLE
-        return idle and self.resting()
+        return idle and self.at_rest()
 
     def last_grasp(self) -> GraspState | None:
-        """Return what the analysis said last in this phase."""
+        """Return the last result of the analysis in this phase."""
         return self._record.grasps[-1] if self._record.grasps else None
 
-    def wait_until_obeyed(self, check: Callable[[], None]) -> None:
+    def wait_until_idle(self, check: Callable[[], None]) -> None:
         """
-        Wait until the manipulation answers twists, and the object rests.
+        Wait until the manipulation follows twists, and the object is at rest.
 
-        :param check: raises when a node has gone.
-        :raises DemoError: it did not come about in time.
+        :param check: raises when a node has ended.
+        :raises DemoError: not in time.
         """
-        self._hold_still(check, 'a manipulation that is ready')
+        self._wait_for_rest(check, 'a manipulation that is ready')
 
     def play(
         self, phase: Phase, check: Callable[[], None], progress: Callable[[float], None]
     ) -> PhaseRecord:
         """
-        Send the twists of a phase, then wait until the object rests.
+        Publish the twists of a phase, then wait until the object is at rest.
 
-        :param check: raises when a node has gone.
-        :param progress: told the share that is done.
+        :param phase: twists by time.
+        :param check: raises when a node has ended.
+        :param progress: called with the share that is done.
         :raises DemoError: the object did not come to rest.
         """
         record = self.begin(phase.name)
@@ -176,7 +183,7 @@ class DemoClient(Node):
         while now - start < phase.duration:
             check()
             twist = phase.twist(now - start)
-            self._twists.publish(twist_message(twist))
+            self._twists.publish(to_twist_message(twist))
             tick += 1
             self._spin_until(start + tick * PERIOD)
             sent, now = now, time.monotonic()
@@ -185,11 +192,13 @@ class DemoClient(Node):
         times = self._status_times
         record.loop_rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
         self._moved = time.monotonic()
-        self._hold_still(check, f'rest after {phase.name!r}')
+        self._wait_for_rest(check, f'rest after {phase.name!r}')
+        gaps = (after - before for before, after in pairwise(times))
+        record.longest_cycle = max(gaps, default=0.0)
         record.measured[:2] = np.array(self._pose[:2]) - begin
         record.measured[2] = self._turned - turned
         return record
 
-    def _hold_still(self, check: Callable[[], None], what: str) -> None:
-        """Send zero twists until the object rests."""
+    def _wait_for_rest(self, check: Callable[[], None], what: str) -> None:
+        """Publish zero twists until the object is at rest."""
         self.wait(self._idle, check, what, meanwhile=lambda: self._twists.publish(Twist()))

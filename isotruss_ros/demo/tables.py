@@ -1,4 +1,4 @@
-"""What the demonstration prints: how the object moved, and how it was held."""
+"""The tables of the demonstration: planned grasps, motion of the object, measured grasp."""
 
 from __future__ import annotations
 
@@ -7,25 +7,31 @@ from collections.abc import Sequence
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.demo.record import PhaseRecord
-from isotruss_ros.nodes.messages import seconds
 import numpy as np
 from rich.table import Table
 
 
 def plan_table(plan: PlanGrasp.Result) -> Table:
-    """Return the grasps that were found, best first; the first is the one that is gone to."""
+    """Return the planned grasps, best first; the robot takes the first."""
     table = Table(
         title=(
-            f'Planned: {plan.evaluations} configurations looked at, {plan.analyses} analysed, '
-            f'{plan.computing_time:.1f} s'
+            f'Planned: {plan.evaluations} configurations evaluated, {plan.analyses} of them '
+            f'by statics, in {plan.computing_time:.1f} s'
         ),
         box=None,
         pad_edge=False,
         collapse_padding=True,
     )
-    table.add_column('grip')
-    table.add_column('touching')
-    for heading in ('margin\nmN', 'needs\nfriction', 'normal\nN', 'way\nm', 'least\nrigidity'):
+    table.add_column('module')
+    table.add_column('grasping members')
+    for heading in (
+        'margin\nmN',
+        'required\nfriction',
+        'normal\nN',
+        'wrinkling\n%',
+        'travel\nm',
+        'least\nrigidity',
+    ):
         table.add_column(heading, justify='right', no_wrap=True)
     for grasp in plan.grasps:
         table.add_row(
@@ -34,6 +40,7 @@ def plan_table(plan: PlanGrasp.Result) -> Table:
             f'{1e3 * grasp.closure_margin:.0f}',
             f'{grasp.required_friction:.2f}',
             f'{grasp.total_force:.1f}',
+            f'{100.0 * grasp.utilisation:.0f}',
             f'{grasp.travel:.2f}',
             f'{grasp.rigidity:.2f}',
         )
@@ -41,9 +48,9 @@ def plan_table(plan: PlanGrasp.Result) -> Table:
 
 
 def motion_table(records: Sequence[PhaseRecord]) -> Table:
-    """Return how far the object came, and how exactly."""
+    """Return how far the object moved, and the errors."""
     table = Table(
-        title='Object: dx, dy in mm and turn in degrees; roller: largest speed of any',
+        title='Object: dx, dy in mm and rotation in degrees; roller: largest speed of any',
         box=None,
         pad_edge=False,
         collapse_padding=True,
@@ -77,47 +84,49 @@ def _numbers(values: np.ndarray) -> str:
 
 
 def grasp_table(records: Sequence[PhaseRecord]) -> Table:
-    """Return what held the object: forces over each phase, the rest at its end."""
+    """Return forces and wrinkling over each phase, and how the object is held at its end."""
     table = Table(
-        title='Grasp: sum of the normal forces; left: what friction does not balance',
+        title=(
+            'Grasp: sum of the normal forces; mean contact pressure; largest bending moment\n'
+            'against the wrinkling moment; smallest wrench at which a contact slips'
+        ),
         caption=(
-            'Closed where it was gripped. Moved from there the sides press unevenly:\n'
-            'what friction leaves, the simulator holds.'
+            'shift: of the object to its equilibrium, where members of unequal length\n'
+            'press it; the kinematic simulator moves it as if they were rigid'
         ),
         box=None,
         pad_edge=False,
         collapse_padding=True,
     )
-    table.add_column('phase')
+    table.add_column('phase', no_wrap=True)
     for heading in (
         'normal N\nfrom - to',
-        'at the\nend N',
-        'in contact\nmm',
-        'left\nN',
-        'closed\n%',
-        'at the\nend',
+        'contact\nmm',
+        'pressure\nkPa',
+        'wrinkling\n%',
+        'slips\nat N',
+        'shift\nmm',
+        'held\n%',
         'analysis\nms',
-        'states\nHz',
     ):
         table.add_column(heading, justify='right', no_wrap=True)
     for record in records:
-        answers = [grasp for grasp in record.grasps if grasp.code == GraspState.OK]
-        if not answers:
-            table.add_row(record.name, 'no answer')
+        analyses = [grasp for grasp in record.grasps if grasp.code <= GraspState.WRINKLED]
+        if not analyses:
+            table.add_row(record.name, 'no analysis')
             continue
-        forces = [normal_force(grasp) for grasp in answers]
-        last = answers[-1]
-        closed = np.mean([grasp.force_closure for grasp in record.grasps])
+        forces = [normal_force(grasp) for grasp in analyses]
+        last = analyses[-1]
         table.add_row(
             record.name,
             f'{min(forces):.1f} - {max(forces):.1f}',
-            f'{forces[-1]:.1f}',
             ' + '.join(f'{1e3 * length:.0f}' for length in last.contact_lengths),
-            f'{last.closure_residual:.1f}',
-            f'{100.0 * closed:.0f}',
-            'closed' if last.force_closure else 'open',
-            f'{1e3 * np.median([grasp.computing_time for grasp in answers]):.1f}',
-            f'{_rate(answers):.0f}',
+            ' + '.join(f'{1e-3 * pressure:.0f}' for pressure in last.contact_pressures),
+            f'{100.0 * max(max(grasp.utilisation) for grasp in analyses):.0f}',
+            f'{last.slip_margin:.1f}',
+            f'{1e3 * float(np.hypot(*last.displacement[:2])):.1f}',
+            f'{100.0 * np.mean([grasp.held for grasp in record.grasps]):.0f}',
+            f'{1e3 * np.median([grasp.computing_time for grasp in analyses]):.1f}',
         )
     return table
 
@@ -125,9 +134,3 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
 def normal_force(grasp: GraspState) -> float:
     """Return the sum of the normal forces [N]."""
     return sum(contact.normal_force for contact in grasp.contacts)
-
-
-def _rate(states: Sequence[GraspState]) -> float:
-    """Return how many states came per second; 0 if there is only one."""
-    span = seconds(states[-1].header) - seconds(states[0].header)
-    return (len(states) - 1) / span if span > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""Node `grasp_analysis`: joint states and object pose in, contact forces and closure out."""
+"""Node `grasp_analysis`: publishes contact forces and force closure of the measured grasp."""
 
 from __future__ import annotations
 
@@ -10,19 +10,26 @@ import time
 from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import GraspCode, GraspMonitor, GraspReport, load_robot, Refusal, Sample
-from isotruss_ros.nodes import parameters as params
-from isotruss_ros.nodes.cycle import Cycle
-from isotruss_ros.nodes.diagnostics import CycleTimes, Level
-from isotruss_ros.nodes.grasp_messages import external_wrench, question, state_message
-from isotruss_ros.nodes.inputs import age, latest, Sensors
-from isotruss_ros.nodes.managed import ManagedNode
-from isotruss_ros.nodes.markers import GraspMarkers
-from isotruss_ros.nodes.messages import MessageError, seconds
-from isotruss_ros.nodes.newest import subscribe_newest
-from isotruss_ros.nodes.qos import RELIABLE
-from isotruss_ros.nodes.report import Reporter
-from isotruss_ros.nodes.runner import run
+from isotruss_ros.core import GraspCode, GraspMonitor, GraspReport, load_robot
+from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
+from isotruss_ros.nodes.components.sensors import (
+    format_age,
+    subscribe_input,
+    subscribe_joint_states,
+    subscribe_object_center,
+)
+from isotruss_ros.nodes.conversions.grasp_messages import (
+    read_external_wrench,
+    read_question,
+    to_state_message,
+)
+from isotruss_ros.nodes.conversions.markers import GraspMarkers
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.framework.diagnostics import CycleTimes, Level, WarningThrottle
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.runner import run
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from std_msgs.msg import Bool
@@ -41,20 +48,21 @@ SPECS = (
     params.COMMAND_TIMEOUT,
     SPACING,
 )
-#: RViz draws no oftener [s].
+#: Markers are published at most this often, as RViz draws [s].
 MARKER_PERIOD = 1.0 / 30.0
 
 
 class GraspAnalysisNode(ManagedNode):
     """
-    Says in every cycle what holds the object by the latest messages, or why that is not known.
+    Analyse the grasp in every cycle from the latest inputs.
 
-    :raises IsotrussError: a parameter is unusable; says which and what would be right.
+    :param parameter_overrides: values of parameters other than the defaults.
+    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('grasp_analysis', SPECS, parameter_overrides)
-        self._reporter = Reporter(self.get_logger())
+        self._throttle = WarningThrottle(self.get_logger())
         self._cycle_times = CycleTimes()
         self._monitor: GraspMonitor | None = None
         self._cycle: Cycle | None = None
@@ -62,7 +70,7 @@ class GraspAnalysisNode(ManagedNode):
         self.start()
 
     def configure(self) -> None:
-        """Load the robot and listen."""
+        """Load the robot, create publishers and subscriptions."""
         values = self.values
         self._robot = load_robot(values[params.ROBOT])
         values.on_change(lambda _new: None, self._apply)
@@ -78,44 +86,44 @@ class GraspAnalysisNode(ManagedNode):
         self._wrenches = self.create_lifecycle_publisher(WrenchStamped, 'grasp/wrench', RELIABLE)
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
         self._markers = GraspMarkers(self._robot.frame)
-        Sensors(self, self._robot, self._monitor)
-        subscribe_newest(self, WrenchStamped, 'external_wrench', self._take_wrench)
+        subscribe_joint_states(self, self._robot, self._monitor)
+        subscribe_object_center(self, self._robot, self._monitor)
+        subscribe_input(
+            self, WrenchStamped, 'external_wrench', self._read_wrench, self._monitor, 'wrench'
+        )
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
-        """Answer from now on."""
-        self._cycle = Cycle(self, self.values[RATE], self._step, self._forget)
-        self.create_service(AnalyzeGrasp, 'analyze_grasp', self._answer)
+        """Start the cycle and offer the service."""
+        self._cycle = Cycle(self, self.values[RATE], self._step, self._clear_inputs)
+        self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
     def deactivate(self) -> None:
         """Stop the cycle."""
         self._cycle = None
 
     def cleanup(self) -> None:
-        """Let go of the robot."""
+        """Release the robot."""
         self._monitor = None
 
     def details(self) -> dict[str, object]:
-        """Return how the loop is and what it goes by."""
+        """Return cycle times and ages of the inputs."""
         monitor = self._monitor
         if monitor is None:
             return {}
-        now = 1e-9 * self.get_clock().now().nanoseconds
+        now = self.now()
         return {
-            'age of joint states [s]': age(monitor.rollers, now),
-            'age of object pose [s]': age(monitor.center, now),
-            'age of external wrench [s]': age(monitor.wrench, now),
+            'age of joint states [s]': format_age(monitor.rollers, now),
+            'age of object pose [s]': format_age(monitor.center, now),
+            'age of external wrench [s]': format_age(monitor.wrench, now),
         } | self._cycle_times.summary(1.0 / self.values[RATE])
 
-    def _forget(self) -> None:
-        """Rely on nothing that came before: its age cannot be known."""
+    def _clear_inputs(self) -> None:
+        """Discard the inputs: after a jump of the clock their ages are unknown."""
         self._monitor.rollers = self._monitor.center = self._monitor.wrench = None
 
-    def _now(self) -> float:
-        return 1e-9 * self.get_clock().now().nanoseconds
-
     def _apply(self) -> None:
-        """Take over changed parameters, in the next cycle."""
+        """Apply changed parameters from the next cycle on."""
         self._monitor.object_diameter = self.values[params.OBJECT_DIAMETER]
         self._monitor.friction = self.values[params.FRICTION]
         self._monitor.spacing = self.values[SPACING]
@@ -123,43 +131,43 @@ class GraspAnalysisNode(ManagedNode):
         if self._cycle is not None:
             self._cycle.change(self.values[RATE])
 
-    def _take_wrench(self, message: WrenchStamped) -> None:
-        try:
-            wrench = external_wrench(message, self._robot.frame)
-            came = Sample(wrench, seconds(message.header))
-            self._monitor.wrench = latest(self._monitor.wrench, came, self._monitor.timeout)
-        except MessageError as error:
-            self._monitor.wrench = Refusal(str(error))
+    def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:
+        return read_external_wrench(message, self._robot.frame)
 
-    def _answer(
+    def _analyze(
         self, request: AnalyzeGrasp.Request, response: AnalyzeGrasp.Response
     ) -> AnalyzeGrasp.Response:
-        asked = question(request, self.values[SPACING])
-        report = self._monitor.what_if(asked, self._now())
-        response.success = report.code is GraspCode.OK
+        report = self._monitor.analyze_request(
+            read_question(request, self.values[SPACING]), self.now()
+        )
+        response.success = report.grasp is not None
         response.message = report.message
-        response.state = state_message(report, self._robot.frame)
+        response.state = to_state_message(report, self._robot.frame)
         return response
 
     def _step(self, now: Time) -> None:
         began = time.perf_counter()
         report = self._monitor.report(1e-9 * now.nanoseconds)
-        state = state_message(report, self._robot.frame)
+        state = to_state_message(report, self._robot.frame)
         self._states.publish(state)
-        self._closures.publish(Bool(data=state.force_closure))
+        self._closures.publish(Bool(data=state.held))
         if report.grasp is not None:
-            # A wrench cannot say that it is none: where there is no answer it is silent.
+            # A wrench has no code: without a result, none is published.
             wrench = WrenchStamped(header=state.header, wrench=state.normal_wrench)
             self._wrenches.publish(wrench)
-            self.diagnostics.say(Level.OK, report.message or 'answering')
+            used = max(report.grasp.analysis.utilisation.values())
+            level = Level.OK if used <= MAX_UTILISATION else Level.WARN
+            if report.code is not GraspCode.OK:
+                self._throttle.warn(report.code.name, f'{report.code}: {report.message}')
+            self.diagnostics.set_status(level, report.message or 'analysing')
         else:
-            self._reporter.warn(report.code.name, f'{report.code}: {report.message}')
-            self.diagnostics.say(Level.ERROR, f'{report.code}: {report.message}')
+            self._throttle.warn(report.code.name, f'{report.code}: {report.message}')
+            self.diagnostics.set_status(Level.ERROR, f'{report.code}: {report.message}')
         self._draw(report)
-        self._cycle_times.note(time.perf_counter() - began)
+        self._cycle_times.add(time.perf_counter() - began)
 
     def _draw(self, report: GraspReport) -> None:
-        """Publish markers where somebody looks at them, not oftener than they are drawn."""
+        """Publish markers if there is a subscriber, at the rate at which they are drawn."""
         now = time.monotonic()
         if now - self._drawn >= MARKER_PERIOD and self._arrays.get_subscription_count():
             self._arrays.publish(self._markers.update(report, self.get_clock().now()))
@@ -167,7 +175,11 @@ class GraspAnalysisNode(ManagedNode):
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the analysis until it is interrupted."""
+    """
+    Run the analysis until it is interrupted.
+
+    :param args: of the command line; those of the process if None.
+    """
     return run(GraspAnalysisNode, args)
 
 

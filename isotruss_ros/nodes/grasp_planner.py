@@ -1,9 +1,10 @@
-"""Node `grasp_planner`: searches for grasps of an object that lies free."""
+"""Node `grasp_planner`: searches for grasps of a free object."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 import contextlib
+from dataclasses import dataclass
 import sys
 import time
 
@@ -13,61 +14,76 @@ from isotruss_ros.core import (
     ConfigurationError,
     IsotrussError,
     load_robot,
-    Refusal,
-    Sample,
+    StampedInput,
 )
-from isotruss_ros.core.samples import Input, InputError, require_fresh, ShapeTracker
-from isotruss_ros.nodes import parameters as params
-from isotruss_ros.nodes.diagnostics import Level
-from isotruss_ros.nodes.inputs import age, latest
-from isotruss_ros.nodes.managed import ManagedNode
-from isotruss_ros.nodes.messages import MessageError, RollerStates, seconds
-from isotruss_ros.nodes.newest import subscribe_newest
-from isotruss_ros.nodes.plan_messages import feedback_message, result_message, wanted
-from isotruss_ros.nodes.runner import run
-from isotruss_ros.nodes.single_goal import Ending, SingleGoal
-from isotruss_ros.plan.pool import MAX_WORKERS
-from isotruss_ros.plan.searcher import Answer, Outcome, Searcher
+from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
+from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
+from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
+from isotruss_ros.core.planning.workers import MAX_WORKERS
+from isotruss_ros.nodes.components.sensors import format_age, subscribe_joint_states
+from isotruss_ros.nodes.conversions.plan_messages import (
+    read_goal,
+    to_feedback_message,
+    to_result_message,
+)
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.diagnostics import Level
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.runner import run
+from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import JointState
 
 WORKERS = params.Spec(
     'workers',
     0,
-    'Processes that search, a core each; as many as there are cores if 0',
+    'Processes that search, one for each core if 0',
     read_only=True,
 )
 SPECS = (params.ROBOT, params.COMMAND_TIMEOUT, WORKERS)
-#: How often the node looks after a search, and how often it tells of it [s].
+#: Periods at which the node polls a search, and publishes feedback [s].
 PERIOD, FEEDBACK_PERIOD = 0.02, 0.1
 #: How the action ends with each outcome; with all others it is aborted.
 ENDINGS = {Outcome.FOUND: Ending.SUCCEEDED, Outcome.CANCELLED: Ending.CANCELED}
 
 
+@dataclass
+class PlannerInputs:
+    """
+    Measured inputs of the planner.
+
+    :ivar timeout: largest age [s].
+    :ivar rollers: StampedInput of the RollerState.
+    """
+
+    timeout: float
+    rollers: Input = None
+
+
 class GraspPlanner(ManagedNode):
     """
-    Pursues one goal at a time, and rejects others meanwhile.
+    Execute one goal at a time, and reject others meanwhile.
 
-    The search has a thread and processes of its own; a timer looks after it.
+    The search has a thread and processes of its own; a timer polls it.
 
-    :raises IsotrussError: a parameter is unusable; says which and what would be right.
+    :param parameter_overrides: values of parameters other than the defaults.
+    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         # First of all: where a parameter is of a wrong type the node is destroyed at once.
         self._searcher: Searcher | None = None
         super().__init__('grasp_planner', SPECS, parameter_overrides)
-        self._rollers: Input = None
-        self._followed: Input = None
-        self._shapes: ShapeTracker | None = None
+        self._inputs: PlannerInputs | None = None
+        self._tracked: Input = None
+        self._shapes: ConfigurationTracker | None = None
         self._goal: SingleGoal | None = None
-        self._told = 0.0
+        self._feedback_time = 0.0
         self.start()
 
     def configure(self) -> None:
-        """Load the robot, listen to its rollers, and offer the action."""
+        """Load the robot, subscribe to its joint states, and offer the action."""
         workers = self.values[WORKERS]
         if not 0 <= workers <= MAX_WORKERS:
             raise params.ParameterError(
@@ -76,93 +92,88 @@ class GraspPlanner(ManagedNode):
             )
         self._robot = load_robot(self.values[params.ROBOT])
         self._searcher = Searcher(workers)
-        self._shapes = ShapeTracker(self._robot)
-        self._states = RollerStates(self._robot.roller_names)
-        subscribe_newest(self, JointState, 'joint_states', self._take_joint_states)
+        self._shapes = ConfigurationTracker(self._robot.home)
+        self._inputs = PlannerInputs(self.values[params.COMMAND_TIMEOUT])
+        self.values.on_change(lambda _new: None, self._apply)
+        subscribe_joint_states(self, self._robot, self._inputs)
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
             PlanGrasp,
             'plan_grasp',
-            ready=lambda: self.active and not self._goal.pursued,
+            ready=lambda: self.active and not self._goal.active,
             begin=self._begin,
-            preempted=lambda: self._give_up('a newer goal took over'),
+            preempted=lambda: self._abort('a newer goal took over'),
             cancelled=self._searcher.cancel,
         )
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
-        """Take goals from now on."""
-        self.diagnostics.say(Level.OK, 'no search')
-        # By the steady clock: a search takes as long as it takes, in simulated time too.
-        self.create_timer(PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        """Accept goals from now on."""
+        self.diagnostics.set_status(Level.OK, 'no search')
+        # Steady clock: a search runs in wall time where time is simulated too.
+        self.create_timer(PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def deactivate(self) -> None:
         """End the search and its processes."""
-        self._give_up('the node was deactivated')
+        self._abort('the node was deactivated')
 
     def cleanup(self) -> None:
-        """Let go of the robot."""
-        self._goal = self._shapes = self._rollers = self._followed = None
+        """Release the robot."""
+        self._goal = self._shapes = self._inputs = self._tracked = None
 
     def destroy_node(self) -> None:
-        """Leave no process behind."""
+        """Destroy the node and end the processes."""
         if self._searcher is not None:
             self._searcher.close()
         super().destroy_node()
 
     def details(self) -> dict[str, object]:
-        """Return what it does and what it goes by."""
+        """Return the progress of the search and the age of the joint states."""
         if self._goal is None:
             return {}
-        now = 1e-9 * self.get_clock().now().nanoseconds
-        found: dict[str, object] = {
-            'searching': self._goal.pursued,
-            'age of joint states [s]': age(self._rollers, now),
+        details: dict[str, object] = {
+            'searching': self._goal.active,
+            'age of joint states [s]': format_age(self._inputs.rollers, self.now()),
         }
         progress = self._searcher.progress()
         if progress is not None:
-            found |= {'evaluations': progress.evaluations, 'grasps found': progress.found}
-        return found
+            details |= {'evaluations': progress.evaluations, 'grasps found': progress.found}
+        return details
 
     # -- Where the robot is --
 
-    def _take_joint_states(self, message: JointState) -> None:
-        try:
-            came = Sample(self._states.state(message), seconds(message.header))
-            timeout = self.values[params.COMMAND_TIMEOUT]
-            self._rollers = latest(self._rollers, came, timeout)
-        except MessageError as error:
-            self._rollers = Refusal(str(error))
+    def _apply(self) -> None:
+        self._inputs.timeout = self.values[params.COMMAND_TIMEOUT]
 
-    def _follow(self) -> None:
-        """Keep up with the robot: its shape depends on the way there."""
-        if self._rollers is self._followed:
+    def _track(self) -> None:
+        """Follow the shape of the robot, which depends on the path of the rollers."""
+        if self._inputs.rollers is self._tracked:
             return
-        self._followed = self._rollers
-        if isinstance(self._rollers, Sample):
-            # What cannot be is said when a goal needs it.
+        self._tracked = self._inputs.rollers
+        if isinstance(self._tracked, StampedInput):
+            # The next goal reports a configuration that does not exist.
             with contextlib.suppress(ConfigurationError):
-                self._shapes.configuration(self._rollers.value.positions)
+                self._shapes.configuration(self._tracked.value.positions)
 
     def _configuration(self) -> Configuration:
         """
-        Return where the robot is.
+        Return the configuration of the latest joint states.
 
-        :raises InputError: that is not known.
-        :raises ConfigurationError: it cannot be.
+        :raises InputError: they are missing, stale or invalid.
+        :raises ConfigurationError: no configuration fits them.
         """
-        now = 1e-9 * self.get_clock().now().nanoseconds
-        timeout = self.values[params.COMMAND_TIMEOUT]
-        state = require_fresh('joint states', self._rollers, now, timeout).value
-        return self._shapes.configuration(state.positions)
+        (given,) = require_fresh(
+            self.now(), self._inputs.timeout, joint_states=self._inputs.rollers
+        )
+        return self._shapes.configuration(given.value.positions)
 
     # -- The action --
 
     def _begin(self, goal: PlanGrasp.Goal) -> None:
-        """Begin a search, or say why not."""
+        """Begin a search, or abort the goal with the reason."""
         try:
-            asked = wanted(goal, self._robot)
+            arguments = read_goal(goal, self._robot)
         except IsotrussError as error:
             self._end(Answer(Outcome.BAD_GOAL, str(error)))
             return
@@ -171,41 +182,47 @@ class GraspPlanner(ManagedNode):
         except (InputError, ConfigurationError) as error:
             self._end(Answer(Outcome.NO_JOINT_STATES, str(error)))
             return
-        self._searcher.begin(config, *asked)
-        self.diagnostics.say(Level.OK, 'searching')
+        self._searcher.begin(config, *arguments)
+        self.diagnostics.set_status(Level.OK, 'searching')
 
-    def _look(self) -> None:
-        """Look after the search."""
-        self._follow()
+    def _poll(self) -> None:
+        """Publish feedback of the search, or end the goal with its answer."""
+        self._track()
         answer = self._searcher.answer()
         if answer is not None:
             self._end(answer)
-        elif self._goal.pursued and time.monotonic() - self._told >= FEEDBACK_PERIOD:
-            self._told = time.monotonic()
-            self._goal.tell(feedback_message(self._searcher.progress()))
+        elif self._goal.active and time.monotonic() - self._feedback_time >= FEEDBACK_PERIOD:
+            self._feedback_time = time.monotonic()
+            self._goal.publish_feedback(to_feedback_message(self._searcher.progress()))
 
-    def _give_up(self, why: str) -> None:
-        """End the goal, if there is one, and the processes."""
+    def _abort(self, why: str) -> None:
+        """Abort the goal, if there is one, and end the processes."""
         self._searcher.close()
-        if self._goal.pursued:
+        if self._goal.active:
             self._end(Answer(Outcome.FAILED, why))
 
     def _end(self, answer: Answer) -> None:
-        """Say how the goal ended."""
+        """Publish the result of the goal."""
         self._goal.end(
-            ENDINGS.get(answer.outcome, Ending.ABORTED), result_message(answer, self._robot)
+            ENDINGS.get(answer.outcome, Ending.ABORTED), to_result_message(answer, self._robot)
         )
-        words = f'{answer.outcome.name.lower().replace("_", " ")}: {answer.message}'
+        text = f'{answer.outcome.name.lower().replace("_", " ")}: {answer.message}'
         good = answer.outcome in ENDINGS
-        self.diagnostics.say(Level.OK if good else Level.WARN, f'no search; last {words}')
+        self.diagnostics.set_status(
+            Level.OK if good else Level.WARN, f'no search; last goal {text}'
+        )
         if good:
-            self.get_logger().info(words)
+            self.get_logger().info(text)
         else:
-            self.get_logger().warning(words)
+            self.get_logger().warning(text)
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the planner until it is interrupted."""
+    """
+    Run the planner until it is interrupted.
+
+    :param args: of the command line; those of the process if None.
+    """
     return run(GraspPlanner, args)
 
 

@@ -1,4 +1,4 @@
-"""Node `manipulation`: the object's twist in, roller velocity commands and status out."""
+"""Node `manipulation`: turns twists of the object into roller velocity commands."""
 
 from __future__ import annotations
 
@@ -7,51 +7,73 @@ import sys
 import time
 
 from geometry_msgs.msg import Twist, TwistStamped
-from isotruss_ros.core import load_robot, Refusal, Sample, Status, TwistServo
-from isotruss_ros.nodes import parameters as params
-from isotruss_ros.nodes.cycle import Cycle
-from isotruss_ros.nodes.emergency_stop import EmergencyStop
-from isotruss_ros.nodes.failed_rollers import (
+from isotruss_ros.core import load_robot, RejectedInput, StampedInput, Status, TwistServo
+from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.nodes.components.emergency_stop import EmergencyStop
+from isotruss_ros.nodes.components.failed_rollers import (
     check_failed_rollers,
+    describe_reachable_twists,
     FailedRollers,
-    remaining_motions,
 )
-from isotruss_ros.nodes.inputs import age, latest, Sensors
-from isotruss_ros.nodes.managed import ManagedNode
-from isotruss_ros.nodes.messages import (
+from isotruss_ros.nodes.components.sensors import (
+    format_age,
+    subscribe_input,
+    subscribe_joint_states,
+    subscribe_object_center,
+)
+from isotruss_ros.nodes.components.servo_settings import apply_settings, FAILED_ROLLERS
+from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
+from isotruss_ros.nodes.components.status_report import StatusReport
+from isotruss_ros.nodes.conversions.messages import (
     check_frame,
-    command_message,
     MessageError,
-    planar_twist,
-    seconds,
+    read_twist,
+    to_command_message,
 )
-from isotruss_ros.nodes.newest import subscribe_newest
-from isotruss_ros.nodes.qos import RELIABLE
-from isotruss_ros.nodes.runner import run
-from isotruss_ros.nodes.servo_settings import apply_settings, FAILED_ROLLERS
-from isotruss_ros.nodes.servo_settings import SPECS as SERVO_SPECS
-from isotruss_ros.nodes.status_report import StatusReport
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.runner import run
+from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
 import numpy as np
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from std_msgs.msg import Float64MultiArray
 
+SQUEEZE_FORCE = params.Spec(
+    'squeeze_force',
+    0.0,
+    'Mean normal force of the grasping members that is regulated, 0 to keep the angle of the '
+    'grip [N]',
+    bounds=(0.0, 1000.0),
+)
+MIN_SLIP_MARGIN = params.Spec(
+    'min_slip_margin',
+    1.0,
+    'With squeeze_force: below this slip margin the status warns [N]',
+    bounds=(0.0, 1000.0),
+)
 SPECS = (
     params.ROBOT,
     params.USE_STAMPED_TWIST,
     params.REQUIRE_EMERGENCY_STOP,
+    params.FRICTION,
+    SQUEEZE_FORCE,
+    MIN_SLIP_MARGIN,
     *SERVO_SPECS,
 )
-#: A controller has this long to acknowledge the last command.
-LAST_WORD = Duration(seconds=0.5)
+#: Subscribers have this long to acknowledge the last command.
+ACKNOWLEDGE_TIME = Duration(seconds=0.5)
 
 
 class Manipulation(ManagedNode):
     """
-    Decides in every cycle, from the latest messages only, what the rollers are to do.
+    Compute the roller velocities in every cycle from the latest inputs.
 
-    :raises IsotrussError: a parameter is unusable; says which and what would be right.
+    :param parameter_overrides: values of parameters other than the defaults.
+    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
@@ -60,13 +82,13 @@ class Manipulation(ManagedNode):
         self._servo: TwistServo | None = None
         self._cycle: Cycle | None = None
         self._stop = EmergencyStop(
-            self, lambda: self.values[params.REQUIRE_EMERGENCY_STOP], self._stop_changed
+            self, lambda: self.values[params.REQUIRE_EMERGENCY_STOP], self._apply_stop
         )
-        self._failed_rollers = FailedRollers(self, lambda: self._servo, self._failures_changed)
+        self._failed_rollers = FailedRollers(self, lambda: self._servo, self._apply_failures)
         self.start()
 
     def configure(self) -> None:
-        """Load the robot and listen."""
+        """Load the robot, create publishers and subscriptions."""
         values = self.values
         self._robot = load_robot(values[params.ROBOT])
         values.on_change(self._check, self._apply)
@@ -79,70 +101,72 @@ class Manipulation(ManagedNode):
             timeout=values[params.COMMAND_TIMEOUT],
         )
         apply_settings(self._servo, values)
-        self._failed_rollers.hold_found()
-        self._failures_changed()
-        for pair in self._servo.guard.unguarded:
-            self.get_logger().warning(f'{pair} overlap at home: they are not kept apart')
+        self._apply_squeeze()
+        self._failed_rollers.restore_detected()
+        self._apply_failures()
         self._commands = self.create_lifecycle_publisher(
             Float64MultiArray, 'roller_velocity_controller/commands', RELIABLE
         )
-        Sensors(self, self._robot, self._servo)
+        subscribe_joint_states(self, self._robot, self._servo)
+        subscribe_object_center(self, self._robot, self._servo)
         if values[params.USE_STAMPED_TWIST]:
-            subscribe_newest(self, TwistStamped, 'cmd_vel', self._take_stamped_twist)
+            subscribe_input(
+                self, TwistStamped, 'cmd_vel', self._read_stamped_twist, self._servo, 'twist'
+            )
         else:
-            subscribe_newest(self, Twist, 'cmd_vel', self._take_twist)
+            subscribe_newest(self, Twist, 'cmd_vel', self._receive_twist)
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
-        """Decide from now on."""
+        """Start the cycle."""
         self._cycle = Cycle(
             self,
             self.values[params.RATE],
             self._step,
-            jumped_back=self._forget,
-            stands=self._clock_stands,
-            patience=self._servo.timeout,
+            jumped_back=self._clear_inputs,
+            stopped=self._halt_on_stopped_clock,
+            progress_timeout=self._servo.timeout,
         )
 
     def deactivate(self) -> None:
-        """Leave the rollers at zero, and make sure that they know."""
+        """Command zero velocities, and wait until the subscribers have received them."""
         self._cycle = None
         self._send_zeros()
-        if not self._commands.wait_for_all_acked(LAST_WORD):
-            self.get_logger().warning('the last zero command was not acknowledged by everyone')
+        if not self._commands.wait_for_all_acked(ACKNOWLEDGE_TIME):
+            self.get_logger().warning('not every subscriber acknowledged the last command, zero')
 
     def cleanup(self) -> None:
-        """Let go of the robot; which rollers failed is kept."""
-        self._failed_rollers.keep_found()
+        """Release the robot; which rollers failed is kept."""
+        self._failed_rollers.keep_detected()
         self._servo = None
 
     def details(self) -> dict[str, object]:
-        """Return how the loop is and what it goes by."""
-        found: dict[str, object] = {'emergency stop': self._stop.reason or 'no'}
+        """Return cycle times, ages of the inputs and failed rollers."""
+        details: dict[str, object] = {'emergency stop': self._stop.reason or 'no'}
         servo = self._servo
         if servo is None:
-            return found
-        now = 1e-9 * self.get_clock().now().nanoseconds
+            return details
+        now = self.now()
         inputs = {'twist': servo.twist, 'joint states': servo.rollers, 'object pose': servo.center}
-        found |= {f'age of {name} [s]': age(given, now) for name, given in inputs.items()}
+        details |= {f'age of {name} [s]': format_age(given, now) for name, given in inputs.items()}
         if servo.failed:
-            found['failed rollers'] = ', '.join(sorted(servo.failed))
-            found['what can still be done'] = remaining_motions(servo)
-        return found | self._report.summary(servo.period)
+            details['failed rollers'] = ', '.join(sorted(servo.failed))
+            details['reachable twists'] = describe_reachable_twists(servo)
+        return details | self._report.summary(servo.period)
 
     def _send_zeros(self) -> None:
-        self._commands.publish(command_message(np.zeros(len(self._robot.roller_names))))
+        self._commands.publish(to_command_message(np.zeros(len(self._robot.roller_names))))
 
     def _halt(self) -> tuple[Status, str] | None:
-        """Return why the rollers stand still whatever the inputs say."""
+        """Return why the rollers are halted whatever the inputs are."""
         reason = self._stop.reason
         if reason is not None:
             return Status.HALT_EMERGENCY_STOP, reason
-        doubt = self._failed_rollers.doubt(self._robot)
-        return None if doubt is None else (Status.HALT_INVALID_FAILED_ROLLERS, doubt)
+        fault = self._failed_rollers.find_fault(self._robot)
+        return None if fault is None else (Status.HALT_INVALID_FAILED_ROLLERS, fault)
 
-    def _stop_changed(self) -> None:
-        """Stop at once; after a release, go on with what is commanded from then on."""
+    def _apply_stop(self) -> None:
+        """Halt at once; after a release, only a twist received from then on moves the object."""
         if self._servo is None:
             return
         self._servo.stopped = self._halt()
@@ -150,24 +174,24 @@ class Manipulation(ManagedNode):
         if self._servo.stopped is not None and self.active:
             self._send_zeros()
 
-    def _forget(self) -> None:
-        """Rely on nothing that came before: its age cannot be known."""
+    def _clear_inputs(self) -> None:
+        """Discard the inputs: after a jump of the clock their ages are unknown."""
         self._servo.twist = self._servo.rollers = self._servo.center = None
 
-    def _clock_stands(self, now: Time) -> None:
-        """Stop; with the clock, ages stand still too, and old inputs would seem new."""
-        self._forget()
+    def _halt_on_stopped_clock(self, now: Time) -> None:
+        """Halt: while the clock is stopped, old inputs do not age."""
+        self._clear_inputs()
         if self._servo.stopped is None:
-            self._servo.stopped = (Status.HALT_CLOCK, f'simulated time stands at {now}')
+            self._servo.stopped = (Status.HALT_CLOCK, f'simulated time stopped at {now}')
         self._step(now)
         self._servo.stopped = self._halt()
 
-    def _failures_changed(self) -> None:
-        """Hold the rollers that somebody says have failed."""
+    def _apply_failures(self) -> None:
+        """Hold the rollers at zero that the topic or the parameter names."""
         if self._servo is None:
             return
         by_parameter = set(self.values[FAILED_ROLLERS]) - {''}
-        self._servo.failed = self._failed_rollers.named(self._robot) | by_parameter
+        self._servo.failed = self._failed_rollers.select_named(self._robot) | by_parameter
         self._servo.stopped = self._halt()
 
     def _check(self, new: dict[str, params.Value]) -> None:
@@ -175,39 +199,52 @@ class Manipulation(ManagedNode):
         check_failed_rollers(self._robot, new)
 
     def _apply(self) -> None:
-        """Take over changed parameters, in the next cycle."""
+        """Apply changed parameters from the next cycle on."""
         apply_settings(self._servo, self.values)
-        self._failures_changed()
+        self._apply_squeeze()
+        self._apply_failures()
         if self._cycle is not None:
             self._cycle.change(self.values[params.RATE], self._servo.timeout)
 
-    def _now(self) -> float:
-        return 1e-9 * self.get_clock().now().nanoseconds
+    def _apply_squeeze(self) -> None:
+        """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""
+        values, servo = self.values, self._servo
+        if values[SQUEEZE_FORCE] == 0.0:
+            servo.squeeze = None
+            return
+        settings = SqueezeSettings(
+            values[SQUEEZE_FORCE],
+            values[params.FRICTION],
+            min_slip_margin=values[MIN_SLIP_MARGIN],
+        )
+        if servo.squeeze is None:
+            servo.squeeze = SqueezeControl(settings)
+        servo.squeeze.settings = settings
 
-    def _take_twist(self, message: Twist) -> None:
+    def _receive_twist(self, message: Twist) -> None:
         try:
-            self._servo.twist = Sample(planar_twist(message), self._now())
+            self._servo.twist = StampedInput(read_twist(message), self.now())
         except MessageError as error:
-            self._servo.twist = Refusal(str(error))
+            self._servo.twist = RejectedInput(str(error))
 
-    def _take_stamped_twist(self, message: TwistStamped) -> None:
-        try:
-            check_frame('twist', message.header, self._robot.frame)
-            came = Sample(planar_twist(message.twist), seconds(message.header))
-            self._servo.twist = latest(self._servo.twist, came, self._servo.timeout)
-        except MessageError as error:
-            self._servo.twist = Refusal(str(error))
+    def _read_stamped_twist(self, message: TwistStamped) -> tuple[float, float, float]:
+        check_frame('twist', message.header, self._robot.frame)
+        return read_twist(message.twist)
 
     def _step(self, now: Time) -> None:
         began = time.perf_counter()
         decision = self._servo.decide(1e-9 * now.nanoseconds)
-        self._commands.publish(command_message(decision.command.roller_velocities))
-        self._report.tell(decision, now)
-        self._report.note_cycle_time(time.perf_counter() - began)
+        self._commands.publish(to_command_message(decision.command.roller_velocities))
+        self._report.publish(decision, now)
+        self._report.add_cycle_time(time.perf_counter() - began)
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the manipulation node until it is interrupted."""
+    """
+    Run the manipulation node until it is interrupted.
+
+    :param args: of the command line; those of the process if None.
+    """
     return run(Manipulation, args)
 
 

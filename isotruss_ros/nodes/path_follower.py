@@ -1,4 +1,4 @@
-"""Node `path_follower`: carries the grasped object along a path, by twists for `manipulation`."""
+"""Node `path_follower`: moves the grasped object along a path, by twists for `manipulation`."""
 
 from __future__ import annotations
 
@@ -9,34 +9,26 @@ import sys
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import (
-    IsotrussError,
-    load_robot,
-    Refusal,
-    Sample,
-    Tracking,
-    TrackingSettings,
+from isotruss_ros.core import IsotrussError, load_robot, Pose, Tracking, TrackingSettings
+from isotruss_ros.core.control.inputs import InputError
+from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedback
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.nodes.components.sensors import format_age, subscribe_input
+from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
+from isotruss_ros.nodes.conversions.path_messages import (
+    read_object_path,
+    read_object_pose,
+    to_feedback_message,
+    to_result_message,
 )
-from isotruss_ros.core.path_servo import Obedience, Outcome, PathServo
-from isotruss_ros.core.samples import InputError
-from isotruss_ros.nodes import parameters as params
-from isotruss_ros.nodes.cycle import Cycle
-from isotruss_ros.nodes.diagnostics import Level
-from isotruss_ros.nodes.inputs import age, latest
-from isotruss_ros.nodes.managed import ManagedNode
-from isotruss_ros.nodes.messages import MessageError, seconds, stamp, twist_message
-from isotruss_ros.nodes.newest import subscribe_newest
-from isotruss_ros.nodes.path_messages import (
-    feedback_message,
-    measured_pose,
-    object_path,
-    result_message,
-)
-from isotruss_ros.nodes.qos import RELIABLE
-from isotruss_ros.nodes.runner import run
-from isotruss_ros.nodes.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.framework.diagnostics import Level
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.runner import run
+from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 
@@ -50,8 +42,11 @@ ANGLE_GAIN = params.Spec(
 RAMP_TIME = params.Spec(
     'ramp_time', 0.5, 'From rest to the speed of the path, and back [s]', bounds=(0.01, 10.0)
 )
-PATIENCE = params.Spec(
-    'patience', 3.0, 'A path is given up after this long without progress [s]', bounds=(0.5, 600.0)
+PROGRESS_TIMEOUT = params.Spec(
+    'progress_timeout',
+    3.0,
+    'A goal is aborted after this long without progress [s]',
+    bounds=(0.5, 600.0),
 )
 SMOOTH_PATH = params.Spec(
     'smooth_path', False, 'Round the corners of paths; straight from pose to pose if not'
@@ -64,24 +59,23 @@ SPECS = (
     POSITION_GAIN,
     ANGLE_GAIN,
     RAMP_TIME,
-    PATIENCE,
+    PROGRESS_TIMEOUT,
     SMOOTH_PATH,
 )
-#: Feedback comes this often [Hz].
+#: Feedback is published this often [Hz].
 FEEDBACK_RATE = 10.0
-
-
 #: How the action ends with each outcome; with all others it is aborted.
 ENDINGS = {Outcome.REACHED: Ending.SUCCEEDED, Outcome.CANCELLED: Ending.CANCELED}
 
 
 class PathFollower(ManagedNode):
     """
-    Follows one path at a time; says nothing on `cmd_vel` while there is none.
+    Follow one path at a time; publish nothing on `cmd_vel` while there is none.
 
-    The action's callbacks only begin and end; all motion comes from the cycle.
+    The action's callbacks only begin and end a goal; the cycle publishes the twists.
 
-    :raises IsotrussError: a parameter is unusable; says which and what would be right.
+    :param parameter_overrides: values of parameters other than the defaults.
+    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
@@ -94,7 +88,7 @@ class PathFollower(ManagedNode):
         self.start()
 
     def configure(self) -> None:
-        """Listen, and offer the action."""
+        """Create publishers and subscriptions, and offer the action."""
         values = self.values
         self._frame = load_robot(values[params.ROBOT]).frame
         self._servo = PathServo(1.0 / values[RATE], values[params.COMMAND_TIMEOUT])
@@ -103,8 +97,15 @@ class PathFollower(ManagedNode):
         self._twists = self.create_lifecycle_publisher(
             TwistStamped if self._stamped else Twist, 'cmd_vel', RELIABLE
         )
-        subscribe_newest(self, PoseStamped, 'object_pose', self._take_pose)
-        subscribe_newest(self, ManipulationStatus, 'manipulation/status', self._take_status)
+        subscribe_input(self, PoseStamped, 'object_pose', self._read_pose, self._servo, 'pose')
+        subscribe_input(
+            self,
+            ManipulationStatus,
+            'manipulation/status',
+            self._read_status,
+            self._servo,
+            'servo_feedback',
+        )
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -117,15 +118,15 @@ class PathFollower(ManagedNode):
         )
 
     def activate(self) -> None:
-        """Take goals from now on."""
-        self.diagnostics.say(Level.OK, 'no path to follow')
+        """Accept goals from now on."""
+        self.diagnostics.set_status(Level.OK, 'no path to follow')
         self._cycle = Cycle(
             self,
             self.values[RATE],
             self._step,
-            jumped_back=self._forget,
-            stands=self._clock_stands,
-            patience=self._servo.timeout,
+            jumped_back=self._clear_inputs,
+            stopped=self._abort_on_stopped_clock,
+            progress_timeout=self._servo.timeout,
         )
 
     def deactivate(self) -> None:
@@ -134,40 +135,34 @@ class PathFollower(ManagedNode):
         self._end(Outcome.STOPPED, 'the node was deactivated')
 
     def cleanup(self) -> None:
-        """Let go of what was heard."""
+        """Release the inputs."""
         self._servo = self._goal = None
 
     def details(self) -> dict[str, object]:
-        """Return what it does and what it goes by."""
+        """Return the state of the goal and ages of the inputs."""
         if self._servo is None:
             return {}
-        now = 1e-9 * self.get_clock().now().nanoseconds
-        found: dict[str, object] = {
-            'following': self._goal.pursued,
-            'age of object pose [s]': age(self._servo.pose, now),
-            'age of status [s]': age(self._servo.obedience, now),
+        now = self.now()
+        details: dict[str, object] = {
+            'following': self._goal.active,
+            'age of object pose [s]': format_age(self._servo.pose, now),
+            'age of status [s]': format_age(self._servo.servo_feedback, now),
         }
-        if self._goal.pursued and self._last is not None:
-            found |= {'phase': self._last.phase.name, 'progress': f'{self._last.progress:.3f}'}
-            found |= {'position error [m]': f'{self._last.position_error:.6f}'}
-        return found
+        if self._goal.active and self._last is not None:
+            details |= {'phase': self._last.phase.name, 'progress': f'{self._last.progress:.3f}'}
+            details |= {'position error [m]': f'{self._last.position_error:.6f}'}
+        return details
 
-    # -- What comes in --
+    # -- Inputs --
 
-    def _take_pose(self, message: PoseStamped) -> None:
-        try:
-            came = Sample(measured_pose(message, self._frame), seconds(message.header))
-            self._servo.pose = latest(self._servo.pose, came, self._servo.timeout)
-        except MessageError as error:
-            self._servo.pose = Refusal(str(error))
+    def _read_pose(self, message: PoseStamped) -> Pose:
+        return read_object_pose(message, self._frame)
 
-    def _take_status(self, message: ManipulationStatus) -> None:
-        answer = Obedience(message.code, message.scale, message.message)
-        came = Sample(answer, seconds(message.header))
-        self._servo.obedience = latest(self._servo.obedience, came, self._servo.timeout)
+    def _read_status(self, message: ManipulationStatus) -> ServoFeedback:
+        return ServoFeedback(message.code, message.scale, message.message)
 
     def _apply(self) -> None:
-        """Take over changed parameters; gains and the like with the next goal."""
+        """Apply changed parameters; gains and the like from the next goal on."""
         self._servo.timeout = self.values[params.COMMAND_TIMEOUT]
         self._servo.period = 1.0 / self.values[RATE]
         if self._cycle is not None:
@@ -175,78 +170,84 @@ class PathFollower(ManagedNode):
 
     # -- The action --
 
-    def _begin(self, asked: FollowObjectPath.Goal) -> None:
-        """Begin to follow a path, or say why not."""
+    def _begin(self, goal: FollowObjectPath.Goal) -> None:
+        """Begin to follow a path, or abort the goal with the reason."""
         self._cycles, self._last = 0, None
         values = self.values
         try:
-            path = object_path(
-                asked.path, asked.speed, asked.turn_rate, self._frame, values[SMOOTH_PATH]
+            path = read_object_path(
+                goal.path, goal.speed, goal.turn_rate, self._frame, values[SMOOTH_PATH]
             )
             settings = TrackingSettings(
-                asked.position_tolerance,
-                asked.angle_tolerance,
+                goal.position_tolerance,
+                goal.angle_tolerance,
                 values[POSITION_GAIN],
                 values[ANGLE_GAIN],
                 values[RAMP_TIME],
-                values[PATIENCE],
+                values[PROGRESS_TIMEOUT],
             )
-            self._servo.begin(path, settings, 1e-9 * self.get_clock().now().nanoseconds)
+            self._servo.begin(path, settings, self.now())
         except InputError as error:
             self._end(Outcome.STOPPED, str(error))
         except IsotrussError as error:
             self._end(Outcome.BAD_GOAL, str(error))
 
     def _end(self, outcome: Outcome, message: str) -> None:
-        """Leave the object at rest, and say how the goal ended, if there is one."""
-        if not self._goal.pursued:
+        """Publish a zero twist and the result of the goal, if there is one."""
+        if not self._goal.active:
             return
-        self._send(np.zeros(3))
-        result = result_message(outcome, message, self._servo.tracker, self._last)
+        self._publish_twist(np.zeros(3))
+        result = to_result_message(outcome, message, self._servo.tracker, self._last)
         self._goal.end(ENDINGS.get(outcome, Ending.ABORTED), result)
-        words = f'{outcome.name.lower().replace("_", " ")}: {message}'
+        text = f'{outcome.name.lower().replace("_", " ")}: {message}'
         good = outcome in (Outcome.REACHED, Outcome.CANCELLED, Outcome.PREEMPTED)
-        self.diagnostics.say(Level.OK if good else Level.WARN, f'no path to follow; last {words}')
+        self.diagnostics.set_status(
+            Level.OK if good else Level.WARN, f'no path to follow; last goal {text}'
+        )
         if good:
-            self.get_logger().info(words)
+            self.get_logger().info(text)
         else:
-            self.get_logger().warning(words)
+            self.get_logger().warning(text)
 
     # -- The cycle --
 
     def _step(self, now: Time) -> None:
-        if not self._goal.pursued:
+        if not self._goal.active:
             return
         step = self._servo.decide(1e-9 * now.nanoseconds)
         self._last = step.tracking or self._last
         if step.outcome is not None:
             self._end(step.outcome, step.message)
             return
-        self._send(step.twist)
+        self._publish_twist(step.twist)
         if self._cycles % max(1, round(self.values[RATE] / FEEDBACK_RATE)) == 0:
-            self._goal.tell(feedback_message(step.tracking))
-            self.diagnostics.say(Level.OK, step.tracking.phase.name.lower())
+            self._goal.publish_feedback(to_feedback_message(step.tracking))
+            self.diagnostics.set_status(Level.OK, step.tracking.phase.name.lower())
         self._cycles += 1
 
-    def _forget(self) -> None:
-        """Rely on nothing that came before the clock ran back: its age cannot be known."""
-        self._servo.pose = self._servo.obedience = None
+    def _clear_inputs(self) -> None:
+        """Discard the inputs: after a jump of the clock their ages are unknown."""
+        self._servo.pose = self._servo.servo_feedback = None
 
-    def _clock_stands(self, now: Time) -> None:
-        """Give up: with the clock, ages stand still too, and old poses would seem new."""
-        self._forget()
-        self._end(Outcome.STOPPED, f'simulated time stands at {now}')
+    def _abort_on_stopped_clock(self, now: Time) -> None:
+        """Abort the goal: while the clock is stopped, old inputs do not age."""
+        self._clear_inputs()
+        self._end(Outcome.STOPPED, f'simulated time stopped at {now}')
 
-    def _send(self, twist: NDArray[np.float64]) -> None:
-        message = twist_message(twist)
+    def _publish_twist(self, twist: Array) -> None:
+        message = to_twist_message(twist)
         if self._stamped:
             message = TwistStamped(twist=message)
-            stamp(message.header, self.get_clock().now(), self._frame)
+            stamp_header(message.header, self.get_clock().now(), self._frame)
         self._twists.publish(message)
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the path follower until it is interrupted."""
+    """
+    Run the path follower until it is interrupted.
+
+    :param args: of the command line; those of the process if None.
+    """
     return run(PathFollower, args)
 
 

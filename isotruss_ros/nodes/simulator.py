@@ -1,4 +1,4 @@
-"""Node `simulator`: a robot that follows roller commands, and an object to grip or in the grip."""
+"""Node `simulator`: a robot that follows roller commands, and an object, free or grasped."""
 
 from __future__ import annotations
 
@@ -6,51 +6,68 @@ from collections.abc import Sequence
 from dataclasses import replace
 import sys
 
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.core import (
     ConfigurationError,
     Cylinder,
+    ElasticObject,
+    FreeObject,
     Grasp,
     HeldObject,
     load_robot,
-    LooseObject,
     RollerFaults,
     SimulatedRobot,
-    snug_center,
+    tangent_center,
 )
-from isotruss_ros.nodes import parameters as params
-from isotruss_ros.nodes.cycle import Cycle
-from isotruss_ros.nodes.managed import ManagedNode
-from isotruss_ros.nodes.messages import pose_message, stamp
-from isotruss_ros.nodes.qos import RELIABLE
-from isotruss_ros.nodes.report import Reporter
-from isotruss_ros.nodes.runner import run
+from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
+from isotruss_ros.nodes.conversions.messages import MessageError, stamp_header, to_pose_message
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.runner import run
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-# The simulated object is in the grip from the start and stays there, or lies free at first.
+KINEMATIC, ELASTIC = 'kinematic', 'elastic'
+PLANT = params.Spec(
+    'plant',
+    KINEMATIC,
+    'kinematic: the object is at rest in the grasp frame but for rolling; '
+    'elastic: it is where the equilibrium with the elastic tubes puts it, and can slip',
+    read_only=True,
+)
+STIFFNESS_SCALE = params.Spec(
+    'stiffness_scale',
+    1.0,
+    'Stiffness of the elastic plant against that of the robot file',
+    bounds=(0.01, 100.0),
+    read_only=True,
+)
+# The simulated object is grasped from the start and stays so, or it is free at first.
 GRIP_MODULE = replace(params.GRIP_MODULE, read_only=True)
 OBJECT_DIAMETER = replace(params.OBJECT_DIAMETER, read_only=True)
-SQUEEZE = params.Spec(
-    'squeeze',
+INDENTATION = params.Spec(
+    'indentation',
     0.0,
-    'How much nearer to the corner of the grip than where it just touches the object is [m]',
+    'How far the tubes are indented by the object at home, 0 where they just touch [m]',
     bounds=(0.0, 0.1),
     read_only=True,
 )
-LIES_FREE = params.Spec(
-    'object_lies_free',
+OBJECT_IS_FREE = params.Spec(
+    'object_is_free',
     False,
-    'The object lies at object_x, object_y until friction closes a grasp; in the grip if not',
+    'The object is free at object_x, object_y until friction closes a grasp; grasped if false',
     read_only=True,
 )
 OBJECT_X = params.Spec(
-    'object_x', 0.5, 'Where the object lies free [m]', bounds=(-1e3, 1e3), read_only=True
+    'object_x', 0.6, 'Position of the free object [m]', bounds=(-1e3, 1e3), read_only=True
 )
 OBJECT_Y = params.Spec(
-    'object_y', 0.4, 'Where the object lies free [m]', bounds=(-1e3, 1e3), read_only=True
+    'object_y', 0.3, 'Position of the free object [m]', bounds=(-1e3, 1e3), read_only=True
 )
 FRICTION = replace(params.FRICTION, read_only=True)
 NOISE = params.Spec(
@@ -63,7 +80,7 @@ NOISE = params.Spec(
 SPEED_LIMIT = params.Spec(
     'speed_limit',
     1.0,
-    'Rollers cut larger commands to this [m/s]',
+    'Larger commands are cut off at this [m/s]',
     bounds=(0.0, 10.0),
     read_only=True,
 )
@@ -73,7 +90,7 @@ STUCK_ROLLER = params.Spec(
 SLIP = params.Spec(
     'roller_slip',
     0.0,
-    'Mean share of its way that the tube does not follow a roller, unseen by the encoders',
+    'Mean share of the roller travel by which the tube slips; encoders do not measure it',
     bounds=(0.0, 0.5),
     read_only=True,
 )
@@ -82,11 +99,13 @@ SPECS = (
     params.ROBOT,
     OBJECT_DIAMETER,
     GRIP_MODULE,
-    SQUEEZE,
-    LIES_FREE,
+    INDENTATION,
+    OBJECT_IS_FREE,
     OBJECT_X,
     OBJECT_Y,
     FRICTION,
+    PLANT,
+    STIFFNESS_SCALE,
     params.RATE,
     params.COMMAND_TIMEOUT,
     NOISE,
@@ -99,19 +118,20 @@ SPECS = (
 
 class Simulator(ManagedNode):
     """
-    Takes roller velocity commands, gives joint states and the object's pose.
+    Follow roller velocity commands; publish joint states and the object's pose.
 
-    :raises IsotrussError: a parameter is unusable; says which and what would be right.
+    :param parameter_overrides: values of parameters other than the defaults.
+    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('simulator', SPECS, parameter_overrides)
-        self._reporter = Reporter(self.get_logger())
+        self._throttle = WarningThrottle(self.get_logger())
         self._cycle: Cycle | None = None
         self.start()
 
     def configure(self) -> None:
-        """Put the robot at home, with the object in its grip or lying free."""
+        """Put the robot at home, with the object grasped or free."""
         self._robot = load_robot(self.values[params.ROBOT])
         self._simulated = self._make_robot()
         self.values.on_change(lambda _new: None, self._apply)
@@ -120,15 +140,19 @@ class Simulator(ManagedNode):
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
-        """Follow commands from now on; none is in force yet."""
-        self._time = self._commanded = 1e-9 * self.get_clock().now().nanoseconds
+        """Follow commands from now on; none is active yet."""
+        self._time = self._commanded = self.now()
         self.create_subscription(
-            Float64MultiArray, 'roller_velocity_controller/commands', self._take_command, RELIABLE
+            Float64MultiArray,
+            'roller_velocity_controller/commands',
+            self._receive_command,
+            RELIABLE,
         )
-        self._cycle = Cycle(self, self.values[params.RATE], self._step, self._jumped_back)
+        self.create_subscription(WrenchStamped, 'external_wrench', self._receive_wrench, RELIABLE)
+        self._cycle = Cycle(self, self.values[params.RATE], self._step, self._stop_on_clock_jump)
 
     def deactivate(self) -> None:
-        """Stand still."""
+        """Stop the rollers."""
         self._cycle = None
         self._simulated.stop()
 
@@ -141,43 +165,64 @@ class Simulator(ManagedNode):
         home = self._robot.home
         stuck = frozenset({values[STUCK_ROLLER]} - {''})
         faults = RollerFaults(values[SPEED_LIMIT], values[NOISE], stuck, values[SLIP])
-        if values[LIES_FREE]:
-            cylinder = Cylinder((values[OBJECT_X], values[OBJECT_Y]), diameter)
-            lying = LooseObject(cylinder, values[FRICTION])
-            return SimulatedRobot(home, lying, faults, values[SEED])
-        grasp = Grasp(module, snug_center(home, module, diameter, values[SQUEEZE]), diameter)
-        return SimulatedRobot(home, HeldObject.attach(home, grasp), faults, values[SEED])
+        if values[PLANT] not in (KINEMATIC, ELASTIC):
+            raise params.ParameterError(
+                f'parameter plant: {values[PLANT]!r}: must be {KINEMATIC} or {ELASTIC}'
+            )
+        center = (values[OBJECT_X], values[OBJECT_Y])
+        if not values[OBJECT_IS_FREE]:
+            center = tangent_center(home, module, diameter, values[INDENTATION])
+        self._elastic = None
+        if values[PLANT] == ELASTIC:
+            simulated = self._elastic = ElasticObject(
+                Cylinder(center, diameter),
+                values[FRICTION],
+                stiffness_scale=values[STIFFNESS_SCALE],
+            )
+        elif values[OBJECT_IS_FREE]:
+            simulated = FreeObject(Cylinder(center, diameter), values[FRICTION])
+        else:
+            simulated = HeldObject.attach(home, Grasp(module, center, diameter))
+        return SimulatedRobot(home, simulated, faults, values[SEED])
 
     def _apply(self) -> None:
         if self._cycle is not None:
             self._cycle.change(self.values[params.RATE])
 
-    def _jumped_back(self) -> None:
-        """Stand still, where the robot is: how long a command has been in force is not known."""
+    def _stop_on_clock_jump(self) -> None:
+        """Stop the rollers: after a jump of the clock the age of the command is unknown."""
         self._simulated.stop()
-        self._time = self._commanded = 1e-9 * self.get_clock().now().nanoseconds
+        self._time = self._commanded = self.now()
 
-    def _take_command(self, message: Float64MultiArray) -> None:
-        # Until now the command before was in force: integrate it before it is replaced.
+    def _receive_command(self, message: Float64MultiArray) -> None:
+        # The previous command was active until now: integrate it before it is replaced.
         self._advance(self.get_clock().now())
         try:
             self._simulated.command(message.data)
         except ConfigurationError as error:
             self._simulated.stop()
-            self._reporter.warn('command', f'rollers stopped: {error}')
+            self._throttle.warn('command', f'rollers stopped: {error}')
         self._commanded = self._time
 
+    def _receive_wrench(self, message: WrenchStamped) -> None:
+        if self._elastic is None:  # no force moves an object at rest in the grasp frame
+            return
+        try:
+            self._elastic.external_wrench = read_external_wrench(message, self._robot.frame)
+        except MessageError as error:
+            self._throttle.warn('external_wrench', str(error))
+
     def _advance(self, time: Time) -> None:
-        """Integrate to a time; a command that is not renewed ends after `command_timeout`."""
+        """Integrate to a time; a command that is not repeated ends after `command_timeout`."""
         now = 1e-9 * time.nanoseconds
         expiry = self._commanded + self.values[params.COMMAND_TIMEOUT]
         elapsed = min(now, expiry) - self._time
         try:
-            if elapsed > 0.0:  # simulated time goes on in steps; between them nothing changes
+            if elapsed > 0.0:  # simulated time advances in steps
                 self._simulated.advance(elapsed)
         except ConfigurationError as error:
             self._simulated.stop()
-            self._reporter.warn('blocked', f'rollers block: {error}')
+            self._throttle.warn('blocked', f'rollers blocked: {error}')
         if now > expiry:
             self._simulated.stop()
             self._simulated.advance(0.0)
@@ -185,20 +230,38 @@ class Simulator(ManagedNode):
 
     def _step(self, now: Time) -> None:
         self._advance(now)
+        if self._elastic is not None:
+            self._report_hold(self._elastic)
         joints = JointState(
             name=list(self._robot.roller_names),
             position=self._simulated.roller_positions.tolist(),
             velocity=self._simulated.roller_velocities.tolist(),
         )
-        stamp(joints.header, now)
+        stamp_header(joints.header, now)
         self._joint_states.publish(joints)
-        pose = PoseStamped(pose=pose_message(self._simulated.object_pose))
-        stamp(pose.header, now, self._robot.frame)
+        pose = PoseStamped(pose=to_pose_message(self._simulated.object_pose))
+        stamp_header(pose.header, now, self._robot.frame)
         self._object_pose.publish(pose)
+
+    def _report_hold(self, simulated: ElasticObject) -> None:
+        """State in the diagnostics whether the object is held, and warn when it is dropped."""
+        if simulated.grasp is not None:
+            self.diagnostics.set_status(Level.OK, 'the object is held')
+            return
+        dropped = simulated.dropped
+        words = 'the object is not held'
+        if dropped is not None:
+            words = f'the object was dropped: {dropped.value}'
+            self._throttle.warn('dropped', words)
+        self.diagnostics.set_status(Level.WARN, words)
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the simulator until it is interrupted."""
+    """
+    Run the simulator until it is interrupted.
+
+    :param args: of the command line; those of the process if None.
+    """
     return run(Simulator, args)
 
 

@@ -13,10 +13,10 @@ import time
 import tty
 
 from geometry_msgs.msg import Twist, TwistStamped
-from isotruss_ros.nodes import parameters as params
-from isotruss_ros.nodes.messages import stamp, twist_message
-from isotruss_ros.nodes.qos import RELIABLE
-from isotruss_ros.nodes.runner import run, StoppableNode
+from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.runner import run, StoppableNode
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.parameter import Parameter
@@ -55,7 +55,11 @@ FRAME = params.Spec('frame_id', '', 'Frame of a TwistStamped', read_only=True)
 
 
 class Teleop(StoppableNode):
-    """Publishes the twist of the last key at `rate`, and zero once the key is let go."""
+    """
+    Publish the twist of the last key at `rate`, and zero once the key is released.
+
+    :param parameter_overrides: values of parameters other than the defaults.
+    """
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('teleop', parameter_overrides=list(parameter_overrides))
@@ -69,31 +73,35 @@ class Teleop(StoppableNode):
         self._direction = KEYS[' ']
         self._pressed = time.monotonic()
         self._gain = 1.0
-        # Fingers know no simulated time, and a system's clock that is set back would stop it.
+        # Steady clock: keys are pressed in wall time, and the system's clock may be set back.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0 / self._values[rate], self._cycle, clock=steady)
 
     def press(self, key: str) -> None:
-        """Take a key."""
+        """
+        Apply a pressed key.
+
+        :param key: one character; others than those of `KEYS` and `FASTER` stop the object.
+        """
         self._gain = min(10.0, max(0.1, self._gain * FASTER.get(key, 1.0)))
         if key not in FASTER:
             self._direction = KEYS.get(key, KEYS[' '])
             self._pressed = time.monotonic()
 
     def stop(self) -> None:
-        """Leave with a zero twist."""
-        self._send(KEYS[' '])
+        """Publish a zero twist before the node ends."""
+        self._publish_twist(KEYS[' '])
 
     def _cycle(self) -> None:
         held = time.monotonic() - self._pressed
-        self._send(self._direction if held < self._values[KEY_TIMEOUT] else KEYS[' '])
+        self._publish_twist(self._direction if held < self._values[KEY_TIMEOUT] else KEYS[' '])
 
-    def _send(self, direction: Sequence[float]) -> None:
+    def _publish_twist(self, direction: Sequence[float]) -> None:
         speed, turn = self._gain * self._values[SPEED], self._gain * self._values[TURN]
-        twist = twist_message([speed * direction[0], speed * direction[1], turn * direction[2]])
+        twist = to_twist_message([speed * direction[0], speed * direction[1], turn * direction[2]])
         if self._stamped:
             message = TwistStamped(twist=twist)
-            stamp(message.header, self.get_clock().now(), self._values[FRAME])
+            stamp_header(message.header, self.get_clock().now(), self._values[FRAME])
             self._twists.publish(message)
         else:
             self._twists.publish(twist)
@@ -101,7 +109,7 @@ class Teleop(StoppableNode):
 
 @contextlib.contextmanager
 def _unbuffered_keys() -> Iterator[None]:
-    """Get every key at once and unechoed; leave the terminal as it was."""
+    """Read every key at once and without echo; restore the terminal afterwards."""
     before = termios.tcgetattr(sys.stdin)
     tty.setcbreak(sys.stdin)
     try:
@@ -113,13 +121,17 @@ def _unbuffered_keys() -> Iterator[None]:
 def _read_keys(node: Teleop, done: threading.Event) -> None:
     while not done.is_set():
         if select.select([sys.stdin], [], [], 0.1)[0]:
-            # Not sys.stdin.read: what it buffers select does not see.
+            # Not sys.stdin.read: select does not report what that buffers.
             for key in os.read(sys.stdin.fileno(), 64).decode(errors='replace'):
                 node.press(key)
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Publish twists from the keyboard until it is interrupted."""
+    """
+    Publish twists from the keyboard until it is interrupted.
+
+    :param args: of the command line; those of the process if None.
+    """
     if not sys.stdin.isatty():
         print('teleop: standard input is not a terminal; run it in one', file=sys.stderr)
         return 1

@@ -12,10 +12,12 @@ from pathlib import Path
 
 import atheris
 
-with atheris.instrument_imports(include=['isotruss_ros.core', 'isotruss_ros.fit']):
-    from isotruss_ros.fit.analysis import analyse, contradiction
-    from isotruss_ros.fit.measurements import MeasurementError, read_measurements
-    from isotruss_ros.fit.report import block, unused_rows
+with atheris.instrument_imports(
+    include=['isotruss_ros.core', 'isotruss_ros.cli.fit_tube_stiffness']
+):
+    from isotruss_ros.calibration.analysis import analyse
+    from isotruss_ros.calibration.measurements import MeasurementError, read_measurements
+    from isotruss_ros.calibration.report import block, unused_rows
 
 from harness import fuzz_file
 
@@ -28,9 +30,8 @@ def read(path: Path) -> None:
         return
     analysis = analyse(measurements)
     list(unused_rows(analysis.unused, measurements.rows))
-    contradiction(analysis)
-    if analysis.power_law is not None:
-        block(analysis.power_law)
+    if analysis.fitted is not None:
+        block(analysis.fitted)
 
 
 if __name__ == '__main__':

@@ -18,7 +18,7 @@ import atheris
 
 with atheris.instrument_imports(include=['isotruss_ros.core', 'ruamel.yaml', 'jsonschema']):
     from isotruss_ros.core.errors import RobotFileError
-    from isotruss_ros.core.robot import load_robot
+    from isotruss_ros.core.kinematics.robot import load_robot
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
 

@@ -1,0 +1,120 @@
+"""
+How many files of the package a twist and a closure flag pass through.
+
+One control cycle of `TwistServo.decide` with fresh inputs of a moving robot, and one analysis of
+`GraspMonitor.report` after robot and object have moved. Counted by `sys.setprofile`: the files of
+the package whose functions are called, and the moves between them: every call or return that
+leads from one of its files to another. Calls into other packages do not count.
+
+    python benchmarks/call_path.py
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import os
+
+os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
+
+from pathlib import Path
+import sys
+from types import FrameType
+
+import isotruss_ros
+from isotruss_ros import core
+from measuring import print_table
+import numpy as np
+
+PACKAGE = str(Path(isotruss_ros.__file__).parent)
+MODULE, DIAMETER, PERIOD, TWIST = 'east/Q', 0.3, 0.005, (0.02, 0.03, 0.1)
+#: Files and moves of commit b828dad, counted in the same manner.
+BEFORE = {'twist to roller command': (23, 168), 'closure flag': (20, 430)}
+
+
+def trace(call: Callable[[], object]) -> tuple[list[str], int]:
+    """
+    Return the files of the package that a call passes through, and the moves between them.
+
+    :param call: the call.
+    """
+    files: set[str] = set()
+    current, moves = '', 0
+
+    def note(frame: FrameType, event: str, _argument: object) -> None:
+        nonlocal current, moves
+        file = frame.f_code.co_filename
+        if not file.startswith(PACKAGE) or event not in ('call', 'return'):
+            return
+        if event == 'return':
+            caller = frame.f_back
+            while caller is not None and not caller.f_code.co_filename.startswith(PACKAGE):
+                caller = caller.f_back
+            if caller is None:
+                return
+            file = caller.f_code.co_filename
+        files.add(file)
+        moves += file != current
+        current = file
+
+    sys.setprofile(note)
+    try:
+        call()
+    finally:
+        sys.setprofile(None)
+    return sorted(str(Path(file).relative_to(PACKAGE)) for file in files), moves - 1
+
+
+def control_cycle() -> tuple[list[str], int]:
+    """Trace one cycle of the twist servo, once it has run for some cycles."""
+    robot = core.load_robot('nine_member')
+    center = core.tangent_center(robot.home, MODULE, DIAMETER)
+    servo = core.TwistServo(robot, MODULE, DIAMETER, PERIOD, 0.2)
+    servo.detector = core.FailureDetector(robot.roller_names, core.FailureCriterion())
+    positions, held = np.zeros(len(robot.roller_names)), None
+    now = 0.0
+    for _ in range(10):
+        found = []
+        servo.twist = core.StampedInput(TWIST, now)
+        servo.rollers = core.StampedInput(
+            core.RollerState(positions, np.zeros(len(positions))), now - 0.002
+        )
+        config = robot.configuration(positions)
+        held = held or core.HeldObject.attach(config, core.Grasp(MODULE, center, DIAMETER))
+        servo.center = core.StampedInput(tuple(held.pose(config)[:2]), now - 0.002)
+        traced = trace(lambda now=now, found=found: found.append(servo.decide(now)))
+        assert found[0].command.status is core.Status.OK, found[0].message
+        positions = positions + PERIOD * found[0].command.roller_velocities
+        now += PERIOD
+    return traced
+
+
+def analysis_cycle() -> tuple[list[str], int]:
+    """Trace one analysis of the grasp monitor, once it has run for some cycles."""
+    robot = core.load_robot('nine_member')
+    monitor = core.GraspMonitor(robot, DIAMETER, 0.5, 0.005, 0.5)
+    x, y = core.tangent_center(robot.home, MODULE, DIAMETER, 0.002)
+    for step in range(5):
+        positions = np.full(len(robot.roller_names), 1e-5 * step)
+        rollers = core.RollerState(positions, np.zeros(len(positions)))
+        monitor.rollers = core.StampedInput(rollers, float(step))
+        monitor.center = core.StampedInput((x, y - 1e-5 * step), float(step))
+        traced = trace(lambda step=step: monitor.report(float(step)))
+    assert monitor.report(4.0).code is core.GraspCode.OK
+    return traced
+
+
+def main() -> None:
+    """Print the table, and the files."""
+    rows = []
+    for name, run in (
+        ('twist to roller command', control_cycle),
+        ('closure flag', analysis_cycle),
+    ):
+        files, moves = run()
+        rows.append((name, *(str(n) for n in (*BEFORE[name], len(files), moves))))
+        print(f'{name}: {", ".join(files)}\n')
+    print_table(('', 'files before', 'moves before', 'files', 'moves'), rows)
+
+
+if __name__ == '__main__':
+    main()

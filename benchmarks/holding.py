@@ -1,0 +1,251 @@
+"""
+How well a held object keeps its pose and its squeeze on the elastic plant, and what a load does.
+
+Random grips of random objects on the nine-member robot, random paths; each path is run with the
+paper's rigid program in open loop, with feedback of the pose, and with the model of the held
+object in the loop. Then with loads that the controller is not told of, and on a softer plant.
+Paths on which a limit binds, or whose grip would slip, are drawn anew and counted.
+
+    python benchmarks/holding.py [number of paths]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+import math
+import os
+import sys
+
+os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
+
+from isotruss_ros.core import (
+    Configuration,
+    Cylinder,
+    ElasticObject,
+    Grasp,
+    Hold,
+    IsotrussError,
+    load_robot,
+    RollerCommand,
+    RollerFaults,
+    SimulatedRobot,
+    solve_twist,
+    Status,
+    tangent_center,
+)
+from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from measuring import print_machine, print_table, timed
+import numpy as np
+
+ROBOT = load_robot('nine_member')
+MODULES = ('north/Z', 'south/P', 'east/Q', 'east/R', 'north/R')
+FRICTION, PERIOD, DURATION, GAIN = 0.5, 0.02, 2.0, 2.0
+#: No path begins with less slip margin than this [N].
+MIN_MARGIN = 1.5
+OPEN, RIGID, MODEL = 'rigid, open loop', 'rigid + pose feedback', 'model in the loop + feedback'
+
+
+@dataclass(frozen=True)
+class Path:
+    """A grip, and the twist at the middle of a motion that begins and ends at rest."""
+
+    config: Configuration
+    cylinder: Cylinder
+    module: str
+    twist: np.ndarray
+
+
+@dataclass(frozen=True)
+class Run:
+    """What came of a path: errors of pose and squeeze in all cycles, time of a command."""
+
+    distance: np.ndarray
+    angle: np.ndarray
+    squeeze: np.ndarray
+    time: float
+
+
+def random_path(rng: np.random.Generator) -> Path | None:
+    """Close a random wedge at a module and press an object into it."""
+    module, diameter = str(rng.choice(MODULES)), rng.uniform(0.16, 0.22)
+    config, wanted = ROBOT.home, np.radians(rng.uniform(28.0, 34.0))
+    try:
+        for _ in range(100):
+            left = wanted - opening(config, module)
+            if abs(left) < 1e-6:
+                break
+            grasp = Grasp(module, tangent_center(config, module, diameter), diameter)
+            step = float(np.clip(left, -0.03, 0.03))
+            command = solve_twist(config, grasp, np.zeros(3), limits=(), opening_rate=step)
+            config = config.moved_to(config.roller_positions + command.roller_velocities)
+        center = tangent_center(config, module, diameter, rng.uniform(0.05, 0.12))
+    except IsotrussError:
+        return None
+    speed, heading = rng.uniform(0.04, 0.08), rng.uniform(0.0, 2.0 * np.pi)
+    twist = np.array([speed * np.cos(heading), speed * np.sin(heading), rng.uniform(-0.4, 0.4)])
+    return Path(config, Cylinder(center, diameter), module, twist)
+
+
+def opening(config: Configuration, module: str) -> float:
+    """Return the angle between the members that meet at a module [rad]."""
+    topology = config.robot.topology
+    i = config.robot.module_names.index(module)
+    ahead = config.points[topology.c[topology.following[i]]] - config.points[topology.b[i]]
+    back = config.points[topology.b[topology.previous[i]]] - config.points[topology.c[i]]
+    return float(abs(np.angle(ahead / back)))
+
+
+def follow(
+    path: Path,
+    mode: str,
+    load: Callable[[float], tuple[float, float, float]] | None = None,
+    scale: float = 1.0,
+    gain: float = GAIN,
+) -> Run | str:
+    """Follow a path on the plant; return what came of it, or why it is none."""
+    plant_object = ElasticObject(path.cylinder, FRICTION, stiffness_scale=scale)
+    plant = SimulatedRobot(path.config, plant_object, RollerFaults())
+    plant.advance(0.0)
+    model = RollingGrasp.attach(path.config, path.cylinder)
+    if plant_object.grasp is None or isinstance(model, Hold):
+        return 'not held'
+    if plant_object.slip_margin < MIN_MARGIN and scale == 1.0:
+        return 'margin'
+    force = model.squeeze
+    control = SqueezeControl(SqueezeSettings(force, FRICTION))
+    reference, count = np.array(plant.object_pose), round(DURATION / PERIOD)
+    errors, squeezes, times = [], [], []
+    for k in range(count + count // 2):  # the last third at rest: what a load did is made up for
+        rate = 1.0 - math.cos(2.0 * math.pi * (k + 0.5) / count) if k < count else 0.0
+        if load is not None:
+            plant_object.external_wrench = load(k * PERIOD)
+        error = pose_error(reference, plant)
+        wanted = rate * path.twist + (gain * error if mode != OPEN else 0.0)
+        duration, command = timed(partial(decide, path, plant, control, mode, wanted))
+        if isinstance(command, str):
+            return command
+        times.append(duration)
+        plant.command(command.roller_velocities)
+        plant.advance(PERIOD)
+        if plant_object.grasp is None:
+            return f'dropped: {plant_object.dropped.value}'
+        reference = reference + PERIOD * rate * path.twist
+        errors.append(pose_error(reference, plant))
+        squeezes.append(plant_object.grasp.squeeze / (scale * force) - 1.0)
+    found = np.array(errors)
+    return Run(
+        np.hypot(found[:, 0], found[:, 1]),
+        np.abs(found[:, 2]),
+        np.abs(np.array(squeezes)),
+        float(np.median(times)),
+    )
+
+
+def decide(
+    path: Path, plant: SimulatedRobot, control: SqueezeControl, mode: str, wanted: np.ndarray
+) -> RollerCommand | str:
+    """Return the command of one cycle, or why there is none."""
+    config, pose = plant.config, plant.object_pose
+    grasp = Grasp(path.module, pose[:2], path.cylinder.diameter)
+
+    def solve(twist: np.ndarray, opening_rate: float) -> RollerCommand:
+        return solve_twist(config, grasp, twist, opening_rate=opening_rate)
+
+    if mode != MODEL:
+        command = solve(wanted, 0.0)
+    elif control.follow(config, pose, grasp.diameter) is Hold.HELD:
+        command = control.solve(wanted, PERIOD, solve)
+    else:
+        return 'not held'
+    if command.status is Status.UNREACHABLE:
+        return 'unreachable'
+    return command if command.scale == 1.0 else 'limit'
+
+
+def pose_error(reference: np.ndarray, plant: SimulatedRobot) -> np.ndarray:
+    """Return what is missing to the reference: x, y [m], angle [rad]."""
+    error = reference - np.array(plant.object_pose)
+    error[2] = math.remainder(error[2], 2.0 * math.pi)
+    return error
+
+
+def feasible_paths(number: int) -> Iterator[Path]:
+    """Draw paths until so many can be followed without a load."""
+    rng, drawn, found = np.random.default_rng(1), 0, 0
+    refused: dict[str, int] = {}
+    while found < number:
+        drawn += 1
+        path = random_path(rng)
+        outcome = 'no room' if path is None else follow(path, MODEL)
+        if isinstance(outcome, Run):
+            found += 1
+            yield path
+        else:
+            refused[outcome] = refused.get(outcome, 0) + 1
+    print(f'{drawn} paths drawn; left out: {refused}')
+
+
+def row(name: str, runs: list[Run | str]) -> list[str]:
+    """Return median and worst errors of the paths that were followed to their end."""
+    done = [run for run in runs if isinstance(run, Run)]
+    if not done:
+        return [name, f'0 / {len(runs)}', *[''] * 5]
+    worst = np.array(
+        [
+            [
+                1e3 * run.distance.max(),
+                np.degrees(run.angle.max()),
+                100.0 * run.squeeze.max(),
+                1e3 * run.distance[-1],
+            ]
+            for run in done
+        ]
+    )
+    middle, most = np.median(worst, axis=0), worst.max(axis=0)
+    return [
+        name,
+        f'{len(done)} / {len(runs)}',
+        f'{middle[0]:.3f} / {most[0]:.3f}',
+        f'{most[3]:.3f}',
+        f'{most[1]:.3f}',
+        f'{middle[2]:.2f} / {most[2]:.2f}',
+        f'{1e3 * np.median([run.time for run in done]):.2f}',
+    ]
+
+
+def main() -> None:
+    """Print the table."""
+    print_machine()
+    number = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+    paths = list(feasible_paths(number))
+    rows = [row(mode, [follow(path, mode) for path in paths]) for mode in (OPEN, RIGID, MODEL)]
+
+    def constant(share: float) -> Callable[[float], tuple[float, float, float]]:
+        return lambda _time: (share * 0.6, share * 0.8, 0.0)
+
+    def rotating(size: float) -> Callable[[float], tuple[float, float, float]]:
+        return lambda time: (size * math.cos(3.0 * time), size * math.sin(3.0 * time), 0.0)
+
+    rows.append(row('model, constant 1 N', [follow(p, MODEL, constant(1.0)) for p in paths]))
+    rows.append(row('model, rotating 1 N', [follow(p, MODEL, rotating(1.0)) for p in paths]))
+    rows.append(
+        row('the same, gain 10/s', [follow(p, MODEL, rotating(1.0), gain=10.0) for p in paths])
+    )
+    rows.append(row('model, plant 30 % softer', [follow(p, MODEL, scale=0.7) for p in paths]))
+    header = [
+        'controller',
+        'held',
+        'pose, median / worst [mm]',
+        'at the end [mm]',
+        'angle, worst [deg]',
+        'squeeze off, median / worst [%]',
+        'command [ms]',
+    ]
+    print_table(header, rows)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,111 @@
+"""Where the core computes the equations of the paper: the tags "(1)" to "(20)" in its sources."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+import io
+from pathlib import Path
+import re
+import tokenize
+
+EQUATIONS = range(1, 21)
+#: Not what follows a name or a bracket: that is a call.
+TAG = re.compile(r'(?<![\w\])}])\((\d{1,2})\)')
+
+
+@dataclass(frozen=True, order=True)
+class Place:
+    """
+    A function, class or module that has the tag of an equation.
+
+    :ivar module: dotted name.
+    :ivar name: of the function or class in it; empty for the module.
+    """
+
+    module: str
+    name: str
+
+    @property
+    def public(self) -> bool:
+        """Return whether the API reference shows it."""
+        return not any(part.startswith('_') for part in self.name.split('.'))
+
+
+def equation_map(core: Path) -> dict[int, list[Place]]:
+    """
+    Return where each equation is computed.
+
+    A comment with the tag, or a docstring whose summary has it, marks what computes an equation.
+    Only where an equation has neither, longer docstrings count, and then those of modules.
+
+    :param core: folder of the package `isotruss_ros.core`.
+    """
+    found: dict[int, dict[int, set[Place]]] = defaultdict(lambda: defaultdict(set))
+    for path in sorted(core.rglob('*.py')):
+        if path.name == '__init__.py':
+            continue
+        parts = path.relative_to(core.parents[1]).with_suffix('').parts
+        for equation, rank, name in _tags(path.read_text(encoding='utf-8')):
+            found[equation][rank].add(Place('.'.join(parts), name))
+    return {n: sorted(ranks[min(ranks)]) for n, ranks in sorted(found.items())}
+
+
+def _tags(source: str) -> Iterator[tuple[int, int, str]]:
+    """Yield the equation, how weakly it is claimed (0 to 2), and the function or class."""
+    tree = ast.parse(source)
+    definitions = list(_definitions(tree, ''))
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            line = token.start[0]
+            names = [name for name, node in definitions if node.lineno <= line <= node.end_lineno]
+            for equation in _numbers(token.string):
+                yield equation, 0 if names else 2, names[-1] if names else ''
+    for name, node in [('', tree), *definitions]:
+        text = ast.get_docstring(node) or ''
+        summary, _, rest = text.partition('\n\n')
+        for equation in _numbers(summary):
+            yield equation, 0 if name else 2, name
+        for equation in _numbers(rest):
+            yield equation, 1 if name else 2, name
+
+
+def _definitions(node: ast.AST, prefix: str) -> Iterator[tuple[str, ast.AST]]:
+    """Yield the functions and classes, outer ones first; a constructor counts as its class."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.FunctionDef | ast.ClassDef):
+            name = prefix.rstrip('.') if child.name == '__init__' else prefix + child.name
+            yield name, child
+            yield from _definitions(child, f'{name}.')
+
+
+def _numbers(text: str) -> set[int]:
+    """Return the equations that a text names."""
+    return {int(number) for number in TAG.findall(text)} & set(EQUATIONS)
+
+
+def table(core: Path, statements: dict[str, str]) -> str:
+    """
+    Return the map as a Markdown table.
+
+    :param core: folder of the package.
+    :param statements: what each equation says, by its number in parentheses.
+    """
+    places = equation_map(core)
+    lines = ['| equation | states | computed in |', '| --- | --- | --- |']
+    for number, statement in statements.items():
+        equation = int(number.strip('()'))
+        cells = ', '.join(map(_link, places.get(equation, ()))) or 'nowhere'
+        lines.append(f'| {number} | {statement} | {cells} |')
+    return '\n'.join(lines)
+
+
+def _link(place: Place) -> str:
+    """Return a link to the reference, or the bare name of what is not in it."""
+    target = f'{place.module}.{place.name}'.rstrip('.')
+    words = target.removeprefix('isotruss_ros.')
+    if not place.public:
+        return f'`{words}`'
+    return f'[`{words}`](#{target})'

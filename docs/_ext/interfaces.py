@@ -1,0 +1,151 @@
+"""What the nodes declare: topics, services, actions and parameters, read from running nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+import importlib
+import pkgutil
+from typing import Any
+
+from isotruss_ros import nodes
+import rclpy
+from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import HistoryPolicy, QoSProfile
+
+#: What every node has by rclpy, or by our framework; the page of all nodes has these.
+COMMON_TOPICS = ('/rosout', '/parameter_events', '/clock', '/diagnostics')
+COMMON_PARAMETERS = ('use_sim_time', 'start_type_description_service')
+COMMON_PACKAGES = ('rcl_interfaces', 'lifecycle_msgs', 'type_description_interfaces')
+
+
+@dataclass
+class Entity:
+    """A topic, service or action: its type and the qualities of service asked for."""
+
+    types: list[str] = field(default_factory=list)
+    qos: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Declared:
+    """A parameter as it is declared."""
+
+    name: str
+    default: Any
+    description: str
+    range: str
+    when: str
+
+
+@dataclass
+class Interface:
+    """All that a node declares, by name."""
+
+    subscribed: dict[str, Entity] = field(default_factory=dict)
+    published: dict[str, Entity] = field(default_factory=dict)
+    services: dict[str, Entity] = field(default_factory=dict)
+    actions: dict[str, Entity] = field(default_factory=dict)
+    parameters: list[Declared] = field(default_factory=list)
+
+
+def node_classes() -> dict[str, Callable[..., Node]]:
+    """Return the classes of the executables, by the name of their module."""
+    found = {}
+    for info in pkgutil.iter_modules(nodes.__path__):
+        if info.ispkg:
+            continue
+        module = importlib.import_module(f'{nodes.__name__}.{info.name}')
+        for value in vars(module).values():
+            own = getattr(value, '__module__', '') == module.__name__
+            if own and isinstance(value, type) and issubclass(value, Node):
+                found[info.name] = value
+    return found
+
+
+def interfaces() -> dict[str, Interface]:
+    """Bring every node up, one after the other, and return what each declares."""
+    found = {}
+    for name, kind in node_classes().items():
+        found[name] = _interface(kind)
+        switch = 'use_stamped_twist'
+        if any(p.name == switch for p in found[name].parameters):
+            _interface(kind, found[name], Parameter(switch, value=True))
+    return found
+
+
+@contextmanager
+def _running(kind: Callable[..., Node], overrides: Sequence[Parameter]) -> Iterator[Node]:
+    begun = not rclpy.ok()  # tests may have begun it already
+    if begun:
+        rclpy.init()
+    try:
+        node = kind(parameter_overrides=list(overrides))
+        yield node
+        node.destroy_node()
+    finally:
+        if begun:
+            rclpy.shutdown()
+
+
+def _interface(
+    kind: Callable[..., Node], found: Interface | None = None, *overrides: Parameter
+) -> Interface:
+    """Return what a node declares, added to what was found before with other parameters."""
+    first = found is None
+    found = found or Interface()
+    with _running(kind, overrides) as node:
+        for publisher in node.publishers:
+            _add(found.published, publisher.topic_name, publisher.msg_type, publisher.qos_profile)
+        for subscription in node.subscriptions:
+            name = subscription.topic_name
+            _add(found.subscribed, name, subscription.msg_type, subscription.qos_profile)
+        for service in node.services:
+            if not service.srv_type.__module__.startswith(COMMON_PACKAGES):
+                _add(found.services, service.srv_name, service.srv_type)
+        for name, kinds in get_action_server_names_and_types_by_node(node, node.get_name(), '/'):
+            types = [kind.replace('/action', '') for kind in kinds]
+            found.actions[name.lstrip('/')] = Entity(types)
+        if first:
+            found.parameters = list(_parameters(node))
+    return found
+
+
+def _add(
+    entities: dict[str, Entity], name: str, kind: type, profile: QoSProfile | None = None
+) -> None:
+    """Take an entity; one name may have several types and qualities of service."""
+    if name in COMMON_TOPICS or name.endswith('/transition_event'):
+        return
+    entity = entities.setdefault(name.lstrip('/'), Entity())
+    full = f'{kind.__module__.split(".")[0]}/{kind.__name__}'
+    if full not in entity.types:
+        entity.types.append(full)
+    if profile is not None and (words := qos_words(profile)) not in entity.qos:
+        entity.qos.append(words)
+
+
+def qos_words(profile: QoSProfile) -> str:
+    """Return reliability, durability and depth."""
+    reliability = profile.reliability.name.lower().replace('_', '-')
+    durability = profile.durability.name.lower().replace('_', ' ')
+    whole = profile.history == HistoryPolicy.KEEP_ALL
+    return f'{reliability}, {durability}, {"all" if whole else profile.depth}'
+
+
+def _parameters(node: Node) -> Iterator[Declared]:
+    """Yield the parameters in the order of declaration."""
+    for name, parameter in node.get_parameters_by_prefix('').items():
+        if name in COMMON_PARAMETERS or name.startswith('qos_overrides'):
+            continue
+        descriptor = node.describe_parameter(name)
+        bounds = [*descriptor.floating_point_range, *descriptor.integer_range]
+        reach = ', '.join(f'{b.from_value:g} to {b.to_value:g}' for b in bounds)
+        if descriptor.additional_constraints:
+            when = 'unconfigured'
+        else:
+            when = 'at start' if descriptor.read_only else 'any time'
+        yield Declared(name, parameter.value, descriptor.description, reach, when)

@@ -1,0 +1,101 @@
+"""
+Sphinx extension: the parts of the pages that are generated from the code.
+
+A fenced block whose info string is one of `BLOCKS` is replaced before the page is parsed, so that
+the headings in what is generated are headings of the page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+import re
+
+import equations
+import isotruss_ros
+import node_pages
+import promises
+import reference
+from sphinx.application import Sphinx
+from sphinx.errors import ExtensionError
+
+TOP = Path(isotruss_ros.__file__).resolve().parents[1]
+FENCE = re.compile(r'^```\{([\w-]+)\}(.*)\n((?:(?!```).*\n)*?)```$', re.MULTILINE)
+
+#: What generates each block, from its argument and its lines.
+BLOCKS: dict[str, Callable[[str, str], str]] = {
+    'node-interface': lambda node, text: node_pages.node_tables(node, notes(text)),
+    'quality-of-service': lambda _argument, _text: node_pages.quality_table(),
+    'interface-files': lambda folder, _text: node_pages.interface_files(TOP / folder),
+    'equation-map': lambda folder, text: equations.table(TOP / folder, notes(text)),
+    'core-names': lambda _argument, _text: reference.facade_table(),
+    'promised-tests': lambda path, _text: promises.appendix(TOP / path, TOP / 'test'),
+    'source-file': lambda path, _text: source_file(TOP / path),
+    'repository-page': lambda path, _text: repository_page(TOP / path),
+}
+
+
+def notes(text: str) -> dict[str, str]:
+    """Return `name: note` by name; lines that are indented go on with the note before."""
+    found: dict[str, str] = {}
+    for line in text.splitlines():
+        if line.startswith(' '):
+            found[next(reversed(found))] += f' {line.strip()}'
+        elif line.strip():
+            name, _, note = line.partition(': ')
+            found[name] = note.strip()
+    return found
+
+
+def source_file(path: Path) -> str:
+    """Return a file of the repository as a code block."""
+    language = {'.py': 'python', '.yaml': 'yaml'}.get(path.suffix, 'text')
+    return f'```{language}\n{path.read_text(encoding="utf-8").strip()}\n```'
+
+
+def repository_page(path: Path) -> str:
+    """Return a page from the top of the repository, its links as seen from the site."""
+    return path.read_text(encoding='utf-8').replace('](docs/', '](').strip()
+
+
+def expand(text: str, page: str) -> str:
+    """
+    Return a page with its blocks generated.
+
+    :param text: its source.
+    :param page: its name, for messages.
+    :raises ExtensionError: a block cannot be generated.
+    """
+
+    def replace(match: re.Match[str]) -> str:
+        kind, argument, lines = match.groups()
+        if kind not in BLOCKS:
+            return match[0]
+        try:
+            return BLOCKS[kind](argument.strip(), lines)
+        except (ValueError, KeyError, OSError) as error:
+            raise ExtensionError(f'{page}: {kind} {argument.strip()}: {error}') from error
+
+    return promises.link_roles(FENCE.sub(replace, text))
+
+
+def _read(_app: Sphinx, page: str, source: list[str]) -> None:
+    source[0] = expand(source[0], page)
+
+
+def _begin(app: Sphinx) -> None:
+    reference.write_pages(Path(app.srcdir) / 'api')
+
+
+def _docstring(
+    _app: Sphinx, _what: str, _name: str, _thing: object, _options: object, lines: list[str]
+) -> None:
+    reference.escape_docstring(lines)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Connect to Sphinx."""
+    app.connect('builder-inited', _begin)
+    app.connect('source-read', _read)
+    app.connect('autodoc-process-docstring', _docstring)
+    return {'parallel_read_safe': False, 'parallel_write_safe': True}

@@ -1,0 +1,128 @@
+"""The interface tables of the pages of the nodes, in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import functools
+from pathlib import Path
+import re
+from typing import Any
+
+from interfaces import Entity, Interface, interfaces
+
+#: Headings, and the attributes of an interface that stand under them.
+SECTIONS = {
+    'Subscribed topics': 'subscribed',
+    'Published topics': 'published',
+    'Services': 'services',
+    'Actions': 'actions',
+}
+
+
+@functools.cache
+def all_interfaces() -> dict[str, Interface]:
+    """Return the interfaces of all nodes, read once."""
+    return interfaces()
+
+
+def node_tables(node: str, notes: dict[str, str]) -> str:
+    """
+    Return the sections of a node: topics, services, actions, parameters.
+
+    :param node: name of its executable.
+    :param notes: what to say about each topic, service and action; where a name is subscribed and
+        published, both get it.
+    :raises ValueError: a name has no note, or a note has no such name.
+    """
+    interface = all_interfaces()[node]
+    names = {name for part in SECTIONS.values() for name in getattr(interface, part)}
+    if names != notes.keys():
+        wrong = ', '.join(sorted(names ^ notes.keys()))
+        raise ValueError(f'node {node}: notes and declared names differ by {wrong}')
+    parts = []
+    for heading, attribute in SECTIONS.items():
+        entities = getattr(interface, attribute)
+        if entities:
+            parts += [f'## {heading}', _entities(entities, notes)]
+    rows = (
+        (f'`{p.name}`', f'`{_shown(p.default)}`', p.range, p.when, p.description)
+        for p in interface.parameters
+    )
+    head = ('parameter', 'default', 'range', 'can be set', 'meaning')
+    return '\n\n'.join([*parts, '## Parameters', markdown_table(head, rows)])
+
+
+def quality_table() -> str:
+    """Return the qualities of service of all topics, publishers beside subscribers."""
+    published: dict[str, list[str]] = {}
+    subscribed: dict[str, list[str]] = {}
+    for interface in all_interfaces().values():
+        for entities, found in (
+            (interface.published, published),
+            (interface.subscribed, subscribed),
+        ):
+            for name, entity in entities.items():
+                kept = found.setdefault(name, [])
+                kept += [words for words in entity.qos if words not in kept]
+    rows = (
+        (f'`{name}`', '; '.join(published.get(name, ())), '; '.join(subscribed.get(name, ())))
+        for name in sorted({*published, *subscribed})
+    )
+    return markdown_table(('topic', 'publishers', 'subscribers'), rows)
+
+
+def interface_files(folder: Path) -> str:
+    """
+    Return the definitions of messages, services and actions, a section each.
+
+    :param folder: of the interface package.
+    """
+    parts = []
+    for path in sorted(folder.glob('*/*.*')):
+        if path.suffix in ('.msg', '.srv', '.action'):
+            text = path.read_text(encoding='utf-8').strip()
+            parts += [f'## {path.stem}', f'`isotruss_msgs/{path.parent.name}/{path.stem}`']
+            parts.append(f'```text\n{text}\n```')
+    return '\n\n'.join(parts)
+
+
+def markdown_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Return a table; bars in cells are escaped."""
+    lines = [list(head)]
+    lines.append(['---'] * len(lines[0]))
+    lines += [[str(cell).replace('|', '\\|') for cell in row] for row in rows]
+    return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
+
+
+def _entities(entities: dict[str, Entity], notes: dict[str, str]) -> str:
+    """Return one table."""
+    quality = any(entity.qos for entity in entities.values())
+    head = ('name', 'type', 'meaning', *(('quality of service',) if quality else ()))
+    rows = (
+        (
+            f'`{name}`',
+            ' or '.join(map(_type, entity.types)),
+            notes[name],
+            *(('; '.join(entity.qos),) if quality else ()),
+        )
+        for name, entity in sorted(entities.items())
+    )
+    return markdown_table(head, rows)
+
+
+def _type(full: str) -> str:
+    """Return a type, linked where it is ours."""
+    package, name = full.split('/')
+    if package != 'isotruss_msgs':
+        return f'`{full}`'
+    anchor = re.sub(r'\W', '', name).lower()
+    return f'[`{full}`](/interfaces.md#{anchor})'
+
+
+def _shown(value: Any) -> str:
+    """Return a value as a parameter file has it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f'{value:g}' if value != int(value) else f'{value:.1f}'
+    return repr(value) if isinstance(value, str | list) else str(value)

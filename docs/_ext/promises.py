@@ -1,0 +1,48 @@
+"""The promises of the safety page and the tests that hold them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import re
+
+from ruamel.yaml import YAML
+
+#: In the text, after a promise: {promise}`name`.
+ROLE = re.compile(r'\{promise\}`([\w-]+)`')
+
+
+def promised(page: str) -> list[str]:
+    """Return the names of the promises that a page makes, in its order."""
+    return ROLE.findall(page)
+
+
+def load(path: Path) -> dict[str, list[str]]:
+    """
+    Return the tests, `file::function`, that hold each promise.
+
+    :param path: of the YAML file that maps them.
+    """
+    return YAML(typ='safe').load(path)
+
+
+def link_roles(page: str) -> str:
+    """Return a page whose promises link to their tests in the appendix."""
+    return ROLE.sub(lambda match: f'<sup>[\\[{match[1]}\\]](#tests-{match[1]})</sup>', page)
+
+
+def appendix(path: Path, tests: Path) -> str:
+    """
+    Return the promises with their tests, as Markdown.
+
+    :param path: of the YAML file that maps them.
+    :param tests: folder of the tests, in which each named file is somewhere.
+    """
+    files = {file.stem: file.relative_to(tests.parent) for file in tests.rglob('test_*.py')}
+    parts = []
+    for name, held_by in load(path).items():
+        parts.append(f'(tests-{name})=\n**{name}**\n')
+        for test in held_by:
+            file, _, function = test.partition('::')
+            parts.append(f'- `{files[file].as_posix()}::{function}`')
+        parts.append('')
+    return '\n'.join(parts)

@@ -1,0 +1,89 @@
+"""The pages of the API reference: one for the facade, one for each package of the core."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from pathlib import Path
+import pkgutil
+
+from isotruss_ros import core
+from node_pages import markdown_table
+
+#: From below to above, as packages may import.
+PACKAGES = (
+    'numerics',
+    'model',
+    'kinematics',
+    'statics',
+    'grasping',
+    'manipulation',
+    'safety',
+    'control',
+    'planning',
+    'simulation',
+)
+
+
+def facade_table() -> str:
+    """Return the public names of `isotruss_ros.core`, with what each is."""
+    rows = []
+    for name in core.__all__:
+        thing = getattr(core, name)
+        target = f'{thing.__module__}.{thing.__qualname__}'
+        summary = inspect.getdoc(thing).split('\n\n')[0].replace('\n', ' ')
+        rows.append((f'[`core.{name}`](#{target})', summary))
+    return markdown_table(('name', 'what it is'), rows)
+
+
+def write_pages(folder: Path) -> None:
+    """
+    Write a page for each package of the core, with all its modules.
+
+    :param folder: where the pages go; made if need be. A page that is the same stays untouched.
+    """
+    folder.mkdir(exist_ok=True)
+    found = {info.name for info in pkgutil.iter_modules(core.__path__) if info.ispkg}
+    if found != set(PACKAGES):
+        raise ValueError(f'packages of the core and of the reference differ: {found}')
+    for name in ('errors', *PACKAGES):
+        path = folder / f'{name}.rst'
+        text = _page(f'{core.__name__}.{name}')
+        if not path.exists() or path.read_text(encoding='utf-8') != text:
+            path.write_text(text, encoding='utf-8')
+
+
+def _page(package: str) -> str:
+    """Return the page of a package, or of a single module."""
+    module = importlib.import_module(package)
+    title = package.removeprefix('isotruss_ros.')
+    parts = [title, '=' * len(title), '', f'.. automodule:: {package}']
+    parts += ['   :show-inheritance:', ''] if title == 'core.errors' else ['']
+    for info in pkgutil.iter_modules(getattr(module, '__path__', ())):
+        parts += [info.name, '-' * len(info.name), '']
+        parts += [f'.. automodule:: {package}.{info.name}', '']
+    return '\n'.join(parts)
+
+
+def escape_docstring(lines: list[str]) -> None:
+    """
+    Escape what our docstrings write and reStructuredText would take for markup.
+
+    :param lines: of a docstring; changed in place. Indented blocks after `::` stay.
+    """
+    literal = False
+    for i, line in enumerate(lines):
+        if line and not line.startswith(' '):
+            literal = False
+        if not literal:
+            pieces = line.split('`')
+            pieces[::2] = [_escape(piece) for piece in pieces[::2]]
+            lines[i] = '`'.join(pieces)
+        if line.endswith('::'):
+            literal = True
+
+
+def _escape(text: str) -> str:
+    for character in '|*':
+        text = text.replace(character, f'\\{character}')
+    return text.replace('_ ', '\\_ ')

@@ -1,0 +1,40 @@
+"""Configuration of the documentation: `make docs`, or rosdoc2 by `rosdoc2.yaml`."""
+
+from pathlib import Path
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import isotruss_ros
+
+TOP = Path(isotruss_ros.__file__).resolve().parents[1]
+# rosdoc2 executes a copy of this file from a folder of its own.
+sys.path.insert(0, str(TOP / 'docs' / '_ext'))
+
+_manifest = ElementTree.parse(TOP / 'package.xml').getroot()
+project = _manifest.findtext('name')
+author = _manifest.findtext('maintainer')
+copyright = f'{author}; {_manifest.findtext("license")}'
+version = release = _manifest.findtext('version')
+
+extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.viewcode', 'isotruss_site']
+source_suffix = {'.md': 'markdown', '.rst': 'restructuredtext'}
+# All but the first: what rosdoc2 adds; the reference and the pages of this site have it already.
+exclude_patterns = ['_build', 'isotruss_ros*.rst', 'modules.rst', 'standard*', '__*']
+smartquotes_action = 'D'
+html_theme = 'sphinx_rtd_theme'
+html_theme_options = {'navigation_depth': 3}
+html_static_path = ['_static']
+html_css_files = ['site.css']
+
+myst_heading_anchors = 3
+
+# Docstrings write names in single backticks.
+default_role = 'code'
+autodoc_default_options = {'members': True}
+autodoc_member_order = 'bysource'
+autodoc_preserve_defaults = True
+autodoc_typehints_format = 'short'
+autodoc_type_aliases = {name: name for name in ('Array', 'ArrayLike', 'Flags', 'Indices')}
+add_module_names = False
+# Types of other packages are not linked; links to names of this one must be right.
+nitpick_ignore_regex = [('py:.*', r'(?!isotruss_ros\.).*')]

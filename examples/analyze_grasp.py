@@ -1,0 +1,15 @@
+"""Press an object into a corner of the robot and analyse the grasp."""
+
+from isotruss_ros import core
+
+config = core.load_robot('nine_member').home
+x, y = core.tangent_center(config, 'north/Z', 0.3)
+pressed = core.Cylinder((x, y + 0.01), 0.3)  # 1 cm deeper into the corner
+
+grasp = core.analyze_grasp(config, pressed, friction=0.5)
+print(f'{len(grasp.normal_forces)} contact points, {grasp.normal_forces.sum():.1f} N in all')
+for member, length in grasp.contact_lengths.items():
+    print(f'{member} touches over {1000 * length:.0f} mm')
+print('normal forces add up to', grasp.normal_wrench, '[N, N, N m]')
+print('force closure:', grasp.force_closure, 'from friction', grasp.required_friction)
+print('grasp stiffness:\n', grasp.stiffness)

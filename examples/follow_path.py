@@ -1,0 +1,29 @@
+"""Carry a held object along a path, closed loop over its measured pose."""
+
+from isotruss_ros import core
+import numpy as np
+
+PERIOD = 0.02  # [s]
+home = core.load_robot('nine_member').home
+grasp = core.Grasp('north/Z', core.tangent_center(home, 'north/Z', 0.3), 0.3)
+faults = core.RollerFaults(slip=0.05)  # every roller loses about 5 % of its travel, unseen
+robot = core.SimulatedRobot(home, core.HeldObject.attach(home, grasp), faults, seed=1)
+
+start = robot.object_pose
+poses = [(start.x, start.y, 0.0), (start.x, start.y + 0.05, 0.0), (start.x + 0.05, start.y, 0.2)]
+path = core.ObjectPath(poses, speed=0.02, turn_rate=0.2)
+tracker = core.PathTracker(path, core.TrackingSettings(), period=PERIOD)
+
+phase, finished = None, (core.PathPhase.REACHED, core.PathPhase.OFF_PATH, core.PathPhase.STUCK)
+while phase not in finished:
+    pose = robot.object_pose
+    tracking = tracker.update(pose, age=0.0, elapsed=PERIOD)
+    phase = tracking.phase
+    held = core.Grasp('north/Z', (pose.x, pose.y), 0.3)
+    command = core.solve_twist(robot.config, held, tracking.twist)
+    robot.command(command.roller_velocities)
+    robot.advance(PERIOD)
+
+end = robot.object_pose
+off = np.hypot(end.x - poses[-1][0], end.y - poses[-1][1])
+print(phase, f'{1000 * off:.2f} mm off')

@@ -1,0 +1,17 @@
+"""Search for a grasp of a free object and print the path of the rollers to it."""
+
+from isotruss_ros import core
+
+robot = core.load_robot('nine_member')
+item = core.Cylinder((0.715, 0.42), 0.3)
+needs = core.GraspRequirements(friction=0.5, max_contact_force=60.0, count=1)
+
+plan = core.plan_grasps(robot.home, item, needs, seed=0)
+if plan:
+    grasp = plan[0]
+    print(grasp.grasp.module, 'by', *grasp.members)
+    print(f'margin {grasp.closure_margin:.3f} N, {len(grasp.path)} waypoints')
+    for name, travel in zip(robot.roller_names, grasp.path[-1], strict=True):
+        print(f'{name:8} {travel:+.3f} m')
+else:
+    print('none found; closest violation:', plan.closest_violation)

@@ -1,0 +1,24 @@
+"""Print what holds the object: one message of `grasp/state`.
+
+First: `ros2 launch isotruss_ros simulation.launch.py indentation:=0.01`, or your robot and
+`grasp_analysis`.
+"""
+
+from isotruss_msgs.msg import GraspState
+import rclpy
+from rclpy.wait_for_message import wait_for_message
+
+rclpy.init()
+node = rclpy.create_node('ros_grasp_state')
+received, state = wait_for_message(GraspState, node, 'grasp/state', time_to_wait=20.0)
+if not received:
+    print('nothing on grasp/state: is grasp_analysis active?')
+elif state.code != GraspState.OK:
+    print('no result:', state.message)
+else:
+    for contact in state.contacts:
+        at = contact.position
+        print(f'{contact.normal_force:.2f} N at x {at.x:.3f} m, y {at.y:.3f} m')
+    print('held:', state.held, '- force closure where it is held fast:', state.force_closure)
+node.destroy_node()
+rclpy.shutdown()

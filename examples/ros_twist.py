@@ -1,0 +1,25 @@
+"""Move the held object up by 2 cm: publish twists until its pose says so.
+
+First: `ros2 launch isotruss_ros simulation.launch.py`, or your robot and `manipulation`.
+"""
+
+from geometry_msgs.msg import PoseStamped, Twist
+import rclpy
+
+rclpy.init()
+node = rclpy.create_node('ros_twist')
+twists = node.create_publisher(Twist, 'cmd_vel', 1)
+heights = []
+node.create_subscription(
+    PoseStamped, 'object_pose', lambda message: heights.append(message.pose.position.y), 1
+)
+up = Twist()
+up.linear.y = 0.02  # [m/s]
+node.create_timer(0.02, lambda: twists.publish(up))  # quicker than command_timeout
+
+while not heights or heights[-1] - heights[0] < 0.02:
+    rclpy.spin_once(node)
+twists.publish(Twist())  # stop now, not after command_timeout
+print(f'the object moved up by {1000 * (heights[-1] - heights[0]):.1f} mm')
+node.destroy_node()
+rclpy.shutdown()

@@ -1,0 +1,15 @@
+"""Find whether friction holds a grasped object, and how much more it withstands."""
+
+from isotruss_ros import core
+
+config = core.load_robot('nine_member').home
+x, y = core.tangent_center(config, 'north/Z', 0.3)
+pressed = core.Cylinder((x, y + 0.02), 0.3)
+
+for friction in (0.4, 0.8):
+    grasp = core.settle_grasp(config, pressed, friction)
+    print(f'friction {friction}: {"held" if grasp.held else grasp.reason}')
+    if grasp.held:
+        for member, force in grasp.normal_forces.items():
+            print(f'  {member} presses with {force:.1f} N')
+        print(f'  slips from {grasp.slip_margin:.2f} N on')

@@ -1,0 +1,1 @@
+"""The stiffness of one's own tube, fitted to measurements."""

@@ -1,0 +1,245 @@
+"""
+Fit the three constants of an inflatable beam to the stiffnesses of all modes at once.
+
+A tube has one wall: E t and G t of its fabric and the softening c of its pinched ends give all end
+stiffnesses at any length and pressure (`InflatableBeam`), and whatever the constants are, they
+belong to one beam. Measured stiffnesses are compared by their logarithms, all of equal weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from isotruss_ros.calibration.measurements import MeasurementError, MODES
+from isotruss_ros.core.model.robot_schema import MAX_MAGNITUDE
+from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.statics.beam import local_stiffness
+from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, KAPPA, TubeStiffness
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import least_squares
+from scipy.stats import t as student_t
+
+#: Constants are sought within this factor of a first estimate; beyond, they act no more.
+RANGE = 1e6
+#: A combination of constants that acts this much less than another one is not determined.
+INDIFFERENT = 1e-4
+
+
+class BeamConstants(NamedTuple):
+    """
+    E t [N/m], G t [N/m] and c, named as in a robot file.
+
+    :ivar membrane_modulus: E t of the fabric along the tube [N/m].
+    :ivar membrane_shear_modulus: G t of the fabric [N/m].
+    :ivar end_softening: c of the bending stiffness at the held ends [-].
+    """
+
+    membrane_modulus: float
+    membrane_shear_modulus: float
+    end_softening: float
+
+
+@dataclass(frozen=True)
+class FittedBeam:
+    """
+    An inflatable beam and how well its constants are known.
+
+    :ivar radius: R of the tube [m].
+    :ivar constants: the best ones.
+    :ivar low: lower ends of the confidence intervals, of each constant on its own.
+    :ivar high: upper ends; infinite where the points do not bound a constant.
+    :ivar misfits: root mean square of ln(measured / fitted stiffness) by mode.
+    :ivar count: number of stiffnesses.
+    """
+
+    radius: float
+    constants: BeamConstants
+    low: BeamConstants
+    high: BeamConstants
+    misfits: Mapping[str, float]
+    count: int
+
+    @property
+    def beam(self) -> InflatableBeam:
+        """Return the model of the tube."""
+        return InflatableBeam(self.radius, *self.constants)
+
+
+def end_stiffness(tube: TubeStiffness, mode: str, length: ArrayLike, pressure: ArrayLike) -> Array:
+    """
+    Return what a load at one end meets: the diagonal of (2).
+
+    :param tube: a model whose EI and GA do not depend on the length.
+    :param mode: axial, transverse or rotary.
+    :param length: (k,) pinch to pinch for the axial mode, ring to ring for the others [m].
+    :param pressure: (k,) gauge [Pa].
+    :return: (k,) [N/m], rotary [N m/rad].
+    """
+    length, pressure = np.broadcast_arrays(np.asarray(length, float), np.asarray(pressure, float))
+    flat = length.ravel()
+    place = MODES.index(mode)
+    matrices = local_stiffness(flat, *tube.section_stiffness(flat, pressure.ravel()))
+    return matrices[:, place, place].reshape(length.shape)
+
+
+def fit_beam(
+    modes: Indices,
+    lengths: Array,
+    pressures: Array,
+    stiffnesses: Array,
+    radius: float,
+    confidence: float = 0.95,
+) -> FittedBeam:
+    """
+    Fit the constants of an inflatable beam.
+
+    :param modes: (n,) number of the mode of each stiffness in MODES.
+    :param lengths: (n,) pinch to pinch for the axial mode, ring to ring for the others [m].
+    :param pressures: (n,) gauge [Pa].
+    :param stiffnesses: (n,) [N/m], rotary [N m/rad].
+    :param radius: R of the tube [m].
+    :param confidence: of the intervals.
+    :raises MeasurementError: the points do not determine the constants; says what is missing.
+    """
+    _require_modes(modes)
+    target = np.log(stiffnesses)
+    measured = modes, lengths, pressures
+
+    def residual(logs: Array) -> Array:
+        return np.log(_stiffnesses(logs, *measured, radius)) - target
+
+    start = _estimate(*measured, stiffnesses, radius)
+    reach = np.log(RANGE)
+    found = least_squares(
+        residual,
+        start,
+        jac=lambda logs: _sensitivity(logs, *measured, radius),
+        bounds=(start - reach, start + reach),
+        xtol=1e-14,
+        ftol=1e-14,
+        gtol=1e-14,
+    )
+    _require_determined(found.jac)
+    freedom = len(target) - len(start)
+    error = np.sqrt(
+        (np.linalg.pinv(found.jac) ** 2).sum(axis=1) * (found.fun @ found.fun) / freedom
+    )
+    width = student_t.ppf(0.5 + 0.5 * confidence, freedom) * error
+    # Where a constant does not act, any larger or smaller one fits as well.
+    width = np.where(np.linalg.norm(found.jac, axis=0) > INDIFFERENT, width, np.inf)
+    constants = np.exp(found.x)
+    if constants.max() > MAX_MAGNITUDE:
+        raise MeasurementError(
+            f'{BeamConstants._fields[constants.argmax()]} = {constants.max():g} is no number that '
+            'a robot file takes; are the units SI?'
+        )
+    with np.errstate(over='ignore'):
+        low, high = np.exp(found.x - width), np.exp(found.x + width)
+    misfits = {
+        MODES[mode]: float(np.sqrt(np.mean(found.fun[modes == mode] ** 2)))
+        for mode in np.unique(modes)
+    }
+    return FittedBeam(
+        radius,
+        *(BeamConstants(*map(float, values)) for values in (constants, low, high)),
+        misfits,
+        len(target),
+    )
+
+
+def _stiffnesses(
+    logs: Array, modes: Indices, lengths: Array, pressures: Array, radius: float
+) -> Array:
+    """Return the stiffnesses (n,) of a beam with the constants exp(logs)."""
+    beam = InflatableBeam(radius, *np.exp(logs))
+    found = np.empty(len(modes))
+    for mode in np.unique(modes):
+        of_mode = modes == mode
+        found[of_mode] = end_stiffness(beam, MODES[mode], lengths[of_mode], pressures[of_mode])
+    return found
+
+
+def _sensitivity(
+    logs: Array, modes: Indices, lengths: Array, pressures: Array, radius: float
+) -> Array:
+    """Return (n, 3): derivatives of the stiffnesses' logarithms by those of the constants."""
+    wall, shear_wall, softening = np.exp(logs)
+    beam = InflatableBeam(radius, wall, shear_wall, softening)
+    section = beam.section_stiffness(lengths, pressures)
+    # What share of EI and GA the fabric has; the rest is the pressure's.
+    bending_share = wall * np.pi * radius**3 / section.flexural
+    shear_share = KAPPA * shear_wall * 2.0 * np.pi * radius / section.shear
+    # 1/k_axial = L / (E t 2 pi R) + 2 / (c p R); 1/k_transverse = L^3 / (12 EI) + L / GA;
+    # k_rotary = EI / L + L^2 k_transverse / 4.
+    axial = section.axial / lengths
+    bend, slide = lengths**3 / (12.0 * section.flexural), lengths / section.shear
+    transverse = 1.0 / (bend + slide)
+    arch, sway = section.flexural / lengths, 0.25 * lengths**2 * transverse
+    zero = np.zeros(len(modes))
+    by_mode = np.array(
+        [
+            [
+                axial * lengths / (wall * 2.0 * np.pi * radius),
+                zero,
+                axial * 2.0 / (softening * pressures * radius),
+            ],
+            [transverse * bend * bending_share, transverse * slide * shear_share, zero],
+            [
+                (arch + sway * transverse * bend) / (arch + sway) * bending_share,
+                sway * transverse * slide / (arch + sway) * shear_share,
+                zero,
+            ],
+        ]
+    )
+    return by_mode[modes, :, np.arange(len(modes))]
+
+
+def _estimate(
+    modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
+) -> Array:
+    """Return logarithms of constants of the right order, to begin with."""
+    axial, transverse, rotary = (modes == mode for mode in range(3))
+    # Between EI/L and 4 EI/L; bending and shear give alike; the ends give as much as the wall.
+    bending = np.where(rotary, 0.5 * stiffnesses * lengths, stiffnesses * lengths**3 / 6.0)
+    shear = np.where(rotary, 4.0 * stiffnesses / lengths, 2.0 * stiffnesses * lengths)
+    across = transverse | rotary
+    ends = 4.0 * stiffnesses[axial] / (pressures[axial] * radius)
+    return np.log(
+        [
+            np.median(bending[across]) / (np.pi * radius**3),
+            np.median(shear[across]) / (np.pi * radius),
+            np.median(ends),
+        ]
+    )
+
+
+def _require_modes(modes: Indices) -> None:
+    missing = []
+    if not (modes == 0).any():
+        missing.append('no axial points: the softening of the pinched ends needs them')
+    if not (modes > 0).any():
+        missing.append('no transverse or rotary points: bending and shear need them')
+    if not missing and len(modes) < 4:
+        missing.append(
+            f'{len(modes)} groups of points leave nothing to judge three constants by; '
+            'measure four or more'
+        )
+    if missing:
+        raise MeasurementError('; '.join(missing))
+
+
+def _require_determined(sensitivity: Array) -> None:
+    """Refuse points that leave constants free to change together."""
+    _, sizes, directions = np.linalg.svd(sensitivity)
+    free = np.abs(directions[-1])
+    # A constant that alone does not act does no harm: whatever it is, the stiffnesses fit.
+    if sizes[-1] < INDIFFERENT * sizes[0] and free.max() < 0.99:
+        names = ' and '.join(
+            name for name, part in zip(BeamConstants._fields, free, strict=True) if part > 0.05
+        )
+        raise MeasurementError(
+            f'{names} cannot be told apart by these points; measure another length or mode'
+        )

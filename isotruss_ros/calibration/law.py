@@ -1,0 +1,100 @@
+"""Fit k = C p^a L^b to the stiffnesses of one mode, by least squares in logarithms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.core.model.stiffness_law import Law
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+from scipy.stats import t as student_t
+
+#: Logarithms that vary by no more than this do not vary.
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class FittedLaw:
+    """
+    A stiffness law and how well it is known.
+
+    :ivar law: the law k = C p^a L^b in SI units.
+    :ivar low: lower ends of the confidence intervals of C, a and b, each on its own.
+    :ivar high: upper ends.
+    :ivar r_squared: part of the variance of ln k that the law explains; NaN if k does not vary.
+    :ivar count: number of stiffnesses.
+    """
+
+    law: Law
+    low: Law
+    high: Law
+    r_squared: float
+    count: int
+
+
+def fit_law(
+    pressures: Array, lengths: Array, stiffnesses: Array, confidence: float = 0.95
+) -> FittedLaw:
+    """
+    Fit a law to stiffnesses of one mode, all of equal weight.
+
+    :param pressures: (n,) gauge [Pa].
+    :param lengths: (n,) [m].
+    :param stiffnesses: (n,) [N/m] or [N m/rad].
+    :param confidence: of the intervals.
+    :raises MeasurementError: the points do not determine the exponents; says what is missing.
+    """
+    n = len(stiffnesses)
+    logs = np.column_stack([np.log(pressures), np.log(lengths)])
+    missing = _missing(np.unique(pressures), np.unique(lengths), logs, n)
+    if missing:
+        raise MeasurementError('; '.join(missing))
+    target = np.log(stiffnesses)
+    matrix = np.column_stack([np.ones(n), logs])
+    solution, *_ = np.linalg.lstsq(matrix, target, rcond=None)
+    rest = target - matrix @ solution
+    freedom = n - 3
+    inverse = np.linalg.pinv(matrix)
+    # pinv pinv^T is (X^T X)^-1 without squaring the condition of X.
+    error = np.sqrt((inverse**2).sum(axis=1) * (rest @ rest) / freedom)
+    reach = student_t.ppf(0.5 + 0.5 * confidence, freedom) * error
+    spread = target - target.mean()
+    total = spread @ spread
+    return FittedLaw(
+        _law(solution),
+        _law(solution - reach),
+        _law(solution + reach),
+        float(1.0 - rest @ rest / total) if total > n * ROUNDING**2 else np.nan,
+        n,
+    )
+
+
+def _law(logarithmic: Array) -> Law:
+    with np.errstate(over='ignore', under='ignore'):
+        return Law(float(np.exp(logarithmic[0])), float(logarithmic[1]), float(logarithmic[2]))
+
+
+def _missing(pressures: Array, lengths: Array, logs: Array, n: int) -> list[str]:
+    """Return what has to be measured before a law can be fitted."""
+    missing = []
+    for name, symbol, values, unit in (
+        ('pressure', 'a', pressures, 'Pa'),
+        ('length', 'b', lengths, 'm'),
+    ):
+        if len(values) < 2:
+            found = f'only {values[0]:g} {unit}' if len(values) else 'none'
+            missing.append(f'exponent {symbol} needs points at two or more {name}s, found {found}')
+    if missing:
+        return missing
+    if np.linalg.matrix_rank(logs - logs.mean(axis=0), tol=1e-9) < 2:
+        missing.append(
+            'exponents a and b cannot be told apart because pressure and length change together; '
+            'measure another length at one of the pressures'
+        )
+    elif n < 4:
+        missing.append(
+            f'{n} pairs of pressure and length leave nothing to judge the fit by; '
+            'measure four or more'
+        )
+    return missing

@@ -1,0 +1,151 @@
+"""
+The stiffness of a group of points: the slope through its linear range.
+
+Tubes soften or stiffen as they are deformed further. The linear range of a group is the largest
+range |displacement| <= d in which a cubic is no better than a line, d being tried from the largest
+displacement down in steps of 5 % of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.calibration.measurements import Group
+from isotruss_ros.core.model.stiffness_law import MAX_STIFFNESS, MIN_STIFFNESS
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+import numpy as np
+from scipy.stats import f as f_distribution
+
+#: A cubic that departs from the line by at most this part of the line's rise is still a line.
+TOLERANCE = 0.02
+#: Ranges that are tried, in parts of the largest displacement.
+RANGES = np.linspace(1.0, 0.1, 19)
+
+ALONE = 'the only displacement of its trial in the linear range; a slope needs two'
+
+
+@dataclass(frozen=True, eq=False)
+class Slope:
+    """
+    The slope of a group of points.
+
+    :ivar group: the measured points that it belongs to.
+    :ivar stiffness: [N/m], rotary [N m/rad]; NaN if there is none.
+    :ivar offsets: (n,) load at zero displacement in the trial of each point.
+    :ivar limit: largest |displacement| of the linear range.
+    :ivar used: (n,) points that the slope goes through.
+    :ivar reasons: (n,) why the others are not used; empty for those that are.
+    """
+
+    group: Group
+    stiffness: float
+    offsets: Array
+    limit: float
+    used: Flags
+    reasons: tuple[str, ...]
+
+
+def fit_slope(
+    group: Group,
+    tolerance: float = TOLERANCE,
+    max_displacement: float | None = None,
+    significance: float = 0.01,
+) -> Slope:
+    """
+    Return the slope of load over displacement; each trial has an offset of its own.
+
+    :param group: points of one mode, pressure and length.
+    :param tolerance: part of the line's rise by which a cubic may depart from a line.
+    :param max_displacement: the linear range, instead of the test for one [m or rad].
+    :param significance: level of the F test by which a cubic may fit better by chance.
+    """
+    size = np.abs(group.displacements)
+    if max_displacement is not None:
+        inside = size <= max_displacement
+        return _slope(group, inside, max_displacement)
+    for limit in RANGES * size.max():
+        # The largest displacement itself is inside its own range, rounding or not.
+        inside = size <= limit * (1.0 + 1e-12)
+        if _is_linear(group, inside, tolerance, significance):
+            return _slope(group, inside, float(limit))
+    reason = f'{group.name}: no linear range from a tenth of the largest displacement up'
+    return _no_slope(group, reason)
+
+
+def _slope(group: Group, inside: Flags, limit: float) -> Slope:
+    used = inside & _spread(group, inside)
+    unit = 'rad' if group.mode == 'rotary' else 'm'
+    outside = f'{group.name}: beyond {limit:.4g} {unit}, out of the linear range'
+    reasons = np.where(inside, np.where(used, '', ALONE), outside)
+    if not used.any():
+        return _no_slope(
+            group,
+            f'{group.name}: no trial has two displacements in the linear range; a slope needs two',
+        )
+    stiffness = _fit(group, used, 1)[0]
+    if not MIN_STIFFNESS <= stiffness <= MAX_STIFFNESS:
+        return _no_slope(
+            group,
+            f'{group.name}: slope {stiffness:.3g}: must be positive and that of a tube; '
+            'displacement and load count in the same direction',
+        )
+    offset = np.zeros(group.trials.max() + 1)
+    rest = group.loads[used] - stiffness * group.displacements[used]
+    means = _means(rest, group.trials[used])
+    offset[: len(means)] = means
+    return Slope(group, stiffness, offset[group.trials], limit, used, tuple(map(str, reasons)))
+
+
+def _no_slope(group: Group, reason: str) -> Slope:
+    n = len(group.lines)
+    return Slope(group, np.nan, np.zeros(n), 0.0, np.zeros(n, dtype=bool), (reason,) * n)
+
+
+def _spread(group: Group, inside: Flags) -> Flags:
+    """Return which points (n,) are in trials with two different displacements in the range."""
+    count = group.trials.max() + 1
+    low, high = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(low, group.trials[inside], group.displacements[inside])
+    np.maximum.at(high, group.trials[inside], group.displacements[inside])
+    return (high > low)[group.trials]
+
+
+def _is_linear(group: Group, inside: Flags, tolerance: float, significance: float) -> bool:
+    used = inside & _spread(group, inside)
+    if not used.any():
+        return True  # there is no slope either
+    slope, line_rest, line_freedom = _fit(group, used, 1)
+    _, cubic_rest, freedom = _fit(group, used, 3)
+    rise = abs(slope) * np.ptp(group.displacements[used])
+    if freedom < 1 or np.abs(line_rest - cubic_rest).max() <= tolerance * rise:
+        return True
+    left = cubic_rest @ cubic_rest
+    gain = line_rest @ line_rest - left
+    extra = line_freedom - freedom
+    if not (left > 0.0 and extra > 0):
+        return False
+    ratio = gain / extra / (left / freedom)
+    return float(f_distribution.sf(ratio, extra, freedom)) > significance
+
+
+def _fit(group: Group, used: Flags, degree: int) -> tuple[float, Array, int]:
+    """
+    Fit a polynomial with an offset for each trial.
+
+    :return: slope at zero, residuals of the points used, degrees of freedom.
+    """
+    x, y, trials = group.displacements[used], group.loads[used], group.trials[used]
+    unit = np.abs(x).max()
+    powers = (x / unit)[:, None] ** np.arange(1, degree + 1)
+    # What is left of both once each trial has its mean taken off is free of the offsets.
+    matrix = np.column_stack([column - _means(column, trials)[trials] for column in powers.T])
+    target = y - _means(y, trials)[trials]
+    solution, _, rank, _ = np.linalg.lstsq(matrix, target, rcond=None)
+    freedom = len(y) - len(np.unique(trials)) - int(rank)
+    with np.errstate(over='ignore'):
+        return float(solution[0] / unit), target - matrix @ solution, freedom
+
+
+def _means(values: Array, trials: Indices) -> Array:
+    """Return the mean of each trial; zero for a trial without a point."""
+    return np.bincount(trials, values) / np.maximum(np.bincount(trials), 1)

@@ -1,0 +1,195 @@
+"""Read measured points: a CSV file in, groups of points out, and every row that was not used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+import csv
+from dataclasses import dataclass, field
+import io
+from pathlib import Path
+
+from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.model.robot_schema import MAX_MAGNITUDE
+from isotruss_ros.core.numerics.arrays import Array, Indices
+import numpy as np
+
+#: The modes of Fig. 2, in its order.
+MODES = ('axial', 'transverse', 'rotary')
+NUMBERS = ('pressure', 'length', 'displacement', 'load')
+COLUMNS = ('mode', *NUMBERS)
+TRIAL = 'trial'
+#: A million points; what is longer, or never ends, is something else.
+MAX_FILE_SIZE = 50_000_000
+
+
+class MeasurementError(IsotrussError, ValueError):
+    """A file of measured points cannot be read, or does not hold what a fit needs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """
+    All points of one mode, pressure and length.
+
+    :ivar mode: axial, transverse or rotary.
+    :ivar pressure: gauge [Pa].
+    :ivar length: undeflected: pinch to pinch in the axial mode, ring to ring in the others [m].
+    :ivar lines: (n,) line numbers in the file.
+    :ivar trials: (n,) number of the trial of each point, 0 ... t - 1.
+    :ivar displacements: (n,) [m], rotary [rad].
+    :ivar loads: (n,) [N], rotary [N m].
+    """
+
+    mode: str
+    pressure: float
+    length: float
+    lines: Indices
+    trials: Indices
+    displacements: Array
+    loads: Array
+
+    @property
+    def name(self) -> str:
+        """Return what to call the group in messages."""
+        return f'{self.mode}, {self.pressure:g} Pa, {self.length:g} m'
+
+
+@dataclass
+class Unused:
+    """
+    The rows that were not used: line numbers by reason.
+
+    :ivar lines: numbers of the lines by reason.
+    """
+
+    lines: dict[str, list[int]] = field(default_factory=dict)
+
+    def add(self, reason: str, lines: Sequence[int]) -> None:
+        """
+        Add lines that are not used.
+
+        :param reason: why they are not.
+        :param lines: their numbers in the file.
+        """
+        if len(lines):
+            self.lines.setdefault(reason, []).extend(map(int, lines))
+
+    @property
+    def count(self) -> int:
+        """Return the number of rows that are not used."""
+        return sum(map(len, self.lines.values()))
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """
+    The contents of a file of measured points.
+
+    :ivar groups: ordered by mode, pressure and length.
+    :ivar unused: the rows that are in no group.
+    :ivar rows: number of rows in the file, the header aside.
+    :ivar ignored_columns: columns of other names.
+    """
+
+    groups: tuple[Group, ...]
+    unused: Unused
+    rows: int
+    ignored_columns: tuple[str, ...]
+
+
+def read_measurements(path: Path) -> Measurements:
+    """
+    Read a CSV file with the columns mode, pressure, length, displacement, load, and maybe trial.
+
+    :param path: of the file.
+    :raises MeasurementError: the file cannot be read, or has other columns.
+    """
+    unused = Unused()
+    points: dict[tuple[int, float, float], list[tuple[int, str, float, float]]] = {}
+    rows = 0
+    try:
+        reader = csv.reader(io.StringIO(_text(path), newline=''), skipinitialspace=True)
+        header = [name.strip() for name in next(reader, [])]
+        ignored = _check_header(path, header)
+        for row in reader:
+            if not row:
+                continue  # an empty line
+            rows += 1
+            cells = [cell.strip() for cell in row]
+            complaint = '; '.join(_complaints(header, cells))
+            if complaint:
+                unused.add(complaint, [reader.line_num])
+                continue
+            values = dict(zip(header, cells, strict=True))
+            pressure, length, displacement, load = (float(values[name]) for name in NUMBERS)
+            points.setdefault((MODES.index(values['mode']), pressure, length), []).append(
+                (reader.line_num, values.get(TRIAL, ''), displacement, load)
+            )
+    except UnicodeDecodeError as error:
+        raise MeasurementError(f'{path}: byte {error.start}: not UTF-8 text') from error
+    except csv.Error as error:
+        raise MeasurementError(f'{path}: line {reader.line_num}: not CSV: {error}') from error
+    groups = tuple(_group(*key, points[key]) for key in sorted(points))
+    return Measurements(groups, unused, rows, ignored)
+
+
+def _text(path: Path) -> str:
+    try:
+        with path.open('rb') as file:
+            data = file.read(MAX_FILE_SIZE + 1)
+    except OSError as error:
+        raise MeasurementError(f'{path}: cannot be read: {error.strerror}') from error
+    if len(data) > MAX_FILE_SIZE:
+        raise MeasurementError(f'{path}: too long; must have at most {MAX_FILE_SIZE} bytes')
+    return data.decode('utf-8-sig')
+
+
+def _check_header(path: Path, header: Sequence[str]) -> tuple[str, ...]:
+    """Return the columns that are not known; raise if one that is needed is not there."""
+    missing = [name for name in COLUMNS if header.count(name) != 1]
+    if missing or header.count(TRIAL) > 1:
+        found = ','.join(header)
+        found = found if len(found) <= 60 else found[:57] + '...'
+        raise MeasurementError(
+            f'{path}: the first line is {found!r}: must name each of the columns '
+            f'{",".join(COLUMNS)} once, and maybe {TRIAL}'
+        )
+    return tuple(name for name in header if name not in (*COLUMNS, TRIAL))
+
+
+def _complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
+    """Yield what is wrong with a row."""
+    if len(cells) != len(header):
+        yield f'{len(cells)} values for {len(header)} columns'
+        return
+    for name, cell in zip(header, cells, strict=True):
+        shown = repr(cell if len(cell) <= 30 else cell[:27] + '...')
+        if name == 'mode' and cell not in MODES:
+            yield f'mode {shown}: must be one of {", ".join(MODES)}'
+        elif name in NUMBERS:
+            try:
+                value = float(cell)
+            except ValueError:
+                yield f'{name} {shown}: must be a number'
+                continue
+            # Beyond what a robot file takes a number is a slip and overflows in products.
+            if not abs(value) <= MAX_MAGNITUDE:
+                yield f'{name} {shown}: must be finite, at most {MAX_MAGNITUDE:g}'
+            elif name in ('pressure', 'length') and value <= 0.0:
+                yield f'{name} {shown}: must be positive'
+
+
+def _group(
+    mode: int, pressure: float, length: float, points: Sequence[tuple[int, str, float, float]]
+) -> Group:
+    lines, trials, displacements, loads = zip(*points, strict=True)
+    numbers: dict[str, int] = {}
+    return Group(
+        MODES[mode],
+        pressure,
+        length,
+        np.array(lines),
+        np.array([numbers.setdefault(trial, len(numbers)) for trial in trials]),
+        np.array(displacements),
+        np.array(loads),
+    )

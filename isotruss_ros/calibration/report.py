@@ -1,0 +1,130 @@
+"""What is printed: rows that were not used, the tables, the block for the robot file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+import itertools
+
+from isotruss_ros.calibration.analysis import Analysis
+from isotruss_ros.calibration.beam_fit import FittedBeam
+from isotruss_ros.calibration.measurements import Unused
+import numpy as np
+from rich.table import Table
+
+#: Units of C p^a L^b by mode.
+UNITS = {'axial': 'N/m', 'transverse': 'N/m', 'rotary': 'N m/rad'}
+#: Symbols and units of the constants of a beam, by key of the robot file.
+SYMBOLS = {
+    'membrane_modulus': 'E t [N/m]',
+    'membrane_shear_modulus': 'G t [N/m]',
+    'end_softening': 'c',
+}
+
+
+def unused_rows(unused: Unused, rows: int) -> Iterator[str]:
+    """
+    Yield lines that name and count the rows that were not used.
+
+    :param unused: line numbers by reason.
+    :param rows: number of rows in the file.
+    """
+    if not unused.count:
+        yield f'all {rows} rows used'
+        return
+    yield f'{unused.count} of {rows} rows not used:'
+    for reason, lines in unused.lines.items():
+        yield f'  {reason}: {len(lines)}, line {stretches(sorted(lines))}'
+
+
+def stretches(lines: Sequence[int]) -> str:
+    """
+    Return line numbers as 3-7, 9, 12-14.
+
+    :param lines: sorted numbers.
+    """
+    names = []
+    for _, run in itertools.groupby(enumerate(lines), lambda pair: pair[1] - pair[0]):
+        numbers = [line for _, line in run]
+        names.append(str(numbers[0]) if len(numbers) == 1 else f'{numbers[0]}-{numbers[-1]}')
+    return ', '.join(names)
+
+
+def beam_table(fitted: FittedBeam) -> Table:
+    """
+    Return the constants of the beam with their confidence intervals.
+
+    :param fitted: the beam, and how well its constants are known.
+    """
+    result = _table(f'Inflatable beam, {2.0 * fitted.radius:g} m in diameter, all modes')
+    result.add_column('constant', no_wrap=True)
+    for heading in ('value', '95 % interval'):
+        result.add_column(heading, justify='right', no_wrap=True)
+    for name, value, low, high in zip(
+        SYMBOLS, fitted.constants, fitted.low, fitted.high, strict=True
+    ):
+        result.add_row(
+            f'{name}, {SYMBOLS[name]}',
+            f'{value:.4g}',
+            f'{low:.4g} to {high:.4g}' if np.isfinite(high) else 'not bounded by these points',
+        )
+    return result
+
+
+def law_table(analysis: Analysis) -> Table:
+    """
+    Return the power laws in the manner of Table I, and how far the beam is from each mode.
+
+    :param analysis: with slopes in some of the modes.
+    """
+    result = _table(
+        'k = C p^a L^b in SI units, each mode on its own; last, the deviation of the beam'
+    )
+    result.add_column('mode', no_wrap=True)
+    for heading in ('C', 'a', 'b', 'R²', 'groups', 'points', 'beam'):
+        result.add_column(heading, justify='right', no_wrap=True)
+    for mode, slopes in analysis.slopes.items():
+        if not slopes:
+            continue
+        misfit = '-'
+        if analysis.fitted:
+            misfit = f'{100.0 * analysis.fitted.misfits[mode]:.1f} %'
+        constants = ['-'] * 4
+        if mode in analysis.laws:
+            fitted = analysis.laws[mode]
+            law, low, high = fitted.law, fitted.low, fitted.high
+            constants = [
+                # The interval of C is not symmetric: it is that of ln C.
+                f'{law.C:.4g}\n{low.C:.4g} to {high.C:.4g}',
+                f'{law.a:.4f}\n± {high.a - law.a:.2g}',
+                f'{law.b:.4f}\n± {high.b - law.b:.2g}',
+                '-' if np.isnan(fitted.r_squared) else f'{fitted.r_squared:.4f}',
+            ]
+        result.add_row(
+            f'{mode}\n{UNITS[mode]}',
+            *constants,
+            str(len(slopes)),
+            str(analysis.points(mode)),
+            misfit,
+        )
+    return result
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify='left', box=None, pad_edge=False)
+
+
+def block(fitted: FittedBeam) -> str:
+    """
+    Return the block `stiffness` of a robot file, indented to go under the key `tube`.
+
+    :param model: the fitted power law.
+    :param fitted: the beam.
+    """
+    lines = [
+        f'  stiffness:  # goes under the key tube; diameter {2.0 * fitted.radius:g} m',
+        '    model: inflatable_beam',
+    ]
+    for name, value in zip(SYMBOLS, fitted.constants, strict=True):
+        # In this notation both YAML 1.1 and 1.2 read a number.
+        lines.append(f'    {name}: {value:.8e}')
+    return '\n'.join(lines)

@@ -1,0 +1,133 @@
+"""Executable `fit_tube_stiffness`: fit an inflatable beam to measured points of all modes."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import math
+from pathlib import Path
+import sys
+
+from isotruss_ros.calibration.analysis import analyse, Analysis, DIAMETER
+from isotruss_ros.calibration.linear_range import TOLERANCE
+from isotruss_ros.calibration.measurements import (
+    COLUMNS,
+    MeasurementError,
+    MODES,
+    read_measurements,
+)
+from isotruss_ros.calibration.report import beam_table, block, law_table, unused_rows
+from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.plotting.fit_figure import draw
+from rich.console import Console
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Read the points, print the tables and the block, draw the figure.
+
+    :param arguments: of the command line; those of the process if None.
+    :return: exit code, 1 where there is no block for a robot file.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        return _run(options)
+    except IsotrussError as error:
+        print(f'fit_tube_stiffness: {error}', file=sys.stderr)
+        return 1
+
+
+def _run(options: argparse.Namespace) -> int:
+    measurements = read_measurements(options.points)
+    if not measurements.rows:
+        raise MeasurementError(f'{options.points}: no points below the header')
+    ranges = dict(options.max_displacement)
+    analysis = analyse(measurements, options.diameter, options.tolerance, ranges)
+    if measurements.ignored_columns:
+        print(f'columns not used: {", ".join(measurements.ignored_columns)}')
+    for line in unused_rows(analysis.unused, measurements.rows):
+        print(line)
+    print()
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = max(console.width, 100)  # files and pipes need no narrow columns
+    if analysis.fitted:
+        console.print(beam_table(analysis.fitted), '')
+    if any(analysis.slopes.values()):
+        console.print(law_table(analysis), '')
+    for mode, reason in analysis.missing.items():
+        print(f'no power law for mode {mode}: {reason}')
+    if options.figure:
+        draw(analysis, options.figure)
+    return _finish(analysis, options.block)
+
+
+def _finish(analysis: Analysis, path: Path | None) -> int:
+    """Print the block for the robot file, or why there is none."""
+    if analysis.fitted is None:
+        print(
+            f'fit_tube_stiffness: no block for the robot file: {analysis.refusal}', file=sys.stderr
+        )
+        return 1
+    text = block(analysis.fitted)
+    print(text)
+    if path:
+        try:
+            path.write_text(f'{text}\n', encoding='utf-8')
+        except OSError as error:
+            raise MeasurementError(f'{path}: cannot be written: {error.strerror}') from error
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog='fit_tube_stiffness', description=__doc__)
+    parser.add_argument(
+        'points', type=Path, help=f'CSV file with the columns {",".join(COLUMNS)} and maybe trial'
+    )
+    parser.add_argument(
+        '--diameter',
+        type=_positive,
+        default=DIAMETER,
+        help='of the tube [m] (default %(default)s)',
+    )
+    parser.add_argument('--figure', type=Path, help='draw points and fits to this file')
+    parser.add_argument('--block', type=Path, help='write the robot-file block to this file too')
+    parser.add_argument(
+        '--tolerance',
+        type=_positive,
+        default=TOLERANCE,
+        help='the linear range ends where a cubic departs from a line by more than this part of '
+        'its rise (default %(default)s)',
+    )
+    parser.add_argument(
+        '--max-displacement',
+        type=_range,
+        action='append',
+        default=[],
+        metavar='MODE=VALUE',
+        help='linear range of a mode [m or rad], instead of the test; may be repeated',
+    )
+    return parser
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f'{text!r}: must be a positive number')
+    return value
+
+
+def _range(text: str) -> tuple[str, float]:
+    mode, _, value = text.partition('=')
+    if mode not in MODES:
+        raise argparse.ArgumentTypeError(
+            f'{text!r}: must be MODE=VALUE, MODE one of {", ".join(MODES)}'
+        )
+    return mode, _positive(value)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,169 @@
+"""Executable `plan_grasps`: find grasps of an object that lies free, and the way to them."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+import contextlib
+import json
+from pathlib import Path
+import signal
+import sys
+from types import FrameType
+
+from isotruss_ros.cli.plan_options import (
+    add_requirements,
+    duration,
+    requirements,
+    seed,
+    worker_count,
+)
+from isotruss_ros.cli.plan_report import as_json, table
+from isotruss_ros.cli.progress_bar import ProgressBar
+from isotruss_ros.core import (
+    Configuration,
+    Cylinder,
+    GraspPlan,
+    GraspRequirements,
+    IsotrussError,
+    load_robot,
+    plan_grasps,
+)
+from isotruss_ros.core.planning.grasp_plan import plan_in_words
+from isotruss_ros.core.planning.searcher import Stop
+from isotruss_ros.core.planning.workers import WorkerPool
+from rich.console import Console
+
+#: Exit codes. One who does not wait for the end of Ctrl-C gets what shells make of a signal.
+FOUND, NONE_FOUND, BAD_ARGUMENTS, FAILED, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Search, print what was found, and return the exit code.
+
+    :param arguments: of the command line; those of the process if None.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        return _run(options)
+    except (IsotrussError, OSError) as error:
+        print(f'plan_grasps: {error}', file=sys.stderr)
+        return BAD_ARGUMENTS
+    except BrokenProcessPool as error:
+        print(f'plan_grasps: a worker process died: {error}', file=sys.stderr)
+        return FAILED
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+def _run(options: argparse.Namespace) -> int:
+    robot = load_robot(options.robot)
+    config = robot.home
+    if options.rollers is not None:
+        config = robot.configuration(options.rollers)
+    cylinder = Cylinder(tuple(options.center), options.diameter)
+    needs = requirements(options)
+    if options.json is not None:
+        options.json.touch()  # better known before the search than after it
+    plan = _search(config, cylinder, needs, options)
+    _tell(plan, needs)
+    if options.json is not None:
+        text = json.dumps(as_json(plan, robot), indent=2, allow_nan=False)
+        options.json.write_text(f'{text}\n', encoding='utf-8')
+    return FOUND if plan.grasps else NONE_FOUND
+
+
+def _search(
+    config: Configuration,
+    cylinder: Cylinder,
+    needs: GraspRequirements,
+    options: argparse.Namespace,
+) -> GraspPlan:
+    """Search on the cores asked for, until it is done, interrupted, or its time is up."""
+    stop = Stop(options.time_limit)
+    # One worker is a process of its own too: with other BLAS threads the last digits differ.
+    with WorkerPool(options.workers) as pool, ProgressBar() as bar, _interruptible(stop):
+        return plan_grasps(config, cylinder, needs, options.seed, pool.executor, bar.show, stop)
+
+
+@contextlib.contextmanager
+def _interruptible(stop: Stop) -> Iterator[None]:
+    """Let Ctrl-C end the search with the best so far, and a second one the command."""
+
+    def ask(_signal: int, _frame: FrameType | None) -> None:
+        stop.requested = True
+        signal.signal(signal.SIGINT, before)
+
+    before = signal.signal(signal.SIGINT, ask)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _tell(plan: GraspPlan, needs: GraspRequirements) -> None:
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = max(console.width, 120)  # files and pipes need no narrow columns
+    if plan.grasps:
+        console.print(table(plan, needs))
+    console.print(plan_in_words(plan), soft_wrap=True)
+    ended = '' if plan.complete else '; stopped before its end'
+    console.print(
+        f'{plan.evaluations} evaluations, {plan.analyses} of them analyses, '
+        f'in {plan.computing_time:.1f} s{ended}'
+    )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='plan_grasps',
+        description='Find grasps of a cylinder that lies free inside a loop of the robot.',
+        epilog='exit codes: 0 found, 1 none found, 2 bad arguments, 3 the search failed',
+    )
+    parser.add_argument(
+        '--robot',
+        default='nine_member',
+        help='preset, or path of a robot file (default %(default)s)',
+    )
+    parser.add_argument(
+        '--rollers',
+        type=float,
+        nargs='+',
+        metavar='PHI',
+        help='where the rollers are, travel since home [m]; home if left out',
+    )
+    parser.add_argument(
+        '--center',
+        type=float,
+        nargs=2,
+        required=True,
+        metavar=('X', 'Y'),
+        help='of the object [m]',
+    )
+    parser.add_argument('--diameter', type=float, required=True, help='of it [m]')
+    add_requirements(parser)
+    group = parser.add_argument_group('search')
+    group.add_argument('--seed', type=seed, default=0, help='the same seed, the same answer')
+    group.add_argument(
+        '--workers',
+        type=worker_count,
+        default=0,
+        metavar='N',
+        help='processes; as many as there are cores if 0 (default)',
+    )
+    group.add_argument(
+        '--time-limit',
+        type=duration,
+        default=0.0,
+        metavar='S',
+        help='then the best so far is the answer [s]; no limit if 0 (default)',
+    )
+    group.add_argument('--json', type=Path, metavar='FILE', help='write all of it there too')
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

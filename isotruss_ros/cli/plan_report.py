@@ -1,0 +1,73 @@
+"""A plan as a table for people, and as numbers for programs."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from isotruss_ros.core import GraspPlan, GraspRequirements, Robot
+from isotruss_ros.core.planning.export import export_figures, export_path
+from rich.table import Table
+
+#: Heading, factor and format of each figure of a grasp in the table.
+COLUMNS = {
+    'closure_margin': ('margin\n[mN]', 1e3, '{:.3f}'),
+    'required_friction': ('required\nfriction', 1.0, '{:.4f}'),
+    'max_contact_force': ('contact\nforce [N]', 1.0, '{:.2f}'),
+    'total_force': ('total\nforce [N]', 1.0, '{:.2f}'),
+    'utilisation': ('moment /\nwrinkling', 1.0, '{:.2f}'),
+    'travel': ('travel\n[m]', 1.0, '{:.3f}'),
+    'rigidity': ('rigidity', 1.0, '{:.3f}'),
+    'score': ('score', 1.0, '{:.5g}'),
+}
+
+
+def table(plan: GraspPlan, requirements: GraspRequirements) -> Table:
+    """
+    Return one row for each grasp, best first.
+
+    :param plan: the plan.
+    :param requirements: with the measure that the grasps are ranked by.
+    """
+    found = Table(title=f'grasps, best first by {requirements.measure.value}')
+    found.add_column('module')
+    found.add_column('members in contact')
+    for heading, _, _ in COLUMNS.values():
+        found.add_column(heading, justify='right')
+    for grasp in plan.grasps:
+        figures = export_figures(grasp)
+        numbers = (
+            form.format(factor * figures[name]) for name, (_, factor, form) in COLUMNS.items()
+        )
+        found.add_row(figures['module'], '\n'.join(figures['members']), *numbers)
+    return found
+
+
+def as_json(plan: GraspPlan, robot: Robot) -> dict[str, Any]:
+    """
+    Return all of a plan that JSON can hold; what is not finite is null.
+
+    :param plan: the plan.
+    :param robot: whose rollers the plan moves.
+    """
+    miss = plan.closest_violation
+    return {
+        'robot': robot.name,
+        'roller_names': list(robot.roller_names),
+        'grasps': [export_figures(grasp) | export_path(grasp) for grasp in plan.grasps],
+        'complete': plan.complete,
+        'closest_violation': None
+        if miss is None
+        else {
+            'requirement': miss.requirement,
+            'value': _finite(miss.value),
+            'bound': _finite(miss.bound),
+        },
+        'evaluations': plan.evaluations,
+        'analyses': plan.analyses,
+        'computing_time': plan.computing_time,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,10 @@
+"""
+The search for grasps over many robots and objects, on a Dask cluster; no ROS.
+
+Needs `distributed`, the extra `sweep` of this package.
+"""
+
+from isotruss_ros.cli.sweep.evaluation import evaluate, SweepResult
+from isotruss_ros.cli.sweep.sweeping import sweep
+
+__all__ = ['SweepResult', 'evaluate', 'sweep']

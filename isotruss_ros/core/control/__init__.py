@@ -1,0 +1,1 @@
+"""Loops that command the robot: inputs, twist servo, path tracking, roller trajectories."""

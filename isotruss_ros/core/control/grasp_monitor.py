@@ -1,0 +1,177 @@
+"""
+Grasp monitor: the analysis of the grasp for the latest inputs, or why there is none.
+
+A result holds for the inputs that it was computed from. Once one of them times out, is missing or
+is rejected, the result is dropped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+import time
+
+from isotruss_ros.core.control.grasp_report import AnalyzedGrasp, GraspCode, GraspReport, Question
+from isotruss_ros.core.control.inputs import Input, InputError, InputFault, require_fresh
+from isotruss_ros.core.errors import (
+    ConfigurationError,
+    IsotrussError,
+    SolverError,
+    StructureError,
+)
+from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
+from isotruss_ros.core.grasping.settle_grasp import settle_grasp
+from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
+from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.objects import Cylinder
+
+#: The code for each fault of an input; a wrench that was never received is zero.
+FAULTS = {
+    ('joint_states', InputFault.MISSING): GraspCode.NO_JOINT_STATES,
+    ('joint_states', InputFault.STALE): GraspCode.STALE_JOINT_STATES,
+    ('joint_states', InputFault.INVALID): GraspCode.INVALID_JOINT_STATES,
+    ('object_pose', InputFault.MISSING): GraspCode.NO_OBJECT_POSE,
+    ('object_pose', InputFault.STALE): GraspCode.STALE_OBJECT_POSE,
+    ('object_pose', InputFault.INVALID): GraspCode.INVALID_OBJECT_POSE,
+    ('external_wrench', InputFault.STALE): GraspCode.STALE_EXTERNAL_WRENCH,
+    ('external_wrench', InputFault.INVALID): GraspCode.INVALID_EXTERNAL_WRENCH,
+}
+#: The code for each error of an analysis; the last is that of any other.
+ERRORS = (
+    (ConfigurationError, GraspCode.NO_CONFIGURATION),
+    (StructureError, GraspCode.MECHANISM),
+    (SolverError, GraspCode.NOT_SOLVED),
+    (IsotrussError, GraspCode.INVALID_REQUEST),
+)
+NO_WRENCH = (0.0, 0.0, 0.0)
+NO_CONTACT = 'the object touches nothing'
+
+
+class GraspMonitor:
+    """
+    The latest input of each kind, and the analysis for them.
+
+    :ivar rollers: input of the measured `RollerState`.
+    :ivar center: input of (x, y), the measured centre of the object in the robot frame [m].
+    :ivar wrench: input of (fx, fy, m), the external wrench on the object [N, N m]; zero if None.
+    :param robot: the robot.
+    :param object_diameter: the object's own diameter [m].
+    :param friction: coefficient between tube and object.
+    :param spacing: of the contact points along the tubes [m].
+    :param timeout: inputs older than this are not used [s].
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        object_diameter: float,
+        friction: float,
+        spacing: float,
+        timeout: float,
+    ) -> None:
+        self.robot = robot
+        self.object_diameter = object_diameter
+        self.friction = friction
+        self.spacing = spacing
+        self.timeout = timeout
+        self.rollers: Input = None
+        self.center: Input = None
+        self.wrench: Input = None
+        self._tracker = ConfigurationTracker(robot.home)
+        self._question: Question | None = None
+        self._report = GraspReport(GraspCode.NO_JOINT_STATES, '', 0.0)
+
+    def report(self, now: float) -> GraspReport:
+        """
+        Return the analysis for now; computed only if an input or a setting has changed.
+
+        Never raises for an input: a fault becomes a code and a message.
+
+        :param now: time on the clock of the inputs [s].
+        """
+        inputs = {'joint_states': self.rollers, 'object_pose': self.center}
+        if self.wrench is not None:
+            inputs['external_wrench'] = self.wrench
+        try:
+            rollers, center, *wrench = require_fresh(now, self.timeout, **inputs)
+        except InputError as error:
+            return GraspReport(FAULTS[error.name, error.fault], str(error), now)
+        question = Question(
+            tuple(rollers.value.positions.tolist()),
+            center.value,
+            self.object_diameter,
+            self.friction,
+            wrench[0].value if wrench else NO_WRENCH,
+            self.spacing,
+        )
+        if question != self._question:
+            self._report = _analyze(question, self._tracker.configuration, self._report.grasp)
+            self._question = question
+        analyzed = self._report.grasp is not None
+        return replace(self._report, time=min(rollers.time, center.time) if analyzed else now)
+
+    def analyze_request(self, question: Question, now: float) -> GraspReport:
+        """
+        Return the analysis for other values; that of `report` stays as it is.
+
+        :param question: no roller positions at all mean the measured ones, which must be fresh.
+        :param now: time on the clock of the inputs [s].
+        """
+        if question.roller_positions:
+            return replace(_analyze(question, self.robot.configuration), time=now)
+        try:
+            (rollers,) = require_fresh(now, self.timeout, joint_states=self.rollers)
+        except InputError as error:
+            return GraspReport(FAULTS[error.name, error.fault], str(error), now)
+        question = question._replace(roller_positions=tuple(rollers.value.positions.tolist()))
+        return replace(_analyze(question, self._tracker.configuration), time=rollers.time)
+
+
+def _analyze(
+    question: Question,
+    find: Callable[[tuple[float, ...]], Configuration],
+    last: AnalyzedGrasp | None = None,
+) -> GraspReport:
+    """
+    Return the analysis, without its time.
+
+    :param find: returns the configuration at roller positions.
+    :param last: a similar grasp, to begin with.
+    """
+    begin = time.perf_counter()
+    try:
+        cylinder = Cylinder(question.center, question.diameter)
+        config = find(question.roller_positions)
+        analysis = analyze_grasp(
+            config,
+            cylinder,
+            question.friction,
+            question.external_wrench,
+            spacing=question.spacing,
+            previous=None if last is None else last.analysis,
+        )
+        settled = settle_grasp(config, cylinder, question.friction, question.external_wrench)
+    except IsotrussError as error:
+        code = next(code for kind, code in ERRORS if isinstance(error, kind))
+        return GraspReport(code, str(error), 0.0)
+    duration = time.perf_counter() - begin
+    grasp = AnalyzedGrasp(config, cylinder, question.spacing, analysis, settled, duration)
+    code, message = _judge(analysis)
+    return GraspReport(code, message, 0.0, grasp)
+
+
+def _judge(analysis: GraspAnalysis) -> tuple[GraspCode, str]:
+    """Return the code of an answer, and what is special about it."""
+    if not analysis.contact_lengths:
+        return GraspCode.OK, NO_CONTACT
+    member, used = max(analysis.utilisation.items(), key=lambda item: item[1])
+    if used <= MAX_UTILISATION:
+        return GraspCode.OK, ''
+    place = analysis.utilisation_places[member]
+    message = (
+        f'member {member} bears {used:.2f} of its wrinkling moment, {place:.3g} m from its start'
+    )
+    if used <= 1.0:
+        return GraspCode.OK, message
+    return GraspCode.WRINKLED, f'{message}: it wrinkles, and the numbers are outside of the model'

@@ -1,0 +1,105 @@
+"""A question about a grasp, and the answer, or why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import enum
+from typing import NamedTuple
+
+from isotruss_ros.core.grasping.analysis import GraspAnalysis
+from isotruss_ros.core.grasping.settle_grasp import SettledGrasp
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.objects import Cylinder
+
+
+class GraspCode(enum.IntEnum):
+    """Whether there is an answer; the same codes as in isotruss_msgs/GraspState."""
+
+    OK = 0
+    WRINKLED = 1  #: there is an answer, outside of the model: a tube wrinkles
+    NO_JOINT_STATES = 10
+    STALE_JOINT_STATES = 11
+    INVALID_JOINT_STATES = 12
+    NO_OBJECT_POSE = 20
+    STALE_OBJECT_POSE = 21
+    INVALID_OBJECT_POSE = 22
+    # One that was never published is zero: it cannot be missing.
+    STALE_EXTERNAL_WRENCH = 31
+    INVALID_EXTERNAL_WRENCH = 32
+    NO_CONFIGURATION = 40  #: the roller positions fit no shape of the robot
+    MECHANISM = 41  #: the robot cannot carry loads, or its stiffness laws are contradictory
+    NOT_SOLVED = 42  #: the contact or the friction problem was not solved
+    INVALID_REQUEST = 50  #: a number of the question cannot be used
+
+    def __str__(self) -> str:
+        """Return the name in words."""
+        return self.name.lower().replace('_', ' ')
+
+
+class Question(NamedTuple):
+    """
+    All that an analysis depends on.
+
+    :ivar roller_positions: (r,) travel since home [m].
+    :ivar center: (x, y) of the object in the robot frame [m].
+    :ivar diameter: the object's own [m].
+    :ivar friction: coefficient between tube and object.
+    :ivar external_wrench: (fx, fy, m) on the object about its centre [N, N m].
+    :ivar spacing: of the contact points along the tubes [m].
+    """
+
+    roller_positions: tuple[float, ...]
+    center: tuple[float, float]
+    diameter: float
+    friction: float
+    external_wrench: tuple[float, float, float]
+    spacing: float
+
+
+@dataclass(frozen=True, eq=False)
+class AnalyzedGrasp:
+    """
+    What went into an analysis, and what came out.
+
+    :ivar config: configuration of the robot.
+    :ivar cylinder: the object.
+    :ivar spacing: of the contact points along the tubes [m].
+    :ivar analysis: of the object held fast at the measured pose.
+    :ivar settled: the equilibrium of the free object near to it.
+    :ivar computing_time: of configuration and analysis [s].
+    """
+
+    config: Configuration
+    cylinder: Cylinder
+    spacing: float
+    analysis: GraspAnalysis
+    settled: SettledGrasp
+    computing_time: float
+
+
+@dataclass(frozen=True)
+class GraspReport:
+    """
+    An answer, or none.
+
+    :ivar code: OK if there is one, WRINKLED if it is outside of the model.
+    :ivar message: why there is none, or what is special about the grasp; may be empty.
+    :ivar time: for which the answer holds, that of the older sample; that of the call if there is
+        none [s].
+    :ivar grasp: the answer; None if there is none.
+    """
+
+    code: GraspCode
+    message: str
+    time: float
+    grasp: AnalyzedGrasp | None = None
+
+    @property
+    def held(self) -> bool:
+        """Return whether the object is known to be held, see `settle_grasp`; within the model."""
+        return self.code is GraspCode.OK and self.grasp is not None and self.grasp.settled.held
+
+    @property
+    def force_closure(self) -> bool:
+        """Return whether the grasp of the object held fast is closed."""
+        return self.grasp is not None and self.grasp.analysis.force_closure

@@ -1,0 +1,124 @@
+"""Inputs of a control loop: the latest value of each, its time, and whether it can be used."""
+
+from __future__ import annotations
+
+import enum
+from typing import Any, NamedTuple
+
+from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.numerics.arrays import Array
+
+#: Stamps may be this far ahead, since clocks are never exactly synchronous [s].
+CLOCK_SKEW = 0.01
+
+
+class StampedInput(NamedTuple):
+    """
+    A measured or commanded value.
+
+    :ivar value: the value.
+    :ivar time: time for which it holds [s].
+    """
+
+    value: Any
+    time: float
+
+
+class RollerState(NamedTuple):
+    """
+    Measured state of the rollers.
+
+    :ivar positions: (r,) travel since home [m].
+    :ivar velocities: (r,) speeds [m/s]; zeros where not measured.
+    """
+
+    positions: Array
+    velocities: Array
+
+
+class RejectedInput(NamedTuple):
+    """
+    An input that was received and cannot be used.
+
+    :ivar reason: what is wrong with it.
+    """
+
+    reason: str
+
+
+#: The latest of an input; None before the first.
+Input = StampedInput | RejectedInput | None
+
+
+class InputFault(enum.Enum):
+    """Why an input cannot be used."""
+
+    MISSING = enum.auto()
+    STALE = enum.auto()
+    INVALID = enum.auto()
+
+
+class InputError(IsotrussError):
+    """
+    An input cannot be used.
+
+    :ivar name: name of the input.
+    :ivar fault: why.
+    :param name: name of the input.
+    :param fault: why it cannot be used.
+    :param message: the reason in words.
+    """
+
+    def __init__(self, name: str, fault: InputFault, message: str) -> None:
+        super().__init__(message)
+        self.name, self.fault = name, fault
+
+
+def require_fresh(now: float, timeout: float, **inputs: Input) -> tuple[StampedInput, ...]:
+    """
+    Return inputs that can be used.
+
+    :param now: time on the clock of the inputs [s].
+    :param timeout: largest age; into the future it is `CLOCK_SKEW` [s].
+    :param inputs: the inputs by name, with underscores for spaces.
+    :raises InputError: the first of them that is missing, rejected, timed out, or stamped in the
+        future.
+    """
+    for name, given in inputs.items():
+        words = name.replace('_', ' ')
+        if given is None:
+            raise InputError(name, InputFault.MISSING, f'{words}: none received yet')
+        if isinstance(given, RejectedInput):
+            raise InputError(name, InputFault.INVALID, given.reason)
+        age = now - given.time
+        if age > timeout:
+            raise InputError(
+                name, InputFault.STALE, f'{words}: {age:.3f} s old; must be at most {timeout} s'
+            )
+        if age < -CLOCK_SKEW:
+            raise InputError(
+                name,
+                InputFault.INVALID,
+                f'{words}: stamped {-age:.3f} s in the future; must be at most {CLOCK_SKEW:g} s: '
+                'synchronise the clocks',
+            )
+    return tuple(inputs.values())
+
+
+def limit_stamps(now: float, *inputs: Input) -> tuple[Input, ...]:
+    """
+    Return inputs, those stamped ahead by no more than `CLOCK_SKEW` with the present time instead.
+
+    An input that is kept so ages from its first use on.
+
+    :param now: time on the clock of the inputs [s].
+    :param inputs: as received.
+    """
+    return tuple(
+        [
+            given._replace(time=now)
+            if isinstance(given, StampedInput) and 0.0 < given.time - now <= CLOCK_SKEW
+            else given
+            for given in inputs
+        ]
+    )

@@ -1,0 +1,182 @@
+"""
+A path of the object: poses one after the other, and where along them it should be at which time.
+
+From pose to pose, position and angle change evenly, the angle the short way round, in the time of
+the slower of the two: the centre at `speed`, or the turn at `turn_rate`. So one of the limits is
+reached on every piece and none is exceeded. A smooth path is first cut into short pieces of
+centripetal Catmull-Rom splines through the poses, which make neither cusps nor loops between two
+poses (Yuksel, Schaefer and Keyser, Computer-Aided Design 2011).
+"""
+
+from __future__ import annotations
+
+import math
+
+from isotruss_ros.core.errors import PathError
+from isotruss_ros.core.model.objects import MAX_DISTANCE
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicHermiteSpline
+
+#: More poses, or a longer way, are a mistake; so are greater speeds [m/s, rad/s].
+MAX_POSES = 10_000
+MAX_DURATION = 86_400.0
+MAX_SPEED, MAX_TURN_RATE = 10.0, 100.0
+#: A half turn has no short way round; this much less has one [rad].
+HALF_TURN_MARGIN = 1e-6
+#: Poses nearer to each other than this are one [m, rad].
+SAME = 1e-9
+#: The pieces of a smooth path are about this long [m] or turn about this far [rad].
+PIECE, PIECE_TURN = 0.005, 0.02
+MAX_PIECES_OF_A_SPAN = 200
+#: More of them in all would hold up whoever waits for the path, and fill the memory.
+MAX_PIECES = 100_000
+
+
+class ObjectPath:
+    """
+    Poses and when each is due.
+
+    :ivar poses: (n, 3) x, y [m] and angle [rad] in the robot frame; the angle has no jumps by full
+        turns, and begins where the first pose has it.
+    :ivar times: (n,) when each pose is due, from 0 [s].
+    :ivar duration: of the whole path [s].
+    :ivar length: of the way of the centre [m].
+    :param poses: (n, 3) two or more; those that repeat the one before are left out.
+    :param speed: of the centre along the path [m/s].
+    :param turn_rate: largest rate of turn [rad/s].
+    :param smooth: whether the path rounds its corners; straight from pose to pose if not.
+    :raises PathError: names what cannot be followed and what would be right.
+    """
+
+    def __init__(
+        self, poses: ArrayLike, speed: float, turn_rate: float, smooth: bool = False
+    ) -> None:
+        self.speed = _limit('speed', speed, MAX_SPEED, 'm/s')
+        self.turn_rate = _limit('turn rate', turn_rate, MAX_TURN_RATE, 'rad/s')
+        self.poses = _distinct(_unwrapped(_checked(poses)))
+        if smooth:
+            self.poses = _distinct(_smoothed(self.poses, self._durations()))
+        self.times = np.concatenate([[0.0], np.cumsum(self._durations())])
+        if self.duration > MAX_DURATION:
+            raise PathError(
+                f'the path takes {self.duration:.4g} s at {speed:g} m/s and {turn_rate:g} rad/s; '
+                f'must be at most {MAX_DURATION:g} s'
+            )
+
+    def _durations(self) -> Array:
+        """Return the time from each pose to the next (n - 1,) [s]."""
+        steps = np.diff(self.poses, axis=0)
+        way = np.hypot(steps[:, 0], steps[:, 1])
+        return np.maximum(way / self.speed, np.abs(steps[:, 2]) / self.turn_rate)
+
+    @property
+    def duration(self) -> float:
+        """Return when the last pose is due [s]."""
+        return float(self.times[-1])
+
+    @property
+    def length(self) -> float:
+        """Return the way of the centre [m]."""
+        steps = np.diff(self.poses, axis=0)
+        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+    def pose(self, time: float) -> Array:
+        """
+        Return where the object should be at a time: at rest at the ends, before and after.
+
+        :param time: since the beginning of the path [s].
+        """
+        if not 0.0 <= time < self.duration:
+            return self.poses[0 if time < 0.0 else -1].copy()
+        piece = int(np.searchsorted(self.times, time, side='right')) - 1
+        begin, end = self.times[piece], self.times[piece + 1]
+        share = (time - begin) / (end - begin)
+        return (1.0 - share) * self.poses[piece] + share * self.poses[piece + 1]
+
+
+def _limit(name: str, value: float, most: float, unit: str) -> float:
+    if not 0.0 < value <= most:  # also refuses what is not a number
+        raise PathError(f'{name} {value!r} {unit}: must be positive, at most {most:g} {unit}')
+    return float(value)
+
+
+def _checked(poses: ArrayLike) -> Array:
+    """Return the poses as numbers (n, 3)."""
+    try:
+        array = np.asarray(poses, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise PathError(f'the poses of the path are no numbers: {error}') from error
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) < 2:
+        raise PathError(
+            f'the path has poses of shape {array.shape}; must be two or more of x, y, angle'
+        )
+    if len(array) > MAX_POSES:
+        raise PathError(f'the path has {len(array)} poses; must be at most {MAX_POSES}')
+    bad = np.flatnonzero(~(np.abs(array) <= MAX_DISTANCE).all(axis=1))
+    if len(bad):
+        raise PathError(
+            f'pose {bad[0]} of the path: {array[bad[0]].tolist()}: must be finite, '
+            f'at most {MAX_DISTANCE:g}'
+        )
+    return array
+
+
+def _unwrapped(poses: Array) -> Array:
+    """Return the poses, each turned the short way from the one before."""
+    turns = np.diff(poses[:, 2])
+    turns = turns - 2.0 * math.pi * np.round(turns / (2.0 * math.pi))
+    far = np.flatnonzero(np.abs(turns) > math.pi - HALF_TURN_MARGIN)
+    if len(far):
+        raise PathError(
+            f'pose {far[0] + 1} of the path is half a turn from the one before, '
+            'and both ways round are as short; put a pose in between'
+        )
+    unwrapped = poses.copy()
+    unwrapped[1:, 2] = poses[0, 2] + np.cumsum(turns)
+    return unwrapped
+
+
+def _distinct(poses: Array) -> Array:
+    """Return the poses that are not where the one before is."""
+    cells = np.round(poses / SAME)
+    differs = (np.diff(cells, axis=0) != 0.0).any(axis=1)
+    if not differs.any():
+        raise PathError(
+            f'all poses of the path are at {poses[0].tolist()}; must lead somewhere else'
+        )
+    return poses[np.concatenate([[True], differs])]
+
+
+def _smoothed(poses: Array, durations: Array) -> Array:
+    """
+    Cut the splines through poses into short pieces.
+
+    :param durations: (n - 1,) from pose to pose, the measure of how far apart they are [s].
+    :raises PathError: there are too many pieces.
+    """
+    spans = np.sqrt(durations)
+    knots = np.concatenate([[0.0], np.cumsum(spans)])
+    chords = np.diff(poses, axis=0) / spans[:, np.newaxis]
+    before, after = spans[:-1, np.newaxis], spans[1:, np.newaxis]
+    tangents = np.empty_like(poses)
+    # Those of the parabola through each pose and its neighbours.
+    tangents[1:-1] = (chords[:-1] * after + chords[1:] * before) / (before + after)
+    first, last = (tangents[1], tangents[-2]) if len(poses) > 2 else (chords[0], chords[-1])
+    tangents[0], tangents[-1] = 2.0 * chords[0] - first, 2.0 * chords[-1] - last
+    steps = np.diff(poses, axis=0)
+    wanted = np.maximum(
+        np.hypot(steps[:, 0], steps[:, 1]) / PIECE, np.abs(steps[:, 2]) / PIECE_TURN
+    )
+    counts = np.clip(np.ceil(wanted), 1, MAX_PIECES_OF_A_SPAN).astype(int)
+    total = int(counts.sum())
+    if total > MAX_PIECES:
+        raise PathError(
+            f'the smooth path has {total} pieces of about {PIECE:g} m or {PIECE_TURN:g} rad; '
+            f'must be at most {MAX_PIECES}: give fewer poses, or do not smooth it'
+        )
+    span = np.repeat(np.arange(len(counts)), counts)
+    share = (np.arange(len(span)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[span]
+    cut = np.append(knots[span] + share * spans[span], knots[-1])
+    return CubicHermiteSpline(knots, poses, tangents)(cut)

@@ -1,0 +1,162 @@
+"""
+Path servo: in every cycle, go on along the path, wait, or give up, by what is known and how old.
+
+Whatever is not known stops the object: a pose that is missing, too old or refused ends the path,
+and while the manipulation is stopped, or timed out, path time stands still and the twist is zero.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from typing import NamedTuple
+
+from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
+from isotruss_ros.core.control.object_path import ObjectPath
+from isotruss_ros.core.control.path_tracking import (
+    FINISHED,
+    PathPhase,
+    PathTracker,
+    pose_error,
+    Tracking,
+    TrackingSettings,
+)
+from isotruss_ros.core.errors import PathError
+from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+
+class Outcome(enum.IntEnum):
+    """How following a path ended, the same as in isotruss_msgs/FollowObjectPath."""
+
+    REACHED = 0
+    CANCELLED = 1
+    BAD_GOAL = 2
+    OFF_PATH = 3
+    STOPPED = 4
+    PREEMPTED = 5
+
+
+class ServoFeedback(NamedTuple):
+    """
+    How the manipulation answered the last twist: `Status` code, scale 0 to 1, and why.
+
+    :ivar code: number of the `Status`.
+    :ivar scale: part of the twist that was carried out, 0 to 1.
+    :ivar message: the reason in words.
+    """
+
+    code: int
+    scale: float
+    message: str
+
+
+class Step(NamedTuple):
+    """
+    What to do in this cycle.
+
+    :ivar twist: (3,) of the object, robot frame [m/s, rad/s].
+    :ivar outcome: how it ended, None while it goes on.
+    :ivar message: in words, once it ended.
+    :ivar tracking: how it goes; None where that is not known.
+    """
+
+    twist: Array
+    outcome: Outcome | None
+    message: str
+    tracking: Tracking | None
+
+
+#: What each way to finish means for who asked.
+OUTCOMES = {
+    PathPhase.REACHED: Outcome.REACHED,
+    PathPhase.OFF_PATH: Outcome.OFF_PATH,
+    PathPhase.STUCK: Outcome.STOPPED,
+}
+
+
+class PathServo:
+    """
+    State of following: the latest inputs, each a sample, a refusal, or None for none yet.
+
+    :ivar pose: sample of the measured `Pose` of the object, robot frame.
+    :ivar servo_feedback: sample of the `ServoFeedback` of the manipulation.
+    :ivar tracker: of the present path, or of the last one; None before the first.
+    :param period: time from cycle to cycle [s].
+    :param timeout: inputs older than this are not relied on [s].
+    """
+
+    def __init__(self, period: float, timeout: float) -> None:
+        self._period = period
+        self.timeout = timeout
+        self.pose: Input = None
+        self.servo_feedback: Input = None
+        self.tracker: PathTracker | None = None
+        self._before = 0.0
+
+    @property
+    def period(self) -> float:
+        """Return the time from cycle to cycle [s]."""
+        return self._period
+
+    @period.setter
+    def period(self, period: float) -> None:
+        """Go on at another rate, on the path that is being followed as well."""
+        self._period = period
+        if self.tracker is not None:
+            self.tracker.period = period
+
+    def begin(self, path: ObjectPath, settings: TrackingSettings, now: float) -> None:
+        """
+        Take a path; the next cycle is its first.
+
+        :param path: of the object.
+        :param settings: of the tracking.
+        :param now: time on the clock of the samples [s].
+        :raises PathError: it does not begin where the object is.
+        :raises InputError: nobody knows where the object is.
+        """
+        self.tracker = None
+        measured = require_fresh(now, self.timeout, object_pose=self.pose)[0].value
+        error = pose_error(path.poses[0], measured)
+        away, turned = math.hypot(error[0], error[1]), abs(float(error[2]))
+        if away > settings.position_tolerance or turned > settings.angle_tolerance:
+            raise PathError(
+                f'the path begins {away:.4g} m and {turned:.4g} rad from the object, which is at '
+                f'({measured.x:.4g}, {measured.y:.4g}) m, {measured.angle:.4g} rad; must begin '
+                f'within {settings.position_tolerance:g} m and {settings.angle_tolerance:g} rad'
+            )
+        self.tracker = PathTracker(path, settings, self._period)
+        self._before = now
+
+    def decide(self, now: float) -> Step:
+        """
+        Return what to do in the cycle that begins now; never raises for an input.
+
+        :param now: time on the clock of the samples [s].
+        """
+        elapsed, self._before = now - self._before, now
+        try:
+            (pose,) = require_fresh(now, self.timeout, object_pose=self.pose)
+        except InputError as error:
+            return Step(np.zeros(3), Outcome.STOPPED, str(error), None)
+        held, scale, why = self._servo_feedback(now)
+        tracking = self.tracker.update(pose.value, now - pose.time, elapsed, scale, held)
+        if tracking.phase not in FINISHED:
+            return Step(tracking.twist, None, '', tracking)
+        outcome, message = OUTCOMES[tracking.phase], tracking.message
+        if why:
+            message = f'{message}; manipulation: {why}'
+        return Step(tracking.twist, outcome, message, tracking)
+
+    def _servo_feedback(self, now: float) -> tuple[bool, float, str]:
+        """Return whether the robot is stopped, the scale of the last twist, and why."""
+        try:
+            (given,) = require_fresh(now, self.timeout, status=self.servo_feedback)
+        except InputError as error:
+            return True, 0.0, str(error)
+        answer: ServoFeedback = given.value
+        if not 0.0 <= answer.scale <= 1.0:
+            return True, 0.0, f'status: scale {answer.scale}: must be from 0 to 1'
+        return answer.code >= Status.HALT_NO_TWIST, answer.scale, answer.message

@@ -1,0 +1,114 @@
+"""Time along a path: it slows down where the robot cannot follow, and never jumps."""
+
+from __future__ import annotations
+
+from collections import deque
+import math
+
+import numpy as np
+
+#: What limits of the robot slow is not slowed below this rate by them: the way on may lead away.
+CRAWL = 0.1
+#: A robot that follows at less than this rate makes no progress.
+STANDSTILL = 0.05
+#: Measurements that are older than this are taken as so old [s].
+MEMORY = 1.0
+
+
+class PathClock:
+    """
+    Runs from 0 to the path's duration at a rate from 0 to 1.
+
+    :ivar time: path time [s].
+    :ivar rate: path time by time.
+    :ivar waited: time since the last progress [s].
+    :param duration: of the path [s].
+    :param ramp_time: from rest to rate 1 and back [s].
+    :param progress_timeout: how long a time counts for progress [s].
+    :param period: of the control loop; a longer cycle than two counts as two [s].
+    """
+
+    def __init__(
+        self, duration: float, ramp_time: float, progress_timeout: float, period: float
+    ) -> None:
+        self.time = self.rate = self.waited = 0.0
+        self._duration, self._ramp = duration, ramp_time
+        self._least_progress = STANDSTILL * progress_timeout
+        self._mark = self._now = 0.0
+        self._period = period
+        self._known = deque([(0.0, 0.0)], maxlen=_samples(period))
+
+    @property
+    def period(self) -> float:
+        """Return the time from cycle to cycle [s]."""
+        return self._period
+
+    @period.setter
+    def period(self, period: float) -> None:
+        """Go on with another period, from the cycle after the one that is under way."""
+        self._period = period
+        self._known = deque(self._known, maxlen=_samples(period))
+
+    @property
+    def at_end(self) -> bool:
+        """Tell whether the path is over."""
+        return self.time >= self._duration
+
+    @property
+    def time_left(self) -> float:
+        """Return how long the rest takes if nothing slows: up the ramp, on, down the ramp [s]."""
+        left = self._duration - self.time
+        peak = min(1.0, math.sqrt(left / self._ramp + 0.5 * self.rate**2))
+        cruise = left - (peak**2 - 0.5 * self.rate**2) * self._ramp
+        return (2.0 * peak - self.rate) * self._ramp + max(cruise, 0.0)
+
+    def time_then(self, elapsed: float, age: float) -> float:
+        """
+        Return what path time was some time ago [s].
+
+        :param elapsed: since the last call of `advance` [s].
+        :param age: how long ago [s].
+        """
+        when, times = np.array(self._known).T
+        return float(np.interp(self._now + elapsed - age, when, times))
+
+    def step(self, elapsed: float) -> float:
+        """
+        Return what part of the elapsed time counts: a starved loop does not leap ahead [s].
+
+        :param elapsed: time since the last cycle [s].
+        """
+        return min(max(elapsed, 0.0), 2.0 * self._period)
+
+    def advance(self, elapsed: float, room: float, scale: float, held: bool) -> None:
+        """
+        Move path time to where it is to be one cycle from now.
+
+        :param elapsed: since the last call [s].
+        :param room: 0 to 1, the rate that the lag of the robot allows; obeyed at once.
+        :param scale: 0 to 1, what part of the last twist the limits of the robot left; followed at
+            the pace of the ramp, since the answer to a slower twist comes some cycles later.
+        :param held: whether the robot is stopped.
+        """
+        self._now += max(elapsed, 0.0)
+        if self._now > self._known[-1][0]:
+            self._known.append((self._now, self.time))
+        step = self.step(elapsed)
+        wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, CRAWL)
+        most = step / self._ramp
+        rate = min(max(wanted, self.rate - most), self.rate + most)
+        left = self._duration - self.time
+        self.rate = 0.0 if held else min(rate, room, math.sqrt(2.0 * left / self._ramp))
+        self.time = min(self.time + self.rate * step, self._duration)
+        due = self._now + self._period
+        if due < self._known[-1][0]:
+            self._known.pop()  # the cycle before was to take longer
+        self._known.append((due, self.time))
+        self.waited += max(elapsed, 0.0)
+        if self.time - self._mark > self._least_progress:
+            self.waited, self._mark = 0.0, self.time
+
+
+def _samples(period: float) -> int:
+    """Return how many cycles to remember; every one may add two."""
+    return 2 + 2 * math.ceil(MEMORY / period)

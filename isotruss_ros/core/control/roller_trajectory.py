@@ -1,0 +1,240 @@
+"""
+Roller trajectories: straight lines of roller travel between waypoints, and a servo along them.
+
+The servo begins where the rollers are and closes the loop over measured positions. While a roller
+lags, trajectory time waits; an input that is missing, timed out or rejected ends the trajectory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from isotruss_ros.core.control.inputs import Input, require_fresh
+from isotruss_ros.core.errors import ConfigurationError, IsotrussError
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.numerics.arrays import Array, finite_array
+import numpy as np
+from numpy.typing import ArrayLike
+
+#: What takes longer is a mistake [s].
+MAX_DURATION = 86_400.0
+
+
+class Wanted(NamedTuple):
+    """
+    Where the rollers should be (r,) [m], and how quick (r,) [m/s].
+
+    :ivar positions: (r,) roller travel since home [m].
+    :ivar speeds: (r,) [m/s].
+    """
+
+    positions: Array
+    speeds: Array
+
+
+class RollerTrajectory:
+    """
+    A path of the rollers, followed by speeds from measured positions.
+
+    :ivar duration: of the whole path [s].
+    :param robot: the robot.
+    :param positions: (k, r) waypoints [m], at least one.
+    :param times: (k,) when to be there [s], from 0 on, increasing, at most a day.
+    :raises ConfigurationError: shapes that do not fit, numbers that are not finite, times that do
+        not increase or do not end, or a speed beyond what the robot's rollers can do.
+    """
+
+    def __init__(self, robot: Robot, positions: ArrayLike, times: ArrayLike) -> None:
+        given = positions if np.iterable(positions) else [positions]
+        rows = [robot.check_rollers(row, 'roller positions [m]') for row in given]
+        if not rows:
+            raise ConfigurationError(
+                'a path of the rollers without a point: must have one or more'
+            )
+        self._positions = np.array(rows)
+        self._times = finite_array(times, len(rows), 'times of the path [s]', ConfigurationError)
+        steps = np.diff(self._times)
+        good = np.append(self._times[0] >= 0.0, steps > 0.0) & (self._times <= MAX_DURATION)
+        if not good.all():
+            place = int(good.argmin())
+            raise ConfigurationError(
+                f'time {self._times[place]:.9g} s of point {place} of the path: must be later '
+                f'than that of the point before, from 0 to {MAX_DURATION:g} s'
+            )
+        with np.errstate(over='ignore'):  # too quick is too quick
+            self._slopes = np.diff(self._positions, axis=0) / steps[:, None]
+        quickest = float(np.abs(self._slopes).max(initial=0.0))
+        fastest = robot.description.max_speed
+        if quickest > fastest * (1.0 + 1e-6):
+            raise ConfigurationError(
+                f'the path asks a roller for {quickest:.9g} m/s; must be at most {fastest:g}'
+            )
+        self.duration = float(self._times[-1])
+
+    def at(self, time: float) -> Wanted:
+        """
+        Return what the rollers should do at a time [s]; they stand still before and after.
+
+        :param time: since the beginning [s].
+        """
+        place = int(np.searchsorted(self._times, time, side='right')) - 1
+        if place < 0:
+            return Wanted(self._positions[0], np.zeros_like(self._positions[0]))
+        if place >= len(self._slopes):
+            return Wanted(self._positions[-1], np.zeros_like(self._positions[-1]))
+        slope = self._slopes[place]
+        return Wanted(self._positions[place] + (time - self._times[place]) * slope, slope)
+
+
+@dataclass(frozen=True)
+class RollerTrackingSettings:
+    """
+    How the servo follows a roller trajectory.
+
+    :ivar gain: rate at which errors of the roller positions decay [1/s].
+    :ivar start_tolerance: largest distance of the rollers from the first waypoint [m].
+    :ivar tolerance: of the last waypoint [m].
+    :ivar settling_time: for which the rollers must stay within that tolerance [s].
+    :ivar max_lag: trajectory time waits while a roller lags by more than this [m].
+    :ivar progress_timeout: after which a trajectory without progress is aborted [s].
+    """
+
+    gain: float = 5.0
+    start_tolerance: float = 0.01
+    tolerance: float = 2e-5
+    settling_time: float = 0.1
+    max_lag: float = 5e-3
+    progress_timeout: float = 3.0
+
+
+DEFAULT = RollerTrackingSettings()
+
+
+class RollerStep(NamedTuple):
+    """
+    What to do in this cycle.
+
+    :ivar speeds: (r,) of the rollers [m/s].
+    :ivar ended: whether the path is over, well or not.
+    :ivar failure: why it was given up; empty while it goes on and when the rollers arrived.
+    """
+
+    speeds: Array
+    ended: bool
+    failure: str
+
+
+class RollerTrajectoryServo:
+    """
+    State of following one path.
+
+    :ivar rollers: sample of the measured `RollerState`, a refusal, or None for none yet.
+    :ivar time: how far on the path the rollers are [s].
+    :param robot: the robot.
+    :param timeout: measurements older than this are not used [s].
+    :param settings: tolerances and gain.
+    """
+
+    def __init__(
+        self, robot: Robot, timeout: float, settings: RollerTrackingSettings = DEFAULT
+    ) -> None:
+        self._robot = robot
+        self.settings = settings
+        self.timeout = timeout
+        self.rollers: Input = None
+        self.time = 0.0
+        self._path: RollerTrajectory | None = None
+        self._before = self._waited = 0.0
+        self._near_since: float | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Tell whether there is a path to follow."""
+        return self._path is not None
+
+    def begin(self, path: RollerTrajectory, now: float) -> None:
+        """
+        Take a path, in place of another one if there is any; one that is refused changes nothing.
+
+        :param path: the trajectory.
+        :param now: time on the clock of the samples [s].
+        :raises InputError: the joint states are missing, timed out or rejected.
+        :raises ConfigurationError: the path does not begin there.
+        """
+        state = require_fresh(now, self.timeout, joint_states=self.rollers)[0].value
+        away = np.abs(path.at(0.0).positions - state.positions)
+        worst = int(away.argmax())
+        if away[worst] > self.settings.start_tolerance:
+            raise ConfigurationError(
+                f'the path begins {away[worst]:.4g} m from where roller '
+                f'{self._robot.roller_names[worst]} is; must begin within '
+                f'{self.settings.start_tolerance} m'
+            )
+        self._path, self._before = path, now
+        self.time, self._waited, self._near_since = 0.0, 0.0, None
+
+    def end(self) -> None:
+        """Let the path go."""
+        self._path = None
+
+    def decide(self, now: float) -> RollerStep:
+        """
+        Return what to do in the cycle that begins now, on a path; never raises for an input.
+
+        :param now: time on the clock of the samples [s].
+        """
+        still = np.zeros(len(self._robot.roller_names))
+        # Cycles come late on a busy machine, or seldom by a clock that ticks seldom.
+        elapsed, self._before = min(max(0.0, now - self._before), self.timeout), now
+        path = self._path
+        if path is None:
+            return RollerStep(still, True, 'there is no path to follow')
+        try:
+            (measured,) = require_fresh(now, self.timeout, joint_states=self.rollers)
+        except IsotrussError as error:
+            self._path = None
+            return RollerStep(still, True, str(error))
+        positions, ahead = measured.value.positions, min(self.time + elapsed, path.duration)
+        wanted, behind = path.at(ahead), path.at(self.time).positions - positions
+        error, speeds = wanted.positions - positions, wanted.speeds
+        # Rollers at rest are behind, those under way are ahead by what they do in a cycle.
+        waits = (
+            min(float(np.abs(error).max()), float(np.abs(behind).max())) > self.settings.max_lag
+        )
+        if waits:
+            error, speeds = behind, still
+        lag, at_end = float(np.abs(error).max()), ahead >= path.duration
+        near = at_end and lag <= self.settings.tolerance
+        if self._rests(near, min(measured.time, now), now):
+            self._path = None
+            return RollerStep(still, True, '')
+        if not waits and self.time < path.duration:
+            self.time, self._waited = ahead, 0.0
+        elif not near:
+            self._waited += elapsed
+        if self._waited > self.settings.progress_timeout:
+            self._path = None
+            worst = self._robot.roller_names[int(np.abs(error).argmax())]
+            return RollerStep(still, True, f'roller {worst} stays {lag:.4g} m behind the path')
+        speeds = speeds + self.settings.gain * error
+        if at_end:
+            # What has arrived rests: rollers are uneven only while they move.
+            speeds = np.where(np.abs(error) <= self.settings.tolerance, 0.0, speeds)
+        limit = self._robot.description.max_speed
+        return RollerStep(np.clip(speeds, -limit, limit), False, '')
+
+    def _rests(self, near: bool, measured: float, now: float) -> bool:
+        """
+        Take note of whether the rollers are near to the end; tell whether they stay there.
+
+        :param measured: when they were there [s].
+        """
+        if not near:
+            self._near_since = None
+        elif self._near_since is None:
+            self._near_since = now
+        return (
+            self._near_since is not None
+            and measured - self._near_since > self.settings.settling_time
+        )

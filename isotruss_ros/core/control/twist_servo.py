@@ -1,0 +1,298 @@
+"""
+Twist servo: in every cycle, a roller command from the latest inputs, or a halt.
+
+Each cycle starts from the measured state. A measurement is old when it is used: since then the
+rollers have followed the commands sent, so the servo predicts where the robot is. Commands from
+before the measurement do not count, so motion resumes from any state of robot and object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from isotruss_ros.core.control.command_history import CommandHistory
+from isotruss_ros.core.control.inputs import (
+    Input,
+    InputError,
+    InputFault,
+    limit_stamps,
+    require_fresh,
+    StampedInput,
+)
+from isotruss_ros.core.control.squeeze_control import Solve, SqueezeControl
+from isotruss_ros.core.errors import GraspError, IsotrussError
+from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.grasp import Grasp, predict_grasp
+from isotruss_ros.core.manipulation.limit_handling import working_rollers
+from isotruss_ros.core.manipulation.limits import default_limits
+from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
+from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.safety.roller_failure import FailureDetector
+from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Decision:
+    """
+    What the rollers do in one cycle.
+
+    :ivar command: velocities (zero when halted), achieved twist, scale and status.
+    :ivar twist: (3,) the commanded twist vx, vy [m/s], omega [rad/s]; zero if there is none.
+    :ivar message: what is wrong and what would be right; empty when nothing is wrong.
+    :ivar failed: names of the rollers that are held at zero because they have failed.
+    """
+
+    command: RollerCommand
+    twist: Array
+    message: str
+    failed: tuple[str, ...] = ()
+
+
+class HaltError(IsotrussError):
+    """
+    The rollers must stop.
+
+    :ivar status: why.
+    :param status: why the rollers must stop.
+    :param message: the reason in words.
+    """
+
+    def __init__(self, status: Status, message: str) -> None:
+        super().__init__(message)
+        self.status = status
+
+
+#: The status for each fault of an input.
+HALTS = {
+    ('twist', InputFault.MISSING): Status.HALT_NO_TWIST,
+    ('twist', InputFault.STALE): Status.HALT_NO_TWIST,
+    ('twist', InputFault.INVALID): Status.HALT_INVALID_TWIST,
+    ('joint_states', InputFault.MISSING): Status.HALT_NO_JOINT_STATES,
+    ('joint_states', InputFault.STALE): Status.HALT_STALE_JOINT_STATES,
+    ('joint_states', InputFault.INVALID): Status.HALT_INVALID_JOINT_STATES,
+    ('object_pose', InputFault.MISSING): Status.HALT_NO_OBJECT_POSE,
+    ('object_pose', InputFault.STALE): Status.HALT_STALE_OBJECT_POSE,
+    ('object_pose', InputFault.INVALID): Status.HALT_INVALID_OBJECT_POSE,
+}
+
+
+class TwistServo:
+    """
+    State of the control loop: its settings and the latest input of each kind.
+
+    :ivar twist: input of (vx, vy, omega) in the robot frame [m/s, rad/s].
+    :ivar rollers: input of the measured `RollerState`.
+    :ivar center: input of (x, y), the measured centre of the object in the robot frame [m].
+    :ivar stopped: status and reason of a halt that does not depend on inputs; None without one.
+    :ivar guard: bounds on the configuration; None for those of the robot file only.
+    :ivar slide: whether to slide along limits of lengths and shapes, rather than stop at them.
+    :ivar detector: detects rollers that fail; None for no detection.
+    :ivar squeeze: regulates how hard the robot squeezes; None keeps the angle of the grip (14).
+    :param robot: the robot.
+    :param grip_module: name `t/j` of the module that holds the object.
+    :param object_diameter: the object's own diameter [m].
+    :param period: time from cycle to cycle [s].
+    :param timeout: inputs older than this stop the rollers [s].
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        grip_module: str,
+        object_diameter: float,
+        period: float,
+        timeout: float,
+    ) -> None:
+        self.robot = robot
+        self.grip_module = grip_module
+        self.object_diameter = object_diameter
+        self.period = period
+        self.timeout = timeout
+        self.twist: Input = None
+        self.rollers: Input = None
+        self.center: Input = None
+        self.stopped: tuple[Status, str] | None = None
+        self.guard: ShapeGuard | None = ShapeGuard(robot, ShapeBounds())
+        self.slide = False
+        self.detector: FailureDetector | None = None
+        self.squeeze: SqueezeControl | None = None
+        self._failed: frozenset[str] = frozenset()
+        self._limits = default_limits(robot)
+        self._history = CommandHistory(len(robot.roller_names))
+        self._detected: float | None = None  # the time of the rollers that were compared last
+        self._tracker = ConfigurationTracker(robot.home)
+
+    @property
+    def failed(self) -> frozenset[str]:
+        """Return the rollers that have failed: those set here and those detected."""
+        return self._failed if self.detector is None else self._failed | self.detector.failed
+
+    @failed.setter
+    def failed(self, names: Collection[str]) -> None:
+        """
+        Set the rollers that have failed; detected ones stay until `detector.reset`.
+
+        :param names: names of the rollers.
+        :raises GraspError: the robot has no such roller.
+        """
+        working_rollers(self.robot, frozenset(names))
+        self._failed = frozenset(names)
+
+    def decide(self, now: float) -> Decision:
+        """
+        Return the roller command for the cycle that begins now.
+
+        Never raises for an input: a fault becomes a halt with a status and a message.
+
+        :param now: time on the clock of the inputs [s].
+        """
+        self.twist, self.rollers, self.center = limit_stamps(
+            now, self.twist, self.rollers, self.center
+        )
+        self._history.discard_old(now, self.timeout + 2.0 * self.period)
+        self._detect()
+        twist, failed = np.zeros(3), self.failed
+        try:
+            if self.stopped is not None:
+                raise HaltError(*self.stopped)
+            (given,) = require_fresh(now, self.timeout, twist=self.twist)
+            twist = np.asarray(given.value)
+            rollers, center = require_fresh(
+                now, self.timeout, joint_states=self.rollers, object_pose=self.center
+            )
+            command = self._solve(rollers, center, twist, now, failed)
+            notes = (_describe(command), self.squeeze.warning() if self.squeeze else '')
+            message = '; '.join(note for note in notes if note)
+        except (InputError, HaltError) as error:
+            status = (
+                error.status if isinstance(error, HaltError) else HALTS[error.name, error.fault]
+            )
+            if self.squeeze is not None:
+                self.squeeze.reset()
+            stopped = np.zeros(len(self.robot.roller_names))
+            command, message = RollerCommand(stopped, np.zeros(3), 0.0, status), str(error)
+        self._history.record(now, command.roller_velocities)
+        names = tuple(name for name in self.robot.roller_names if name in failed) if failed else ()
+        return Decision(command, twist, message, names)
+
+    def _detect(self) -> None:
+        """Compare the commanded roller travel with the measured one."""
+        if self.detector is None or not isinstance(self.rollers, StampedInput):
+            return
+        state, time = self.rollers
+        commanded, before = np.zeros(len(state.positions)), self._detected
+        if before is not None and time > before:
+            commanded = self._history.travel(before, time, commanded) / (time - before)
+        self._detected = time
+        self.detector.update(state.positions, time, commanded)
+
+    def _solve(
+        self,
+        rollers: StampedInput,
+        center: StampedInput,
+        twist: Array,
+        now: float,
+        failed: frozenset[str],
+    ) -> RollerCommand:
+        """
+        Solve for the configuration in the middle of the cycle that the command is for.
+
+        A command for the measured configuration, which is older, would have a first-order error.
+        """
+        before, travel, last = self._expected_travel(rollers, center.time, now, failed)
+        try:
+            config = self._tracker.configuration(rollers.value.positions)
+            grasp = Grasp(self.grip_module, center.value, self.object_diameter)
+            if before.any() or travel.any():
+                config, grasp = predict_grasp(config, grasp, before, travel)
+            watch = None if self.guard is None else self.guard.watch(config, grasp)
+            limits = self._limits if watch is None else (*self._limits, *watch.limits)
+
+            def solve(twist: Array, opening_rate: float) -> RollerCommand:
+                return solve_twist(
+                    config,
+                    grasp,
+                    twist,
+                    failed,
+                    limits,
+                    self.slide,
+                    self.period,
+                    opening_rate=opening_rate,
+                )
+
+            if self.squeeze is None:
+                command = solve(twist, 0.0)
+            else:
+                command = self._regulate(self.squeeze, config, grasp, twist, solve)
+            return command if watch is None else watch.keep(command, last, self.period)
+        except HaltError:
+            raise
+        except GraspError as error:
+            raise HaltError(Status.HALT_NO_GRASP, str(error)) from error
+        except IsotrussError as error:
+            raise HaltError(Status.HALT_KINEMATICS, str(error)) from error
+
+    def _regulate(
+        self,
+        squeeze: SqueezeControl,
+        config: Configuration,
+        grasp: Grasp,
+        twist: Array,
+        solve: Solve,
+    ) -> RollerCommand:
+        """Solve for the squeeze as well, with the model of the held object."""
+        hold = squeeze.follow(config, Pose(*grasp.center, 0.0), grasp.diameter)
+        if hold is not Hold.HELD:
+            raise HaltError(Status.HALT_NOT_HELD, f'the object is not held: {hold.value}')
+        wanted = squeeze.correct(twist, grasp.center)
+        command = squeeze.solve(wanted, self.period, solve)
+        squeeze.advance(twist, command, self.period)
+        return command
+
+    def _expected_travel(
+        self, rollers: StampedInput, pose_time: float, now: float, failed: frozenset[str]
+    ) -> tuple[Array, Array, Array]:
+        """
+        Return how far the rollers travel after their measurement.
+
+        They follow the commands, except failed ones. Measured speeds count for the time before
+        the first command of this servo, when another client may have moved them.
+
+        :return: (r,) each: travel until the object was measured, until the middle of the cycle
+            that begins now [m], and the speeds with which they get from now to there [m/s].
+        """
+        history, measured = self._history, rollers.value.velocities
+        last = measured if history.last is None else history.last
+        travel = history.travel(rollers.time, now, measured) + 0.5 * self.period * last
+        before = np.zeros(len(travel))
+        if pose_time != rollers.time:
+            before = history.travel(rollers.time, pose_time, measured)
+        if failed:
+            stuck = [name in failed for name in self.robot.roller_names]
+            last = np.where(stuck, 0.0, last)
+            before[stuck] = travel[stuck] = 0.0
+        return before, travel, last
+
+
+def _describe(command: RollerCommand) -> str:
+    """Return how a command differs from the twist; empty where it does not."""
+    parts = []
+    if command.status is Status.UNREACHABLE:
+        vx, vy, omega = command.achieved_twist
+        parts.append(
+            f'the twist is unreachable; the closest reachable one is '
+            f'({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
+        )
+    if command.scale < 1.0:
+        how = 'sliding with' if command.status is Status.SLIDING else 'slowed to'
+        why = ': the rest would take too much roller speed'
+        if command.limiting:
+            why = f' by the limits of {", ".join(command.limiting)}'
+        parts.append(f'{how} {100 * command.scale:.3g} %{why}')
+    return '; '.join(parts)

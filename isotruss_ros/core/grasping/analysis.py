@@ -1,0 +1,198 @@
+"""The statics of a grasp: contact forces, force closure and stiffness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.grasping.contact import ContactState, solve_contact
+from isotruss_ros.core.grasping.contact_points import ContactPoints, find_contact_points
+from isotruss_ros.core.grasping.contact_regions import contact_regions
+from isotruss_ros.core.grasping.flattening import flattening_of
+from isotruss_ros.core.grasping.force_closure import check_force_closure
+from isotruss_ros.core.grasping.relaxation import relax_contact
+from isotruss_ros.core.grasping.wrinkling import find_wrinkling
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.numerics.arrays import Array, as_xy, finite_array, Indices
+from isotruss_ros.core.statics.pressures import Pressure
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+from numpy.typing import ArrayLike
+
+#: Contact points closer than this are one point to the tube, further apart they miss the object.
+SPACINGS = (1e-4, 0.1)
+
+
+@dataclass(frozen=True, eq=False)
+class GraspAnalysis:
+    """
+    What holds an object, and how well; k contact points.
+
+    :ivar points: (k, 2) what meets the object, deformed, robot frame: the skin of the tubes; in
+        the paper's model their centre lines, half a tube diameter farther out [m].
+    :ivar members: (k,) the member that each point is on, by its place in `Robot.member_names`.
+    :ivar places: (k,) where that is along the member, from its start [m].
+    :ivar gaps: (k,) distance of the tube's skin from the object there, not negative [m].
+    :ivar normals: (k, 2) unit normals of the object's surface, outward: toward the tube.
+    :ivar normal_forces: (k,) pressing tube and object apart, not negative [N].
+    :ivar friction_forces: (k,) on the object, along the tangent, counter-clockwise [N].
+    :ivar normal_wrench: (fx, fy, m) of the normal forces on the object about its centre [N, N m].
+    :ivar force_closure: whether the object is touched, and friction balances normal forces and
+        external wrench.
+    :ivar closure_residual: what friction leaves, moments over d/2 [N].
+    :ivar closure_tolerance: below which the residual counts as none [N].
+    :ivar required_friction: smallest coefficient that closes; infinite if none does.
+    :ivar closure_margin: largest extra wrench of any direction that friction still balances,
+        moments over d/2 [N]; negative where the grasp is open.
+    :ivar contact_lengths: length of tube in contact by member, of those in contact [m].
+    :ivar contact_spans: where along the member contact begins and ends, from the member's start,
+        by member, of those in contact [m].
+    :ivar contact_forces: sum of the normal forces by member, of those in contact [N].
+    :ivar contact_widths: largest width of contact around the tube by member, of those in contact;
+        none in the paper's model, as all of the following [m].
+    :ivar contact_areas: area of contact by member, of those in contact [m^2].
+    :ivar contact_pressures: mean pressure of contact by member, of those in contact [Pa].
+    :ivar peak_pressures: largest pressure of contact by member, of those in contact [Pa].
+    :ivar utilisation: largest bending moment over the wrinkling moment, by member, of all members;
+        from 1 on a tube wrinkles, and all numbers are outside of the model.
+    :ivar utilisation_places: where along the member that is, from its start, of all members [m].
+    :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
+        with all its contact points takes [N/m, N, N m].
+    """
+
+    points: Array
+    members: Indices
+    places: Array
+    gaps: Array
+    normals: Array
+    normal_forces: Array
+    friction_forces: Array
+    normal_wrench: Array
+    force_closure: bool
+    closure_residual: float
+    closure_tolerance: float
+    required_friction: float
+    closure_margin: float
+    contact_lengths: dict[str, float]
+    contact_spans: dict[str, tuple[float, float]]
+    contact_forces: dict[str, float]
+    contact_widths: dict[str, float]
+    contact_areas: dict[str, float]
+    contact_pressures: dict[str, float]
+    peak_pressures: dict[str, float]
+    utilisation: dict[str, float]
+    utilisation_places: dict[str, float]
+    stiffness: Array
+
+
+def analyze_grasp(
+    config: Configuration,
+    cylinder: Cylinder,
+    friction: float = 0.5,
+    external_wrench: ArrayLike = (0.0, 0.0, 0.0),
+    method: Literal['exact', 'relaxation'] = 'exact',
+    spacing: float = 0.005,
+    flattening: bool = True,
+    previous: GraspAnalysis | None = None,
+    pressure: Pressure | None = None,
+) -> GraspAnalysis:
+    """
+    Analyse a grasp: contact (5) to (9), force closure (10), grasp stiffness.
+
+    :param config: where the robot is; its rollers do not turn.
+    :param cylinder: the object, in its place.
+    :param friction: coefficient between tube and object, not negative.
+    :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
+    :param method: 'exact' (complementarity by pivoting) or 'relaxation' (the paper's (9)).
+    :param spacing: of the contact points along the tubes [m].
+    :param flattening: whether the tubes' sections flatten where they are touched; if not, they
+        stay round, as in the paper's model.
+    :param previous: analysis of a similar grasp, where the search for the contact begins. Where
+        a deep indentation has several equilibria, it decides which one is found.
+    :param pressure: gauge, measured [Pa]: one number for all tubes, one for each tube in the order
+        of the robot file, or by tube name; that of the robot file if None.
+    :raises GraspError: an argument is not usable.
+    :raises StructureError: the robot is a mechanism, a pressure is not usable, or its stiffness
+        laws are contradictory.
+    :raises SolverError: the contact problem was not solved.
+    """
+    mu, gap = finite_array([friction, spacing], 2, 'friction and spacing [m]', GraspError)
+    if mu < 0.0:
+        raise GraspError(f'friction {friction!r}: must not be negative')
+    if not SPACINGS[0] <= gap <= SPACINGS[1]:
+        raise GraspError(f'spacing {spacing!r} m: must be from {SPACINGS[0]} to {SPACINGS[1]} m')
+    wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
+    solvers = {'exact': solve_contact, 'relaxation': relax_contact}
+    if method not in solvers:
+        raise GraspError(f'method {method!r}: must be one of {", ".join(solvers)}')
+    center, arm = complex(*cylinder.center), 0.5 * cylinder.diameter
+    structure = structure_of(config, pressure)
+    kernel, radius = None, arm + 0.5 * config.robot.description.tube_diameter
+    if flattening:
+        kernel, radius = flattening_of(config.robot, structure.pressures), arm
+    contact_points = find_contact_points(structure, center, radius, gap, kernel)
+    start = None
+    if previous is not None and len(previous.normal_forces) == len(contact_points.points):
+        start = previous.normal_forces
+    contact = solvers[method](contact_points, center, radius, start)
+    normals = as_xy(contact.normals)
+    pressed = -contact.forces @ normals
+    tangents = as_xy(1j * contact.normals)
+    load = np.array([pressed[0] + wrench[0], pressed[1] + wrench[1], wrench[2] / arm])
+    closure = check_force_closure(tangents, contact.forces, load, float(mu))
+    gauge = np.array(structure.pressures)[config.robot.topology.tube]
+    wrinkling = find_wrinkling(structure, gauge, contact_points, contact)
+    regions = contact_regions(contact_points, contact, arm, gauge, wrinkling)
+    names = config.robot.member_names
+    touching = np.flatnonzero(regions.length).tolist()
+    wide = touching if flattening else []
+
+    def by_member(values: Array, members: list[int]) -> dict[str, float]:
+        return {names[i]: float(values[i]) for i in members}
+
+    return GraspAnalysis(
+        points=as_xy(center + (radius + contact.gaps) * contact.normals),
+        members=contact_points.member,
+        places=contact_points.place,
+        gaps=contact.gaps,
+        normals=normals,
+        normal_forces=contact.forces,
+        friction_forces=closure.friction_forces,
+        normal_wrench=np.array([pressed[0], pressed[1], 0.0]),
+        # Without a touch all is in balance, but nothing is held.
+        force_closure=closure.closed and bool((contact.forces > 0.0).any()),
+        closure_residual=closure.residual,
+        closure_tolerance=closure.tolerance,
+        required_friction=closure.required_friction,
+        closure_margin=closure.margin,
+        contact_lengths=by_member(regions.length, touching),
+        contact_spans={
+            names[i]: (float(regions.start[i]), float(regions.end[i])) for i in touching
+        },
+        contact_forces=by_member(regions.force, touching),
+        contact_widths=by_member(regions.width, wide),
+        contact_areas=by_member(regions.area, wide),
+        contact_pressures=by_member(regions.pressure, wide),
+        peak_pressures=by_member(regions.peak_pressure, wide),
+        utilisation=dict(zip(names, wrinkling.utilisation.tolist(), strict=True)),
+        utilisation_places=dict(zip(names, wrinkling.place.tolist(), strict=True)),
+        stiffness=_stiffness(contact_points, contact, center),
+    )
+
+
+def _stiffness(contact_points: ContactPoints, contact: ContactState, center: complex) -> Array:
+    """Return the wrench (3, 3) that a small motion of the object with its contacts takes."""
+    touching = np.flatnonzero(contact.forces > 0.0)
+    if len(touching) == 0:
+        return np.zeros((3, 3))
+    compliance = contact_points[touching].compliance
+    size = 2 * len(touching)
+    arms = (contact_points.skin + contact.displacements)[touching] - center
+    motion = np.zeros((len(touching), 2, 3))
+    motion[:, 0, 0] = motion[:, 1, 1] = 1.0
+    motion[:, 0, 2], motion[:, 1, 2] = -arms.imag, arms.real
+    motion = motion.reshape(size, 3)
+    stiffness = motion.T @ np.linalg.solve(compliance.reshape(size, size), motion)
+    return 0.5 * (stiffness + stiffness.T)

@@ -1,0 +1,144 @@
+"""
+Unilateral contact of tubes with a cylinder: equations (5) to (8).
+
+Points of the tubes meet a disc: those of the skin, where tubes flatten, the object's own; in the
+paper's model those of the centre lines one of radius (d + tube diameter) / 2. They give by a
+compliance that is condensed to these points; for fixed normals the contact forces solve a linear
+complementarity problem, and the normals follow the deformed points until they settle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.grasping.contact_points import ContactPoints
+from isotruss_ros.core.grasping.lcp import GAP_TOLERANCE, solve_complementarity
+from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+import numpy as np
+
+#: Forces are along normals to this, as a share of the largest.
+SMOOTH = 1e-6
+MAX_NORMAL_UPDATES = 30
+MAX_STEPS = 300
+#: Where a member flattens, contact is about as wide as what is this share of the largest depth.
+WIDE = 0.7
+#: More contact points than this begin where every fourth of them ends.
+MANY = 300
+
+
+@dataclass(frozen=True, eq=False)
+class ContactState:
+    """
+    Where and how hard the object is touched.
+
+    :ivar forces: (c,) normal forces, not negative [N].
+    :ivar gaps: (c,) distances of the deformed tube from the disc, not negative [m].
+    :ivar normals: (c,) unit normals of the object's surface, outward, x + iy.
+    :ivar displacements: (c,) of what meets the object, see `ContactPoints.skin`, x + iy [m].
+    """
+
+    forces: Array
+    gaps: Array
+    normals: Points
+    displacements: Points
+
+
+def solve_contact(
+    contact_points: ContactPoints, center: complex, radius: float, start: Array | None = None
+) -> ContactState:
+    """
+    Solve (8): gaps and forces not negative, and one of them zero everywhere.
+
+    :param contact_points: points that the object could touch.
+    :param center: of the object, x + iy [m].
+    :param radius: of the disc that the points meet, see `find_contact_points` [m].
+    :param start: (c,) forces of a similar problem, to begin with [N]; none if None.
+    :raises SolverError: the normals do not settle.
+    """
+    away = contact_points.skin - center
+    # Those of the centre lines: the skin may be beyond the centre of a small object.
+    normals = normalize(contact_points.points - center)
+    if start is not None:
+        active = start > 0.0
+    elif len(away) <= MANY:
+        active = _guess_contact(contact_points, (away * normals.conj()).real - radius)
+    else:
+        few = np.arange(0, len(away), 4)
+        coarse = solve_contact(contact_points[few], center, radius)
+        push = np.zeros_like(away)
+        push[few] = coarse.forces * coarse.normals
+        moved = away + contact_points.displacements(push)
+        normals, active = normalize(moved), np.abs(moved) < radius
+    # Outside of the tangent at a point's foot is outside of the disc: what solves the problem for
+    # some normals is admissible for the next ones, which can but take less energy. These steps
+    # settle therefore, if slowly; following the normals of those in contact makes them few.
+    for _ in range(MAX_STEPS):
+        gaps = (away * normals.conj()).real - radius
+        forces, active = solve_complementarity(
+            contact_points.normal_compliance(normals), gaps, active
+        )
+        places = np.flatnonzero(active)
+        ahead = np.zeros_like(away)
+        ahead[places] = _settle_normals(contact_points[places], normals[places], center, radius)
+        for push in (ahead, forces * normals):
+            displacements = contact_points.displacements(push)
+            turned = normalize(away + displacements)
+            gaps = np.abs(away + displacements) - radius  # (5)
+            # (6), (7): no force pulls, and none is tangential.
+            pressing, sizes = push * turned.conj(), np.abs(push)
+            if (
+                pressing.real.min(initial=0.0) >= 0.0
+                and np.abs(pressing.imag).max(initial=0.0) <= SMOOTH * sizes.max(initial=0.0)
+                and gaps.min(initial=0.0) >= -GAP_TOLERANCE
+                and gaps[places].max(initial=0.0) <= GAP_TOLERANCE
+            ):
+                return ContactState(pressing.real, gaps, turned, displacements)
+        normals = turned
+    raise SolverError(
+        f'the contact did not settle in {MAX_STEPS} steps; the object is pressed in too deeply'
+    )
+
+
+def _guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
+    """Return where contact is likely: where each member is deepest, and as deep if it flattens."""
+    member = contact_points.member
+    deepest = np.full(int(member.max(initial=-1)) + 1, np.inf)
+    np.minimum.at(deepest, member, gaps)
+    if contact_points.dents.any():
+        deepest = np.where(deepest < 0.0, WIDE * deepest, deepest)
+    return gaps <= deepest[member]
+
+
+def _settle_normals(
+    touching: ContactPoints, normals: Points, center: complex, radius: float
+) -> Points:
+    """Return the forces (a,), x + iy [N], that close all gaps, along normals that follow."""
+    away = touching.skin - center
+    count = len(away)
+    # Few points, and several steps: the whole matrix is cheaper than its factors.
+    compliance = touching.compliance.reshape(2 * count, 2 * count)
+    along = np.zeros((2 * count, count))
+    number = np.arange(count)
+    for _ in range(MAX_NORMAL_UPDATES):
+        along[2 * number, number], along[2 * number + 1, number] = normals.real, normals.imag
+        moving = compliance @ along
+        gaps = (away * normals.conj()).real - radius
+        pressing = np.linalg.solve(along.T @ moving, -gaps)
+        turned = normalize(away + (moving @ pressing).view(np.complex128))
+        forces = pressing * normals
+        change = float(np.abs(turned - normals).max(initial=0.0))
+        normals = turned
+        if change < 0.01 * SMOOTH:
+            break
+    return forces
+
+
+def normalize(vectors: Points) -> Points:
+    """
+    Return directions; that of a point at the very centre is any, say upward.
+
+    :param vectors: (c,) x + iy [m].
+    """
+    sizes = np.abs(vectors)
+    return np.where(sizes > 0.0, vectors / np.where(sizes > 0.0, sizes, 1.0), 1.0j)

@@ -1,0 +1,200 @@
+"""The points of the tubes that an object could touch, and how the whole robot gives there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from isotruss_ros.core.grasping.flattening import Flattening
+from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
+from isotruss_ros.core.statics.interior import InteriorPoints
+from isotruss_ros.core.statics.structure import Structure, tube_pieces
+import numpy as np
+
+#: Points closer than this are one, as a share of the spacing.
+SAME = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPoints:
+    """
+    Points of the tubes that an object could touch, and how the whole robot gives there.
+
+    Displacements of the points are those of the ends of the p pieces of tube that they are on,
+    spread by shape functions, and those inside the pieces: the factors are kept, not the product.
+
+    :ivar points: (c,) on the undeformed centre lines, x + iy [m].
+    :ivar skin: (c,) what the object meets: the undeformed skin, at the foot of each point toward
+        the object; in the paper's model the centre line again [m].
+    :ivar member: (c,) the member (pinch to pinch) that each is on.
+    :ivar place: (c,) distance of each from its member's start [m].
+    :ivar pieces: (p,) the pieces of tube, by their numbers in the frame.
+    :ivar piece: (c,) which of the p pieces each is on.
+    :ivar spacing: length of tube that each stands for [m].
+    :ivar axis: (c,) direction of the tube.
+    :ivar inside: (2, c, c) compliance within pieces, along and across the tube [m/N].
+    :ivar spread: (c, 2, 6 p) displacements in the plane by those of the pieces' ends.
+    :ivar ends: (6 p, 6 p) compliance of the pieces' ends [m/N].
+    :ivar dents: (c, c) compliance of the skin against the centre line, across the tube [m/N]; zero
+        in the paper's model.
+    """
+
+    points: Points
+    skin: Points
+    member: Indices
+    place: Array
+    pieces: Indices
+    piece: Indices
+    spacing: float
+    axis: Points
+    inside: Array
+    spread: Array
+    ends: Array
+    dents: Array
+
+    def __getitem__(self, places: Indices) -> ContactPoints:
+        """Return some of the points."""
+        return ContactPoints(
+            self.points[places],
+            self.skin[places],
+            self.member[places],
+            self.place[places],
+            self.pieces,
+            self.piece[places],
+            self.spacing,
+            self.axis[places],
+            self.inside[:, places][:, :, places],
+            self.spread[places],
+            self.ends,
+            self.dents[places][:, places],
+        )
+
+    @cached_property
+    def across(self) -> Array:
+        """Return the compliance of the skin across the tube while the ends stand still, (c, c)."""
+        return self.inside[1] + self.dents
+
+    def normal_compliance(self, normals: Points) -> Array:
+        """
+        Return W = N^T (S^-1 + C) N of (8): how the skin gives along normals.
+
+        :param normals: (c,) unit vectors x + iy along which unit forces act.
+        :return: (c, c) symmetric [m/N].
+        """
+        local = self.axis.conj() * normals
+        lever = normals.real[:, None] * self.spread[:, 0]
+        lever += normals.imag[:, None] * self.spread[:, 1]
+        matrix = lever @ self.ends @ lever.T
+        matrix += np.outer(local.real, local.real) * self.inside[0]
+        matrix += np.outer(local.imag, local.imag) * self.across
+        return 0.5 * (matrix + matrix.T)
+
+    def displacements(self, forces: Points) -> Points:
+        """
+        Return how the skin moves at all points, by the tubes' bending and its own dents.
+
+        :param forces: (c,) x + iy [N].
+        :return: (c,) x + iy [m].
+        """
+        local = self.axis.conj() * forces
+        bent = self.inside[0] @ local.real + 1j * (self.across @ local.imag)
+        push = forces.real @ self.spread[:, 0] + forces.imag @ self.spread[:, 1]
+        moved = self.spread @ (self.ends @ push)
+        return self.axis * bent + moved[:, 0] + 1j * moved[:, 1]
+
+    @property
+    def compliance(self) -> Array:
+        """Return the displacements (c, 2) of the skin for unit forces (c, 2), [m/N]."""
+        along = as_xy(self.axis)
+        across = as_xy(1j * self.axis)
+        local = np.einsum('ci,cd,dj->cidj', along, self.inside[0], along)
+        local += np.einsum('ci,cd,dj->cidj', across, self.across, across)
+        spread = self.spread.reshape(2 * len(self.points), len(self.ends))
+        return local + (spread @ self.ends @ spread.T).reshape(local.shape)
+
+
+def find_contact_points(
+    structure: Structure,
+    center: complex,
+    radius: float,
+    spacing: float,
+    flattening: Flattening | None = None,
+) -> ContactPoints:
+    """
+    Place contact points on every piece of tube that comes within reach of a disc.
+
+    :param structure: the frame of the robot.
+    :param center: of the object, x + iy [m].
+    :param radius: of the disc that the points meet [m]: half of the object's own diameter, with
+        half of the tube's added where the tubes do not flatten.
+    :param spacing: distance of the points along the tube [m].
+    :param flattening: how the tubes flatten; None for the paper's model, in which they do not.
+    """
+    topology, frame = structure.config.robot.topology, structure.frame
+    m = topology.n_modules
+    pieces = tube_pieces(m).ravel()
+    owner = np.concatenate([np.arange(m), topology.previous, np.arange(m)])
+    start, end = frame.points[frame.members.start[pieces]], frame.points[frame.members.end[pieces]]
+    length = np.abs(end - start)
+    axis = (end - start) / length
+    foot = ((center - start) * axis.conj()).real
+    aside = ((center - start) * axis.conj()).imag
+    # A tube that gives elsewhere may come into contact beyond the chord of the disc.
+    reach = radius + 2.0 * spacing
+    off = np.abs(aside) - (0.0 if flattening is None else flattening.radius)
+    chord = np.sqrt(np.maximum(0.0, reach**2 - np.maximum(off, 0.0) ** 2))
+    low, high = np.maximum(0.0, foot - chord), np.minimum(length, foot + chord)
+    near = np.flatnonzero((high > low) & (off < reach))
+    # Counted from the foot of the centre, where contact begins: what is symmetric stays so.
+    # A guide ring, where two pieces meet, is a point of the long one alone: twice the same point
+    # would leave it open which of them takes the force.
+    long = pieces[near] >= pieces[2 * m]
+    first = np.ceil((low - foot)[near] / spacing - SAME * long).astype(int)
+    last = np.floor((high - foot)[near] / spacing + np.where(long, SAME, -SAME)).astype(int)
+    counts = last - first + 1
+    member = np.repeat(np.arange(len(near)), counts)
+    number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts - first, counts)
+    place = np.clip(foot[near][member] + spacing * number, 0.0, length[near][member])
+    used = pieces[near]
+    inside = InteriorPoints(
+        member,
+        place,
+        length[near],
+        frame.members.axial[used],
+        frame.members.flexural[used],
+        frame.members.shear[used],
+        np.stack([frame.members.pinned_start[used], frame.members.pinned_end[used]], axis=1),
+    )
+    along = axis[near][member]
+    points = start[near][member] + place * along
+    # Ends move in the plane, shapes are along and across: turn in, spread, turn out.
+    shapes = inside.shapes() @ frame.to_member_frame(used)[member]
+    spread = np.zeros((len(place), 2, len(near), 6))
+    out = np.stack([as_xy(along), as_xy(1j * along)], axis=2)
+    spread[np.arange(len(place)), :, member] = out @ shapes
+    on = owner[near][member]
+    # All pieces of a member are one line, that of the long piece, whichever way they run.
+    line, origin = axis[2 * m + on], start[2 * m + on]
+    skin, dents = points, np.zeros((len(place), len(place)))
+    in_line = length[on] + ((points - origin) * line.conj()).real
+    if flattening is not None:
+        toward = np.where(((center - origin) * line.conj()).imag < 0.0, -1j, 1j) * line
+        skin = points + flattening.radius * toward
+        turn = (along * line.conj()).real
+        dents = flattening.compliance(in_line, on, topology.tube[on], spacing) * np.outer(
+            turn, turn
+        )
+    return ContactPoints(
+        points,
+        skin,
+        on,
+        in_line,
+        used,
+        member,
+        spacing,
+        along,
+        inside.compliance(),
+        spread.reshape(len(place), 2, 6 * len(near)),
+        frame.compliance(used),
+        dents,
+    )

@@ -1,0 +1,270 @@
+"""
+The equilibrium of an object between two members, friction loading the tubes as well.
+
+Unknowns are the object's pose, where along the members it touches them, how their bent centre
+lines are inclined there, and the contact forces:
+
+    X_i = P_i + s_i e_i + u_i,  u = C f,  f_i = (N_i + i T_i) nu_i      deformed point of contact
+    X_i = c + rho_i nu_i,       nu_i normal to the bent tube            touch
+    w = sum f_i,  m = r sum T_i                                         balance
+
+What is left is settled by what is known of the past: `Closure` has the rows for it. Friction acts
+at the tube's skin, so that it turns the tube as well, by T_i (rho_i - r).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from isotruss_ros.core.grasping.member_compliance import MemberCompliance
+from isotruss_ros.core.numerics.arrays import Array, Points
+import numpy as np
+
+#: Forces balance to this share of the squeeze, contact points touch to this length [m].
+FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
+MAX_STEPS = 40
+#: In one step contacts and object move at most this share of the object's radius ...
+MAX_MOVE = 0.5
+#: ... and tubes incline at most by this [rad]. A tube that inclines by more than the other has
+#: folded long before: there the linear structure has balances that mean nothing.
+MAX_TURN, MAX_INCLINATION = 0.2, 0.5
+#: Places of the unknowns: centre, angle, feet, inclinations, normal forces, friction forces.
+CENTER, ANGLE = slice(0, 2), 2
+FEET, INCLINATIONS, NORMAL, FRICTION = slice(3, 5), slice(5, 7), slice(7, 9), slice(9, 11)
+SIZE = 11
+#: Rows: touch along the members, across them, inclination, balance (fx, fy, m/r), closure.
+BALANCE, CLOSURE = slice(6, 9), slice(9, 11)
+
+
+def no_indentation(forces: Array) -> tuple[Array, Array]:
+    """
+    Return depths and derivatives of tubes that stay round: zero.
+
+    :param forces: (2,) normal forces [N].
+    """
+    return np.zeros(2), np.zeros(2)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldState:
+    """
+    Pose, contacts and forces; two members.
+
+    :ivar unknowns: (11,) x, y [m], angle [rad], feet s_i [m], inclinations of the bent tubes
+        beta_i [rad], normal forces N_i [N], friction forces on the tubes T_i [N],
+        counter-clockwise around the object.
+    :ivar normals: (2,) from the object toward the tubes.
+    """
+
+    unknowns: Array
+    normals: Points
+
+    @property
+    def center(self) -> complex:
+        """Return the object's centre, x + iy [m]."""
+        return complex(self.unknowns[0], self.unknowns[1])
+
+    @property
+    def normal_forces(self) -> Array:
+        """Return (2,) [N], positive where object and tube press on each other."""
+        return self.unknowns[NORMAL]
+
+    @property
+    def friction_forces(self) -> Array:
+        """Return (2,) on the tubes, counter-clockwise around the object [N]."""
+        return self.unknowns[FRICTION]
+
+
+#: Rows that settle what statics leaves open: residual (2,) and derivative (2, 11) in a state.
+Closure = Callable[[Array, Points], tuple[Array, Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldObjectStatics:
+    """
+    The equations of an object between two members.
+
+    :ivar compliance: of the structure on the two members.
+    :ivar radius: of the object [m].
+    :ivar tube_radius: [m].
+    :ivar sides: (2,) +1 where the object is on the right of the member (seen along its axis from
+        its start), -1 on the left.
+    :ivar indentation: depths (2,) of the dents in the skin [m] for normal forces (2,) [N], and
+        their derivatives [m/N].
+    """
+
+    compliance: MemberCompliance
+    radius: float
+    tube_radius: float
+    sides: Array
+    indentation: Callable[[Array], tuple[Array, Array]] = no_indentation
+
+    def normals(self, unknowns: Array) -> Points:
+        """
+        Return the normals of the bent tubes, from the object toward them.
+
+        :param unknowns: (11,), see `HeldState`.
+        """
+        return 1j * self.sides * self.compliance.axis * np.exp(1j * unknowns[INCLINATIONS])
+
+    def equations(
+        self, unknowns: Array, wrench: Array, closure: Closure
+    ) -> tuple[Array, Array, Points]:
+        """
+        Return residual (11,), Jacobian (11, 11) and normals (2,).
+
+        :param unknowns: (11,), see `HeldState`.
+        :param wrench: (fx, fy, m / radius) on the object [N].
+        :param closure: the remaining two equations, of friction or of rolling.
+        """
+        center = complex(unknowns[0], unknowns[1])
+        feet, turned = unknowns[FEET], unknowns[INCLINATIONS]
+        normal, friction = unknowns[NORMAL], unknowns[FRICTION]
+        axis = self.compliance.axis
+        local = 1j * self.sides * np.exp(1j * turned)  # normals along and across the members
+        normals = axis * local
+        depth, soft = self.indentation(normal)
+        skin = self.tube_radius - depth
+        force = (normal + 1j * friction) * local
+        loads = np.column_stack([force.real, force.imag, -skin * friction])
+        contact = self.compliance.at(feet)
+        give = contact.respond(loads)
+
+        residual, jacobian = np.zeros(SIZE), np.zeros((SIZE, SIZE))
+        reach = self.radius + skin
+        gap = axis.conj() * (self.compliance.start - center) + feet - reach * local
+        gap += give[:, 0] + 1j * give[:, 1]
+        residual[0:2], residual[2:4] = gap.real, gap.imag
+        residual[4:6] = give[:, 2] - np.tan(turned)
+        pushed = (normal + 1j * friction) * normals
+        residual[6] = wrench[0] - pushed.real.sum()
+        residual[7] = wrench[1] - pushed.imag.sum()
+        residual[8] = wrench[2] - friction.sum()
+
+        # Loads by inclination, normal force and friction force: (3, 2) each.
+        by_turn = 1j * force
+        by_loads = (
+            (slice(5, 7), by_turn, np.zeros(2)),
+            (slice(7, 9), local, soft * friction),
+            (slice(9, 11), 1j * local, -skin),
+        )
+        rows = jacobian[:6].reshape(3, 2, SIZE).transpose(1, 0, 2)  # contact, response
+        rows[:, :, FEET] = contact.rates(loads)
+        for place, forces, moments in by_loads:
+            change = np.stack([forces.real, forces.imag, moments])
+            rows[:, :, place] = np.einsum('iajb,bj->iaj', contact.matrix, change)
+        own = np.arange(2)
+        jacobian[own, 0], jacobian[own, 1] = -axis.real, -axis.imag
+        jacobian[own + 2, 0], jacobian[own + 2, 1] = axis.imag, -axis.real
+        jacobian[own, 3 + own] += 1.0
+        turn = -reach * 1j * local
+        jacobian[own, 5 + own] += turn.real
+        jacobian[own + 2, 5 + own] += turn.imag
+        jacobian[own + 4, 5 + own] -= 1.0 + np.tan(turned) ** 2
+        dent = soft * local
+        jacobian[own, 7 + own] += dent.real
+        jacobian[own + 2, 7 + own] += dent.imag
+        for place, change in ((5, 1j * pushed), (7, normals), (9, 1j * normals)):
+            jacobian[6, place + own], jacobian[7, place + own] = -change.real, -change.imag
+        jacobian[8, FRICTION] = -1.0
+        residual[CLOSURE], jacobian[CLOSURE] = closure(unknowns, normals)
+        return residual, jacobian, normals
+
+    def solve(self, start: Array, wrench: Array, closure: Closure) -> HeldState | None:
+        """
+        Return the equilibrium near a start (Newton's method), or None if it is not found.
+
+        :param start: (11,) unknowns to begin with.
+        :param wrench: (fx, fy, m / radius) on the object [N].
+        :param closure: what settles the two equations that statics leaves open.
+        """
+        unknowns = start.copy()
+        longest = np.full(SIZE, MAX_MOVE * self.radius)
+        longest[ANGLE], longest[INCLINATIONS] = np.inf, MAX_TURN
+        longest[NORMAL] = longest[FRICTION] = np.inf
+        for _ in range(MAX_STEPS):
+            residual, jacobian, normals = self.equations(unknowns, wrench, closure)
+            squeeze = float(np.abs(unknowns[NORMAL]).sum())
+            unbalanced = float(np.abs(residual[BALANCE]).max())
+            apart = max(float(np.abs(residual[:6]).max()), float(np.abs(residual[CLOSURE]).max()))
+            if unbalanced <= FORCE_TOLERANCE * squeeze and apart <= LENGTH_TOLERANCE:
+                folded = np.abs(unknowns[INCLINATIONS]).max() > MAX_INCLINATION
+                return None if folded else HeldState(unknowns, normals)
+            try:
+                step = np.linalg.solve(jacobian, -residual)
+            except np.linalg.LinAlgError:
+                return None
+            if not np.isfinite(step).all():
+                return None
+            unknowns = unknowns + step / max(1.0, float((np.abs(step) / longest).max()))
+        return None
+
+
+def keep_place(center: complex, angle: float) -> Closure:
+    """
+    Return the closure for an unknown past: the pose is near to a measured one.
+
+    Statics leaves the place along the bisector of the members open, which settles how hard they
+    press, and the angle: both are those of the measured pose.
+
+    :param center: measured, x + iy [m].
+    :param angle: measured [rad].
+    """
+
+    def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
+        # Across the chord between the contacts.
+        chord = complex(normals[0] - normals[1])
+        size = max(abs(chord), 1e-9)
+        along = 1j * chord / size
+        away = complex(unknowns[0], unknowns[1]) - center
+        derivative = np.zeros((2, SIZE))
+        derivative[0, 0], derivative[0, 1] = along.real, along.imag
+        for i, sign in ((0, 1.0), (1, -1.0)):
+            moved = sign * 1j * complex(normals[i])  # of the chord, as the tube inclines
+            turned = (chord.conjugate() * moved).imag / size**2
+            derivative[0, 5 + i] = turned * ((1j * along).conjugate() * away).real
+        derivative[1, ANGLE] = 1.0
+        return np.array([(along.conjugate() * away).real, unknowns[ANGLE] - angle]), derivative
+
+    return rows
+
+
+def roll(anchors: Array, travel: Array, statics: HeldObjectStatics) -> Closure:
+    """
+    Return the closure for contacts that roll without slip, (17) integrated.
+
+        kappa_i (s_i - phi_i) + r (theta - arg nu_i) = A_i
+
+    The pose is a function of the configuration: nothing is integrated, so nothing drifts.
+
+    :param anchors: (2,) A_i, see `find_anchors` [m].
+    :param travel: (2,) phi_i of the modules at the members' starts [m].
+    :param statics: the equations of the held object.
+    """
+
+    def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
+        derivative = np.zeros((2, SIZE))
+        sense, radius = -statics.sides, statics.radius
+        derivative[:, ANGLE] = radius
+        derivative[:, FEET] = np.diag(sense)
+        derivative[:, INCLINATIONS] = -radius * np.eye(2)
+        # The direction of a member, and with it all of this, is known up to whole turns.
+        around = 2.0 * np.pi * radius
+        left = find_anchors(unknowns, travel, statics) - anchors
+        return left - around * np.round(left / around), derivative
+
+    return rows
+
+
+def find_anchors(unknowns: Array, travel: Array, statics: HeldObjectStatics) -> Array:
+    """
+    Return what stays as it is while the contacts roll, (2,) [m].
+
+    :param unknowns: (11,), see `HeldState`.
+    :param travel: (2,) phi_i of the modules at the members' starts [m].
+    :param statics: the equations of the held object.
+    """
+    # A member seen counter-clockwise around the object runs along its axis or against it.
+    turned = np.angle(statics.compliance.axis) + unknowns[INCLINATIONS]
+    return -statics.sides * (unknowns[FEET] - travel) + statics.radius * (unknowns[ANGLE] - turned)

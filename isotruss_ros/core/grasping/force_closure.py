@@ -1,0 +1,154 @@
+"""
+Force closure: whether friction within its limits balances the rest, equation (10).
+
+The wrenches that friction can bring about form a zonotope: a sum of segments, one for each
+contact. Its facets are planes spanned by pairs of segments, so that the smallest friction
+coefficient and the distance from opening follow without iteration. Moments are divided by the arm
+d/2 of friction at the object's surface, so that all three components are forces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.qp import solve_qp
+import numpy as np
+import qpsolvers
+
+#: Closed when what is left is this small, against the forces involved.
+CLOSURE_TOLERANCE = 1e-6
+#: Facets whose normal is this short, against 1, are degenerate: their segments are parallel.
+FACET_TOLERANCE = 1e-9
+#: Weight of small friction forces against a small residual; in the end it must not show, so that
+#: where friction suffices the balance is refined until it holds, at most so often.
+REGULARIZATION = 1e-10
+MAX_REFINEMENTS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Closure:
+    """
+    How friction balances a wrench.
+
+    :ivar closed: whether it does, up to `tolerance`.
+    :ivar residual: what is left [N], moments over d/2.
+    :ivar tolerance: below which the residual counts as none [N].
+    :ivar friction_forces: (k,) along the tangents, counter-clockwise around the object [N].
+    :ivar required_friction: smallest coefficient that closes; infinite if none does.
+    :ivar margin: largest extra wrench of any direction that friction still balances [N]; negative
+        where the grasp is open.
+    """
+
+    closed: bool
+    residual: float
+    tolerance: float
+    friction_forces: Array
+    required_friction: float
+    margin: float
+
+
+def check_force_closure(
+    tangents: Array, normal_forces: Array, load: Array, friction: float
+) -> Closure:
+    """
+    Balance a load by friction forces with |F_i| <= mu N_i, equation (10).
+
+    :param tangents: (k, 2) unit tangents of the object at the contacts, counter-clockwise.
+    :param normal_forces: (k,) N_i, not negative [N].
+    :param load: (3,) resultant of all else on the object: fx, fy, m / (d/2) [N].
+    :param friction: mu, not negative.
+    """
+    touching = normal_forces > 0.0
+    segments = np.column_stack([tangents[touching], np.ones(touching.sum())])
+    segments = segments * normal_forces[touching, None]
+    tolerance = CLOSURE_TOLERANCE * max(
+        1e-3, float(np.abs(load).max()), float(normal_forces.sum())
+    )
+    required, margin = _extremes(segments, -load, friction, tolerance)
+    shares, residual = _balance(segments, load, friction, np.zeros(len(segments)))
+    for _ in range(MAX_REFINEMENTS):
+        if residual <= 0.1 * tolerance or required > friction:
+            break
+        shares, residual = _balance(segments, load, friction, shares)
+    forces = np.zeros(len(normal_forces))
+    forces[touching] = shares * normal_forces[touching]
+    return Closure(residual <= tolerance, residual, tolerance, forces, required, margin)
+
+
+def _balance(segments: Array, load: Array, friction: float, shares: Array) -> tuple[Array, float]:
+    """
+    Return the shares (k,) in [-mu, mu] of the segments that balance the load best.
+
+    :param shares: near which they are to be, where there is a choice.
+    :return: also what is left of the load.
+    """
+    k = len(segments)
+    if k == 0 or friction == 0.0:
+        return np.zeros(k), float(np.linalg.norm(load))
+    size = np.linalg.norm(segments, axis=1).max()
+    scaled = segments / size
+    bound = np.full(k, friction)
+    problem = qpsolvers.Problem(
+        scaled @ scaled.T + REGULARIZATION * np.eye(k),
+        scaled @ load / size - REGULARIZATION * shares,
+        lb=-bound,
+        ub=bound,
+    )
+    found = solve_qp(problem)
+    if found is not None:
+        found = np.clip(found, -bound, bound)
+        return found, float(np.linalg.norm(segments.T @ found + load))
+    raise SolverError('the friction problem was not solved by any of the installed solvers')
+
+
+def _extremes(
+    segments: Array, wanted: Array, friction: float, tolerance: float
+) -> tuple[float, float]:
+    """
+    Return the smallest coefficient with which friction gives a wrench, and how far it is inside.
+
+    :param segments: (k, 3), of friction at coefficient 1.
+    """
+    normals, support = _facets(segments)
+    need = np.abs(normals @ wanted)
+    # A flat zonotope, as of two contacts, reaches nothing across its plane.
+    flat = support == 0.0
+    if (need[flat] > tolerance).any():
+        return np.inf, -float(need[flat].max())
+    need, support = need[~flat], support[~flat]
+    required = float((need / support).max(initial=0.0))
+    margin = float((friction * support - need).min(initial=np.inf))
+    return required, min(margin, 0.0) if flat.any() else margin
+
+
+def _facets(segments: Array) -> tuple[Array, Array]:
+    """
+    Return unit normals of the facets of a zonotope, and its extent along them from the centre.
+
+    :param segments: (k, 3), on the cone x^2 + y^2 = z^2, z > 0.
+    :return: (f, 3) and (f,); the extent is 0 across a zonotope that is flat.
+    """
+    k = len(segments)
+    # The plane through two lines of the cone parts those between them from the others, around the
+    # cone: sums over ranges take the place of sums over all, so that hundreds of contacts are few.
+    segments = segments[np.argsort(np.arctan2(segments[:, 1], segments[:, 0]))]
+    first, second = np.triu_indices(k, 1)
+    normals = np.cross(segments[first], segments[second])
+    sizes = np.linalg.norm(normals, axis=1)
+    reach = segments[:, 2]
+    good = sizes > FACET_TOLERANCE * reach[first] * reach[second]
+    normals, first, second = normals[good] / sizes[good, None], first[good], second[good]
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(segments, axis=0)])
+    between = sums[second] - sums[first + 1]
+    outside = sums[k] - sums[second + 1] + sums[first]
+    support = np.abs(np.einsum('fi,fi->f', normals, between - outside))
+    if (support > FACET_TOLERANCE * reach.sum()).any():
+        return normals, support
+    rank = min(k, 1 + good.any())
+    axes = np.linalg.svd(segments)[2]
+    within = np.cross(segments, axes[2]) if rank == 2 else axes[:rank]
+    within = within / np.linalg.norm(within, axis=1)[:, None]
+    extent = np.abs(within @ segments.T).sum(axis=1)
+    return np.concatenate([axes[rank:], within]), np.append(np.zeros(3 - rank), extent)

@@ -1,0 +1,103 @@
+"""The two members that hold an object, and the equations of its equilibrium between them."""
+
+from __future__ import annotations
+
+import enum
+
+from isotruss_ros.core.grasping.equilibrium import (
+    FEET,
+    HeldObjectStatics,
+    no_indentation,
+    NORMAL,
+    SIZE,
+)
+from isotruss_ros.core.grasping.indentation import Indentation, skin_indentation
+from isotruss_ros.core.grasping.member_compliance import MemberCompliance
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+
+
+class Hold(enum.Enum):
+    """Whether an object is held; if not, which condition has no solution."""
+
+    HELD = 'held'
+    NO_CONTACT = 'fewer than two members press on the object'
+    NO_BALANCE = 'no pose near the given one balances the forces'
+    FAR = 'the pose that balances the forces is too far from the given one'
+    SLIPS = 'the balance needs more friction than there is'
+    UNSTABLE = 'the balance is unstable'
+    OFF_MEMBER = 'a contact is beyond the end of its member'
+    OTHER_CONTACT = 'a third member presses on the object'
+
+
+def member_depths(config: Configuration, cylinder: Cylinder) -> Array:
+    """
+    Return how deep the object is in each undeformed member, negative where apart (m,) [m].
+
+    :param config: configuration of the robot.
+    :param cylinder: the object.
+    """
+    topology, points = config.robot.topology, config.points
+    begin = points[topology.b]
+    span = points[topology.c[topology.following]] - begin
+    away = complex(*cylinder.center) - begin
+    share = np.clip((span.conj() * away).real / np.abs(span) ** 2, 0.0, 1.0)
+    reach = 0.5 * (cylinder.diameter + config.robot.description.tube_diameter)
+    return reach - np.abs(away - share * span)
+
+
+def held_object_statics(
+    config: Configuration,
+    cylinder: Cylinder,
+    members: Indices,
+    stiffness_scale: float = 1.0,
+    flattening: bool = True,
+) -> HeldObjectStatics:
+    """
+    Return the equations of an object between two members.
+
+    :param config: configuration of the robot.
+    :param cylinder: the object.
+    :param members: (2,) numbers of the grasping members.
+    :param stiffness_scale: stiffness of the robot against that of the model.
+    :param flattening: whether the tubes' sections flatten where they are touched.
+    :raises StructureError: see `structure_of`.
+    """
+    compliance = MemberCompliance(structure_of(config), members, stiffness_scale)
+    aside = (compliance.axis.conj() * (complex(*cylinder.center) - compliance.start)).imag
+    radius = 0.5 * cylinder.diameter
+    dents = no_indentation
+    if flattening:
+        tubes = config.robot.topology.tube[members]
+        tables = [skin_indentation(config.robot, int(tube), radius) for tube in tubes]
+        dents = Indentation(tables, stiffness_scale)
+    return HeldObjectStatics(
+        compliance,
+        radius,
+        0.5 * config.robot.description.tube_diameter,
+        np.where(aside > 0.0, -1.0, 1.0),
+        dents,
+    )
+
+
+def static_start(statics: HeldObjectStatics, center: complex, depths: Array) -> Array:
+    """
+    Return unknowns (11,) to begin the search for an equilibrium with.
+
+    :param statics: the equations of the held object.
+    :param center: of the object, x + iy in the robot frame [m].
+    :param depths: (2,) indentation of each member [m].
+    """
+    compliance = statics.compliance
+    feet = (compliance.axis.conj() * (center - compliance.start)).real
+    start = np.zeros(SIZE)
+    start[:2] = center.real, center.imag
+    start[FEET] = np.clip(feet, 0.0, compliance.length)
+    own = np.einsum('iaia->ia', compliance.at(start[FEET]).matrix)[:, 1]
+    depths = np.maximum(depths, 1e-3 * statics.radius)
+    _, dent = statics.indentation(depths / own)
+    start[NORMAL] = depths / (own + dent)
+    return start

@@ -1,0 +1,117 @@
+"""
+How deep a tube's skin dents under a cylinder that presses on it with a given force.
+
+The contact of the analysis on a tube whose centre line stands still: what is left is the dent of
+`flattening`. It depends on the tube and the cylinder alone, so that a table of it serves every
+grasp; in the 2/3 power of the force, as of a point contact, it is close to straight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import functools
+
+from isotruss_ros.core.grasping.contact import solve_contact
+from isotruss_ros.core.grasping.contact_points import ContactPoints
+from isotruss_ros.core.grasping.flattening import flattening_of
+from isotruss_ros.core.kinematics.mechanism import Mechanism
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+#: Depths of the table as shares of the tube's or the object's radius, whichever is smaller ...
+DEPTHS = 0.8 * np.linspace(0.0, 1.0, 15)[1:] ** 2
+#: ... and contact points across the chord in which the object overlaps the round tube.
+POINTS = 41
+POWER = 2.0 / 3.0
+
+
+class SkinIndentation:
+    """
+    The depth of a dent by the normal force, for one tube and one object.
+
+    :param robot: whose tube it is.
+    :param tube: its number.
+    :param radius: of the object [m].
+    """
+
+    def __init__(self, robot: Mechanism, tube: int, radius: float) -> None:
+        depths = DEPTHS * min(radius, 0.5 * robot.description.tube_diameter)
+        forces = np.array([_pressing_force(robot, tube, radius, depth) for depth in depths])
+        self._places = np.append(0.0, forces**POWER)
+        spline = CubicSpline(self._places, np.append(0.0, depths), bc_type='natural')
+        self._coefficients = spline.c
+
+    def __call__(self, force: float) -> tuple[float, float]:
+        """
+        Return depth [m] and its derivative by the force [m/N]; beyond the table it goes on evenly.
+
+        :param force: [N]; a pulling one has a depth below zero, for a search that passes it.
+        """
+        size = max(abs(force), 1e-9)
+        place = size**POWER
+        last = self._places[-1]
+        inside = min(place, last)
+        piece = min(int(self._places.searchsorted(inside, 'right')), len(self._places) - 1) - 1
+        a, b, c, d = self._coefficients[:, piece]
+        x = inside - self._places[piece]
+        slope = (3.0 * a * x + 2.0 * b) * x + c
+        depth = ((a * x + b) * x + c) * x + d + slope * (place - inside)
+        return float(np.copysign(depth, force)), float(slope * POWER * place / size)
+
+
+class Indentation:
+    """
+    The dents of several tubes by one object.
+
+    :param tables: of the k tubes.
+    :param scale: stiffness of the tubes against that of the tables.
+    """
+
+    def __init__(self, tables: Sequence[SkinIndentation], scale: float = 1.0) -> None:
+        self._tables, self._scale = tables, scale
+
+    def __call__(self, forces: Array) -> tuple[Array, Array]:
+        """Return depths (k,) [m] and their derivatives by the normal forces (k,) [m/N]."""
+        found = np.array(
+            [table(force / self._scale) for table, force in zip(self._tables, forces, strict=True)]
+        )
+        return found[:, 0], found[:, 1] / self._scale
+
+
+@functools.lru_cache(maxsize=32)
+def skin_indentation(robot: Mechanism, tube: int, radius: float) -> SkinIndentation:
+    """
+    Return the dents of one tube by one object; the tables of the last few are kept.
+
+    :param robot: the robot.
+    :param tube: number of the tube.
+    :param radius: of the object [m].
+    """
+    return SkinIndentation(robot, tube, radius)
+
+
+def _pressing_force(robot: Mechanism, tube: int, radius: float, depth: float) -> float:
+    """Return the force with which a cylinder presses on a tube that it dents this deep [N]."""
+    half = np.sqrt(radius**2 - (radius - depth) ** 2)
+    place = half * np.linspace(-1.0, 1.0, POINTS)
+    spacing = 2.0 * half / (POINTS - 1)
+    alike = np.zeros(POINTS, dtype=np.intp)
+    dents = flattening_of(robot).compliance(place, alike, alike + tube, spacing)
+    line = place.astype(np.complex128)
+    still = ContactPoints(
+        points=line,
+        skin=line,
+        member=alike,
+        place=place,
+        pieces=alike[:1],
+        piece=alike,
+        spacing=spacing,
+        axis=np.ones_like(line),
+        inside=np.zeros((2, POINTS, POINTS)),
+        spread=np.zeros((POINTS, 2, 0)),
+        ends=np.zeros((0, 0)),
+        dents=dents,
+    )
+    contact = solve_contact(still, -1j * (radius - depth), radius)
+    return float((contact.forces * contact.normals.imag).sum())

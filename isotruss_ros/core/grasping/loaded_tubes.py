@@ -1,0 +1,98 @@
+"""Tubes under forces inside their pieces: how the frame moves, and what the pieces carry."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.statics.frame import Frame, FrameState
+from isotruss_ros.core.statics.interior import InteriorPoints
+import numpy as np
+
+
+class LoadedTubes:
+    """
+    A frame with forces at points inside its members; solved once.
+
+    :ivar piece: (c,) number of the member of the frame that each force acts on.
+    :ivar place: (c,) distance from that member's start [m].
+    :ivar forces: (c,) x + iy [N].
+    :param frame: the robot's.
+    """
+
+    def __init__(self, frame: Frame, piece: Indices, place: Array, forces: Points) -> None:
+        self._frame = frame
+        self.piece = piece
+        self.place = place
+        self.forces = forces
+
+    @cached_property
+    def local_forces(self) -> Points:
+        """Return the forces along and across their members, (c,) [N]."""
+        _, span = spans(self._frame, self.piece)
+        return self.forces * (span / np.abs(span)).conj()
+
+    @cached_property
+    def _carried(self) -> Array:
+        """Return the loads (c, 6) on the ends of members that move them as each force does."""
+        shapes = interior_points(
+            self._frame, self.piece, np.arange(len(self.piece)), self.place
+        ).shapes()
+        local = self.local_forces
+        return local.real[:, None] * shapes[:, 0] + local.imag[:, None] * shapes[:, 1]
+
+    @cached_property
+    def state(self) -> FrameState:
+        """
+        Return how the frame carries the forces; its end forces leave out the forces inside.
+
+        :raises StructureError: the robot is a mechanism.
+        """
+        frame = self._frame
+        turn = frame.to_member_frame(self.piece)
+        loads = np.zeros((len(frame.points), 3))
+        pushed = np.einsum('cji,cj->ci', turn, self._carried)
+        np.add.at(loads, frame.members.start[self.piece], pushed[:, :3])
+        np.add.at(loads, frame.members.end[self.piece], pushed[:, 3:])
+        return frame.solve(loads)
+
+    @cached_property
+    def end_forces(self) -> Array:
+        """Return forces of the nodes on all members, as `FrameState.end_forces`, (k, 6)."""
+        forces = self.state.end_forces.copy()
+        np.subtract.at(forces, self.piece, self._carried)
+        return forces
+
+
+def spans(frame: Frame, pieces: Indices) -> tuple[Points, Points]:
+    """
+    Return starts and spans of members of a frame, (k,) each [m].
+
+    :param frame: the frame.
+    :param pieces: (k,) numbers of the members.
+    """
+    start = frame.points[frame.members.start[pieces]]
+    return start, frame.points[frame.members.end[pieces]] - start
+
+
+def interior_points(
+    frame: Frame, pieces: Indices, member: Indices, place: Array
+) -> InteriorPoints:
+    """
+    Return points on members of a frame.
+
+    :param frame: the frame.
+    :param pieces: (p,) numbers of the members.
+    :param member: (c,) which of these each point is on.
+    :param place: (c,) distance from its start [m].
+    """
+    members = frame.members
+    return InteriorPoints(
+        member,
+        place,
+        np.abs(spans(frame, pieces)[1]),
+        members.axial[pieces],
+        members.flexural[pieces],
+        members.shear[pieces],
+        np.stack([members.pinned_start[pieces], members.pinned_end[pieces]], axis=1),
+    )

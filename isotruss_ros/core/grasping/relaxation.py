@@ -1,0 +1,71 @@
+"""The paper's relaxation of the contact forces, equation (9), with gains from the compliance."""
+
+from __future__ import annotations
+
+from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.grasping.contact import ContactState, normalize
+from isotruss_ros.core.grasping.contact_points import ContactPoints
+from isotruss_ros.core.grasping.lcp import GAP_TOLERANCE
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+#: K1 as a share of 2 / lambda_max(W), beyond which the iteration diverges.
+GAIN = 0.9
+MAX_STEPS = 2_000_000
+#: Where the gap is larger than this, what is left of the force is no contact [m].
+TOUCHING = 1e-7
+#: A force that has faded to this share of the largest is none.
+NEGLIGIBLE = 1e-9
+#: Below this is nothing: keeps divisions defined before the first contact.
+TINY = 1e-300
+SMALL_FORCE = 1e-100
+#: Normals follow the deformed points, and the end is looked for, every so many steps.
+STEPS_BETWEEN_LOOKS = 200
+#: Complementarity holds to this, gap [m] and force as a share of the largest.
+TOLERANCE = 1e-2 * GAP_TOLERANCE
+
+
+def relax_contact(
+    contact_points: ContactPoints, center: complex, radius: float, start: Array | None = None
+) -> ContactState:
+    """
+    Solve (8) by (9): forces grow where the gap is negative and fade where it is positive.
+
+    The tangential term of (9) is not needed: forces are normal from the start. K1 = 0.9 * 2 /
+    lambda_max(W), and K3 = K1 / (largest force), so that fading is never quicker than growing.
+
+    :param contact_points: points that the object could touch.
+    :param center: of the object, x + iy [m].
+    :param radius: of the disc that the points meet, see `find_contact_points` [m].
+    :param start: (c,) forces to begin with [N]; none if None.
+    :raises SolverError: no rest within two million steps.
+    """
+    away = contact_points.skin - center
+    moved = contact_points.points - center
+    forces = np.zeros(len(away)) if start is None else start.copy()
+    for _ in range(MAX_STEPS // STEPS_BETWEEN_LOOKS):
+        normals = normalize(moved)
+        gaps = (away * normals.conj()).real - radius
+        compliance = contact_points.normal_compliance(normals)
+        # Points without force that are not touched take no part: they do not bound the gain.
+        part = np.flatnonzero((forces > 0.0) | (gaps + compliance @ forces < 0.0))
+        if len(part):
+            forces[part] = _steps(gaps[part], compliance[np.ix_(part, part)], forces[part])
+        forces = np.where(forces > NEGLIGIBLE * forces.max(initial=0.0), forces, 0.0)
+        moved = away + contact_points.displacements(forces * normals)
+        gap = np.abs(moved) - radius
+        left = np.maximum(gap, 0.0) * forces / max(forces.max(initial=0.0), TINY)
+        if gap.min(initial=0.0) > -TOLERANCE and left.max(initial=0.0) < TOLERANCE:
+            touching = np.where(gap < TOUCHING, forces, 0.0)
+            return ContactState(touching, gap, normalize(moved), moved - away)
+    raise SolverError(f'the relaxation of the contact forces did not rest in {MAX_STEPS} steps')
+
+
+def _steps(gaps: Array, compliance: Array, forces: Array) -> Array:
+    """Return the forces (c,) after some steps of (9) with fixed normals."""
+    grow = GAIN * 2.0 / np.linalg.eigvalsh(compliance)[-1]
+    for _ in range(STEPS_BETWEEN_LOOKS):
+        gap = gaps + compliance @ forces
+        fade = grow / max(forces.max(initial=0.0), SMALL_FORCE)
+        forces = forces + grow * np.maximum(-gap, 0.0) - fade * np.maximum(gap, 0.0) * forces
+    return forces

@@ -1,0 +1,106 @@
+"""
+How near inflated tubes are to wrinkling under the contact forces.
+
+Under the gauge pressure p and a compression N the wall carries the pull p pi R^2 - N. A bending
+moment makes one side slack at M_w = (p pi R^2 - N) R / 2, where the wall begins to wrinkle; at
+twice that the tube folds (Comer and Levy, AIAA Journal 1 (1963) 1652-1655). Beyond M_w the linear
+model is void.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.grasping.contact import ContactState
+from isotruss_ros.core.grasping.contact_points import ContactPoints
+from isotruss_ros.core.grasping.loaded_tubes import spans
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.structure import Structure, tube_pieces
+import numpy as np
+
+#: Tubes are to bear at most this share of the moment at which they wrinkle.
+MAX_UTILISATION = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Wrinkling:
+    """
+    How near the tubes are to wrinkling.
+
+    :ivar utilisation: (m,) largest |M| / M_w of each member; infinite where compression alone
+        takes all of the pull.
+    :ivar place: (m,) where along the member that is, from its start [m].
+    :ivar tension: (c,) of the wall along the tube, on the side of the object, at the contact
+        points; not negative [N/m].
+    """
+
+    utilisation: Array
+    place: Array
+    tension: Array
+
+
+def find_wrinkling(
+    structure: Structure, pressure: Array, contact_points: ContactPoints, contact: ContactState
+) -> Wrinkling:
+    """
+    Return how near the members of a robot are to wrinkling under contact forces.
+
+    Moments are piecewise linear between the forces, and are largest at one of them or at an end
+    of a piece of tube.
+
+    :param structure: the frame of the robot.
+    :param pressure: (m,) p in each member, gauge [Pa].
+    :param contact_points: points that the object could touch.
+    :param contact: where it does, and with what force.
+    """
+    config, frame = structure.config, structure.frame
+    topology, file = config.robot.topology, config.robot.description
+    m = topology.n_modules
+    radius = 0.5 * file.tube_diameter
+    pieces, touching = contact_points.pieces, np.flatnonzero(contact.forces > 0.0)
+    forces = contact.forces * contact.normals
+    # What moves the ends of the pieces as the forces inside do, which the pieces carry besides.
+    pushed = forces.real @ contact_points.spread[:, 0] + forces.imag @ contact_points.spread[:, 1]
+    pushed = pushed.reshape(-1, 6)
+    loads = np.zeros((len(frame.points), 3))
+    np.add.at(loads, frame.members.start[pieces], pushed[:, :3])
+    np.add.at(loads, frame.members.end[pieces], pushed[:, 3:])
+    end_forces = frame.solve(loads).end_forces
+    end_forces[pieces] -= (frame.to_member_frame(pieces) @ pushed[:, :, None])[:, :, 0]
+
+    piece = pieces[contact_points.piece[touching]]
+    start, _ = spans(frame, piece)
+    place = np.abs(contact_points.points[touching] - start)
+    local = (forces * contact_points.axis.conj())[touching]
+    along, across = local.real, local.imag
+    # At each force: all that acts on the piece between its start and there.
+    before = (piece[:, None] == piece) & (place[:, None] > place)
+    lever = np.where(before, place[:, None] - place, 0.0)
+    moment = end_forces[piece, 1] * place - end_forces[piece, 2] + lever @ across
+    compression = end_forces[piece, 0] + before @ along
+    compression = np.maximum(compression, compression + along)
+    # At the ends of all pieces.
+    all_tubes = tube_pieces(m).ravel()
+    end_moments = np.concatenate([-end_forces[all_tubes, 2], end_forces[all_tubes, 5]])
+    end_compressions = np.concatenate([end_forces[all_tubes, 0], -end_forces[all_tubes, 3]])
+    length = np.abs(spans(frame, all_tubes)[1])
+
+    moments = np.concatenate([np.abs(moment), np.abs(end_moments)])
+    owner = np.concatenate([np.arange(m), topology.previous, np.arange(m)])
+    member = np.concatenate([contact_points.member[touching], owner, owner])
+    pull = pressure * np.pi * radius**2
+    left = pull[member] - np.concatenate([compression, end_compressions])
+    used = np.full(len(moments), np.inf)
+    np.divide(moments, 0.5 * radius * left, out=used, where=left > 0.0)
+    ring, whole = file.module.guide_ring_distance, config.member_lengths[topology.previous]
+    starts = np.concatenate([np.zeros(m), whole, np.full(m, ring)])
+    ends = starts + np.repeat([1.0, -1.0, 1.0], m) * length
+    places = np.concatenate([contact_points.place[touching], starts, ends])
+    order = np.lexsort((used, member))
+    last = order[np.searchsorted(member[order], np.arange(m), side='right') - 1]
+
+    # The force points away from the object, which presses the wall together on its own side.
+    tension = pull[contact_points.member]
+    tension[touching] += 2.0 / radius * moment * np.sign(across) - compression
+    tension /= 2.0 * np.pi * radius
+    return Wrinkling(used[last], places[last], np.maximum(tension, 0.0))

@@ -1,0 +1,271 @@
+"""A configuration: where every node of the robot is at given roller travel."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.kinematics.constraints import Constraints, Targets
+from isotruss_ros.core.kinematics.mechanism import Mechanism
+from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.factorization import Factor, factorize
+import numpy as np
+from numpy.typing import ArrayLike
+
+#: No member changes by more than this share of the shortest in one step along a branch.
+MAX_STEP = 0.25
+#: Where a step in which no member changes by more than this fails, the branch ends [m].
+MIN_STEP = 1e-9
+MAX_ITERATIONS = 12
+#: A factor is kept while each step with it shrinks the residual at least this much.
+KEEP_FACTOR_BELOW = 0.1
+#: A corrector longer than this share of the predictor may have left the branch.
+MAX_CORRECTION = 0.5
+
+
+class Configuration:
+    """
+    The shape of a robot; made by `Robot.configuration`, never changed afterwards.
+
+    :ivar robot: the robot.
+    :ivar roller_positions: (r,) travel of the tube through each roller since home [m].
+    :ivar points: (n,) node positions x + iy in the robot's frame [m].
+    :param robot: the robot.
+    :param roller_positions: (r,) travel of the tube through each roller since home [m].
+    :param points: (n,) node positions x + iy that fulfil the constraints [m].
+    """
+
+    def __init__(self, robot: Mechanism, roller_positions: Array, points: Points) -> None:
+        self.robot = robot
+        self.roller_positions = roller_positions
+        self.points = points
+        roller_positions.flags.writeable = False
+        points.flags.writeable = False
+
+    @property
+    def nodes(self) -> Array:
+        """Return the (n, 2) node positions in `Robot.node_names` order, robot frame [m]."""
+        return self.points.view(np.float64).reshape(-1, 2)
+
+    @property
+    def member_lengths(self) -> Array:
+        """Return the (m,) member lengths, pinch to pinch, in `Robot.member_names` order [m]."""
+        return self.robot.constraints.lengths(self.points)[: self.robot.topology.n_modules]
+
+    @cached_property
+    def gradients(self) -> Points:
+        """Return the entries of the matrix of (12), see `Constraints.gradients`."""
+        return self.robot.constraints.gradients(self.points)
+
+    @cached_property
+    def matrix(self) -> Array:
+        """Return the square matrix of (12): tube, module, bisection and ground rows, dense."""
+        matrix = self.robot.constraints.matrix_of(self.gradients)
+        return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
+
+    @cached_property
+    def factor(self) -> Factor:
+        """
+        Return the factored matrix of (12).
+
+        :raises ConfigurationError: the matrix is singular: the shape is not rigid.
+        """
+        try:
+            if 'gradients' in self.__dict__:
+                return factorize(self.robot.constraints.matrix_of(self.gradients))
+            return factorize(self.robot.constraints.matrix(self.points))
+        except np.linalg.LinAlgError as error:
+            raise ConfigurationError(
+                f'robot {self.robot.name}: the shape at roller positions '
+                f'{self.roller_positions.tolist()} m is not rigid; stay away from it'
+            ) from error
+
+    def residual(self) -> Array:
+        """Return what is left of the constraints: [m] and, for the bisection rows, [rad]."""
+        return self.robot.constraints.residual(
+            self.points, _targets(self.robot, self.roller_positions)
+        )
+
+    def node_velocities(self, roller_velocities: ArrayLike) -> Array:
+        """
+        Return the node velocities by equation (12).
+
+        :param roller_velocities: (r,) speed of the tube through each roller [m/s].
+        :return: (n, 2) [m/s].
+        """
+        rollers = self.robot.check_rollers(roller_velocities, 'roller velocities [m/s]')
+        return self._velocities(rollers).view(np.float64).reshape(-1, 2)
+
+    @cached_property
+    def node_jacobian(self) -> Array:
+        """
+        Return the (2n, r) velocities of the nodes (x0, y0, x1, y1, ...) for 1 m/s at each roller.
+
+        :raises ConfigurationError: the configuration is singular.
+        """
+        topology = self.robot.topology
+        right = np.zeros((self.robot.constraints.n_rows, len(topology.driven)))
+        right[: topology.n_modules] = topology.incidence
+        return np.asarray(self.factor.solve(right))
+
+    def moved_to(self, roller_positions: ArrayLike) -> Configuration:
+        """
+        Return the configuration at other roller travel, reached without leaving the branch.
+
+        :param roller_positions: (r,) travel since home [m].
+        :raises ConfigurationError: wrong shape or not finite; a member would have no length; or
+            the straight line there in roller travel passes a singular configuration.
+        """
+        robot = self.robot
+        start = self.roller_positions
+        goal = np.array(roller_positions)
+        if goal.dtype != start.dtype or goal.shape != start.shape or not np.isfinite(goal).all():
+            goal = robot.check_rollers(roller_positions, 'roller positions [m]')
+        m = robot.topology.n_modules
+        goal_targets = _targets(robot, goal)
+        goal_lengths = goal_targets.lengths[:m]
+        if goal_lengths.min() <= 0.0:
+            worst = int(goal_lengths.argmin())
+            raise ConfigurationError(
+                f'robot {robot.name}: roller positions {goal.tolist()} m make member '
+                f'{robot.member_names[worst]} {goal_lengths[worst]:.6g} m long; must be positive'
+            )
+        lengths = self.member_lengths
+        change = float(np.abs(goal_lengths - lengths).max())
+        longest = MAX_STEP * float(min(lengths.min(), goal_lengths.min()))
+        points, factor = self.points, self.__dict__.get('factor')
+        done, step = 0.0, min(change, longest)
+        while done < change:
+            end = change if done + step > change * (1.0 - 1e-9) else done + step
+            targets = goal_targets
+            if end < change:
+                targets = _targets(robot, start + (end / change) * (goal - start))
+            found = follow_branch(robot.constraints, points, targets, factor)
+            if found is not None:
+                points, factor, done, step = found, None, end, min(2.0 * step, longest)
+            elif step < MIN_STEP:
+                raise ConfigurationError(
+                    f'robot {robot.name}: roller positions {goal.tolist()} m: no shape of the '
+                    f'robot beyond {100 * done / change:.6g} % of the way from {start.tolist()} m'
+                )
+            else:
+                step *= 0.5
+        return Configuration(robot, goal, points)
+
+    def predict(self, travel: Array, first_order: float = 3e-3) -> Configuration:
+        """
+        Return the configuration after some roller travel, to first order where that is short.
+
+        First order is much faster than `moved_to`, and off the constraints by about travel^2 over
+        the length of a member: to look ahead with, not to continue from.
+
+        :param travel: (r,) of the tube through each roller from here on [m].
+        :param first_order: travel of any roller up to which first order is used [m].
+        :raises ConfigurationError: see `moved_to`.
+        """
+        if not travel.any():
+            return self
+        if np.abs(travel).max() > first_order:
+            return self.moved_to(self.roller_positions + travel)
+        points = self.points + self._velocities(travel)
+        return Configuration(self.robot, self.roller_positions + travel, points)
+
+    def module_rows(self, node_rows: Array) -> Array:
+        """
+        Turn rows on node velocities into rows on the speeds of the tubes through the modules.
+
+        Nodes follow by (12); the transposed solve needs one right-hand side for each row.
+
+        :param node_rows: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...).
+        :return: (k, m), for 1 m/s at each module, a passive one too.
+        :raises ConfigurationError: the configuration is singular.
+        """
+        topology = self.robot.topology
+        by_length = self.factor.solve_transposed(node_rows.T)[: topology.n_modules]
+        return (by_length - by_length[topology.previous]).T  # dL_i = dphi_i - dphi_following(i)
+
+    def _velocities(self, rollers: Array) -> Points:
+        # (12): xdot = R^-1 (Ldot, 0), with Ldot = C phidot.
+        right = np.zeros(self.robot.constraints.n_rows)
+        right[: self.robot.topology.n_modules] = self.robot.topology.incidence @ rollers
+        return self.factor.solve(right).view(np.complex128)
+
+
+def follow_branch(
+    constraints: Constraints,
+    points: Points,
+    targets: Targets,
+    factor: Factor | None = None,
+    tolerance: float = 1e-12,
+) -> Points | None:
+    """
+    Move nodes to new targets, staying on the branch that they are on.
+
+    A tangent step (12) is followed by Newton's method with as few factorizations as it takes.
+
+    :param constraints: the robot's constraints.
+    :param points: (n,) nodes that fulfil the constraints for nearby targets [m].
+    :param targets: the new lengths and ground.
+    :param factor: the factored matrix at `points`, if it is at hand.
+    :param tolerance: to which constraints hold, [m] and [rad]; rounding is 1e-15, hardware 1e-4.
+    :return: (n,) nodes, or None where the step is too long, or leads to no configuration.
+    """
+    tolerance = max(tolerance, 64 * np.finfo(float).eps * float(np.abs(points).max()))
+    residual = constraints.residual(points, targets)
+    error = np.abs(residual).max()
+    start, predictor = points, None
+    for _ in range(MAX_ITERATIONS):
+        if error <= tolerance:
+            return points
+        fresh = factor is None
+        try:
+            factor = factor or factorize(constraints.matrix(points))
+        except np.linalg.LinAlgError:
+            return None
+        moved = points - factor.solve(residual).view(np.complex128)
+        residual = constraints.residual(moved, targets)
+        previous, error = error, np.abs(residual).max()
+        if not error < np.inf:
+            return None
+        if predictor is None:
+            predictor = moved
+            reach = MAX_CORRECTION * np.abs(predictor - start).max()
+        elif np.abs(moved - predictor).max() > reach + tolerance:
+            return None
+        if fresh and error > previous and error > tolerance:
+            return None
+        points = moved
+        if error > KEEP_FACTOR_BELOW * previous:
+            factor = None
+    return points if error <= tolerance else None
+
+
+def _targets(robot: Mechanism, roller_positions: Array) -> Targets:
+    lengths = robot.home_targets.lengths.copy()
+    lengths[: robot.topology.n_modules] += robot.topology.incidence @ roller_positions
+    return Targets(lengths, robot.home_targets.ground)
+
+
+class ConfigurationTracker:
+    """
+    Computes configurations from measured roller travel; the last one shortens the search.
+
+    :param home: the configuration to begin with, at zero roller travel.
+    """
+
+    def __init__(self, home: Configuration) -> None:
+        self._home = self._last = home
+
+    def configuration(self, roller_positions: Array) -> Configuration:
+        """
+        Return the measured configuration; the same object while nothing moves.
+
+        :param roller_positions: (r,) travel since home [m].
+        :raises ConfigurationError: there is no such configuration.
+        """
+        if not np.array_equal(roller_positions, self._last.roller_positions):
+            try:
+                self._last = self._last.moved_to(roller_positions)
+            except ConfigurationError:
+                self._last = self._home.moved_to(roller_positions)
+        return self._last

@@ -1,0 +1,193 @@
+"""
+The constraints that tie the nodes together, and their derivative: the matrix of equation (12).
+
+Points of the plane are complex numbers x + iy here. For a vector v with direction angle t,
+d|v| = Re(conj(e) dv) with e = v/|v|, and dt = Re(conj(g) dv) with g = i v/|v|^2: every row of the
+matrix is a list of nodes with one complex gradient each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.model.topology import Topology
+from isotruss_ros.core.numerics.arrays import Array, Points
+import numpy as np
+from scipy.sparse import coo_matrix, csc_matrix
+
+#: Above this many coordinates sparse factors are quicker than dense ones (benchmarks/scaling.py).
+DENSE_UP_TO = 180
+
+
+@dataclass(frozen=True)
+class Targets:
+    """
+    The values that the constraints are to have.
+
+    :ivar lengths: (4m,) of members, AB, AC and BC [m].
+    :ivar ground: (g,) grounded coordinates [m].
+    """
+
+    lengths: Array
+    ground: Array
+
+
+class Constraints:
+    """
+    Residuals and matrix of the rows of (12), in its order: tube, module, bisection, ground.
+
+    :param topology: the robot's connections.
+    """
+
+    def __init__(self, topology: Topology) -> None:
+        self._topology = topology
+        m, n = topology.n_modules, topology.n_nodes
+        a, b, c, following, previous = (
+            topology.joint,
+            topology.b,
+            topology.c,
+            topology.following,
+            topology.previous,
+        )
+        self.n_rows = 5 * m + len(topology.grounded)
+        self.n_columns = 2 * n
+        self._heads = np.concatenate([c[following], b, c, c])
+        self._tails = np.concatenate([b, a, a, b])
+        stretch = np.arange(4 * m)
+        bend = 4 * m + np.arange(m)
+        self._rows = np.concatenate([stretch, stretch, bend, bend, bend, bend, bend])
+        self._nodes = np.concatenate(
+            [self._heads, self._tails, c[following], b, c, a, b[previous]]
+        )
+        self._ground_rows = 5 * m + np.arange(len(topology.grounded))
+        self._places = self._rows * n + self._nodes
+        spans = np.arange(4 * m)
+        ends = (np.concatenate([self._heads, self._tails]), np.concatenate([spans, spans]))
+        signs = np.repeat([1.0, -1.0], 4 * m)
+        self._spread = coo_matrix((signs, ends), shape=(n, 4 * m)).tocsr()
+        self._sparse = self._sparse_structure() if self.n_columns > DENSE_UP_TO else None
+
+    def _sparse_structure(self) -> csc_matrix:
+        """Return the pattern; its data say which of the values goes where."""
+        rows = np.concatenate([np.repeat(self._rows, 2), self._ground_rows])
+        columns = np.concatenate(
+            [
+                np.stack([2 * self._nodes, 2 * self._nodes + 1], axis=1).ravel(),
+                self._topology.grounded,
+            ]
+        )
+        order = np.arange(1, len(rows) + 1)  # from 1: a stored zero could be dropped
+        return coo_matrix((order, (rows, columns)), shape=(self.n_rows, self.n_columns)).tocsc()
+
+    def residual(self, points: Points, targets: Targets) -> Array:
+        """
+        Return how far the nodes are from fulfilling the constraints.
+
+        :param points: (n,) nodes [m].
+        :param targets: what the lengths and the grounded coordinates are to be.
+        :return: (5m + g,) of members, modules [m], bisection (3) [rad] and ground [m].
+        """
+        stretched = points[self._heads] - points[self._tails]
+        return np.concatenate(
+            [
+                np.abs(stretched) - targets.lengths,
+                self._bisection(stretched),
+                points.view(np.float64)[self._topology.grounded] - targets.ground,
+            ]
+        )
+
+    def _bisection(self, stretched: Points) -> Array:
+        """Return the difference of the two angles of (3), rod to one side and to the other."""
+        side, to_b, to_c, _ = stretched.reshape(4, -1)
+        rod = (to_b + to_c).conj()
+        return np.angle(-side * side[self._topology.previous] * rod * rod)
+
+    def lengths(self, points: Points) -> Array:
+        """
+        Return the (4m,) lengths of members, AB, AC and BC [m].
+
+        :param points: (n,) nodes [m].
+        """
+        return np.abs(points[self._heads] - points[self._tails])
+
+    def matrix(self, points: Points) -> Array | csc_matrix:
+        """
+        Return the derivative of the residual by the node coordinates (x0, y0, x1, y1, ...).
+
+        :param points: (n,) nodes [m].
+        :return: (5m + g, 2n), dense or, for a large robot, sparse.
+        """
+        return self.matrix_of(self.gradients(points))
+
+    def gradients(self, points: Points) -> Points:
+        """
+        Return the entries of the matrix: the gradient of a row by a node, as a complex number.
+
+        :param points: (n,) nodes [m].
+        :return: (13m,) of members, AB, AC and BC [-], four and four; of bisection [1/m], five.
+        """
+        stretched = points[self._heads] - points[self._tails]
+        unit = stretched / np.abs(stretched)
+        side, to_b, to_c, _ = stretched.reshape(4, -1)
+        to_next = 1j / side.conj()
+        to_previous = -to_next[self._topology.previous]
+        turn = 2j / (to_b + to_c).conj()
+        return np.concatenate(
+            [
+                unit,
+                -unit,
+                to_next,
+                -to_next - turn,
+                -to_previous - turn,
+                2.0 * turn,
+                to_previous,
+            ]
+        )
+
+    def matrix_of(self, values: Points) -> Array | csc_matrix:
+        """
+        Return the matrix with these entries, see `matrix`.
+
+        :param values: (13m,) the entries, see `gradients`.
+        """
+        if self._sparse is not None:
+            data = np.concatenate([values.view(np.float64), np.ones(len(self._ground_rows))])
+            pattern = self._sparse
+            return csc_matrix(
+                (data[pattern.data - 1], pattern.indices, pattern.indptr), shape=pattern.shape
+            )
+        gradients = np.zeros(self.n_rows * self._topology.n_nodes, dtype=np.complex128)
+        gradients[self._places] = values
+        matrix = gradients.view(np.float64).reshape(self.n_rows, self.n_columns)
+        matrix[self._ground_rows, self._topology.grounded] = 1.0
+        return matrix
+
+    def second_derivative(self, points: Points, weights: Array, motions: Array) -> Array:
+        """
+        Return how a number weights^T matrix motion changes as the nodes move.
+
+        Second derivatives: d2|v|[a, b] = (n . a) (n . b) / |v| with n across v, and
+        d2t[a, b] = -Im(a b / v^2) for the direction angle t of v.
+
+        :param points: (n,) nodes [m].
+        :param weights: (5m + g, p), a number for each row.
+        :param motions: (2n, p), velocities of the nodes.
+        :return: (2n, p) derivatives by the node coordinates, one column for each pair.
+        """
+        m = self._topology.n_modules
+        stretched = (points[self._heads] - points[self._tails])[:, None]
+        nodes = np.ascontiguousarray(motions.T).view(np.complex128).T
+        moved = nodes[self._heads] - nodes[self._tails]
+        lengths = np.abs(stretched)
+        across = 1j * stretched / lengths
+        gradients = weights[: 4 * m] * ((across.conj() * moved).real / lengths) * across
+        sides, arms, bisection = slice(m), slice(m, 3 * m), slice(4 * m, 5 * m)
+        bend = weights[bisection]
+        both = bend + bend[self._topology.following]
+        gradients[sides] += both * (1j * moved[sides] / stretched[sides] ** 2).conj()
+        rod = stretched[arms].reshape(2, m, 1).sum(axis=0)
+        rod_moved = moved[arms].reshape(2, m, -1).sum(axis=0)
+        turned = -2.0 * bend * (1j * rod_moved / rod**2).conj()
+        gradients[arms] += np.concatenate([turned, turned])
+        derivative = self._spread @ gradients
+        return np.ascontiguousarray(derivative.T).view(np.float64).T

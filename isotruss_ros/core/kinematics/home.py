@@ -1,0 +1,164 @@
+"""
+Place the robot at home: joints where the file has them, modules turned to bisect their corners.
+
+The joint A lies outside the corner of the tube: the rod runs from A to the middle of the pinch
+points B and C, into the triangle, and the two sides of the tube go on from there.
+"""
+
+from __future__ import annotations
+
+from isotruss_ros.core.errors import RobotFileError
+from isotruss_ros.core.kinematics.constraints import Constraints, Targets
+from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.model.topology import Topology
+from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.factorization import factorize
+import numpy as np
+from scipy.sparse import csc_matrix
+
+#: A corner closer than this to straight or to folded flat has no side on which a module could sit.
+MIN_CORNER = np.deg2rad(1.0)
+MAX_ITERATIONS = 50
+ANGLE_TOLERANCE = 1e-13
+
+
+def place_home(
+    description: RobotDescription, topology: Topology, constraints: Constraints
+) -> Points:
+    """
+    Return the nodes at home.
+
+    :param description: what the robot file says.
+    :param topology: the robot's connections.
+    :param constraints: its constraints.
+    :return: (n,) nodes as complex numbers [m].
+    :raises RobotFileError: a module does not fit its corner, or a member its limits.
+    """
+    joints = np.array([complex(*place) for place in description.joints.values()])
+    inward, left = _corners(description, topology, joints)
+    module = description.module
+    # From the joint, as seen along the rod: B and C, one to each side of its end.
+    b_arm = module.rod_length + 0.5j * module.pinch_separation * left
+    angles = np.angle(inward)
+    for _ in range(MAX_ITERATIONS):
+        points = _points(topology, joints, angles, b_arm)
+        bisection, slope = _bisection(topology, constraints, points)
+        if np.abs(bisection).max() < ANGLE_TOLERANCE:
+            break
+        try:
+            step = factorize(slope).solve(bisection)
+        except np.linalg.LinAlgError:
+            break
+        angles = angles - np.clip(step, -0.3, 0.3)
+    if not np.abs(bisection).max() < 1e-9:
+        worst = int(np.abs(bisection).argmax())
+        raise _misfit(description, topology, worst, 'no angle of its rod bisects its sides')
+    _refuse_misfits(description, topology, points, angles, left)
+    return points
+
+
+def _corners(
+    description: RobotDescription, topology: Topology, joints: Points
+) -> tuple[Points, Array]:
+    """Return the inward direction at each corner and +1 where its next side lies to the left."""
+    here = joints[topology.joint]
+    ahead = joints[topology.joint[topology.following]] - here
+    back = joints[topology.joint[topology.previous]] - here
+    opening = np.angle(ahead * back.conj())
+    for i in np.flatnonzero(
+        (np.abs(opening) < MIN_CORNER) | (np.abs(opening) > np.pi - MIN_CORNER)
+    ):
+        raise RobotFileError(
+            f'{description.source}: module {topology.module_names[i]} does not fit its corner: '
+            f'the sides meet at {np.rad2deg(abs(opening[i])):.3g} degrees; '
+            f'must be between 1 and 179 degrees (move the joints)'
+        )
+    inward = ahead / np.abs(ahead) + back / np.abs(back)
+    return inward, np.sign((inward.conj() * ahead).imag)
+
+
+def _points(topology: Topology, joints: Points, angles: Array, b_arm: Points) -> Points:
+    points = np.empty(topology.n_nodes, dtype=np.complex128)
+    points[: len(joints)] = joints
+    rod = np.exp(1j * angles)
+    points[topology.b] = joints[topology.joint] + rod * b_arm
+    points[topology.c] = joints[topology.joint] + rod * b_arm.conj()
+    return points
+
+
+def _bisection(
+    topology: Topology, constraints: Constraints, points: Points
+) -> tuple[Array, Array | csc_matrix]:
+    """Return the bisection residual (m,) and its (m, m) derivative by the modules' angles."""
+    m = topology.n_modules
+    targets = Targets(constraints.lengths(points), np.zeros(len(topology.grounded)))
+    rows = slice(4 * m, 5 * m)
+    bisection = constraints.residual(points, targets)[rows]
+    modules = np.tile(np.arange(m), 2)
+    nodes = np.concatenate([topology.b, topology.c])
+    turning = 1j * (points[nodes] - np.tile(points[topology.joint], 2))
+    spread = csc_matrix(
+        (
+            np.concatenate([turning.real, turning.imag]),
+            (np.concatenate([2 * nodes, 2 * nodes + 1]), np.tile(modules, 2)),
+        ),
+        shape=(constraints.n_columns, m),
+    )
+    matrix = constraints.matrix(points)
+    if isinstance(matrix, np.ndarray):
+        return bisection, np.ascontiguousarray(matrix[rows] @ spread)
+    return bisection, csc_matrix(matrix[rows] @ spread)
+
+
+def _refuse_misfits(
+    description: RobotDescription, topology: Topology, points: Points, angles: Array, left: Array
+) -> None:
+    source, module = description.source, description.module
+    ends = points[: len(topology.joint_names)][topology.joint]
+    apart = ends[topology.following] - ends
+    side = points[topology.c[topology.following]] - points[topology.b]
+    along = (side.conj() * apart).real / np.abs(apart)
+    for i in np.flatnonzero(along <= 0.0):
+        distance = abs(apart[i])
+        raise _misfit(
+            description,
+            topology,
+            i,
+            f'member {topology.member_names[i]} would be {along[i]:.4g} m long: its joints are '
+            f'{distance:.4g} m apart, and the modules take up {distance - along[i]:.4g} m of that',
+        )
+    # Both sides go on into the triangle, B's on B's side of the rod and C's on C's.
+    half = np.rad2deg(left * np.angle(side * np.exp(-1j * angles)))
+    for i in np.flatnonzero((half <= 0.0) | (half >= 90.0)):
+        raise _misfit(
+            description,
+            topology,
+            i,
+            f'its sides would leave it at {half[i]:.4g} degrees to the rod; must be more than 0, '
+            'where they cross, and less than 90, where they run back past the joint',
+        )
+    lengths = np.abs(side)
+    lower, upper = description.min_length, description.max_length
+    for i in np.flatnonzero((lengths < lower) | (lengths > upper)):
+        raise RobotFileError(
+            f'{source}: members: {topology.member_names[i]} is {lengths[i]:.6g} m long at home, '
+            f'pinch to pinch; must be from min_length {lower} to max_length {upper} m'
+        )
+    for i in np.flatnonzero(lengths <= 2 * module.guide_ring_distance):
+        raise RobotFileError(
+            f'{source}: module.guide_ring_distance: {module.guide_ring_distance}: member '
+            f'{topology.member_names[i]} is {lengths[i]:.6g} m long and must hold two of them; '
+            f'must be less than {lengths[i] / 2:.6g} m'
+        )
+
+
+def _misfit(
+    description: RobotDescription, topology: Topology, module: int, what: str
+) -> RobotFileError:
+    """Return the error that a module does not fit its corner."""
+    size = description.module
+    return RobotFileError(
+        f'{description.source}: module {topology.module_names[module]} does not fit its corner: '
+        f'with rod_length {size.rod_length} m and pinch_separation {size.pinch_separation} m '
+        f'{what}; use a smaller module, or move the joints apart'
+    )

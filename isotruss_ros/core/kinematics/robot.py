@@ -1,0 +1,58 @@
+"""The robot: what a robot file describes, ready to be posed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.constraints import Targets
+from isotruss_ros.core.kinematics.determinacy import require_determinate
+from isotruss_ros.core.kinematics.home import place_home
+from isotruss_ros.core.kinematics.mechanism import Mechanism
+from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.model.robot_file import read_robot_file
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+class Robot(Mechanism):
+    """
+    An isoperimetric truss robot; never changed after it is made.
+
+    :ivar home: the `Configuration` at zero roller travel.
+    :param description: see `robot_file.read_robot_file`.
+    :raises RobotFileError: the robot is not rigid, over-supported, or a module does not fit.
+    """
+
+    def __init__(self, description: RobotDescription) -> None:
+        super().__init__(description)
+        points = place_home(description, self.topology, self.constraints)
+        require_determinate(description.source, self.topology, self.constraints.matrix(points))
+        self.home_targets = Targets(
+            self.constraints.lengths(points), points.view(np.float64)[self.topology.grounded]
+        )
+        self.home = Configuration(self, np.zeros(len(self.topology.driven)), points)
+
+    def configuration(
+        self, roller_positions: ArrayLike, near: Configuration | None = None
+    ) -> Configuration:
+        """
+        Return the configuration at given roller travel (forward kinematics).
+
+        The shape is the one reached along the straight line of roller travel from `near`.
+
+        :param roller_positions: (r,) travel of the tube through each roller since home [m].
+        :param near: where to start; home when left out. A close one makes the call quick.
+        :raises ConfigurationError: wrong shape, not finite, or no such configuration.
+        """
+        return (near or self.home).moved_to(roller_positions)
+
+
+def load_robot(name_or_path: str | Path) -> Robot:
+    """
+    Load a robot.
+
+    :param name_or_path: the name of a preset (`nine_member`, `triangle`) or the path of a file.
+    :raises RobotFileError: names the file, the key, the value and what would be right.
+    """
+    return Robot(read_robot_file(name_or_path))

@@ -1,0 +1,187 @@
+"""
+How the working rollers carry out a task that limits bind: scaled, or sliding along the limits.
+
+Scaling keeps the direction of the twist. Sliding keeps its direction for the limits of roller
+speed only, which do not depend on the configuration; of the twists that all limits admit it takes
+the closest to the remaining one. Its component along the twist is at least that of scaling: both
+are admissible, and the closest point of a convex set that contains the origin has the larger one.
+
+The largest admissible progress is not always good for a machine: where limits leave a sliver, or
+the rollers hardly move the object, all their speed would go into a thousandth of the twist, and
+its sign would change from cycle to cycle. With regularization, progress is traded against roller
+speed there. Sliding may then stay behind scaling by a few per cent of the twist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import functools
+
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.limits import Limit, RollerSpeedLimit, StackedRows
+from isotruss_ros.core.manipulation.task import Task
+from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
+from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+import numpy as np
+
+#: Solutions are exact to rounding; a scale this close to 1 is 1.
+SCALE_TOLERANCE = 1e-9
+#: Bounds and twists this many times larger than the problem's scale are as good as infinite.
+MAX_REACH = 1e9
+#: Largest ratio of admissible progress to that of the least-cost solution at full speed.
+MAX_SCALE = 1e4
+#: A limit binds when its row is this close to its bound, as a share of the rollers' speeds.
+BINDING_TOLERANCE = 1e-7
+#: Regularization weight that only makes the closest point unique.
+LEAST_REGULARIZATION = 1e-6
+
+
+@dataclass(frozen=True)
+class Regularization:
+    """
+    How progress along a twist is traded against roller speed where limits bind.
+
+    :ivar progress_weight: full roller speed is used where the object's surface moves at
+        2 / `progress_weight` of it or more along the twist, less below [-].
+    :ivar reference_period: in loops slower than this, the weight falls with the period [s].
+    :ivar slide_weight: weight of the roller speeds against the error of the twist when sliding
+        [-].
+    """
+
+    progress_weight: float = 100.0
+    reference_period: float = 1e-2
+    slide_weight: float = 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class WorkingRollers:
+    """
+    The rollers that have not failed, and the cost of their speeds.
+
+    :ivar places: (w,) their numbers among all rollers.
+    :ivar cost: (w, w) C^T C, the cost (11) of their speeds [-].
+    :ivar even: (w, w) E with |C E y| = |y|: speeds of equal cost [-].
+    """
+
+    places: Indices
+    cost: Array
+    even: Array
+
+
+@functools.lru_cache(maxsize=16)
+def working_rollers(robot: Robot, failed: frozenset[str]) -> WorkingRollers:
+    """
+    Return the rollers that have not failed.
+
+    :param robot: the robot.
+    :param failed: names of the rollers that have failed.
+    :raises GraspError: the robot has no such roller.
+    """
+    check_roller_names('failed rollers', failed, robot.roller_names)
+    places = np.array(
+        [i for i, name in enumerate(robot.roller_names) if name not in failed], dtype=int
+    )
+    # (11): J = |Ldot|^2, and Ldot = C phidot keeps the length of each tube (13).
+    incidence = robot.topology.incidence[:, places]
+    cost = incidence.T @ incidence
+    return WorkingRollers(places, cost, np.linalg.inv(np.linalg.cholesky(cost)).T)
+
+
+@dataclass(frozen=True, eq=False)
+class LimitedVelocities:
+    """
+    Roller speeds for a task within limits.
+
+    :ivar velocities: (w,) of the working rollers [m/s].
+    :ivar scale: component along the task as a share of it, 0 to 1.
+    :ivar slid: whether the direction differs from that of the task.
+    :ivar binding: (k,) which rows of the limits are at their bounds; none at scale 1.
+    """
+
+    velocities: Array
+    scale: float
+    slid: bool
+    binding: Flags
+
+
+def apply_limits(
+    working: WorkingRollers,
+    task: Task,
+    limits: Sequence[Limit],
+    rows: StackedRows,
+    free: Array,
+    admitted: Flags,
+    max_speed: float,
+    slide: bool,
+    period: float,
+    regularization: Regularization,
+) -> LimitedVelocities:
+    """
+    Carry out a task as far as limits allow.
+
+    :param working: the working rollers.
+    :param task: the task.
+    :param limits: the limits.
+    :param rows: their rows, see `stack_rows`.
+    :param free: (w,) roller speeds that carry out the task without limits, for 1 m/s of it [-].
+    :param admitted: (k,) which rows admit them at the speed of the task.
+    :param max_speed: largest speed of a roller [m/s].
+    :param slide: whether to slide along limits on the configuration, rather than stop at them.
+    :param period: for which the command holds [s]; zero switches regularization off.
+    :param regularization: weights, see there.
+    :raises SolverError: a quadratic program was not solved.
+    """
+    gain = float(np.abs(free).max())
+    asked = gain * task.speed
+    # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
+    unit = min(max_speed, asked)
+    with np.errstate(over='ignore'):
+        lower = np.maximum(rows.lower / unit, -MAX_REACH)
+        upper = np.minimum(rows.upper / unit, MAX_REACH)
+    matrix = rows.matrix[:, working.places]
+    reach = min(asked / unit, MAX_SCALE)
+    scaling = [not slide or isinstance(limit, RollerSpeedLimit) for limit in limits]
+    scaled = np.array(scaling, dtype=bool)[rows.limit]
+    direction = task.direction / gain
+    penalty = PENALTIES[0]
+    if period > 0.0:
+        weight = regularization.progress_weight
+        weight *= min(1.0, regularization.reference_period / period)
+        penalty = min(penalty, weight * max_speed / (unit * gain))
+    solution, progress = maximize_progress(
+        working.cost,
+        task.equality,
+        direction,
+        reach,
+        matrix[scaled],
+        lower[scaled],
+        upper[scaled],
+        penalty,
+    )
+    value = matrix @ solution
+    beyond = np.maximum(value - upper, lower - value)
+    slid = slide and bool((beyond > BINDING_TOLERANCE).any())
+    if slid:
+        solution = project_target(
+            working.cost,
+            task.equality,
+            progress * direction,
+            task.rank,
+            matrix,
+            lower,
+            upper,
+            regularization.slide_weight if period > 0.0 else LEAST_REGULARIZATION,
+        )
+        value = matrix @ solution
+        progress = gain * float(task.direction @ (task.equality @ solution))
+    # A step toward the free solution would go on along the twist: a row at its bound forbids it.
+    slack = np.minimum(upper - value, value - lower)
+    scale = min(1.0, max(0.0, progress * unit / gain / task.speed))
+    return LimitedVelocities(
+        solution * unit,
+        1.0 if scale > 1.0 - SCALE_TOLERANCE else scale,
+        slid,
+        (slack < BINDING_TOLERANCE) & ~admitted,
+    )

@@ -1,0 +1,197 @@
+"""
+Limits on the roller speeds: each hands the quadratic program rows lower <= G phidot <= upper.
+
+Zero speed fulfils every limit: a robot beyond a bound may stay there or return, not go further.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+import numpy as np
+
+
+class Rows(NamedTuple):
+    """
+    Rows lower <= matrix @ phidot <= upper, with lower <= 0 <= upper.
+
+    :ivar matrix: (k, r) on the roller speeds [-].
+    :ivar lower: (k,) [m/s].
+    :ivar upper: (k,) [m/s].
+    """
+
+    matrix: Array
+    lower: Array
+    upper: Array
+
+
+class StackedRows(NamedTuple):
+    """
+    The rows of several limits, one limit after the other.
+
+    :ivar matrix: (k, r) on the roller speeds [-].
+    :ivar lower: (k,) [m/s].
+    :ivar upper: (k,) [m/s].
+    :ivar limit: (k,) number of the limit that a row belongs to.
+    """
+
+    matrix: Array
+    lower: Array
+    upper: Array
+    limit: Indices
+
+
+class Limit(Protocol):
+    """One limit of the robot."""
+
+    @property
+    def status(self) -> Status:
+        """Return the status of a command that this limit slows."""
+
+    def rows(self, config: Configuration) -> Rows:
+        """
+        Return the rows of this limit.
+
+        :param config: configuration of the robot.
+        """
+
+    def row_names(self, config: Configuration) -> tuple[str, ...]:
+        """
+        Return the name of the roller or member of each row.
+
+        :param config: configuration of the robot.
+        """
+
+
+@dataclass(frozen=True)
+class RollerSpeedLimit:
+    """
+    No roller moves its tube faster than `max_speed`.
+
+    :ivar max_speed: positive [m/s].
+    """
+
+    max_speed: float
+
+    @property
+    def status(self) -> Status:
+        """Return the status of a command that this limit slows."""
+        return Status.SLOWED_ROLLER_SPEED
+
+    def rows(self, config: Configuration) -> Rows:
+        """
+        Return one row for each roller.
+
+        :param config: configuration of the robot.
+        """
+        count = len(config.robot.roller_names)
+        bound = np.full(count, self.max_speed)
+        return Rows(np.eye(count), -bound, bound)
+
+    def row_names(self, config: Configuration) -> tuple[str, ...]:
+        """
+        Return the rollers' names.
+
+        :param config: configuration of the robot.
+        """
+        return config.robot.roller_names
+
+
+@dataclass(frozen=True)
+class MemberLengthLimit:
+    """
+    No member gets shorter than `min_length` or longer than `max_length`.
+
+    A member approaches a bound at most at `rate` times its distance from it, so a loop that runs
+    at `rate` [Hz] or faster never violates the bound: lengths are linear in roller travel.
+
+    :ivar min_length: pinch to pinch [m].
+    :ivar max_length: pinch to pinch [m].
+    :ivar rate: of the approach to a bound [1/s].
+    """
+
+    min_length: float
+    max_length: float
+    rate: float = 10.0
+
+    @property
+    def status(self) -> Status:
+        """Return the status of a command that this limit slows."""
+        return Status.SLOWED_MEMBER_LENGTH
+
+    def rows(self, config: Configuration) -> Rows:
+        """
+        Return one row for each member.
+
+        :param config: configuration of the robot.
+        """
+        lengths = config.member_lengths
+        return Rows(
+            config.robot.topology.incidence,
+            np.minimum(0.0, self.rate * (self.min_length - lengths)),
+            np.maximum(0.0, self.rate * (self.max_length - lengths)),
+        )
+
+    def row_names(self, config: Configuration) -> tuple[str, ...]:
+        """
+        Return the members' names.
+
+        :param config: configuration of the robot.
+        """
+        return config.robot.member_names
+
+
+def default_limits(robot: Robot) -> tuple[Limit, ...]:
+    """
+    Return the limits of the robot file.
+
+    :param robot: the robot.
+    """
+    file = robot.description
+    return (
+        RollerSpeedLimit(file.max_speed),
+        MemberLengthLimit(file.min_length, file.max_length),
+    )
+
+
+def stack_rows(config: Configuration, limits: Sequence[Limit]) -> StackedRows:
+    """
+    Return the rows of all limits, one limit after the other.
+
+    :param config: configuration of the robot.
+    :param limits: the limits.
+    """
+    parts = [limit.rows(config) for limit in limits]
+    count = len(config.robot.roller_names)
+    return StackedRows(
+        np.concatenate([np.zeros((0, count)), *[part.matrix for part in parts]]),
+        np.concatenate([np.zeros(0), *[part.lower for part in parts]]),
+        np.concatenate([np.zeros(0), *[part.upper for part in parts]]),
+        np.repeat(np.arange(len(parts)), [len(part.upper) for part in parts]),
+    )
+
+
+def name_binding_rows(
+    config: Configuration, limits: Sequence[Limit], rows: StackedRows, binding: Flags
+) -> tuple[Status, tuple[str, ...]]:
+    """
+    Return the status of the first limit that binds, and the names of all rows that bind.
+
+    :param config: configuration of the robot.
+    :param limits: the limits.
+    :param rows: their rows.
+    :param binding: (k,) which of the rows bind.
+    """
+    names: list[str] = []
+    binds = [number for number in range(len(limits)) if binding[rows.limit == number].any()]
+    for number in binds:
+        row_names = limits[number].row_names(config)
+        names += [row_names[i] for i in np.flatnonzero(binding[rows.limit == number])]
+    status = limits[binds[0]].status if binds else Status.SLOWED_ROLLER_SPEED
+    return status, tuple(names)

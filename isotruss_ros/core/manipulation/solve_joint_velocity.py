@@ -1,0 +1,100 @@
+"""From velocities of joints to roller velocities: the basic task of a truss robot, no object."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.limit_handling import working_rollers
+from isotruss_ros.core.manipulation.limits import default_limits, Limit
+from isotruss_ros.core.manipulation.solve_twist import carry_out
+from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.manipulation.task import Reach
+from isotruss_ros.core.numerics.arrays import Array, finite_array
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True, eq=False)
+class JointCommand:
+    """
+    Roller velocities, and the motion of the joints that follows from them.
+
+    :ivar roller_velocities: (r,) speed of the tube through each roller [m/s].
+    :ivar achieved_velocities: (vx, vy) by joint in the robot frame [m/s], computed from
+        `roller_velocities`.
+    :ivar scale: 0 to 1, see `RollerCommand`.
+    :ivar status: how the velocities were carried out.
+    :ivar limiting: names of the rollers, members and so on whose limits bind, empty at scale 1.
+    """
+
+    roller_velocities: Array
+    achieved_velocities: dict[str, Array]
+    scale: float
+    status: Status
+    limiting: tuple[str, ...] = ()
+
+
+def solve_joint_velocity(
+    config: Configuration,
+    velocities: Mapping[str, ArrayLike],
+    failed: Collection[str] = (),
+    limits: Sequence[Limit] | None = None,
+    slide: bool = False,
+    period: float = 0.0,
+) -> JointCommand:
+    """
+    Find the roller velocities of the least cost (11) that move joints with given velocities.
+
+    Velocities that are unreachable are replaced by the closest reachable ones; where limits bind
+    they are scaled, or, with `slide`, deflected, as in `solve_twist`.
+
+    :param config: configuration of the robot.
+    :param velocities: (vx, vy) by joint in the robot frame [m/s]; other joints are free to move.
+    :param failed: names of the rollers that have failed and stand still.
+    :param limits: limits in place of those of the robot file.
+    :param slide: whether to slide along limits of lengths and shapes, rather than stop at them.
+    :param period: period of the loop [s], see `solve_twist`.
+    :raises GraspError: no such joint, a velocity that is not two finite numbers, none at all, or
+        no such roller.
+    :raises ConfigurationError: the configuration is singular.
+    :raises SolverError: a quadratic program was not solved.
+    """
+    robot = config.robot
+    names = robot.topology.joint_names
+    if not velocities:
+        raise GraspError(f'velocities: at least one of the joints {", ".join(names)}')
+    for joint in velocities:
+        if joint not in names:
+            raise GraspError(
+                f'joint {joint!r}: robot {robot.name} has no such joint; '
+                f'its joints are {", ".join(names)}'
+            )
+    desired = np.concatenate(
+        [
+            finite_array(velocity, 2, f'the velocity (vx, vy) [m/s] of joint {joint}', GraspError)
+            for joint, velocity in velocities.items()
+        ]
+    )
+    nodes = np.array([names.index(joint) for joint in velocities])
+    columns = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
+    rows = np.zeros((len(columns), 2 * len(config.points)))
+    rows[np.arange(len(columns)), columns] = 1.0
+    motion = config.module_rows(rows)[:, robot.topology.driven]
+    working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
+    command = carry_out(
+        config,
+        working,
+        Reach.of_points(motion[:, working.places]),
+        motion,
+        desired,
+        default_limits(robot) if limits is None else limits,
+        slide,
+        period,
+    )
+    achieved = dict(zip(velocities, command.achieved_twist.reshape(-1, 2), strict=True))
+    return JointCommand(
+        command.roller_velocities, achieved, command.scale, command.status, command.limiting
+    )

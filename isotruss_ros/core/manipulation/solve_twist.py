@@ -1,0 +1,232 @@
+"""Roller velocities for a twist of the grasped object: minimize (11) subject to (20)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+import math
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject, members_at_module
+from isotruss_ros.core.manipulation.limit_handling import (
+    apply_limits,
+    Regularization,
+    working_rollers,
+    WorkingRollers,
+)
+from isotruss_ros.core.manipulation.limits import (
+    default_limits,
+    Limit,
+    name_binding_rows,
+    stack_rows,
+)
+from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.manipulation.task import find_reach, Reach, Task
+from isotruss_ros.core.numerics.arrays import Array, finite_array
+import numpy as np
+from numpy.typing import ArrayLike
+
+#: Default weights where limits bind.
+REGULARIZATION = Regularization()
+
+
+@dataclass(frozen=True, eq=False)
+class RollerCommand:
+    """
+    Roller velocities, and the motion of the object that follows from them.
+
+    :ivar roller_velocities: (r,) speed of the tube through each roller [m/s].
+    :ivar achieved_twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame,
+        computed from `roller_velocities`.
+    :ivar scale: 0 to 1, by which the limits shrank the (closest reachable) twist; when sliding,
+        the component along it.
+    :ivar status: how the twist was carried out.
+    :ivar limiting: names of the rollers, members and so on whose limits bind, empty at scale 1.
+    :ivar reachable_dof: number of independent motions of the object that the working rollers can
+        produce, 0 to 3; 0 too where the rollers are stopped for want of inputs.
+    """
+
+    roller_velocities: Array
+    achieved_twist: Array
+    scale: float
+    status: Status
+    limiting: tuple[str, ...] = ()
+    reachable_dof: int = 0
+
+
+def solve_twist(
+    config: Configuration,
+    grasp: Grasp,
+    twist: ArrayLike,
+    failed: Collection[str] = (),
+    limits: Sequence[Limit] | None = None,
+    slide: bool = False,
+    period: float = 0.0,
+    regularization: Regularization = REGULARIZATION,
+    opening_rate: float = 0.0,
+) -> RollerCommand:
+    """
+    Find the roller velocities of the least cost (11) that move the object with a twist (20).
+
+    The grip keeps its opening angle (14), unless its rate is given, and every tube its length (13)
+    in all cases. A twist
+    that is unreachable is replaced by the closest reachable one, in the measure
+    |v|^2 + |omega d/2|^2. When limits bind, the direction is kept and the size scaled; or, with
+    `slide`, the closest twist that they admit is carried out, see `apply_limits`.
+
+    :param config: configuration of the robot.
+    :param grasp: the grasp.
+    :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
+    :param failed: names of the rollers that have failed and stand still.
+    :param limits: limits in place of those of the robot file.
+    :param slide: whether to slide along limits of lengths and shapes, rather than stop at them.
+    :param period: period of the loop [s]: where limits bind, progress that takes far more roller
+        speed than it yields is left, see `Regularization`. Zero for the largest progress.
+    :param regularization: weights where limits bind.
+    :param opening_rate: of the angle between the grasping members [rad/s]: the right-hand side of
+        the fourth row of (19), scaled with the twist; zero while sliding along limits.
+    :raises GraspError: the grasp, the twist or a name in `failed` is not usable.
+    :raises ConfigurationError: the configuration is singular.
+    :raises SolverError: a quadratic program was not solved.
+    """
+    robot = config.robot
+    desired = np.asarray(twist)
+    if desired.dtype != float or desired.shape != (3,) or not np.isfinite(desired).all():
+        desired = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
+    working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
+    jacobian, reach = find_reach(config, grasp, working.places)
+    if opening_rate != 0.0:  # (14) counts it with the sign of the side that holds the object
+        opening_rate *= members_at_module(config, grasp.module).side
+    limits = default_limits(robot) if limits is None else limits
+    return carry_out(
+        config,
+        working,
+        reach,
+        jacobian[:3],
+        desired,
+        limits,
+        slide,
+        period,
+        regularization,
+        opening_rate,
+    )
+
+
+def carry_out(
+    config: Configuration,
+    working: WorkingRollers,
+    reach: Reach,
+    motion: Array,
+    desired: Array,
+    limits: Sequence[Limit],
+    slide: bool,
+    period: float,
+    regularization: Regularization = REGULARIZATION,
+    opening_rate: float = 0.0,
+) -> RollerCommand:
+    """
+    Find the roller velocities of the least cost (11) for a motion, as far as limits admit.
+
+    :param config: configuration of the robot.
+    :param working: the rollers that work.
+    :param reach: the reachable motions.
+    :param motion: (k, r) rows of the motion on the roller speeds.
+    :param desired: (k,) the motion.
+    :param limits: limits of rollers and configuration.
+    :param slide: whether to slide along limits of lengths and shapes, rather than stop at them.
+    :param period: period of the loop [s], see `solve_twist`.
+    :param regularization: weights where limits bind.
+    :param opening_rate: right-hand side of the grip's row [rad/s].
+    :raises SolverError: a quadratic program was not solved.
+    """
+    robot = config.robot
+    velocities, dof = np.zeros(len(robot.roller_names)), len(reach.directions)
+    rest = np.zeros(len(motion))
+    if not desired.any() and opening_rate == 0.0:
+        return RollerCommand(velocities, rest, 1.0, Status.IDLE, (), dof)
+    task = Task(reach, desired, working.even, opening_rate)
+    status = Status.OK if task.reachable else Status.UNREACHABLE
+    if task.speed == 0.0:
+        return RollerCommand(velocities, rest, 1.0, status, (), dof)
+    rows = stack_rows(config, limits)
+    free = task.free
+    gain = float(np.abs(free).max())
+    rates = rows.matrix[:, working.places] @ (free / gain)
+    asked = gain * task.speed
+    with np.errstate(over='ignore'):
+        admitted = (rates <= rows.upper / asked) & (rates >= rows.lower / asked)
+    if admitted.all():
+        velocities[working.places] = (free / gain) * asked
+        return RollerCommand(velocities, motion @ velocities, 1.0, status, (), dof)
+    limited = apply_limits(
+        working,
+        task,
+        limits,
+        rows,
+        free,
+        admitted,
+        robot.description.max_speed,
+        slide,
+        period,
+        regularization,
+    )
+    velocities[working.places] = limited.velocities
+    limiting: tuple[str, ...] = ()
+    if limited.scale < 1.0:
+        slowed, limiting = name_binding_rows(config, limits, rows, limited.binding)
+        if task.reachable:
+            status = Status.SLIDING if limited.slid else slowed
+    return RollerCommand(velocities, motion @ velocities, limited.scale, status, limiting, dof)
+
+
+def solve_twist_ahead(
+    config: Configuration,
+    grasp: Grasp,
+    twist: ArrayLike,
+    lead: float,
+    failed: Collection[str] = (),
+    limits: Sequence[Limit] | None = None,
+) -> RollerCommand:
+    """
+    Find roller velocities for the configuration after `lead` seconds of this motion.
+
+    A command that is held for an interval, computed from a measurement of some age, is exact in
+    the middle of the interval: with lead = age of the measurement + half of the interval the error
+    of a step falls from second to third order (the explicit midpoint rule).
+
+    :param config: configuration of the robot.
+    :param grasp: the grasp.
+    :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
+    :param lead: not negative [s].
+    :param failed: names of the rollers that have failed and stand still.
+    :param limits: limits in place of those of the robot file.
+    :raises GraspError: see `solve_twist`; or lead is negative or not finite.
+    :raises ConfigurationError: see `solve_twist`, or there is no such configuration.
+    :raises SolverError: a quadratic program was not solved.
+    """
+    if not (math.isfinite(lead) and lead >= 0.0):
+        raise GraspError(f'lead {lead!r} s: must be a finite number, not negative')
+    command = solve_twist(config, grasp, twist, failed, limits)
+    if lead == 0.0 or not command.roller_velocities.any():
+        return command
+    held = HeldObject.attach(config, grasp)
+    ahead = config.moved_to(config.roller_positions + lead * command.roller_velocities)
+    return solve_twist(ahead, held.grasp_in(ahead), twist, failed, limits)
+
+
+def reachable_twists(config: Configuration, grasp: Grasp, failed: Collection[str]) -> Array:
+    """
+    Return the motions of the object that the working rollers can produce.
+
+    :param config: configuration of the robot.
+    :param grasp: the grasp.
+    :param failed: names of the rollers that have failed and stand still.
+    :return: (k, 3) twists vx, vy [m/s], omega [rad/s] in the robot frame, as many as are
+        independent, orthonormal in the measure |v|^2 + |omega d/2|^2; the grip keeps its angle.
+    :raises GraspError: the grasp or a name in `failed` is not usable.
+    :raises ConfigurationError: the configuration is singular.
+    """
+    working = working_rollers(config.robot, frozenset(failed))
+    _, reach = find_reach(config, grasp, working.places)
+    return reach.directions / reach.weights

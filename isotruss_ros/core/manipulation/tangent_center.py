@@ -1,0 +1,49 @@
+"""Where an object touches both grasping members of a module."""
+
+from __future__ import annotations
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grasp import Grasp, members_at_module
+from isotruss_ros.core.numerics.arrays import finite_array
+import numpy as np
+
+
+def tangent_center(
+    config: Configuration, module: str, diameter: float, indentation: float = 0.0
+) -> tuple[float, float]:
+    """
+    Return the centre at which an object is tangent to both grasping members of a module.
+
+    :param config: configuration of the robot.
+    :param module: name `t/j` of the module.
+    :param diameter: the object's own diameter [m].
+    :param indentation: how much closer to the corner of the two members the centre is [m].
+    :return: (x, y) in the robot frame [m].
+    :raises GraspError: no such module, diameter not positive, indentation not finite, or the
+        object would have to be behind the module or beyond the end of a member.
+    """
+    (depth,) = finite_array([indentation], 1, 'indentation [m]', GraspError)
+    members = members_at_module(config, module)
+    ahead, back, side = members.ahead, members.back, members.side
+    b, c = config.points[members.nodes[0]], config.points[members.nodes[2]]
+    own_radius = 0.5 * Grasp(module, (0.0, 0.0), diameter).diameter
+    reach = own_radius + 0.5 * config.robot.description.tube_diameter
+    normals = np.array([1j * side * ahead / abs(ahead), -1j * side * back / abs(back)])
+    # Distance from both lines is `reach`: Re(conj(normal) (center - foot)) = reach.
+    right = (normals.conj() * np.array([b, c])).real + reach
+    x, y = np.linalg.solve(normals.view(np.float64).reshape(2, 2), right)
+    center = complex(x, y) - depth * complex(normals.sum() / abs(normals.sum()))
+    along = np.array(
+        [
+            (ahead.conjugate() * (center - b)).real / abs(ahead) ** 2,
+            (back.conjugate() * (center - c)).real / abs(back) ** 2,
+        ]
+    )
+    if along.min() < 0.0 or along.max() > 1.0:
+        raise GraspError(
+            f'an object of diameter {diameter} m does not fit between the members at module '
+            f'{module}: it would touch them at {along.round(3).tolist()} of their lengths; '
+            'take another diameter, module or configuration'
+        )
+    return center.real, center.imag

@@ -1,0 +1,148 @@
+"""
+Quadratic programs (QP): as far along a direction as limits allow, at the least cost (11).
+
+    minimize   1/2 |C u|^2 - rho (s - s^2 / 4 reach)
+    subject to J u = s * direction,  0 <= s <= reach,  lower <= G u <= upper
+
+The second term is an exact penalty: its slope is at least rho / 2 everywhere, more than any saving
+in the first term, so s is the largest one possible, but for |C u|^2 / rho, and the cost
+the least one there. That needs the direction scaled so that u and s are of like size. Where no
+limit binds, `least_cost` solves it. `project_target` leaves the direction where limits bind.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.qp import installed_solvers, solve_qp
+import numpy as np
+import qpsolvers
+
+#: rho, against |C u|^2 with |u| of the order of 1. The first is exact to rounding; where all
+#: solvers fail with it (corners at which next to nothing can move) the others stop sooner.
+PENALTIES = (1e8, 1e6, 1e4, 1e2, 1.0)
+NO_SOLUTION = (
+    '{} found no solution of the quadratic program of the manipulation; '
+    'the configuration is probably close to a singular one'
+)
+
+
+def maximize_progress(
+    cost: Array,
+    equality: Array,
+    direction: Array,
+    reach: float,
+    inequality: Array,
+    lower: Array,
+    upper: Array,
+    penalty: float = PENALTIES[0],
+) -> tuple[Array, float]:
+    """
+    Solve the quadratic program of this module; all quantities are without units, |u| is O(1).
+
+    :param cost: (r, r) C^T C, positive definite.
+    :param equality: (k, r) J, of full row rank.
+    :param direction: (k,) what J u is at s = 1.
+    :param reach: the largest useful s, positive.
+    :param inequality: (l, r) G.
+    :param lower: (l,) not positive, so that u = 0 is a solution.
+    :param upper: (l,) not negative.
+    :param penalty: rho, on missing progress against the cost; large for as far as possible.
+    :return: u (r,) and s.
+    :raises SolverError: no solver found a solution.
+    """
+    r = cost.shape[0]
+    hessian = np.zeros((r + 1, r + 1))
+    hessian[:r, :r] = cost
+    box = _box(inequality, lower, upper)
+    rows = np.column_stack([box.rows, np.zeros(len(box.rows))])
+    problem = qpsolvers.Problem(
+        hessian,
+        np.zeros(r + 1),
+        rows,
+        box.bounds,
+        np.column_stack([equality, -direction]),
+        np.zeros(len(direction)),
+        np.append(box.low, 0.0),
+        np.append(box.high, reach),
+    )
+    # u = 0 is always admissible: a solver that fails has met a degenerate corner.
+    for rho in [penalty, *(smaller for smaller in PENALTIES if smaller < penalty)]:
+        problem.P[r, r], problem.q[r] = rho / (2.0 * max(reach, 1.0)), -rho
+        found = solve_qp(problem)
+        if found is not None:
+            return found[:r], float(min(max(found[r], 0.0), reach))
+    raise SolverError(NO_SOLUTION.format(', '.join(installed_solvers())))
+
+
+def project_target(
+    cost: Array,
+    equality: Array,
+    target: Array,
+    rank: int,
+    inequality: Array,
+    lower: Array,
+    upper: Array,
+    regularization: float,
+) -> Array:
+    """
+    Return the u for which J u comes closest to a target within bounds, at the least cost there.
+
+    Minimizes 1/2 |J u - target|^2 + regularization/2 |C u|^2 over the first `rank` rows of J; the
+    others hold as J u = 0. All quantities are without units, |u| is O(1).
+
+    :param cost: (r, r) C^T C, positive definite.
+    :param equality: (k, r) J.
+    :param target: (k,), zero from `rank` on.
+    :param rank: number of rows of J that are to reach the target.
+    :param inequality: (l, r) G.
+    :param lower: (l,) not positive, so that u = 0 is admissible.
+    :param upper: (l,) not negative.
+    :param regularization: weight of the cost; small for as close as possible.
+    :return: (r,)
+    :raises SolverError: no solver found a solution.
+    """
+    reached, kept = equality[:rank], equality[rank:]
+    box = _box(inequality, lower, upper)
+    problem = qpsolvers.Problem(
+        reached.T @ reached + regularization * cost,
+        -reached.T @ target[:rank],
+        box.rows,
+        box.bounds,
+        kept if len(kept) else None,
+        np.zeros(len(kept)) if len(kept) else None,
+        box.low,
+        box.high,
+    )
+    found = solve_qp(problem)
+    if found is not None:
+        return found
+    raise SolverError(NO_SOLUTION.format(', '.join(installed_solvers())))
+
+
+class _Box(NamedTuple):
+    """Bounds low <= u <= high and rows @ u <= bounds, (r,), (r,), (l, r) and (l,)."""
+
+    low: Array
+    high: Array
+    rows: Array
+    bounds: Array
+
+
+def _box(inequality: Array, lower: Array, upper: Array) -> _Box:
+    """Separate rows with a single entry, which are bounds of one roller, from the others."""
+    r = inequality.shape[1]
+    low, high = np.full(r, -np.inf), np.full(r, np.inf)
+    present = inequality != 0.0
+    entries = present.sum(axis=1)
+    single, several = entries == 1, entries > 1
+    place = present[single].argmax(axis=1)
+    entry = inequality[single, place]
+    one_end, other_end = lower[single] / entry, upper[single] / entry
+    np.maximum.at(low, place, np.minimum(one_end, other_end))
+    np.minimum.at(high, place, np.maximum(one_end, other_end))
+    rows = inequality[several]
+    bounds = np.concatenate([upper[several], -lower[several]])
+    return _Box(low, high, np.vstack([rows, -rows]), bounds)

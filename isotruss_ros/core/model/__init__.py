@@ -1,0 +1,1 @@
+"""What a robot is: the robot file, the presets, the topology, objects."""

@@ -1,0 +1,79 @@
+"""What a robot file describes, as plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Module:
+    """
+    Dimensions [m] and rigidities of the roller modules (see docs/robot_file.md).
+
+    :ivar pinch_separation: distance s of the pinch points B and C [m].
+    :ivar rod_length: length h of the rod from the joint to the middle of BC [m].
+    :ivar guide_ring_distance: distance g of the guide rings from the pinch points [m].
+    :ivar axial_rigidity: EA of the rigid parts [N].
+    :ivar flexural_rigidity: EI of the rigid parts [N m^2].
+    """
+
+    pinch_separation: float
+    rod_length: float
+    guide_ring_distance: float
+    axial_rigidity: float
+    flexural_rigidity: float
+
+
+@dataclass(frozen=True)
+class Tube:
+    """
+    The closed tube through `joints`; the module at joint `passive` has no motor.
+
+    :ivar name: of the tube.
+    :ivar joints: names of the joints in the order in which the tube visits them.
+    :ivar passive: name of the joint whose module has no motor.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    passive: str
+
+
+@dataclass(frozen=True)
+class RobotDescription:
+    """
+    What a robot file says, checked for form but not yet for mechanics.
+
+    Lengths in m, speeds in m/s; `pressures` are gauge pressures by tube, in the order of the file
+    [Pa]; `stiffness` is the block of the file as it stands.
+
+    :ivar source: path of the robot file, for messages.
+    :ivar name: of the robot.
+    :ivar frame: name of the coordinate frame in which the robot lives.
+    :ivar joints: home positions (x, y) of the joints by name [m].
+    :ivar tubes: the closed tubes.
+    :ivar module: dimensions of the roller modules.
+    :ivar tube_diameter: outer diameter of the tubes [m].
+    :ivar pressures: gauge pressures, in the order of the tubes [Pa].
+    :ivar stiffness: block `stiffness` of the robot file.
+    :ivar supports: grounded axes by joint, of x and y.
+    :ivar max_speed: largest speed of a roller [m/s].
+    :ivar min_length: smallest length of a member, pinch to pinch [m].
+    :ivar max_length: largest length of a member, pinch to pinch [m].
+    """
+
+    source: str
+    name: str
+    frame: str
+    joints: Mapping[str, tuple[float, float]]
+    tubes: tuple[Tube, ...]
+    module: Module
+    tube_diameter: float
+    pressures: Mapping[str, float]
+    stiffness: Mapping[str, Any]
+    supports: Mapping[str, tuple[str, ...]]
+    max_speed: float
+    min_length: float
+    max_length: float

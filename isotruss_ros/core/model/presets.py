@@ -1,0 +1,41 @@
+"""Where robot files are: presets that come with the package, or a path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from isotruss_ros.core.errors import RobotFileError
+
+
+def config_directory() -> Path:
+    """Return the folder of the presets, installed with the package or beside it in a checkout."""
+    package = Path(__file__).resolve().parents[2]
+    installed = package / 'config'
+    return installed if installed.is_dir() else package.parent / 'config'
+
+
+def preset_names() -> list[str]:
+    """Return the names of the robots that come with the package."""
+    return sorted(path.stem for path in config_directory().glob('*.yaml'))
+
+
+def find_robot_file(name_or_path: str | Path) -> Path:
+    """
+    Return the file of a preset or the path itself.
+
+    :param name_or_path: the name of a preset, or the path of a robot file (ending in .yaml).
+    :raises RobotFileError: there is no such preset and no such file.
+    """
+    given = str(name_or_path)
+    if given in preset_names():
+        return config_directory() / f'{given}.yaml'
+    try:
+        path = Path(name_or_path).expanduser()
+        if path.is_file():
+            return path
+    except (OSError, ValueError, RuntimeError):  # name too long, null byte, ~ of an unknown user
+        pass
+    raise RobotFileError(
+        f'robot {given!r}: there is no such preset and no such file; '
+        f'give one of {", ".join(preset_names())}, or the path of a robot file'
+    )

@@ -1,0 +1,118 @@
+"""The form of a robot file, by its schema: complaints name the key and what would be right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+import difflib
+import functools
+import itertools
+import json
+from pathlib import Path
+from typing import Any
+
+from isotruss_ros.core.errors import RobotFileError
+from isotruss_ros.core.model.presets import config_directory
+import jsonschema
+
+#: Beyond this magnitude a number is a slip of the keyboard and overflows in products.
+MAX_MAGNITUDE = 1e12
+#: Who made this many mistakes begins with the first ones.
+MAX_COMPLAINTS = 50
+
+
+def check_form(path: Path, content: Any) -> None:
+    """
+    Collect the complaints, so that a file is mended in one go.
+
+    :param path: of the robot file, for messages.
+    :param content: what the YAML says.
+    :raises RobotFileError: it is not of the form that the schema asks for.
+    """
+    refuse_if_any(
+        path,
+        (
+            f'{keys}: {key!r} is not text; put quotes around it: {str(key)!r}'
+            for keys, key in _keys_that_are_not_text(content)
+        ),
+    )
+    errors = itertools.islice(_validator().iter_errors(content), MAX_COMPLAINTS + 1)
+    in_order = sorted(errors, key=lambda error: list(map(str, error.path)))
+    refuse_if_any(path, (line for error in in_order for line in _explain(error)))
+
+
+def refuse_if_any(path: Path, complaints: Iterable[str]) -> None:
+    """
+    Refuse a file about which there is something to complain.
+
+    :param path: of the robot file, for messages.
+    :param complaints: lines without the path.
+    :raises RobotFileError: holds the complaints, one on each line, the first of very many.
+    """
+    first = [f'{path}: {line}' for line in itertools.islice(complaints, MAX_COMPLAINTS + 1)]
+    if len(first) > MAX_COMPLAINTS:
+        first[MAX_COMPLAINTS:] = [f'{path}: and more like these']
+    if first:
+        raise RobotFileError('\n'.join(first))
+
+
+def _is_number(_checker: jsonschema.TypeChecker, value: Any) -> bool:
+    """Accept finite numbers only: NaN and infinity pass for numbers in YAML and in JSON Schema."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    return value == value and -MAX_MAGNITUDE <= value <= MAX_MAGNITUDE
+
+
+def _unique_texts(_validator: Any, wanted: bool, value: Any, _schema: Any) -> Iterator[Any]:
+    """
+    Tell of texts that come twice; what is no text in such a list is another complaint.
+
+    In place of the test of jsonschema, which takes time in the square of the length.
+    """
+    texts = [item for item in value if isinstance(item, str)] if isinstance(value, list) else []
+    if wanted and len(set(texts)) < len(texts):
+        yield jsonschema.ValidationError('not unique')
+
+
+@functools.lru_cache(maxsize=1)
+def _validator() -> Any:
+    schema = json.loads((config_directory() / 'robot.schema.json').read_text(encoding='utf-8'))
+    base = jsonschema.Draft7Validator
+    checker = base.TYPE_CHECKER.redefine('number', _is_number)
+    own = {'uniqueItems': _unique_texts}
+    return jsonschema.validators.extend(base, own, type_checker=checker)(schema)
+
+
+def _keys_that_are_not_text(value: Any, where: str = 'top level') -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            if not isinstance(key, str):
+                yield where, key
+            yield from _keys_that_are_not_text(inner, str(key))
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _keys_that_are_not_text(inner, where)
+
+
+def _explain(error: jsonschema.ValidationError) -> Iterator[str]:
+    """Turn a schema error into lines 'key: value: what is wrong; what would be right'."""
+    where = '.'.join(map(str, error.absolute_path)) or 'top level'
+    right = error.schema.get('description') if isinstance(error.schema, dict) else None
+    if error.validator == 'additionalProperties':
+        allowed = error.schema['properties']
+        for key in error.instance:
+            if key not in allowed:
+                close = difflib.get_close_matches(key, allowed, n=1)
+                hint = f'did you mean {close[0]}? ' if close else ''
+                yield f'{where}: unknown key {key!r}; {hint}known are {", ".join(allowed)}'
+    elif error.validator == 'required':
+        for key in error.validator_value:
+            if key not in error.instance:
+                wanted = error.schema.get('properties', {}).get(key, {})
+                meaning = wanted.get('description') if isinstance(wanted, dict) else None
+                yield f'{where}: key {key!r} is missing' + (
+                    f'; it is {meaning}' if meaning else ''
+                )
+    else:
+        value = repr(error.instance)
+        value = value if len(value) <= 60 else value[:57] + '...'
+        yield f'{where}: {value}: must be {right}'

@@ -1,0 +1,149 @@
+"""Who is connected to whom: names and index arrays of a robot's joints, modules and members."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from isotruss_ros.core.errors import GraspError, quote
+from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.numerics.arrays import Array, Indices
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """
+    Index arrays over modules i = 0..m-1, in the order of the robot file.
+
+    Nodes are numbered joints first, then B and C of module after module. Member i leaves module i
+    at B and enters module `following[i]` at C, so members and modules share their numbers.
+
+    :ivar joint_names: names of the joints, in the order of the robot file.
+    :ivar tube_names: names of the tubes, in the order of the robot file.
+    :ivar module_names: names t/j of the modules, tube by tube.
+    """
+
+    joint_names: tuple[str, ...]
+    tube_names: tuple[str, ...]
+    module_names: tuple[str, ...]
+    joint: Indices  #: (m,) node A of each module
+    following: Indices  #: (m,) the module that follows along the tube
+    previous: Indices  #: (m,) the module before it
+    tube: Indices  #: (m,) the tube of each module
+    driven: Indices  #: (r,) the modules that have a motor
+    grounded: Indices  #: (g,) grounded coordinates, numbered 2 node + (0 for x, 1 for y)
+
+    @cached_property
+    def n_modules(self) -> int:
+        """Return the number of modules, which is the number of members."""
+        return len(self.module_names)
+
+    @cached_property
+    def n_nodes(self) -> int:
+        """Return the number of kinematic nodes: joints and pinch points."""
+        return len(self.joint_names) + 2 * self.n_modules
+
+    @cached_property
+    def b(self) -> Indices:
+        """Return node B of each module, (m,)."""
+        return len(self.joint_names) + 2 * np.arange(self.n_modules)
+
+    @cached_property
+    def c(self) -> Indices:
+        """Return node C of each module, (m,)."""
+        return self.b + 1
+
+    @cached_property
+    def node_names(self) -> tuple[str, ...]:
+        """Return the names of the kinematic nodes: joints, then t/j/B and t/j/C."""
+        pinch = [f'{module}/{node}' for module in self.module_names for node in 'BC']
+        return (*self.joint_names, *pinch)
+
+    @cached_property
+    def member_names(self) -> tuple[str, ...]:
+        """Return the members' names t/j-k, in module order."""
+        ends = self.joint[self.following]
+        return tuple(
+            f'{module}-{self.joint_names[end]}'
+            for module, end in zip(self.module_names, ends, strict=True)
+        )
+
+    @cached_property
+    def roller_names(self) -> tuple[str, ...]:
+        """Return the names of the driven modules, in module order."""
+        return tuple(self.module_names[i] for i in self.driven)
+
+    @cached_property
+    def incidence(self) -> Array:
+        """
+        Return C, (m, r), of the member length rates Ldot = C phidot, which fulfils (13).
+
+        Its columns sum to zero over each tube.
+        """
+        matrix = np.zeros((self.n_modules, self.n_modules))
+        members = np.arange(self.n_modules)
+        matrix[members, members] = 1.0
+        matrix[members, self.following] = -1.0
+        return matrix[:, self.driven]
+
+
+def make_topology(description: RobotDescription) -> Topology:
+    """
+    Give nodes, modules and members of a robot their numbers, in the order of its file.
+
+    :param description: of the robot.
+    """
+    joint_names = tuple(description.joints)
+    number = {name: index for index, name in enumerate(joint_names)}
+    module_names: list[str] = []
+    joint: list[int] = []
+    following: list[int] = []
+    previous: list[int] = []
+    tube_of: list[int] = []
+    driven: list[int] = []
+    for index, tube in enumerate(description.tubes):
+        first, count = len(module_names), len(tube.joints)
+        for place, name in enumerate(tube.joints):
+            if name != tube.passive:
+                driven.append(first + place)
+            module_names.append(f'{tube.name}/{name}')
+            joint.append(number[name])
+            following.append(first + (place + 1) % count)
+            previous.append(first + (place - 1) % count)
+            tube_of.append(index)
+    grounded = [
+        2 * number[name] + 'xy'.index(axis)
+        for name, axes in description.supports.items()
+        for axis in sorted(axes)
+    ]
+    return Topology(
+        joint_names=joint_names,
+        tube_names=tuple(tube.name for tube in description.tubes),
+        module_names=tuple(module_names),
+        joint=np.array(joint, dtype=np.intp),
+        following=np.array(following, dtype=np.intp),
+        previous=np.array(previous, dtype=np.intp),
+        tube=np.array(tube_of, dtype=np.intp),
+        driven=np.array(driven, dtype=np.intp),
+        grounded=np.array(grounded, dtype=np.intp),
+    )
+
+
+def check_roller_names(what: str, names: Iterable[str], roller_names: Sequence[str]) -> None:
+    """
+    Check that names are those of rollers.
+
+    :param what: where the names come from, for the error.
+    :param names: names to check.
+    :param roller_names: names of the robot's rollers.
+    :raises GraspError: the robot has no such rollers.
+    """
+    unknown = frozenset(names) - frozenset(roller_names)
+    if unknown:
+        listed = quote(', '.join(sorted(map(str, unknown))))
+        raise GraspError(
+            f'{what}: {listed}: the robot has no such rollers; '
+            f'its rollers are {", ".join(roller_names)}'
+        )

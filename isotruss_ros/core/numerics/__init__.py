@@ -1,0 +1,1 @@
+"""Arrays, factorization and quadratic programs, shared by all of the core."""

@@ -1,0 +1,1 @@
+"""The search for grasps and for the motion that closes them."""

@@ -1,0 +1,78 @@
+"""
+The first step of the search: bring the grasping members close to the object.
+
+Kinematics only: from the present configuration by admissible steps, so that these are the path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.planning.closing_motion import take_closing_step
+from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """
+    An open grip around the object, and the path to it.
+
+    :ivar closing: what closes.
+    :ivar path: configurations along the path, the present one first; straight in roller travel
+        between them.
+    :ivar evaluations: number of configurations that were computed.
+    :ivar unmet: name and value of the requirement that is not met; None if all are.
+    """
+
+    closing: Closing
+    path: tuple[Configuration, ...]
+    evaluations: int
+    unmet: tuple[str, float] | None = None
+
+    @property
+    def travel(self) -> float:
+        """Return the path length of the roller that travels furthest [m]."""
+        places = np.array([config.roller_positions for config in self.path])
+        return float(np.abs(np.diff(places, axis=0)).sum(axis=0).max(initial=0.0))
+
+
+def approach(
+    config: Configuration, closing: Closing, should_stop: Callable[[], bool] | None = None
+) -> Approach:
+    """
+    Bring the grasping members close to the object and open no further than friction can hold.
+
+    :param config: configuration of the robot.
+    :param closing: what closes.
+    :param should_stop: called before every step; an approach that was stopped returns the
+        requirement that was not met yet.
+    :raises SolverError: a quadratic program was not solved.
+    """
+    settings, diameter = closing.settings, config.robot.description.tube_diameter
+    standoff, tolerance = settings.standoff * diameter, settings.standoff_tolerance * diameter
+    members, targets = list(closing.members), [standoff] * len(closing.members)
+    path, evaluations = [config], 0
+    state = evaluate_state(config, closing.cylinder)
+    best, idle, share = np.inf, 0, 1.0
+    while True:
+        gaps = state.gaps
+        gap = float(gaps.members[members].max()) - standoff
+        wide = float(gaps.openings[closing.module]) - closing.opening
+        if gap <= tolerance and wide <= 1e-3:
+            return Approach(closing, tuple(path), evaluations)
+        left = max(gap, 0.0) / diameter + max(wide, 0.0)
+        idle = 0 if left < best - settings.min_progress else idle + 1
+        best = min(best, left) if idle else left
+        unmet = ('opening', gaps.openings[closing.module]) if gap <= tolerance else ('reach', gap)
+        aborted = idle > settings.max_idle_steps or len(path) > settings.max_approach_steps
+        if aborted or (should_stop is not None and should_stop()):
+            return Approach(closing, tuple(path), evaluations, unmet)
+        step = take_closing_step(state, closing, targets, share)
+        evaluations += step.evaluations
+        if step.blocked:
+            return Approach(closing, tuple(path), evaluations, step.blocked)
+        state, share = step.state, step.share
+        path.append(state.config)

@@ -1,0 +1,94 @@
+"""
+Closing the grasping members on an object, step by step.
+
+Every step is admissible, so that the steps are a path: the configuration at the end of a step is
+evaluated, and the step is halved where a requirement is violated there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.closing_qp import (
+    Closing,
+    evaluate_state,
+    SearchState,
+    solve_step,
+)
+import numpy as np
+
+GAP_ROUNDING = 1e-12  # [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """
+    One step.
+
+    :ivar state: at its end; that at its beginning if no step was admissible.
+    :ivar evaluations: number of configurations that were computed for it.
+    :ivar share: of the longest step, a good choice for the next one.
+    :ivar blocked: name and value of the requirement that would be violated; None if the step was
+        made.
+    """
+
+    state: SearchState
+    evaluations: int
+    share: float
+    blocked: tuple[str, float] | None = None
+
+
+def take_closing_step(
+    state: SearchState, closing: Closing, targets: Sequence[float], share: float = 1.0
+) -> Step:
+    """
+    Bring the gaps of the grasping members closer to their targets.
+
+    :param state: where the step begins.
+    :param closing: what closes.
+    :param targets: one for each of `closing.members` [m].
+    :param share: of the longest step; `Step.share` of the step before is a good choice.
+    :raises SolverError: the quadratic program was not solved.
+    """
+    aims = np.asarray(targets)
+    move = solve_step(state, closing, aims, share)
+    least = min(closing.min_rigidity, state.rigidity)
+    room = min(0.0, state.clearance)
+    bounds = _gap_bounds(state, closing, aims)
+    config, halvings = state.config, closing.settings.max_halvings
+    blocked = ('reach', float((state.gaps.members[list(closing.members)] - aims).max()))
+    for halving in range(halvings):
+        try:
+            moved = config.moved_to(config.roller_positions + 0.5**halving * move)
+            there = evaluate_state(moved, closing.cylinder)
+        except ConfigurationError:
+            blocked = ('rigidity', 0.0)
+            continue
+        gaps = _gaps(there)
+        low = int((gaps - bounds).argmin())
+        if there.rigidity < least:
+            blocked = ('rigidity', there.rigidity)
+        elif there.clearance < room:
+            blocked = ('self_clearance', there.clearance)
+        elif gaps[low] < bounds[low]:
+            blocked = ('object_clearance', float(gaps[low]))
+        else:
+            larger = 2.0 * share if halving == 0 else share * 0.5**halving
+            return Step(there, halving + 1, min(1.0, larger))
+    return Step(state, halvings, share, blocked)
+
+
+def _gaps(state: SearchState) -> Array:
+    return np.concatenate([state.gaps.members, state.gaps.modules, state.gaps.rods])
+
+
+def _gap_bounds(state: SearchState, closing: Closing, targets: Array) -> Array:
+    """Return the gaps (3m,) that a step must leave; the program is right to first order only."""
+    diameter, settings = state.config.robot.description.tube_diameter, closing.settings
+    present = _gaps(state)
+    bounds = np.full(len(present), settings.kept_clearance * settings.clearance * diameter)
+    bounds[list(closing.members)] = targets - settings.overshoot * diameter
+    return np.minimum(bounds, present - GAP_ROUNDING)

@@ -1,0 +1,133 @@
+"""One grasp candidate, from the open grip to the grasp; it can be sent to other processes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import functools
+import pickle
+
+from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.grasping.analysis import GraspAnalysis
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.planning.approach import Approach
+from isotruss_ros.core.planning.closing_qp import Closing
+from isotruss_ros.core.planning.grasp_plan import Violation
+from isotruss_ros.core.planning.requirements import GraspRequirements, Measure
+from isotruss_ros.core.planning.squeeze import Pressed, Squeeze
+from isotruss_ros.core.safety.margins import shape_margins
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class GraspCandidate:
+    """
+    An open grip that is a candidate for a grasp; nothing in it is tied to a process.
+
+    :ivar robot: the pickled description of the robot.
+    :ivar positions: (r,) roller positions of the open grip [m].
+    :ivar points: (n,) its nodes [m].
+    :ivar closing: what closes.
+    :ivar requirements: what the grasp is to fulfil.
+    """
+
+    robot: bytes
+    positions: Array
+    points: Points
+    closing: Closing
+    requirements: GraspRequirements
+
+
+@dataclass(frozen=True, eq=False)
+class Squeezed:
+    """
+    What became of a candidate.
+
+    :ivar positions: (k, r) roller positions from the touch to the grasp [m]; none if it is none.
+    :ivar points: (n,) nodes in the grasp [m].
+    :ivar analysis: of the grasp; None if it is none.
+    :ivar rigidity: the least from the touch to the grasp.
+    :ivar violation: the requirement that it violates; None if it is a grasp.
+    :ivar evaluations: configurations that were computed.
+    :ivar analysed: analyses.
+    """
+
+    positions: Array
+    points: Points
+    analysis: GraspAnalysis | None
+    rigidity: float
+    violation: Violation | None
+    evaluations: int
+    analysed: int
+
+    def score(self, requirements: GraspRequirements, travel: float) -> float:
+        """
+        Return the score of the grasp; larger is better.
+
+        :param requirements: with the measure.
+        :param travel: length of the whole path [m].
+        """
+        if requirements.measure is Measure.TRAVEL:
+            return -travel
+        if requirements.measure is Measure.TOTAL_FORCE:
+            return -float(self.analysis.normal_forces.sum())
+        if requirements.measure is Measure.STIFFNESS:
+            along = np.array(requirements.direction) / np.linalg.norm(requirements.direction)
+            return float(along @ self.analysis.stiffness @ along)
+        return self.analysis.closure_margin
+
+
+def make_grasp_candidate(approached: Approach, requirements: GraspRequirements) -> GraspCandidate:
+    """
+    Turn an open grip into a candidate that can be sent to another process.
+
+    :param approached: the open grip.
+    :param requirements: what the grasp must fulfil.
+    """
+    config = approached.path[-1]
+    description = pickle.dumps(config.robot.description)
+    return GraspCandidate(
+        description, config.roller_positions, config.points, approached.closing, requirements
+    )
+
+
+def squeeze_candidate(candidate: GraspCandidate) -> Squeezed:
+    """
+    Find the indentations at which a candidate is a grasp, in any process.
+
+    :param candidate: the open grip.
+    """
+    robot = _robot(candidate.robot)
+    opened = Configuration(robot, candidate.positions, candidate.points)
+    search = Squeeze(opened, candidate.closing, candidate.requirements)
+    pressed: Pressed | None = None
+    path: tuple[Configuration, ...] = ()
+    try:
+        pressed = search.search()
+        path = search.closing_path(pressed) if pressed is not None else ()
+    except IsotrussError as error:
+        # A candidate that cannot be computed is none; what was found out before still counts.
+        search.closest_violation = search.closest_violation or Violation(
+            str(error), 0.0, 0.0, 100.0
+        )
+    if pressed is None or not path:
+        nothing = np.empty((0, len(candidate.positions)))
+        violation = search.closest_violation or Violation('path', 0.0, 1.0, 60.0)
+        return Squeezed(
+            nothing, opened.points, None, 0.0, violation, search.evaluations, search.analyses
+        )
+    return Squeezed(
+        np.array([config.roller_positions for config in path]),
+        pressed.config.points,
+        pressed.analysis,
+        min(shape_margins(config).rigidity for config in path),
+        None,
+        search.evaluations,
+        search.analyses,
+    )
+
+
+@functools.lru_cache(maxsize=4)
+def _robot(description: bytes) -> Robot:
+    return Robot(pickle.loads(description))

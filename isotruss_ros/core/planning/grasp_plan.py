@@ -1,0 +1,198 @@
+"""What the search for grasps finds: grasps, the path to them in time, and a summary in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from isotruss_ros.core.grasping.analysis import GraspAnalysis
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grasp import Grasp
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Violation:
+    """
+    The requirement that a grasp candidate violates.
+
+    :ivar requirement: its name.
+    :ivar value: that of the candidate.
+    :ivar bound: that of the requirement.
+    :ivar distance: of the value from the bound, without unit, to compare candidates by.
+    """
+
+    requirement: str
+    value: float
+    bound: float
+    distance: float
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedGrasp:
+    """
+    A grasp that fulfils the requirements, and the path to it.
+
+    :ivar grasp: the module whose two members hold the object, and the object.
+    :ivar members: names `t/j-k` of all members that touch the object.
+    :ivar config: configuration of the robot in the grasp.
+    :ivar analysis: of the grasp.
+    :ivar score: of the measure asked for; larger is better.
+    :ivar closure_margin: see `GraspAnalysis.closure_margin` [N].
+    :ivar required_friction: see `GraspAnalysis.required_friction`.
+    :ivar max_contact_force: largest sum of the normal forces of one member [N].
+    :ivar total_force: sum of the normal forces [N].
+    :ivar utilisation: largest of all members, see `GraspAnalysis.utilisation`; above 1 all numbers
+        are outside of the model.
+    :ivar travel: path length of the roller that travels furthest [m].
+    :ivar rigidity: the smallest rigidity index along the path, 1 at home.
+    :ivar path: (k, r) roller positions from the present ones to the grasp, straight between [m].
+    :ivar touch: the row of `path` at which all grasping members touch; none does before.
+    """
+
+    grasp: Grasp
+    members: tuple[str, ...]
+    config: Configuration
+    analysis: GraspAnalysis
+    score: float
+    closure_margin: float
+    required_friction: float
+    max_contact_force: float
+    total_force: float
+    utilisation: float
+    travel: float
+    rigidity: float
+    path: Array
+    touch: int
+
+    @property
+    def roller_positions(self) -> Array:
+        """Return the roller positions in the grasp, (r,) [m]."""
+        return self.path[-1]
+
+
+@dataclass(frozen=True, eq=False)
+class GraspPlan(Sequence[PlannedGrasp]):
+    """
+    The result of a search; as a sequence, its grasps.
+
+    :ivar grasps: distinct ones, best first; empty where none was found.
+    :ivar complete: whether the search ended by itself, and was not stopped.
+    :ivar closest_violation: where none was found: the violation of the closest candidate.
+    :ivar evaluations: configurations evaluated, by kinematics or statics.
+    :ivar analyses: of them, how many by statics.
+    :ivar computing_time: [s].
+    """
+
+    grasps: tuple[PlannedGrasp, ...]
+    complete: bool
+    closest_violation: Violation | None
+    evaluations: int
+    analyses: int
+    computing_time: float
+
+    def __getitem__(self, place: int | slice) -> PlannedGrasp | tuple[PlannedGrasp, ...]:
+        """Return a grasp, or some of them."""
+        return self.grasps[place]
+
+    def __len__(self) -> int:
+        """Return how many grasps were found."""
+        return len(self.grasps)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """
+    Progress of a search.
+
+    :ivar evaluations: configurations evaluated so far.
+    :ivar found: grasps so far.
+    :ivar best: score of the best of them; None while there is none.
+    :ivar share: of the candidates of all rounds that were computed, 0 to 1.
+    :ivar time_left: estimate [s]; None while there is none.
+    """
+
+    evaluations: int
+    found: int
+    best: float | None
+    share: float
+    time_left: float | None
+
+
+def path_times(path: Array, max_speed: float, min_duration: float = 0.01) -> Array:
+    """
+    Return when each waypoint is reached, straight between them at the largest speed.
+
+    :param path: (k, r) roller positions [m].
+    :param max_speed: of any roller [m/s].
+    :param min_duration: of each piece, so that times increase [s].
+    :return: (k,) times from the start, the first 0 [s].
+    """
+    longest = np.abs(np.diff(path, axis=0)).max(axis=1, initial=0.0)
+    return np.append(0.0, np.cumsum(np.maximum(longest / max_speed, min_duration)))
+
+
+#: By the name of a requirement: value of the closest candidate, and bound.
+SENTENCES = {
+    'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
+    'enclosed': 'no loop of the robot that may grip goes around the object',
+    'reach': 'a member stays {value:.4g} m short of the object',
+    'opening': 'the members open by {value:.3g} rad; must be at most {bound:.3g}',
+    'rigidity': 'along the path the rigidity index falls to {value:.3g}; must be {bound:.3g}',
+    'self_clearance': 'along the path the clearance of the robot from itself is {value:.4g} m',
+    'object_clearance': 'a part that must not touch comes within {value:.4g} m of the object',
+    'force_closure': 'it takes a friction coefficient of {value:.4g}, there is {bound:.4g}',
+    'min_margin': 'the closure margin is {value:.4g} N, and must be {bound:.4g} N',
+    'max_contact_force': 'one member presses with {value:.4g} N; must be at most {bound:.4g} N',
+    'max_total_force': 'all members press with {value:.4g} N; must be at most {bound:.4g} N',
+    'max_utilisation': 'a tube bears {value:.3g} of its wrinkling moment; at most {bound:.3g}',
+    'path': 'there is no path from the touch to the grasp',
+}
+
+
+def violation_in_words(violation: Violation | None) -> str:
+    """
+    Return a violation in words.
+
+    :param violation: that of the closest candidate; None if there was none.
+    """
+    if violation is None:
+        return 'there was no grasp candidate'
+    if violation.requirement not in SENTENCES:
+        return f'the closest grasp candidate cannot be computed: {violation.requirement}'
+    if violation.requirement == 'force_closure' and violation.value == 0.0:
+        return 'force_closure: the members do not press on the object'
+    sentence = SENTENCES[violation.requirement].format(
+        value=violation.value, bound=violation.bound
+    )
+    return f'{violation.requirement}: {sentence}'
+
+
+def grasp_in_words(grasp: PlannedGrasp) -> str:
+    """
+    Return members and forces of a grasp in words, and whether they are outside of the model.
+
+    :param grasp: the grasp.
+    """
+    outside = '; a tube wrinkles, these numbers are outside of the model'
+    return (
+        f'at {grasp.grasp.module} between {", ".join(grasp.members)}: closure margin '
+        f'{1e3 * grasp.closure_margin:.3g} mN, needs friction {grasp.required_friction:.3g}, '
+        f'presses with {grasp.total_force:.3g} N, tubes bear {grasp.utilisation:.2g} of their '
+        f'wrinkling moment{outside if grasp.utilisation > 1.0 else ""}'
+    )
+
+
+def plan_in_words(plan: GraspPlan) -> str:
+    """
+    Return a plan in words: the best grasp, or the closest violation.
+
+    :param plan: the plan.
+    """
+    if not plan.grasps:
+        violation = violation_in_words(plan.closest_violation)
+        return f'no grasp found in {plan.evaluations} evaluations; {violation}'
+    count = len(plan.grasps)
+    found = 'one grasp' if count == 1 else f'{count} grasps, the best'
+    return f'{found} {grasp_in_words(plan.grasps[0])}'

@@ -1,0 +1,92 @@
+"""What a grasp must fulfil, and what makes one better than another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from enum import Enum
+import math
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
+from isotruss_ros.core.numerics.arrays import finite_array
+
+#: Smallest rigidity index along the path, 1 at home.
+MIN_RIGIDITY = 0.15
+
+
+class Measure(str, Enum):
+    """What the grasps are ranked by; of each, more is better."""
+
+    CLOSURE_MARGIN = 'closure_margin'  #: friction in reserve [N]
+    TOTAL_FORCE = 'total_force'  #: the less the tubes press, the better [N]
+    TRAVEL = 'travel'  #: the shorter the path of the rollers, the better [m]
+    STIFFNESS = 'stiffness'  #: against a motion of the object along `direction` [N/m]
+
+
+@dataclass(frozen=True)
+class GraspRequirements:
+    """
+    What a grasp must fulfil.
+
+    :ivar friction: coefficient between tube and object, not negative.
+    :ivar external_wrench: (fx, fy, m) on the object about its centre [N, N m].
+    :ivar module: the module `t/j` whose two members are to grip; any if None.
+    :ivar min_margin: closure margin, see `GraspAnalysis.closure_margin`, not negative [N].
+    :ivar max_contact_force: sum of the normal forces of one member on the object [N].
+    :ivar max_total_force: sum of all normal forces on the object [N].
+    :ivar max_utilisation: largest bending moment of any member over its wrinkling moment; above 1
+        grasps are found whose numbers are outside of the model.
+    :ivar min_rigidity: smallest rigidity index along the path and at its end, 1 at home.
+    :ivar min_length: of members, pinch to pinch [m]; that of the robot file if None.
+    :ivar max_length: of members, pinch to pinch [m]; that of the robot file if None.
+    :ivar measure: what the grasps are ranked by.
+    :ivar direction: (dx, dy, dtheta) of the object, for the measure `stiffness` [m, m, rad].
+    :ivar count: how many distinct grasps are wanted, at least 1.
+    :raises GraspError: a value is not usable; says which and what would be right.
+    """
+
+    friction: float = 0.5
+    external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    module: str | None = None
+    min_margin: float = 0.0
+    max_contact_force: float = math.inf
+    max_total_force: float = math.inf
+    max_utilisation: float = MAX_UTILISATION
+    min_rigidity: float = MIN_RIGIDITY
+    min_length: float | None = None
+    max_length: float | None = None
+    measure: Measure = Measure.CLOSURE_MARGIN
+    direction: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    count: int = 3
+
+    def __post_init__(self) -> None:
+        """Check the values; the module is checked against a robot when the search begins."""
+        for name in ('external_wrench', 'direction'):
+            values = finite_array(getattr(self, name), 3, f'requirement {name}', GraspError)
+            object.__setattr__(self, name, tuple(values.tolist()))
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.type in ('float', 'float | None') and value is not None:
+                self._check_number(field.name, value)
+        if isinstance(self.count, bool) or not isinstance(self.count, int) or self.count < 1:
+            raise GraspError(f'requirement count: {self.count!r}: must be 1 or more')
+        try:
+            object.__setattr__(self, 'measure', Measure(self.measure))
+        except ValueError:
+            raise GraspError(
+                f'requirement measure: {self.measure!r}: must be one of '
+                f'{", ".join(measure.value for measure in Measure)}'
+            ) from None
+        if self.measure is Measure.STIFFNESS and not any(self.direction):
+            raise GraspError(
+                'requirement direction: (0, 0, 0): must say along what the grasp is to be stiff'
+            )
+
+    def _check_number(self, name: str, value: float) -> None:
+        bounded = not name.startswith('max_') or name == 'max_length'
+        usable = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not usable or not value >= 0.0 or (bounded and math.isinf(value)):
+            raise GraspError(
+                f'requirement {name}: {value!r}: must be a number, not negative'
+                + (', and finite' if bounded else '')
+            )

@@ -1,0 +1,232 @@
+"""Searches for grasps in a background thread, with a pool of worker processes."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from concurrent.futures.process import BrokenProcessPool
+import enum
+import math
+import threading
+import time
+import traceback
+from typing import NamedTuple
+
+from isotruss_ros.core.errors import GraspError, IsotrussError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.planning.grasp_plan import GraspPlan, plan_in_words, Progress
+from isotruss_ros.core.planning.plan_grasps import plan_grasps
+from isotruss_ros.core.planning.requirements import GraspRequirements
+from isotruss_ros.core.planning.workers import WorkerPool
+
+
+class Outcome(enum.IntEnum):
+    """Why a search ended; numbers as in the action PlanGrasp."""
+
+    FOUND = 0
+    NONE_FOUND = 1
+    TIME_OUT = 2
+    CANCELLED = 3
+    BAD_GOAL = 4
+    NO_JOINT_STATES = 5
+    FAILED = 6
+
+
+class Answer(NamedTuple):
+    """
+    What a search came to.
+
+    :ivar outcome: why the search ended.
+    :ivar message: in words.
+    :ivar plan: the plan; None where there was no search, or it failed.
+    """
+
+    outcome: Outcome
+    message: str
+    plan: GraspPlan | None = None
+
+
+class Searcher:
+    """
+    Searches without keeping the caller waiting; the processes are made at the first search.
+
+    :param workers: see `WorkerPool`.
+    """
+
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
+        self._pool: WorkerPool | None = None
+        self._search: BackgroundSearch | None = None
+
+    def begin(
+        self,
+        config: Configuration,
+        cylinder: Cylinder,
+        requirements: GraspRequirements,
+        seed: int,
+        time_limit: float,
+    ) -> None:
+        """
+        Begin a search, while there is none; see `BackgroundSearch`.
+
+        :param config: configuration of the robot.
+        :param cylinder: the object.
+        :param requirements: what a grasp must fulfil.
+        :param seed: of the search.
+        :param time_limit: of the search [s]; none if 0.
+        """
+        if self._pool is None:
+            self._pool = WorkerPool(self._workers)
+        # One of its own: a configuration keeps what is computed of it, in one thread only.
+        own = Configuration(config.robot, config.roller_positions, config.points)
+        self._search = BackgroundSearch(
+            own, cylinder, requirements, seed, self._pool.executor, time_limit
+        )
+
+    def progress(self) -> Progress | None:
+        """Return how far the search is; None where there is none."""
+        return None if self._search is None else self._search.progress()
+
+    def cancel(self) -> None:
+        """Let the search end soon, with what it has found."""
+        if self._search is not None:
+            self._search.stop.requested = True
+
+    def answer(self) -> Answer | None:
+        """Return what the search came to, once; None while it goes on or there is none."""
+        if self._search is None or not self._search.done:
+            return None
+        search, self._search = self._search, None
+        try:
+            plan = search.result()
+        except GraspError as error:
+            return Answer(Outcome.BAD_GOAL, str(error))
+        except IsotrussError as error:
+            return Answer(Outcome.FAILED, str(error))
+        except BrokenProcessPool:
+            self.close()
+            reason = 'a process of the search died; the next search has new ones'
+            return Answer(Outcome.FAILED, reason)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the next search must work
+            traceback.print_exception(error)
+            self.close()
+            return Answer(Outcome.FAILED, f'{type(error).__name__}: {error}')
+        if search.stop.requested:
+            outcome = Outcome.CANCELLED
+        elif plan.grasps:
+            outcome = Outcome.FOUND
+        else:
+            outcome = Outcome.NONE_FOUND if plan.complete else Outcome.TIME_OUT
+        return Answer(outcome, plan_in_words(plan), plan)
+
+    def close(self) -> None:
+        """End the search, whose result is lost, and the processes."""
+        if self._search is not None:
+            self._search.stop.requested = True
+            self._search.wait()
+            self._search = None
+        if self._pool is not None:
+            self._pool.close()
+            self._pool = None
+
+
+class Stop:
+    """
+    Whether a search stops: on request, or at its time limit.
+
+    :ivar requested: whether it was requested.
+    :param time_limit: from now [s]; none if 0.
+    """
+
+    def __init__(self, time_limit: float = 0.0) -> None:
+        self._deadline = time.monotonic() + (time_limit or math.inf)
+        self.requested = False
+
+    @property
+    def time_left(self) -> float:
+        """Return the time until the limit [s]."""
+        return max(0.0, self._deadline - time.monotonic())
+
+    def __call__(self) -> bool:
+        """Return whether to stop now; what `plan_grasps` asks."""
+        return self.requested or self.time_left == 0.0
+
+
+class BackgroundSearch:
+    """
+    One search; it begins at once.
+
+    :ivar stop: set `stop.requested` to end it, with the plan until then.
+    :param config: configuration of the robot.
+    :param cylinder: the object.
+    :param requirements: what a grasp must fulfil.
+    :param seed: of the search.
+    :param executor: see `plan_grasps`.
+    :param time_limit: [s]; none if 0.
+    """
+
+    def __init__(
+        self,
+        config: Configuration,
+        cylinder: Cylinder,
+        requirements: GraspRequirements,
+        seed: int,
+        executor: Executor,
+        time_limit: float = 0.0,
+    ) -> None:
+        self.stop = Stop(time_limit)
+        self._progress: tuple[Progress, float] | None = None
+        self._plan: GraspPlan | None = None
+        self._error: Exception | None = None
+        arguments = (config, cylinder, requirements, seed, executor)
+        self._thread = threading.Thread(target=self._run, args=arguments, daemon=True)
+        self._thread.start()
+
+    @property
+    def done(self) -> bool:
+        """Return whether there is a result."""
+        return not self._thread.is_alive()
+
+    def wait(self) -> None:
+        """Wait for the end, whatever it is."""
+        self._thread.join()
+
+    def result(self) -> GraspPlan:
+        """
+        Wait for the end and return the plan.
+
+        :raises Exception: whatever ended the search.
+        """
+        self.wait()
+        if self._error is not None:
+            raise self._error
+        return self._plan
+
+    def progress(self) -> Progress:
+        """Return how far the search is, and how long it may still take from now on."""
+        if self._progress is None:
+            return Progress(0, 0, None, 0.0, None)
+        progress, when = self._progress
+        if progress.time_left is None:
+            return progress
+        left = max(0.0, progress.time_left - (time.monotonic() - when))
+        left = min(left, self.stop.time_left)
+        return Progress(progress.evaluations, progress.found, progress.best, progress.share, left)
+
+    def _run(
+        self,
+        config: Configuration,
+        cylinder: Cylinder,
+        requirements: GraspRequirements,
+        seed: int,
+        executor: Executor,
+    ) -> None:
+        try:
+            self._plan = plan_grasps(
+                config, cylinder, requirements, seed, executor, self._take, self.stop
+            )
+        except Exception as error:  # noqa: BLE001 - it is raised where the result is requested for
+            self._error = error
+
+    def _take(self, progress: Progress) -> None:
+        self._progress = progress, time.monotonic()

@@ -1,0 +1,89 @@
+"""Settings of the search for grasps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """
+    How the search for grasps proceeds; lengths are relative, so that they fit robots of any size.
+
+    :ivar openings: of the first grips, as shares of the largest opening that friction holds.
+    :ivar random_openings: smallest and largest of the random ones, as such shares.
+    :ivar opening_range: smallest and largest opening of a grip [rad].
+    :ivar random_posture: standard deviation of the nominal roller positions, against the mean
+        length of members at home.
+    :ivar random_seeds: number of random seeds in each round after the first.
+    :ivar max_rounds: number of rounds.
+    :ivar standoff: gap of the grasping members at the end of the approach, against the tube's
+        diameter.
+    :ivar standoff_tolerance: of that gap, against the tube's diameter.
+    :ivar max_approach_steps: number of steps of an approach.
+    :ivar max_idle_steps: an approach ends after more steps in a row than this without progress.
+    :ivar min_progress: of such steps, in diameters of the tube plus radians of opening.
+    :ivar max_step: longest step of a roller, against the mean length of members at home.
+    :ivar max_gap_step: largest change of a gap in a step, against the same.
+    :ivar max_opening_step: largest change of the opening in a step [rad].
+    :ivar motion_weight: weight of the rollers' motion against that of the gaps.
+    :ivar opening_arm: a gap of 1 m weighs as much as this many metres times 1 rad of opening [m].
+    :ivar bound_share: a step uses at most this share of the distance from a bound.
+    :ivar clearance: of parts that must not touch the object, against the tube's diameter.
+    :ivar self_clearance: of parts of the robot, against the mean length of members at home.
+    :ivar near: parts of the robot closer than this are constrained, against the same.
+    :ivar modes: number of singular values that are constrained.
+    :ivar kept_clearance: share of the clearance that remains after a step of finite length.
+    :ivar overshoot: of a grasping member beyond its target, against the tube's diameter.
+    :ivar max_halvings: how often a step that violates a requirement is halved.
+    :ivar first_depth: first indentation of the grasping members, against the tube's diameter.
+    :ivar depth_range: smallest and largest indentation, against the tube's diameter.
+    :ivar max_depths: number of mean indentations.
+    :ivar max_balance_steps: number of steps that balance the members at one mean indentation.
+    :ivar max_press_steps: number of steps to one set of indentations.
+    :ivar decrease: factor on an indentation that is too large.
+    :ivar increase: factor on one that is too small.
+    :ivar max_share: largest indentation of a member against the mean one; the inverse is the
+        smallest.
+    :ivar same_share: grasps of the same members are the same where no roller differs by more than
+        this, against the mean length of members at home.
+    :ivar poll_interval: how often a request to stop is checked while workers compute [s].
+    """
+
+    openings: tuple[float, ...] = (0.8, 0.56)
+    random_openings: tuple[float, float] = (0.4, 0.9)
+    opening_range: tuple[float, float] = (0.1, 2.8)
+    random_posture: float = 0.3
+    random_seeds: int = 8
+    max_rounds: int = 5
+    standoff: float = 0.06
+    standoff_tolerance: float = 0.02
+    max_approach_steps: int = 100
+    max_idle_steps: int = 12
+    min_progress: float = 0.1
+    max_step: float = 0.035
+    max_gap_step: float = 0.027
+    max_opening_step: float = 0.1
+    motion_weight: float = 1e-4
+    opening_arm: float = 0.3
+    bound_share: float = 0.5
+    clearance: float = 0.1
+    self_clearance: float = 0.01
+    near: float = 0.15
+    modes: int = 2
+    kept_clearance: float = 0.5
+    overshoot: float = 0.015
+    max_halvings: int = 5
+    first_depth: float = 0.33
+    depth_range: tuple[float, float] = (0.03, 0.8)
+    max_depths: int = 6
+    max_balance_steps: int = 6
+    max_press_steps: int = 15
+    decrease: float = 0.6
+    increase: float = 1.5
+    max_share: float = 10.0
+    same_share: float = 0.02
+    poll_interval: float = 0.05
+
+
+DEFAULT = SearchSettings()

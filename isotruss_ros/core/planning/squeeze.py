@@ -1,0 +1,217 @@
+"""
+The second step of the search: the indentation of each grasping member.
+
+Two members hold an object between them only where their forces are alike, so one is indented more
+and the other less until friction balances the rest (Newton's method, with secant updates of the
+slopes). Then the mean indentation is adapted to the required margin and forces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.closing_motion import take_closing_step
+from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
+from isotruss_ros.core.planning.force_balance import Imbalance, imbalance
+from isotruss_ros.core.planning.grasp_plan import Violation
+from isotruss_ros.core.planning.requirements import GraspRequirements
+import numpy as np
+
+#: Gaps are brought to their targets to this [m].
+GAP_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Pressed:
+    """
+    A grip that holds the object.
+
+    :ivar config: configuration of the robot.
+    :ivar analysis: of it.
+    :ivar depths: (s,) indentation of each grasping member [m].
+    """
+
+    config: Configuration
+    analysis: GraspAnalysis
+    depths: Array
+
+
+class Squeeze:
+    """
+    Searches the indentations at which the members of one grip hold the object.
+
+    :ivar evaluations: configurations that were computed so far.
+    :ivar analyses: analyses so far.
+    :ivar closest_violation: the violation of the best candidate so far.
+    :param opened: configuration in which the members are close to the object.
+    :param closing: what closes.
+    :param requirements: what the grasp must fulfil.
+    """
+
+    def __init__(
+        self, opened: Configuration, closing: Closing, requirements: GraspRequirements
+    ) -> None:
+        self._open, self._needs = opened, requirements
+        # A nominal posture would keep the gaps from their targets, by a little.
+        self._closing = replace(closing, nominal_posture=None)
+        self.evaluations = self.analyses = 0
+        self.closest_violation: Violation | None = None
+
+    def search(self) -> Pressed | None:
+        """
+        Return a grip that fulfils the requirements, or None; then see `closest_violation`.
+
+        :raises SolverError: a quadratic program, or the contact, was not solved.
+        """
+        diameter = self._open.robot.description.tube_diameter
+        settings = self._closing.settings
+        depth = settings.first_depth * diameter
+        low, high = (share * diameter for share in settings.depth_range)
+        shares = np.ones(len(self._closing.members))
+        for _ in range(settings.max_depths):
+            found = self._balance(depth, shares)
+            if isinstance(found, Pressed):
+                return found
+            # Only indentations between one that is too small and one that is too large remain.
+            low, high = (depth, high) if found > 1.0 else (low, depth)
+            depth = float(
+                np.clip(found * depth, low + 0.1 * (high - low), high - 0.1 * (high - low))
+            )
+            if high < 1.1 * low:
+                break
+        return None
+
+    def closing_path(self, pressed: Pressed) -> tuple[Configuration, ...]:
+        """
+        Return the path from where all grasping members touch the object to the grasp.
+
+        :param pressed: the grasp.
+        :return: configurations along it; none where one of them is not admissible.
+        """
+        config, path = self._open, []
+        for share in (0.0, 0.25, 0.5, 0.75):
+            found = self.press(config, share * pressed.depths)
+            if found is None:
+                return ()
+            config = found
+            path.append(config)
+        return (*path, pressed.config)
+
+    def press(self, config: Configuration, depths: Array) -> Configuration | None:
+        """
+        Return the configuration with the given indentations, or None.
+
+        :param config: where to begin.
+        :param depths: (s,) indentation of each grasping member [m].
+        """
+        state = evaluate_state(config, self._closing.cylinder)
+        members, share = list(self._closing.members), 1.0
+        for _ in range(self._closing.settings.max_press_steps):
+            left = float(np.abs(state.gaps.members[members] + depths).max())
+            if left <= GAP_TOLERANCE:
+                return state.config
+            step = take_closing_step(state, self._closing, -depths, share)
+            self.evaluations += step.evaluations
+            if step.blocked:
+                name, value = step.blocked
+                self._record(Violation(name, value, self._closing.bound(name), 50.0))
+                return None
+            state, share = step.state, step.share
+        self._record(Violation('reach', left, 0.0, 40.0 + left))
+        return None
+
+    def _balance(self, depth: float, shares: Array) -> Pressed | float:
+        """
+        Balance the members at one mean indentation.
+
+        :param shares: (s,) of the mean indentation, by member: where to begin.
+        :return: the grip, or the factor on the mean indentation.
+        """
+        settings = self._closing.settings
+        config, factor = self._open, settings.decrease
+        free = np.linalg.svd(np.ones((1, len(shares))))[2][1:].T  # what leaves the mean as it is
+        slope: Array | None = None
+        last: tuple[Array, Array] | None = None
+        for _ in range(settings.max_balance_steps):
+            depths = depth * shares
+            found = self.press(config, depths)
+            if found is None:
+                return settings.decrease
+            config = found
+            analysis, load, missing = self._analyze(config, depths)
+            factor = missing[1]
+            if missing[0] is None:
+                return Pressed(config, analysis, depths)
+            if load is None:
+                return settings.increase
+            here = free.T @ depths
+            if slope is None or last is None:
+                slope = load.slope @ free
+            else:
+                moved, secant = here - last[0], load.load - last[1]
+                slope = slope + np.outer(secant - slope @ moved, moved) / (moved @ moved)
+            last = here, load.load
+            move = np.linalg.lstsq(slope, -load.load, rcond=None)[0]
+            size = float(np.abs(move).max())
+            if size < 1e-3 * GAP_TOLERANCE:
+                break
+            shares = shares + free @ move * min(1.0, 0.5 * depth / size) / depth
+            if shares.min() < 1.0 / settings.max_share or shares.max() > settings.max_share:
+                return settings.decrease
+        return factor
+
+    def _analyze(
+        self, config: Configuration, depths: Array
+    ) -> tuple[GraspAnalysis, Imbalance | None, tuple[Violation | None, float]]:
+        """Return the analysis of a grip, its imbalance, and violation and factor of `_missing`."""
+        needs, closing = self._needs, self._closing
+        self.analyses += 1
+        analysis = analyze_grasp(config, closing.cylinder, needs.friction, needs.external_wrench)
+        left = imbalance(
+            config,
+            closing.cylinder,
+            analysis,
+            needs.external_wrench,
+            closing.members,
+            depths,
+            needs.friction,
+        )
+        missing = self._missing(analysis)
+        if missing[0] is not None:
+            self._record(missing[0])
+        return analysis, left, missing
+
+    def _missing(self, analysis: GraspAnalysis) -> tuple[Violation | None, float]:
+        """Return the violation of an analysed grip, and the factor on its mean indentation."""
+        needs, settings = self._needs, self._closing.settings
+        total = float(analysis.normal_forces.sum())
+        if total == 0.0:
+            return Violation('force_closure', 0.0, 1.0, 30.0), settings.increase
+        most = {
+            'max_contact_force': max(analysis.contact_forces.values()),
+            'max_total_force': total,
+            'max_utilisation': max(analysis.utilisation.values()),
+        }
+        for name, value in most.items():
+            bound = getattr(needs, name)
+            if value > bound:
+                return Violation(name, value, bound, 1.0 - bound / value), 0.95 * bound / value
+        friction, margin = analysis.required_friction, analysis.closure_margin
+        if not analysis.force_closure or margin < 0.0:
+            # Where the plane of friction is all but flat, more indentation widens the contact.
+            large = friction > 3.0 * needs.friction
+            factor = settings.increase if large else settings.decrease
+            distance = 1.0 - margin / total
+            return Violation('force_closure', friction, needs.friction, distance), factor
+        if margin < needs.min_margin:
+            short = 1.0 - margin / needs.min_margin
+            return Violation('min_margin', margin, needs.min_margin, short), settings.increase
+        return None, 1.0
+
+    def _record(self, violation: Violation) -> None:
+        closest = self.closest_violation
+        if closest is None or violation.distance < closest.distance:
+            self.closest_violation = violation

@@ -1,0 +1,1 @@
+"""Distances, barriers and failed rollers: what keeps a motion safe."""

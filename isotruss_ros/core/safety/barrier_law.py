@@ -1,0 +1,92 @@
+"""
+How a margin may be used up: the control barrier function that all barriers on shapes share.
+
+A margin h is what is left between a value and the bound that it must not fall below. It may fall
+at
+
+    dh/dt >= -rate h / (1 - h / band),   h counted from a small safety margin on,
+
+a class-K function of h: freely where more than `band` is left, slower and slower inside of it,
+and not at all at the safety margin. A command holds for a sample, so there is a discrete-time
+bound too: whatever the motion between two samples does to the margin in second order, a share of
+it is left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+#: What is beyond the bound must not get further, rounding aside.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class BarrierLaw:
+    """
+    A bound on values, and how quickly they may approach it.
+
+    :ivar bound: the smallest value that is allowed.
+    :ivar band: a margin larger than this is not restricted, in units of the value.
+    :ivar rate: a small margin shrinks by at most this share of itself in a second [1/s].
+    :ivar safety_share: share of the band at which motion comes to rest, the safety margin; what
+        is below is for effects of second order.
+    :ivar kept_share: share of a margin, and of the safety margin, that is left after a sample,
+        however long it is.
+    """
+
+    bound: float
+    band: float
+    rate: float = 5.0
+    safety_share: float = 0.01
+    kept_share: float = 0.1
+
+    @cached_property
+    def active_below(self) -> float:
+        """Return the value below which it is restricted."""
+        return self.bound + self.band
+
+    @cached_property
+    def safety_margin(self) -> float:
+        """Return the margin at which motion comes to rest."""
+        return self.safety_share * self.band
+
+    def margin(self, values: Array) -> Array:
+        """
+        Return what is left between values and the bound.
+
+        :param values: (k,).
+        """
+        return values - self.bound
+
+    def class_k_bound(self, margins: Array) -> Array:
+        """
+        Return how quickly margins may fall, not negative [1/s]; inf outside the band.
+
+        :param margins: (k,).
+        """
+        return self._class_k(np.maximum(margins - self.safety_margin, 0.0))
+
+    def discrete_bound(self, margins: Array, duration: float) -> Array:
+        """
+        Return what must be left of margins after a sample.
+
+        What has got down to `kept_share` of the safety margin must not get further, nor may
+        anything beyond the bound; so errors of a fraction of the safety margin do no harm.
+
+        :param margins: (k,) at its beginning.
+        :param duration: of the sample, positive [s].
+        """
+        last = self.kept_share * self.safety_margin
+        left = np.maximum(margins, last)
+        slowly = left - 2.0 * duration * self._class_k(left)
+        kept = np.maximum(np.maximum(self.kept_share * left, slowly), last)
+        return np.where(margins > last, kept, margins - ROUNDING)
+
+    def _class_k(self, left: Array) -> Array:
+        share = np.minimum(left / self.band, 1.0)
+        with np.errstate(divide='ignore'):
+            return self.rate * left / (1.0 - share)

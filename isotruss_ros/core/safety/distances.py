@@ -1,0 +1,296 @@
+"""
+Distances between parts of a robot that must not meet, and between the robot and an object.
+
+Three kinds of parts, m of each; distances are between surfaces [m], negative where they overlap:
+
+- a member is its straight tube from pinch point to pinch point;
+- a module is a disc round the middle of its pinch points B and C that holds the pinched tube:
+  radius s/2 + tube radius;
+- a rod is the straight line from that middle to the joint A. It has no thickness: the least
+  clearance that is asked for has to cover half of it.
+
+All distances are those of a point with a radius from a straight segment with a radius. Two
+segments that do not cross are nearest to each other at an end of one of them, and every end is the
+middle of a module, a joint, or lies in the disc of a module. So it is enough to measure modules
+from members, rods and modules, and joints from members and rods: members, or rods, then never come
+closer to each other than their ends do.
+
+Left out are parts that are fixed to each other: a member and the modules, the rods and the joints
+at its ends. Rods that share a joint meet there; the modules at their other ends are measured from
+each other, which keeps these rods apart too.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.grasp import Grasp, module_index
+from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
+import numpy as np
+
+#: Points closer than this are one [m]; it keeps directions between them finite.
+TINY = 1e-12
+
+
+class Nearest(NamedTuple):
+    """
+    The points of straight segments that are nearest to points; arrays over pairs.
+
+    :ivar away: from there to the point [m].
+    :ivar distance: the length of that [m].
+    :ivar share: where it is along the segment, 0 to 1.
+    :ivar along: the segment, from start to end [m].
+    """
+
+    away: Points
+    distance: Array
+    share: Array
+    along: Points
+
+    @property
+    def normal(self) -> Points:
+        """Return the unit vector toward the point, across the segment where the point is on it."""
+        across = 1j * self.along / np.maximum(np.abs(self.along), TINY)
+        return np.where(self.distance > TINY, self.away / np.maximum(self.distance, TINY), across)
+
+
+def nearest_on_segment(point: Points, start: Points, end: Points) -> Nearest:
+    """
+    Return the nearest points of straight segments.
+
+    :param point: (k,) or one for all [m].
+    :param start: (k,) where the segments begin [m].
+    :param end: (k,) where they end, perhaps where they begin [m].
+    """
+    arm, along = point - start, end - start
+    length = np.maximum(along.real**2 + along.imag**2, TINY**2)
+    share = np.clip((along.conj() * arm).real / length, 0.0, 1.0)
+    away = arm - share * along
+    return Nearest(away, np.abs(away), share, along)
+
+
+class _Ends(NamedTuple):
+    """Points of the robot, each half way between two nodes: (2, k) node numbers."""
+
+    nodes: Indices
+
+    def positions(self, points: Points) -> Points:
+        one, other = points[self.nodes]
+        return 0.5 * (one + other)
+
+    def add(self, rows: Points, gradients: Points) -> None:
+        """Add to each row what moving its point is worth."""
+        row = np.arange(len(rows))
+        for nodes in self.nodes:
+            rows[row, nodes] += 0.5 * gradients
+
+
+class CollisionModel:
+    """
+    The parts of a robot, and the pairs of them that must not meet.
+
+    :ivar radius: of a module's disc [m].
+    :param robot: the robot.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        topology, file = robot.topology, robot.description
+        m, joints = topology.n_modules, np.arange(len(topology.joint_names))
+        tube = 0.5 * file.tube_diameter
+        self._robot = robot
+        self.radius = 0.5 * file.module.pinch_separation + tube
+        own_b, own_c, own_a = topology.b, topology.c, topology.joint
+        next_c = topology.c[topology.following]
+        # Segments: members, modules (of no length), rods.
+        starts = [np.concatenate([own_b, own_b, own_a]), np.concatenate([own_b, own_c, own_a])]
+        ends = [np.concatenate([next_c, own_b, own_b]), np.concatenate([next_c, own_c, own_c])]
+        self._start, self._end = _Ends(np.stack(starts)), _Ends(np.stack(ends))
+        self._radius = np.repeat([tube, self.radius, 0.0], m)
+        # Points: modules, joints.
+        points = [np.concatenate([own_b, joints]), np.concatenate([own_c, joints])]
+        point_radius = np.repeat([self.radius, 0.0], [m, len(joints)])
+        self._first, self._second = np.nonzero(_measured(robot))
+        self._point = _Ends(np.stack(points)[:, self._first])
+        self._reach = point_radius[self._first] + self._radius[self._second]
+
+    def names(self, pairs: Indices) -> list[str]:
+        """
+        Return the names of pairs of parts.
+
+        :param pairs: (k,) numbers of pairs.
+        """
+        modules, joints = self._robot.module_names, self._robot.topology.joint_names
+        points = [f'module {name}' for name in modules] + [f'joint {name}' for name in joints]
+        segments = self.part_names()
+        return [f'{points[self._first[i]]} and {segments[self._second[i]]}' for i in pairs]
+
+    def part_names(self) -> list[str]:
+        """Return the (3m,) names of the parts: members, modules, rods."""
+        return [
+            *(f'member {name}' for name in self._robot.member_names),
+            *(f'module {name}' for name in self._robot.module_names),
+            *(f'rod {name}' for name in self._robot.module_names),
+        ]
+
+    def distances(self, config: Configuration, pairs: Indices | slice = slice(None)) -> Array:
+        """
+        Return the distances between the surfaces of pairs [m].
+
+        :param config: where the robot is.
+        :param pairs: (k,) numbers of pairs; all when left out.
+        """
+        return self._nearest(config, pairs).distance - self._reach[pairs]
+
+    def gradients(self, config: Configuration, pairs: Indices) -> Array:
+        """
+        Return how the distances of some pairs change as nodes move.
+
+        :param config: where the robot is.
+        :param pairs: (k,) numbers of pairs.
+        :return: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...) [-].
+        """
+        near = self._nearest(config, pairs)
+        rows = self._segment_rows(config, self._second[pairs], near)
+        _Ends(self._point.nodes[:, pairs]).add(rows, near.normal)
+        return rows.view(np.float64)
+
+    def object_distances(
+        self, config: Configuration, cylinder: Cylinder | Grasp, grip: str | None = None
+    ) -> Array:
+        """
+        Return the distances between an object and the parts of the robot [m].
+
+        :param config: where the robot is.
+        :param cylinder: the object.
+        :param grip: the module `t/j` that holds it, or None for a free object. Left out are the
+            two members that hold the object and their module, to which it keeps its place, and
+            the rods that meet at the joint of the grip, which are behind that.
+        :return: (3m,) members, modules, rods; inf for what is left out.
+        :raises GraspError: no such module.
+        """
+        points, center = config.points, complex(*cylinder.center)
+        near = nearest_on_segment(
+            center, self._start.positions(points), self._end.positions(points)
+        )
+        distances = near.distance - (0.5 * cylinder.diameter + self._radius)
+        if grip is not None:
+            topology, i = self._robot.topology, module_index(self._robot, grip)
+            members, modules, rods = distances.reshape(3, -1)
+            members[[i, topology.previous[i]]] = modules[i] = np.inf
+            rods[topology.joint == topology.joint[i]] = np.inf
+        return distances
+
+    def object_gradients(
+        self,
+        config: Configuration,
+        center: complex,
+        parts: Indices,
+        motion: Array | None = None,
+    ) -> Array:
+        """
+        Return how the distances of an object from some parts change as nodes move.
+
+        :param config: where the robot is.
+        :param center: of the object, x + iy in the robot frame [m].
+        :param parts: (k,) numbers as in `object_distances`.
+        :param motion: (2, 2n) the velocity of a held object as rows on the node velocities (15);
+            None for one that stands still.
+        :return: (k, 2n) rows on the node velocities [-].
+        """
+        points = config.points
+        start, end = (_Ends(ends.nodes[:, parts]) for ends in (self._start, self._end))
+        near = nearest_on_segment(center, start.positions(points), end.positions(points))
+        rows = self._segment_rows(config, parts, near).view(np.float64)
+        return rows if motion is None else rows + as_xy(near.normal) @ motion
+
+    def _nearest(self, config: Configuration, pairs: Indices | slice) -> Nearest:
+        second = self._second[pairs]
+        ends = [
+            self._point.nodes[:, pairs],
+            self._start.nodes[:, second],
+            self._end.nodes[:, second],
+        ]
+        return nearest_on_segment(*(_Ends(nodes).positions(config.points) for nodes in ends))
+
+    def _segment_rows(self, config: Configuration, parts: Indices, near: Nearest) -> Points:
+        """Return what moving the segments is worth to their distances."""
+        rows = np.zeros((len(parts), len(config.points)), dtype=np.complex128)
+        _Ends(self._start.nodes[:, parts]).add(rows, -(1.0 - near.share) * near.normal)
+        _Ends(self._end.nodes[:, parts]).add(rows, -near.share * near.normal)
+        return rows
+
+
+def _measured(robot: Robot) -> Array:
+    """Return which points (modules, joints) are measured from which segments, (m + j, 3m)."""
+    topology = robot.topology
+    m = topology.n_modules
+    joint = np.concatenate([topology.joint, np.arange(len(topology.joint_names))])
+    point, member = np.arange(len(joint))[:, None], np.arange(m)
+    own, ahead = topology.joint, topology.joint[topology.following]
+    # A member is fixed to the modules and the joints at its ends; other tubes are measured there.
+    of_members = np.where(
+        point < m,
+        (member != point) & (topology.following != point),
+        (joint[:, None] != own) & (joint[:, None] != ahead),
+    )
+    of_modules = (point < m) & (point < member)
+    of_rods = joint[:, None] != own
+    return np.hstack([of_members, of_modules, of_rods])
+
+
+@functools.lru_cache(maxsize=16)
+def collision_model(robot: Robot) -> CollisionModel:
+    """
+    Return the parts of a robot that must not meet; made once for each robot.
+
+    :param robot: the robot.
+    """
+    return CollisionModel(robot)
+
+
+class ObjectGaps(NamedTuple):
+    """
+    Distances between an object that stands still and the parts of a robot, m of each kind.
+
+    :ivar members: (m,) between the skin of the straight tubes and the object's surface [m],
+        negative where the tubes would have to give way.
+    :ivar modules: (m,) between the discs of modules and that surface [m].
+    :ivar rods: (m,) between the connection rods and that surface [m].
+    :ivar openings: (m,) angle between the two sides that meet at each module [rad].
+    :ivar by_rollers: (4m, r) derivatives of the four, in this order, by roller travel.
+    """
+
+    members: Array
+    modules: Array
+    rods: Array
+    openings: Array
+    by_rollers: Array
+
+
+def object_gaps(config: Configuration, cylinder: Cylinder) -> ObjectGaps:
+    """
+    Measure the distances of an object, and how they change when the rollers move.
+
+    :param config: where the robot is.
+    :param cylinder: the object, which stands still.
+    :raises ConfigurationError: the configuration is singular.
+    """
+    topology, points, model = config.robot.topology, config.points, collision_model(config.robot)
+    m, modules, previous = topology.n_modules, np.arange(topology.n_modules), topology.previous
+    begin, end = topology.b, topology.c[topology.following]
+    along = points[end] - points[begin]
+    turn = np.angle(along.conj() * -along[previous])
+    by_nodes = np.zeros((m, len(points)), dtype=np.complex128)
+    for members, sign in ((previous, np.sign(turn)), (modules, -np.sign(turn))):
+        turning = sign * 1j / along[members].conj()
+        by_nodes[modules, end[members]] += turning
+        by_nodes[modules, begin[members]] -= turning
+    center = complex(*cylinder.center)
+    rows = model.object_gradients(config, center, np.arange(3 * m))
+    by_rollers = np.vstack([rows, by_nodes.view(np.float64)]) @ config.node_jacobian
+    parts = model.object_distances(config, cylinder).reshape(3, -1)
+    return ObjectGaps(*parts, np.abs(turn), by_rollers)

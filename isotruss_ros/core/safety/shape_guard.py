@@ -1,0 +1,216 @@
+"""
+Keep a robot away from singular and self-colliding configurations, from sample to sample of a loop.
+
+Barriers hand the quadratic program rows, dh/dt >= -class-K bound of h: right to first order, for
+the instant. A command holds for a sample, so the guard computes where it leads as well: at the
+end of the sample each margin must be above its discrete-time bound, or the command is scaled down
+until it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject
+from isotruss_ros.core.manipulation.solve_twist import RollerCommand
+from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.safety.barrier_law import BarrierLaw
+from isotruss_ros.core.safety.barrier_limit import BarrierLimit, BarrierViolation
+from isotruss_ros.core.safety.barriers import (
+    Barrier,
+    EVERYTHING,
+    find_active,
+    ObjectBarrier,
+    RigidityBarrier,
+    SelfCollisionBarrier,
+)
+import numpy as np
+
+#: Longest steps of the rollers that cannot jump over a band, nor over half a safety margin [m].
+BAND_STEP, SAFETY_STEP = 1e-3, 2e-4
+#: A command is scaled down this often before the robot stands still, each time with some to spare.
+ATTEMPTS, SPARE = 4, 0.8
+#: What rounding leaves of a row that depends on no roller.
+NOISE = 1e-10
+
+
+@dataclass(frozen=True)
+class ShapeBounds:
+    """
+    What a shape must keep, and how far from there the robot is slowed.
+
+    :ivar min_rigidity: the least rigidity, as a share of that at home; see `rigidity_index`.
+    :ivar min_clearance: the least distance between parts of the robot, see `CollisionModel` [m].
+    :ivar min_object_clearance: that between the robot and the object, beside the grip [m].
+    :ivar rigidity_band: the robot is slowed where the rigidity is less than this above its bound.
+    :ivar clearance_band: the same for the distances [m].
+    :ivar rate: a small margin shrinks by at most this share of itself in a second [1/s].
+    :raises ConfigurationError: a number is out of its range.
+    """
+
+    min_rigidity: float = 0.2
+    min_clearance: float = 0.02
+    min_object_clearance: float = 0.02
+    rigidity_band: float = 0.2
+    clearance_band: float = 0.1
+    rate: float = 5.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if not 0.0 <= self.min_rigidity < 1.0:
+            raise ConfigurationError(
+                f'min_rigidity {self.min_rigidity!r}: must be a share of that at home, '
+                'from 0 to less than 1'
+            )
+        for name in ('min_clearance', 'min_object_clearance'):
+            value = getattr(self, name)
+            if not 0.0 <= value < np.inf:
+                raise ConfigurationError(f'{name} {value!r} m: must be finite, not negative')
+        for name in ('rigidity_band', 'clearance_band', 'rate'):
+            value = getattr(self, name)
+            if not 0.0 < value < np.inf:
+                raise ConfigurationError(f'{name} {value!r}: must be finite, positive')
+
+
+class ShapeGuard:
+    """
+    The barriers of a robot.
+
+    :ivar bounds: what its shapes must keep.
+    :param robot: the robot.
+    :param bounds: what its shapes must keep.
+    """
+
+    def __init__(self, robot: Robot, bounds: ShapeBounds) -> None:
+        self.bounds = bounds
+        rigidity, clearance, rate = bounds.rigidity_band, bounds.clearance_band, bounds.rate
+        self._barriers: tuple[Barrier, ...] = (
+            RigidityBarrier(robot, BarrierLaw(bounds.min_rigidity, rigidity, rate)),
+            SelfCollisionBarrier(robot, BarrierLaw(bounds.min_clearance, clearance, rate)),
+            ObjectBarrier(robot, BarrierLaw(bounds.min_object_clearance, clearance, rate)),
+        )
+
+    def watch(self, config: Configuration, grasp: Grasp) -> Watch:
+        """
+        Find what is near its bound.
+
+        :param config: where the robot is in the middle of the sample that a command is for.
+        :param grasp: what it holds then.
+        :raises ConfigurationError: the configuration is singular.
+        :raises GraspError: see `grasp_rows`.
+        """
+        found = find_active(self._barriers, config, grasp)
+        limits: list[BarrierLimit] = []
+        if found:
+            rows = config.module_rows(np.concatenate([active.node_rows for _, active in found]))
+            rows = rows[:, config.robot.topology.driven]
+            rows[np.abs(rows) < NOISE] = 0.0
+            stop = 0
+            for barrier, active in found:
+                start, stop = stop, stop + len(active.indices)
+                limits.append(BarrierLimit(barrier, active, rows[start:stop]))
+        return Watch(config, grasp, self._barriers, tuple(limits))
+
+
+class Watch:
+    """
+    What is near its bound in one configuration.
+
+    :ivar limits: for `solve_twist`.
+    :param config: configuration in the middle of the interval of the command.
+    :param grasp: the grasp there.
+    :param barriers: of the guard.
+    """
+
+    def __init__(
+        self,
+        config: Configuration,
+        grasp: Grasp,
+        barriers: tuple[Barrier, ...],
+        limits: tuple[BarrierLimit, ...],
+    ) -> None:
+        self.limits = limits
+        self._config, self._grasp = config, grasp
+        self._barriers = barriers
+
+    def keep(self, command: RollerCommand, velocities: Array, duration: float) -> RollerCommand:
+        """
+        Return a command, scaled down where it would lead too near to a bound.
+
+        :param command: for the sample in whose middle the robot was expected.
+        :param velocities: (r,) with which it was expected to get to that middle [m/s].
+        :param duration: of the sample [s].
+        """
+        rollers = command.roller_velocities
+        size = duration * float(np.abs(rollers).max())
+        limits = self._within_reach(size)
+        if size == 0.0 or not (limits or size > BAND_STEP):
+            return command
+        share, violation = 1.0, None
+        for _ in range(ATTEMPTS):
+            found = self._violation(limits, share * rollers, velocities, duration)
+            if found is None:
+                break
+            share, violation = SPARE * share * found.share, found
+        else:
+            share = 0.0
+        return command if violation is None else _scaled(command, share, violation)
+
+    def _within_reach(self, size: float) -> tuple[BarrierLimit, ...]:
+        """Return the limits that a step of this size of the rollers [m] could violate."""
+        return tuple(
+            limit
+            for limit in self.limits
+            if size > SAFETY_STEP or limit.margins.min() < 0.5 * limit.barrier.law.safety_margin
+        )
+
+    def _violation(
+        self,
+        limits: tuple[BarrierLimit, ...],
+        rollers: Array,
+        velocities: Array,
+        duration: float,
+    ) -> BarrierViolation | None:
+        """Return why a motion is not admissible, None where it is."""
+        start, grasp = self._config, self._grasp
+        travel = duration * rollers
+        try:
+            end = start.moved_to(start.roller_positions + travel - 0.5 * duration * velocities)
+        except ConfigurationError:
+            return BarrierViolation(0.5, Status.SLOWED_RIGIDITY, ())
+        long = bool(np.abs(travel).max() > BAND_STEP)
+        if long or any(isinstance(limit.barrier, ObjectBarrier) for limit in limits):
+            grasp = HeldObject.attach(start, grasp).grasp_in(end)
+        found = [limit.violation(end, grasp, travel, velocities, duration) for limit in limits]
+        if long:
+            found += [self._jumped(barrier, end, grasp) for barrier in self._barriers]
+        return min((one for one in found if one is not None), default=None)
+
+    def _jumped(
+        self, barrier: Barrier, end: Configuration, grasp: Grasp
+    ) -> BarrierViolation | None:
+        """Return what has got beyond a bound from outside of its band."""
+        left = barrier.law.margin(barrier.values(end, grasp, EVERYTHING))
+        for limit in self.limits:
+            if limit.barrier is barrier:
+                left[limit.indices] = np.inf
+        below = np.flatnonzero(left < 0.0)
+        if not len(below):
+            return None
+        return BarrierViolation(0.5, barrier.status, tuple(barrier.names(below)))
+
+
+def _scaled(command: RollerCommand, share: float, violation: BarrierViolation) -> RollerCommand:
+    bent = command.status in (Status.UNREACHABLE, Status.SLIDING) and share > 0.0
+    return replace(
+        command,
+        roller_velocities=share * command.roller_velocities,
+        achieved_twist=share * command.achieved_twist,
+        scale=share * command.scale,
+        status=command.status if bent else violation.status,
+        limiting=tuple(dict.fromkeys(command.limiting + violation.names)),
+    )

@@ -1,0 +1,1 @@
+"""The simulated robot and the object that it grasps."""

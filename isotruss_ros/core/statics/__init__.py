@@ -1,0 +1,1 @@
+"""The direct stiffness model of the robot: equations (1), (2) and (4)."""

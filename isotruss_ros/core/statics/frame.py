@@ -1,0 +1,242 @@
+"""Plane frames by the direct stiffness method, with linear constraints: equations (1) and (4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.kinematics.constraints import DENSE_UP_TO
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.factorization import Factor, factorize_with_condition
+from isotruss_ros.core.statics.beam import directions, local_stiffness, with_pins
+import numpy as np
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, spmatrix
+
+#: A frame that is worse conditioned than this, in its own units, is a mechanism.
+MAX_CONDITION = 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """
+    Straight members between nodes, arrays of one length k.
+
+    :ivar start: (k,) node numbers.
+    :ivar end: (k,) node numbers.
+    :ivar axial: (k,) EA [N].
+    :ivar flexural: (k,) EI [N m^2].
+    :ivar shear: (k,) GA [N]; infinite for no shear deformation.
+    :ivar pinned_start: (k,) whether the start transmits no moment.
+    :ivar pinned_end: (k,) whether the end transmits no moment.
+    """
+
+    start: Indices
+    end: Indices
+    axial: Array
+    flexural: Array
+    shear: Array
+    pinned_start: Flags
+    pinned_end: Flags
+
+
+@dataclass(frozen=True, eq=False)
+class FrameState:
+    """
+    The response of a frame to its loads.
+
+    :ivar displacements: (n, 3) ux, uy [m], theta [rad]; zero rotation where all is pinned.
+    :ivar reactions: (n, 3) fx, fy [N], m [N m] of the supports on the frame; zero elsewhere.
+    :ivar end_forces: (k, 6) forces of the nodes on the members, along them, across them [N] and
+        moments [N m], at start and end.
+    """
+
+    displacements: Array
+    reactions: Array
+    end_forces: Array
+
+
+class Frame:
+    """
+    A linear frame; its matrix is factored once, with the first solve.
+
+    :param points: (n,) nodes x + iy [m].
+    :param members: what connects them.
+    :param held: (n, 3) which of ux, uy, theta are held by supports.
+    :param names: (n,) names of the nodes, for messages.
+    :param rows: (c, 3 n) linear constraints rows @ (ux0, uy0, theta0, ux1, ...) = 0; none if None.
+    """
+
+    def __init__(
+        self,
+        points: Points,
+        members: Members,
+        held: Flags,
+        names: Sequence[str],
+        rows: spmatrix | None = None,
+    ) -> None:
+        self.points = points
+        self.members = members
+        self._names = names
+        self._held = held.ravel()
+        self._rows = coo_matrix((0, 3 * len(points)) if rows is None else rows)
+        span = points[members.end] - points[members.start]
+        length = np.abs(span)
+        self._turn = directions(span / length)
+        self._local = with_pins(
+            local_stiffness(length, members.axial, members.flexural, members.shear),
+            members.pinned_start,
+            members.pinned_end,
+        )
+        ends = np.stack([members.start, members.end], axis=1)
+        self._places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
+
+    @cached_property
+    def _entries(self) -> tuple[Array, Indices, Indices]:
+        """Return the members' stiffnesses as values, rows and columns of S."""
+        matrices = self._turn.transpose(0, 2, 1) @ self._local @ self._turn
+        rows = np.repeat(self._places, 6, axis=1)
+        columns = np.tile(self._places, 6)
+        return matrices.ravel(), rows.ravel(), columns.ravel()
+
+    @property
+    def stiffness(self) -> csc_matrix:
+        """Return S of (1), (3 n, 3 n), supports and constraints aside."""
+        values, rows, columns = self._entries
+        size = len(self._held)
+        return coo_matrix((values, (rows, columns)), shape=(size, size)).tocsc()
+
+    @cached_property
+    def _constraint_forces(self) -> csr_matrix:
+        """Return the forces on the nodes for unit multipliers of the constraints."""
+        return self._rows.T.tocsr()
+
+    @cached_property
+    def _unknowns(self) -> Indices:
+        """Return the number of each displacement among the unknowns, -1 if it is none."""
+        solved = ~self._held
+        turning = np.zeros(len(self._names), dtype=bool)
+        turning[self.members.start[~self.members.pinned_start]] = True
+        turning[self.members.end[~self.members.pinned_end]] = True
+        # A node at which all members are pinned has no rotation.
+        solved[2::3] &= turning
+        return np.where(solved, np.cumsum(solved) - 1, -1)
+
+    @cached_property
+    def _system(self) -> tuple[Factor, Array]:
+        """Return the factored matrix of (4), [[S, A^T], [A, 0]], and its scaling."""
+        number = self._unknowns
+        free = int(number.max(initial=-1)) + 1
+        values, rows, columns = self._entries
+        on_diagonal = rows == columns
+        diagonal = np.bincount(rows[on_diagonal], values[on_diagonal], minlength=len(number))
+        # Both directions of a node alike: what rounding leaves across a bar is no stiffness.
+        diagonal[0::3] = diagonal[1::3] = np.maximum(diagonal[0::3], diagonal[1::3])
+        diagonal = diagonal[number >= 0]
+        rows, columns = number[rows], number[columns]
+        there = (rows >= 0) & (columns >= 0)
+        values, rows, columns = values[there], rows[there], columns[there]
+        bound = number[self._rows.col]
+        bound_there = bound >= 0
+        bound, weight = bound[bound_there], self._rows.data[bound_there]
+        multiplier = free + self._rows.row[bound_there]
+        size = free + self._rows.shape[0]
+        # Displacements and rotations, soft tubes and hard modules: scaled, all have stiffness 1.
+        scale = np.ones(size)
+        scale[:free] = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, diagonal.max(initial=1.0)))
+        norms = np.bincount(multiplier, (weight * scale[bound]) ** 2, minlength=size)[free:]
+        scale[free:] = 1.0 / np.sqrt(np.where(norms > 0.0, norms, 1.0))
+        matrix = assemble(
+            np.concatenate([values, weight, weight]),
+            np.concatenate([rows, multiplier, bound]),
+            np.concatenate([columns, bound, multiplier]),
+            scale,
+        )
+        factor, condition = factorize_with_condition(matrix)
+        if not condition < MAX_CONDITION:
+            moving = ', '.join(self._what_moves(matrix, scale))
+            raise StructureError(
+                f'the structure is a mechanism: {moving} can move without resistance; '
+                'support it or connect it'
+            )
+        return factor, scale
+
+    def _solve(self, right: Array) -> Array:
+        """Return the unknowns (size, k) for right-hand sides on the displacements (free, k)."""
+        factor, scale = self._system
+        full = np.zeros((len(scale), right.shape[1]))
+        full[: len(right)] = right
+        return scale[:, None] * factor.solve(scale[:, None] * full)
+
+    def _what_moves(self, matrix: Array | csc_matrix, scale: Array) -> list[str]:
+        """Return the nodes that take part in motions which nothing resists."""
+        dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
+        values, vectors = np.linalg.eigh(dense)
+        loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
+        loose[np.abs(values).argmin()] = True
+        unknown = self._unknowns
+        motion = np.abs(scale[:, None] * vectors[:, loose]).max(axis=1)
+        by_node = np.where(unknown >= 0, motion[unknown], 0.0).reshape(-1, 3).max(axis=1)
+        return [self._names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
+
+    def to_member_frame(self, members: Indices) -> Array:
+        """
+        Return the matrices that turn displacements of the plane into those along members.
+
+        :param members: (k,) which of the members.
+        :return: (k, 6, 6), orthogonal.
+        """
+        return self._turn[members]
+
+    def compliance(self, members: Indices) -> Array:
+        """
+        Return the displacements of the ends of members under unit loads on these ends.
+
+        :param members: (k,) which of the members.
+        :return: (6 k, 6 k), by ux, uy, theta at start and end of each; symmetric.
+        :raises StructureError: see `solve`.
+        """
+        unknown = self._unknowns[self._places[members].ravel()]
+        there = np.flatnonzero(unknown >= 0)
+        right = np.zeros((int(self._unknowns.max(initial=-1)) + 1, len(unknown)))
+        right[unknown[there], there] = 1.0
+        return np.where((unknown >= 0)[:, None], self._solve(right)[unknown], 0.0)
+
+    def solve(self, loads: Array) -> FrameState:
+        """
+        Return displacements, reactions and member forces under loads, by (4).
+
+        :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
+        :raises StructureError: the frame is a mechanism; names the nodes that move.
+        """
+        unknown, loads = self._unknowns, loads.ravel()
+        right = np.zeros((int(unknown.max(initial=-1)) + 1, 1))
+        right[unknown[unknown >= 0], 0] = loads[unknown >= 0]
+        solution = self._solve(right)[:, 0]
+        displacements = np.where(unknown >= 0, solution[unknown], 0.0)
+        ends = np.einsum('kij,kj->ki', self._turn, displacements[self._places])
+        end_forces = np.einsum('kij,kj->ki', self._local, ends)
+        pull = np.einsum('kji,kj->ki', self._turn, end_forces)
+        carried = np.bincount(self._places.ravel(), pull.ravel(), minlength=len(loads))
+        _, multipliers = np.split(solution, [len(right)])
+        carried += self._constraint_forces @ multipliers
+        reactions = np.where(self._held, carried - loads, 0.0)
+        return FrameState(displacements.reshape(-1, 3), reactions.reshape(-1, 3), end_forces)
+
+
+def assemble(values: Array, rows: Indices, columns: Indices, scale: Array) -> Array | csc_matrix:
+    """
+    Return the matrix with the sum of all values in each place, scaled from both sides.
+
+    :param values: (e,) entries.
+    :param rows: (e,) row of each.
+    :param columns: (e,) column of each.
+    :param scale: (n,) factors of rows and columns.
+    :return: (n, n), dense if it is small.
+    """
+    size = len(scale)
+    values = values * scale[rows] * scale[columns]
+    if size <= DENSE_UP_TO:
+        return np.bincount(rows * size + columns, values, minlength=size * size).reshape(size, -1)
+    return coo_matrix((values, (rows, columns)), shape=(size, size)).tocsc()

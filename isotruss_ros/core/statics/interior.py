@@ -1,0 +1,106 @@
+"""
+Points inside members: their displacements with the ends and under loads, without more nodes.
+
+A prismatic member deforms under loads at its inside as the shape functions of its ends plus the
+influence function of the member with clamped ends. Both are exact for Timoshenko beams, so that a
+frame with loaded points anywhere needs no finer mesh.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+from isotruss_ros.core.statics.beam import local_stiffness
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class InteriorPoints:
+    """
+    Points on members; arrays over points c, and over the members p that they are on.
+
+    :ivar member: (c,) place of each point's member among the p members.
+    :ivar place: (c,) distance from the member's start [m].
+    :ivar length: (p,) of the members [m].
+    :ivar axial: (p,) EA [N].
+    :ivar flexural: (p,) EI [N m^2].
+    :ivar shear: (p,) GA [N].
+    :ivar pinned: (p, 2) whether start and end transmit no moment; not both.
+    """
+
+    member: Indices
+    place: Array
+    length: Array
+    axial: Array
+    flexural: Array
+    shear: Array
+    pinned: Flags
+
+    def shapes(self) -> Array:
+        """
+        Return the shape functions: displacements of the points by those of the ends.
+
+        :return: (c, 2, 6): along and across the member, by (ux, uy, theta) at start and end.
+        """
+        shapes, stiffness = self._clamped_shapes.copy(), self._stiffness[self.member]
+        for rotation, end in ((2, 0), (5, 1)):
+            freed = self.pinned[self.member, end]
+            # The free rotation follows from no moment: theta = -K_theta,u / K_theta,theta u.
+            turned = shapes[freed, 1, rotation] / stiffness[freed, rotation, rotation]
+            shapes[freed, 1] -= turned[:, None] * stiffness[freed, rotation]
+            shapes[freed, 1, rotation] = 0.0
+        return shapes
+
+    @cached_property
+    def _stiffness(self) -> Array:
+        return local_stiffness(self.length, self.axial, self.flexural, self.shear)
+
+    @cached_property
+    def _clamped_shapes(self) -> Array:
+        length = self.length[self.member]
+        part = self.place / length
+        rest = 1.0 - part
+        shear = 12.0 * (self.flexural / (self.shear * self.length**2))[self.member]
+        whole = 1.0 + shear
+        shapes = np.zeros((len(part), 2, 6))
+        shapes[:, 0, 0], shapes[:, 0, 3] = rest, part
+        shapes[:, 1, 1] = rest * (1.0 + part * (rest - part) / whole)
+        shapes[:, 1, 4] = part * (1.0 + rest * (part - rest) / whole)
+        shapes[:, 1, 2] = length * part * rest * (rest + 0.5 * shear) / whole
+        shapes[:, 1, 5] = -length * part * rest * (part + 0.5 * shear) / whole
+        return shapes
+
+    def compliance(self) -> Array:
+        """
+        Return the displacements of points under unit forces at points while the ends are held.
+
+        :return: (2, c, c): along the members, across them [m/N]; zero between members.
+        """
+        same = self.member[:, None] == self.member
+        near = np.minimum(self.place[:, None], self.place)
+        far = np.maximum(self.place[:, None], self.place)
+        length = self.length[self.member]
+        axial, flexural, shear = (
+            values[self.member] for values in (self.axial, self.flexural, self.shear)
+        )
+        stretch = near * (length - far) / (axial * length)
+        # A cantilever from the start, then its far end brought back.
+        bend = near**2 * (3.0 * far - near) / (6.0 * flexural) + near / shear
+        sink = self.place**2 * (3.0 * length - self.place) / (6.0 * flexural) + self.place / shear
+        tilt = self.place**2 / (2.0 * flexural)
+        tip = length**3 / (3.0 * flexural) + length / shear
+        cross, turn = length**2 / (2.0 * flexural), length / flexural
+        scale = 1.0 / (tip * turn - cross**2)
+        bend = bend - scale * (
+            turn * sink[:, None] * sink
+            - cross * (sink[:, None] * tilt + tilt[:, None] * sink)
+            + tip * tilt[:, None] * tilt
+        )
+        shapes, stiffness = self._clamped_shapes, self._stiffness[self.member]
+        for rotation, end in ((2, 0), (5, 1)):
+            freed = self.pinned[self.member, end]
+            shape = np.where(freed, shapes[:, 1, rotation], 0.0)
+            bend = bend + shape[:, None] * shape / stiffness[:, rotation, rotation]
+        return np.stack([np.where(same, stretch, 0.0), np.where(same, bend, 0.0)])

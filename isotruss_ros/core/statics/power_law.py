@@ -1,0 +1,105 @@
+"""The measured end stiffnesses of tube members, and the beams that have them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.model.stiffness_law import (
+    Law,
+    MAX_STIFFNESS,
+    MIN_STIFFNESS,
+    RATIO_TOLERANCE,
+)
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.section import broadcast_members, SectionStiffness
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """
+    Measured end stiffnesses of a member, each a law of pressure and length.
+
+    :param axial: P / delta x of a member from pinch to pinch, the other end held [N/m].
+    :param transverse: V / delta y of one end of a tube from guide ring to guide ring, the
+        rotations of both ends held [N/m].
+    :param rotary: M / delta theta of one end of a tube from guide ring to guide ring, its
+        translations and the other end held [N m/rad].
+    :param guide_ring_distance: g, from each pinch point to its guide ring [m].
+    """
+
+    axial: Law
+    transverse: Law
+    rotary: Law
+    guide_ring_distance: float
+    fabric: ClassVar[None] = None
+
+    def end_stiffnesses(self, length: Array, pressure: Array) -> tuple[Array, Array, Array]:
+        """
+        Return k_axial, k_transverse and k_rotary, each (k,).
+
+        :param length: (k,) of whole members, pinch to pinch [m].
+        :param pressure: (k,) gauge [Pa].
+        :raises StructureError: a member does not hold its guide rings, or a law gives no stiffness
+            of a tube; names length and pressure.
+        """
+        between = length - 2.0 * self.guide_ring_distance
+        if (between <= 0.0).any():
+            raise StructureError(
+                f'a member of {length[between <= 0.0][0]:.6g} m does not hold its guide rings, '
+                f'{self.guide_ring_distance:g} m from its ends: no stiffness law applies'
+            )
+        stiffnesses = []
+        for mode, span in (('axial', length), ('transverse', between), ('rotary', between)):
+            law: Law = getattr(self, mode)
+            k = law.stiffness(span, pressure)
+            wrong = ~((k >= MIN_STIFFNESS) & (k <= MAX_STIFFNESS))
+            if wrong.any():
+                at = int(np.argmax(wrong))
+                raise StructureError(
+                    f'stiffness law {mode}: C = {law.C:g}, a = {law.a:g}, b = {law.b:g} gives '
+                    f'{k[at]:g} for {_case(length[at], pressure[at])}: '
+                    f'must be from {MIN_STIFFNESS:g} to {MAX_STIFFNESS:g}; laws are in SI units'
+                )
+            stiffnesses.append(k)
+        return stiffnesses[0], stiffnesses[1], stiffnesses[2]
+
+    def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
+        """
+        Return EA, EI and GA with which members have the measured end stiffnesses.
+
+        With L from pinch to pinch and l = L - 2 g from ring to ring, the inverse of
+        k_axial = EA/L, k_transverse = 12 EI / (l^3 (1 + phi)) and
+        k_rotary = (4 + phi) EI / (l (1 + phi)), where phi = 12 EI / (GA l^2).
+
+        :param length: (k,) of whole members, pinch to pinch [m].
+        :param pressure: (k,) or one for all, gauge [Pa].
+        :raises StructureError: no beam has such stiffnesses; names length and pressure.
+        """
+        length, pressure = broadcast_members(length, pressure)
+        axial, transverse, rotary = self.end_stiffnesses(length, pressure)
+        between = length - 2.0 * self.guide_ring_distance
+        ratio = 12.0 * rotary / (transverse * between**2)
+        wrong = ratio < 4.0 * (1.0 - RATIO_TOLERANCE)
+        if wrong.any():
+            at = int(np.argmax(wrong))
+            raise StructureError(
+                f'stiffness laws: for {_case(length[at], pressure[at])} the transverse stiffness '
+                f'is {transverse[at]:.6g} N/m and the rotary one {rotary[at]:.6g} N m/rad, which '
+                f'no beam has: with {between[at]:.6g} m from ring to ring the rotary one must be '
+                'at least L^2/3 times the transverse one, '
+                f'{transverse[at] * between[at] ** 2 / 3.0:.6g} N m/rad'
+            )
+        # Within rounding of 4 there is no shear, not a stiffness of whatever the rounding leaves.
+        phi = np.where(ratio > 4.0 * (1.0 + RATIO_TOLERANCE), ratio - 4.0, 0.0)
+        flexural = transverse * between**3 * (1.0 + phi) / 12.0
+        shear = np.full_like(length, np.inf)
+        np.divide(12.0 * flexural, phi * between**2, out=shear, where=phi > 0.0)
+        return SectionStiffness(axial * length, flexural, shear)
+
+
+def _case(length: float, pressure: float) -> str:
+    return f'a member of {length:.6g} m at {pressure:.6g} Pa'

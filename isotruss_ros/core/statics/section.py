@@ -1,0 +1,43 @@
+"""Section stiffness of tube members, and the lengths and pressures that it belongs to."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+class SectionStiffness(NamedTuple):
+    """
+    EA, EI and GA of Timoshenko beams.
+
+    :ivar axial: (k,) EA [N].
+    :ivar flexural: (k,) EI [N m^2].
+    :ivar shear: (k,) GA [N], infinite where nothing shears.
+    """
+
+    axial: Array
+    flexural: Array
+    shear: Array
+
+
+def broadcast_members(length: ArrayLike, pressure: ArrayLike) -> tuple[Array, Array]:
+    """
+    Return lengths and gauge pressures as arrays (k,).
+
+    :param length: (k,) [m].
+    :param pressure: (k,) or one for all [Pa].
+    :raises StructureError: a value is not a positive number; names the first.
+    """
+    length = np.atleast_1d(np.asarray(length, dtype=float))
+    pressure = np.broadcast_to(np.asarray(pressure, dtype=float), length.shape)
+    for what, unit, values in (('length', 'm', length), ('gauge pressure', 'Pa', pressure)):
+        wrong = ~(np.isfinite(values) & (values > 0.0))
+        if wrong.any():
+            raise StructureError(
+                f'{what} of a tube member: {values[wrong][0]:g} {unit}: must be a positive number'
+            )
+    return length, pressure

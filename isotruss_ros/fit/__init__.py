@@ -1,1 +1,0 @@
-"""Executable `fit_tube_stiffness`: from measured points to the stiffness laws of a robot file."""

@@ -1,0 +1,1 @@
+"""Parts of nodes that more than one node has."""

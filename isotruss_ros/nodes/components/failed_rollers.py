@@ -1,0 +1,128 @@
+"""Which rollers have failed: by the topic and the parameter `failed_rollers`, or detected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from isotruss_ros.core import (
+    Grasp,
+    GraspError,
+    IsotrussError,
+    reachable_twists,
+    Robot,
+    StampedInput,
+    TwistServo,
+)
+from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.nodes.framework.parameters import ParameterError, Value
+from isotruss_ros.nodes.framework.subscriptions import subscribe_latched
+from rclpy.node import Node
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+NAME = 'failed_rollers'
+SERVICE = 'reset_failed_rollers'
+
+
+class FailedRollers:
+    """
+    Keep the rollers that the topic names and those that were detected, in every state of the node.
+
+    :param node: subscribes and offers the service, until it is destroyed.
+    :param servo: returns the servo while there is one.
+    :param changed: called when the topic names other rollers.
+    """
+
+    def __init__(
+        self, node: Node, servo: Callable[[], TwistServo | None], changed: Callable[[], None]
+    ) -> None:
+        self._servo, self._changed = servo, changed
+        self._named: frozenset[str] = frozenset()
+        #: Detected by the servo before, for the next one.
+        self._detected: frozenset[str] = frozenset()
+        subscribe_latched(node, String, NAME, self._receive)
+        node.create_service(Trigger, SERVICE, self._reset)
+
+    def select_named(self, robot: Robot) -> frozenset[str]:
+        """
+        Return the rollers that the topic names, of those that the robot has.
+
+        :param robot: the robot.
+        """
+        return self._named & frozenset(robot.roller_names)
+
+    def find_fault(self, robot: Robot) -> str | None:
+        """
+        Return what is wrong with the last message of the topic; None if nothing is.
+
+        :param robot: whose rollers it must name.
+        """
+        try:
+            check_roller_names(f'the topic {NAME}', self._named, robot.roller_names)
+        except GraspError as error:
+            return str(error)
+        return None
+
+    def keep_detected(self) -> None:
+        """Keep what the servo has detected, before it is released."""
+        servo = self._servo()
+        if servo is not None and servo.detector is not None:
+            self._detected = servo.detector.failed
+
+    def restore_detected(self) -> None:
+        """Give a new servo what was detected before, of the rollers that its robot has."""
+        servo = self._servo()
+        servo.detector.failed = self._detected & frozenset(servo.robot.roller_names)
+
+    def _receive(self, message: String) -> None:
+        named = frozenset(part.strip() for part in message.data.split(',')) - {''}
+        if named != self._named:
+            self._named = named
+            self._changed()
+
+    def _reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Use the rollers again that were detected to have failed."""
+        self.keep_detected()
+        response.success = True
+        response.message = 'no roller was detected to have failed'
+        if self._detected:
+            response.message = f'reset: {", ".join(sorted(self._detected))}'
+            self._detected = frozenset()
+            servo = self._servo()
+            if servo is not None:
+                servo.detector.reset()
+        return response
+
+
+def check_failed_rollers(robot: Robot, values: dict[str, Value]) -> None:
+    """
+    Check the parameter `failed_rollers`.
+
+    :param robot: whose rollers it must name.
+    :param values: new values of parameters by name.
+    :raises ParameterError: it names rollers that the robot does not have.
+    """
+    try:
+        names = frozenset(values.get(NAME, ())) - {''}
+        check_roller_names(f'parameter {NAME}', names, robot.roller_names)
+    except GraspError as error:
+        raise ParameterError(str(error)) from error
+
+
+def describe_reachable_twists(servo: TwistServo) -> str:
+    """
+    Return in words which twists of the object the working rollers can bring about.
+
+    :param servo: its inputs are where the robot and the object are.
+    """
+    rollers, center = servo.rollers, servo.center
+    if not isinstance(rollers, StampedInput) or not isinstance(center, StampedInput):
+        return 'unknown without joint states and object pose'
+    try:
+        config = servo.robot.configuration(rollers.value.positions)
+        grasp = Grasp(servo.grip_module, center.value, servo.object_diameter)
+        twists = reachable_twists(config, grasp, servo.failed)
+    except IsotrussError as error:
+        return f'unknown: {error}'
+    listed = ', '.join(f'({vx:.3g}, {vy:.3g}, {omega:.3g})' for vx, vy, omega in twists)
+    return f'{len(twists)} of 3: twists (vx, vy, omega) along {listed or "none"}'

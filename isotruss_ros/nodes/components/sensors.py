@@ -1,0 +1,114 @@
+"""Subscriptions to measured inputs; each keeps the newest value, or why it was rejected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from geometry_msgs.msg import PoseStamped
+from isotruss_ros.core import RejectedInput, Robot, StampedInput
+from isotruss_ros.core.control.inputs import Input
+from isotruss_ros.nodes.conversions.messages import (
+    MessageError,
+    read_object_center,
+    read_stamp,
+    RollerStateReader,
+)
+from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+
+class InputHolder(Protocol):
+    """
+    What keeps the latest inputs, as attributes, and decides by them.
+
+    :ivar timeout: largest age of an input [s].
+    """
+
+    timeout: float
+
+
+def subscribe_input(
+    node: Node,
+    kind: type,
+    topic: str,
+    read: Callable[[Any], Any],
+    holder: InputHolder,
+    name: str,
+) -> None:
+    """
+    Subscribe to messages with a header and keep the newest value as an input.
+
+    :param node: subscribes.
+    :param kind: type of the messages.
+    :param topic: relative name of the topic.
+    :param read: returns the value of a message; raises MessageError for one that is unusable.
+    :param holder: gets a StampedInput, or a RejectedInput with the reason.
+    :param name: attribute of `holder`.
+    """
+
+    def receive(message: Any) -> None:
+        try:
+            received = StampedInput(read(message), read_stamp(message.header))
+        except MessageError as error:
+            setattr(holder, name, RejectedInput(str(error)))
+            return
+        setattr(holder, name, select_latest(getattr(holder, name), received, holder.timeout))
+
+    subscribe_newest(node, kind, topic, receive)
+
+
+def subscribe_joint_states(node: Node, robot: Robot, holder: InputHolder) -> None:
+    """
+    Keep the state of the rollers, from `joint_states`, as `holder.rollers`.
+
+    :param node: subscribes.
+    :param robot: whose rollers are read.
+    :param holder: gets a StampedInput of a RollerState, or a RejectedInput.
+    """
+    reader = RollerStateReader(robot.roller_names)
+    subscribe_input(node, JointState, 'joint_states', reader.read, holder, 'rollers')
+
+
+def subscribe_object_center(node: Node, robot: Robot, holder: InputHolder) -> None:
+    """
+    Keep the object's centre (x, y) [m], from `object_pose`, as `holder.center`.
+
+    :param node: subscribes.
+    :param robot: in whose frame the pose must be.
+    :param holder: gets a StampedInput or a RejectedInput.
+    """
+
+    def read(message: PoseStamped) -> tuple[float, float]:
+        return read_object_center(message, robot.frame)
+
+    subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'center')
+
+
+def select_latest(kept: Input, received: StampedInput, timeout: float) -> Input:
+    """
+    Return the later of two inputs: messages may overtake each other in transport.
+
+    What is older by more than the timeout was not overtaken: a clock was set back, and what is
+    kept is no longer valid.
+
+    :param kept: the input so far.
+    :param received: the new input.
+    :param timeout: largest age of an input [s].
+    """
+    if isinstance(kept, StampedInput) and 0.0 < kept.time - received.time < timeout:
+        return kept
+    return received
+
+
+def format_age(given: Input, now: float) -> str:
+    """
+    Return the age of an input [s], or why it has none, for the diagnostics.
+
+    :param given: the input.
+    :param now: time on the clock of its stamp [s].
+    """
+    if given is None:
+        return 'none received'
+    return given.reason if isinstance(given, RejectedInput) else f'{now - given.time:.4f}'

@@ -1,0 +1,93 @@
+"""What the manipulation node reports of every cycle: status, diagnostics and log."""
+
+from __future__ import annotations
+
+from isotruss_msgs.msg import ManipulationStatus
+from isotruss_ros.core import Decision, Status
+from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
+from isotruss_ros.nodes.framework.diagnostics import CycleTimes, Level, WarningThrottle
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.qos import RELIABLE
+from rclpy.time import Time
+
+#: Statuses that are no warning: no motion is commanded, or all is well.
+NORMAL = frozenset({Status.OK, Status.IDLE, Status.HALT_NO_TWIST})
+
+
+class StatusReport:
+    """
+    Report the decisions of the servo; created whenever the node is configured.
+
+    :param node: publishes.
+    :param frame: the robot's frame.
+    """
+
+    def __init__(self, node: ManagedNode, frame: str) -> None:
+        self._publisher = node.create_lifecycle_publisher(
+            ManipulationStatus, 'manipulation/status', RELIABLE
+        )
+        self._frame = frame
+        self._diagnostics = node.diagnostics
+        self._throttle = WarningThrottle(node.get_logger())
+        self._cycle_times = CycleTimes()
+        # Created once: a message with its parts costs more to create than to fill in.
+        self._message = ManipulationStatus()
+        self._failed: tuple[str, ...] = ()
+
+    def publish(self, decision: Decision, now: Time) -> None:
+        """
+        Publish a decision; log it where the twist is not carried out as commanded.
+
+        :param decision: of this cycle.
+        :param now: time of the cycle.
+        """
+        command, message = decision.command, self._message
+        stamp_header(message.header, now, self._frame)
+        message.code = int(command.status)
+        message.message = decision.message
+        to_twist_message(decision.twist, message.commanded)
+        to_twist_message(command.achieved_twist, message.achieved)
+        message.scale = command.scale
+        message.reachable_dof = command.reachable_dof
+        if decision.failed != self._failed:
+            self._failed = decision.failed
+            message.failed_rollers = list(decision.failed)
+        self._publisher.publish(message)
+        level = select_level(command.status)
+        text = decision.message or command.status.name
+        if decision.failed:
+            level = max(level, Level.WARN)
+            text = f'failed rollers: {", ".join(decision.failed)}; {text}'
+        self._diagnostics.set_status(level, text)
+        if level is not Level.OK:
+            self._throttle.warn(command.status.name, f'{command.status}: {text}')
+
+    def add_cycle_time(self, duration: float) -> None:
+        """
+        Add the duration of the cycle, for the status of the next and the diagnostics.
+
+        :param duration: computing time [s].
+        """
+        self._message.cycle_time = duration
+        self._cycle_times.add(duration)
+
+    def summary(self, period: float) -> dict[str, object]:
+        """
+        Return status and cycle times, for the diagnostics.
+
+        :param period: from cycle to cycle [s].
+        """
+        last = Status(self._message.code)
+        cycles = self._cycle_times.summary(period)
+        return {'status': last.name, 'status code': int(last)} | cycles
+
+
+def select_level(status: Status) -> Level:
+    """
+    Return the level of a status in the diagnostics.
+
+    :param status: of a cycle.
+    """
+    if status in NORMAL:
+        return Level.OK
+    return Level.WARN if status < Status.HALT_NO_TWIST else Level.ERROR

@@ -1,0 +1,144 @@
+"""Analysed grasps to messages, and questions about grasps from messages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+from geometry_msgs.msg import Point, Vector3, Wrench, WrenchStamped
+from isotruss_msgs.msg import Contact, GraspState
+from isotruss_msgs.srv import AnalyzeGrasp
+from isotruss_ros.core import GraspAnalysis, GraspReport, Question
+from isotruss_ros.nodes.conversions.messages import (
+    check_frame,
+    MessageError,
+    stamp_header,
+    to_time,
+)
+import numpy as np
+
+#: No wrench is larger [N, N m]; what is beyond is a broken sensor, not a load.
+MAX_WRENCH = 1e6
+
+
+def read_wrench(wrench: Wrench) -> tuple[float, float, float]:
+    """
+    Return (fx, fy, m) [N, N m]; components out of the plane are carried by the ground.
+
+    :param wrench: on the object about its centre.
+    """
+    return wrench.force.x, wrench.force.y, wrench.torque.z
+
+
+def read_external_wrench(message: WrenchStamped, frame: str) -> tuple[float, float, float]:
+    """
+    Return the external wrench (fx, fy, m) on the object [N, N m].
+
+    :param message: wrench about the object's centre.
+    :param frame: the robot's frame.
+    :raises MessageError: another frame, not finite, or larger than `MAX_WRENCH`.
+    """
+    check_frame('external wrench', message.header, frame)
+    wrench = read_wrench(message.wrench)
+    if not all(abs(component) <= MAX_WRENCH for component in wrench):
+        raise MessageError(
+            f'external wrench {wrench}: force.x, force.y and torque.z must be finite, '
+            f'at most {MAX_WRENCH:g} N and N m'
+        )
+    return wrench
+
+
+def to_wrench_message(wrench: Sequence[float]) -> Wrench:
+    """
+    Return a planar wrench as a message.
+
+    :param wrench: (fx, fy, m) [N, N m].
+    """
+    fx, fy, m = map(float, wrench)
+    return Wrench(force=Vector3(x=fx, y=fy), torque=Vector3(z=m))
+
+
+def read_question(request: AnalyzeGrasp.Request, spacing: float) -> Question:
+    """
+    Return the question of a request; the analysis checks its values.
+
+    :param request: of the service `analyze_grasp`.
+    :param spacing: of the contact points along the tubes [m].
+    """
+    return Question(
+        tuple(request.roller_positions),
+        (request.center.x, request.center.y),
+        request.diameter,
+        request.friction,
+        read_wrench(request.external_wrench),
+        spacing,
+    )
+
+
+def to_state_message(report: GraspReport, frame: str) -> GraspState:
+    """
+    Return the result of an analysis as a message; without result the figures are the worst.
+
+    :param report: of the grasp monitor.
+    :param frame: the robot's frame.
+    """
+    state = GraspState(code=int(report.code), message=report.message)
+    stamp_header(state.header, to_time(report.time), frame)
+    if report.grasp is None:
+        state.closure_residual = state.required_friction = math.inf
+        state.closure_margin = -math.inf
+        return state
+    settled = report.grasp.settled
+    state.held = report.held
+    state.hold_message = settled.reason
+    state.slip_margin = settled.slip_margin
+    state.displacement = settled.displacement
+    state.grasping_members = list(settled.normal_forces)
+    state.squeeze = list(settled.normal_forces.values())
+    state.friction_used = list(settled.friction_used.values())
+    analysis = report.grasp.analysis
+    state.force_closure = report.force_closure
+    state.closure_residual = analysis.closure_residual
+    state.closure_tolerance = analysis.closure_tolerance
+    state.required_friction = analysis.required_friction
+    state.closure_margin = analysis.closure_margin
+    state.normal_wrench = to_wrench_message(analysis.normal_wrench)
+    state.contacts = to_contact_messages(analysis)
+    state.contact_members = list(analysis.contact_lengths)
+    state.contact_lengths = list(analysis.contact_lengths.values())
+    state.contact_widths = list(analysis.contact_widths.values())
+    state.contact_areas = list(analysis.contact_areas.values())
+    state.contact_pressures = list(analysis.contact_pressures.values())
+    state.peak_pressures = list(analysis.peak_pressures.values())
+    state.members = list(analysis.utilisation)
+    state.utilisation = list(analysis.utilisation.values())
+    state.utilisation_places = list(analysis.utilisation_places.values())
+    state.stiffness = analysis.stiffness.ravel()
+    state.computing_time = report.grasp.computing_time
+    return state
+
+
+def to_contact_messages(analysis: GraspAnalysis) -> list[Contact]:
+    """
+    Return the contact points that carry a normal force.
+
+    :param analysis: of the grasp.
+    """
+    touching = np.flatnonzero(analysis.normal_forces > 0.0)
+    return [
+        Contact(
+            position=Point(x=x, y=y),
+            normal=Vector3(x=nx, y=ny),
+            normal_force=normal,
+            friction_force=friction,
+            gap=gap,
+        )
+        for (x, y), (nx, ny), normal, friction, gap in zip(
+            analysis.points[touching].tolist(),
+            analysis.normals[touching].tolist(),
+            analysis.normal_forces[touching].tolist(),
+            analysis.friction_forces[touching].tolist(),
+            analysis.gaps[touching].tolist(),
+            strict=True,
+        )
+    ]

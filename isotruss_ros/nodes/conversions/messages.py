@@ -1,0 +1,213 @@
+"""Messages to numbers and back; an unusable message raises MessageError with the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import PoseStamped, Quaternion, Twist
+from isotruss_ros.core import IsotrussError, Pose, RollerState
+from isotruss_ros.core.errors import quote
+from isotruss_ros.core.numerics.arrays import Array, Indices
+import numpy as np
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, Header
+
+#: No roller is faster [m/s]; what is beyond is a broken sensor, not a motion.
+MAX_SPEED = 10.0
+#: No object is farther away, and no roller has travelled farther [m].
+MAX_DISTANCE = 1e6
+#: A quaternion whose norm is further from 1 than this was never meant as a rotation.
+QUATERNION_TOLERANCE = 0.01
+
+
+class MessageError(IsotrussError, ValueError):
+    """A message is unusable; the text names what is wrong and what would be right."""
+
+
+def read_stamp(header: Header) -> float:
+    """
+    Return the stamp of a header [s].
+
+    :param header: of a message.
+    """
+    return header.stamp.sec + 1e-9 * header.stamp.nanosec
+
+
+def to_time(when: float) -> Time:
+    """
+    Return a time of rclpy, not before zero.
+
+    :param when: time [s].
+    """
+    return Time(nanoseconds=max(0, round(1e9 * when)))
+
+
+def stamp_header(header: Header, time: Time, frame: str = '') -> Header:
+    """
+    Fill in a header and return it.
+
+    :param header: of a message.
+    :param time: its stamp.
+    :param frame: its frame.
+    """
+    header.stamp = time.to_msg()
+    header.frame_id = frame
+    return header
+
+
+def read_twist(twist: Twist) -> tuple[float, float, float]:
+    """
+    Return (vx, vy, omega) [m/s, rad/s].
+
+    :param twist: of the object.
+    :raises MessageError: not finite, or a motion out of the plane.
+    """
+    linear, angular = twist.linear, twist.angular
+    planar = (linear.x, linear.y, angular.z)
+    if not all(map(math.isfinite, planar)):
+        raise MessageError(f'twist {planar}: linear.x, linear.y and angular.z must be finite')
+    if linear.z or angular.x or angular.y:
+        raise MessageError(
+            f'twist with linear.z {linear.z}, angular.x {angular.x}, angular.y {angular.y}: '
+            'the robot is planar; they must be 0'
+        )
+    return planar
+
+
+def check_frame(what: str, header: Header, frame: str) -> None:
+    """
+    Check the frame of a header; an empty one means the robot's, as in a message without header.
+
+    :param what: the message, for the error.
+    :param header: of the message.
+    :param frame: the robot's frame.
+    :raises MessageError: names both frames.
+    """
+    if header.frame_id not in ('', frame):
+        raise MessageError(
+            f'{what} in frame {quote(header.frame_id)}: must be in {frame!r} (or leave it empty)'
+        )
+
+
+def read_object_center(message: PoseStamped, frame: str) -> tuple[float, float]:
+    """
+    Return the object's centre (x, y) [m].
+
+    :param message: pose of the object.
+    :param frame: the robot's frame.
+    :raises MessageError: another frame, not finite, or no rotation in the quaternion.
+    """
+    if message.header.frame_id != frame:
+        raise MessageError(
+            f'object pose in frame {quote(message.header.frame_id)}: must be {frame!r}'
+        )
+    position, q = message.pose.position, message.pose.orientation
+    if not all(abs(coordinate) <= MAX_DISTANCE for coordinate in (position.x, position.y)):
+        raise MessageError(
+            f'object pose at ({position.x}, {position.y}): must be finite, '
+            f'at most {MAX_DISTANCE:g} m away'
+        )
+    norm = math.hypot(q.x, q.y, q.z, q.w)
+    if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:
+        raise MessageError(f'object pose: the quaternion has norm {norm}; must be 1')
+    return position.x, position.y
+
+
+def to_pose_message(pose: Pose) -> PoseMessage:
+    """
+    Return a planar pose as a message.
+
+    :param pose: (x, y, angle) [m, rad].
+    """
+    message = PoseMessage()
+    message.position.x, message.position.y = pose.x, pose.y
+    message.orientation = Quaternion(z=math.sin(0.5 * pose.angle), w=math.cos(0.5 * pose.angle))
+    return message
+
+
+def to_twist_message(twist: Sequence[float] | Array, message: Twist | None = None) -> Twist:
+    """
+    Return a twist as a message.
+
+    :param twist: (vx, vy, omega) [m/s, rad/s].
+    :param message: filled in and returned; a new one where left out.
+    """
+    message = Twist() if message is None else message
+    message.linear.x, message.linear.y = float(twist[0]), float(twist[1])
+    message.angular.z = float(twist[2])
+    return message
+
+
+def to_command_message(velocities: Array) -> Float64MultiArray:
+    """
+    Return roller velocities as a velocity group controller takes them.
+
+    :param velocities: (r,) [m/s].
+    """
+    return Float64MultiArray(data=velocities.tolist())
+
+
+class RollerStateReader:
+    """
+    Select the rollers from joint states by name, in any order and among other joints.
+
+    :param names: names of the rollers, in the order of the result.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = tuple(names)
+        self._message_names: list[str] | None = None
+        self._places = np.zeros(0, dtype=int)
+
+    def read(self, message: JointState) -> RollerState:
+        """
+        Return travel (r,) [m] and velocities (r,) [m/s] of the rollers.
+
+        Velocities that the message leaves out, or that are NaN, as a broadcaster publishes where
+        nothing is measured, are zero.
+
+        :param message: joint states.
+        :raises MessageError: a roller is missing or named twice, there are not as many positions
+            (or velocities) as names, or a number is not finite or out of range.
+        """
+        if message.name != self._message_names:
+            self._places = self._find_places(message.name)
+            self._message_names = list(message.name)
+        positions = self._select('positions', message.position)
+        if not (np.abs(positions) <= MAX_DISTANCE).all():
+            raise MessageError(
+                f'joint states: roller positions {positions.tolist()} m: must be finite, '
+                f'at most {MAX_DISTANCE:g} m'
+            )
+        if not message.velocity:
+            return RollerState(positions, np.zeros_like(positions))
+        velocities = np.nan_to_num(self._select('velocities', message.velocity), nan=0.0)
+        if np.abs(velocities).max() > MAX_SPEED:
+            raise MessageError(
+                f'joint states: roller velocities {velocities.tolist()} m/s: '
+                f'must be at most {MAX_SPEED} m/s'
+            )
+        return RollerState(positions, velocities)
+
+    def _select(self, what: str, values: Sequence[float]) -> Array:
+        if len(values) != len(self._message_names):
+            raise MessageError(
+                f'joint states: {len(values)} {what} for {len(self._message_names)} names; '
+                'must be as many'
+            )
+        return np.asarray(values)[self._places]
+
+    def _find_places(self, names: Sequence[str]) -> Indices:
+        missing = [name for name in self._names if name not in names]
+        if missing:
+            raise MessageError(
+                f'joint states: rollers {", ".join(missing)} are missing; '
+                f'must name {", ".join(self._names)}'
+            )
+        twice = [name for name in self._names if names.count(name) > 1]
+        if twice:
+            raise MessageError(f'joint states: {", ".join(twice)} named twice; must be once')
+        return np.array([names.index(name) for name in self._names])

@@ -1,0 +1,108 @@
+"""Paths and poses as messages: goals in, feedback and results out."""
+
+from __future__ import annotations
+
+import math
+
+from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.action import FollowObjectPath
+from isotruss_ros.core import ObjectPath, PathTracker, Pose, Tracking
+from isotruss_ros.core.control.object_path import MAX_POSES
+from isotruss_ros.core.control.path_servo import Outcome
+from isotruss_ros.nodes.conversions.messages import (
+    check_frame,
+    MessageError,
+    QUATERNION_TOLERANCE,
+    read_object_center,
+)
+from nav_msgs.msg import Path
+
+
+def read_angle(message: PoseMessage) -> float:
+    """
+    Return the angle about z of a pose [rad]; tilts about x and y are ignored.
+
+    :param message: pose.
+    """
+    q = message.orientation
+    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
+
+
+def read_object_pose(message: PoseStamped, frame: str) -> Pose:
+    """
+    Return the measured pose of the object.
+
+    :param message: pose of the object.
+    :param frame: the robot's frame.
+    :raises MessageError: another frame, not finite, or no rotation in the quaternion.
+    """
+    return Pose(*read_object_center(message, frame), read_angle(message.pose))
+
+
+def read_object_path(
+    message: Path, speed: float, turn_rate: float, frame: str, smooth: bool
+) -> ObjectPath:
+    """
+    Return the path of a goal.
+
+    :param message: poses of the object.
+    :param speed: of the object's centre along the path [m/s].
+    :param turn_rate: largest rate of turn [rad/s].
+    :param frame: the robot's frame.
+    :param smooth: whether corners are rounded.
+    :raises MessageError: another frame, not finite, or a rotation out of the plane.
+    :raises PathError: see `ObjectPath`.
+    """
+    check_frame('path', message.header, frame)
+    if len(message.poses) > MAX_POSES:
+        raise MessageError(f'the path has {len(message.poses)} poses; must be at most {MAX_POSES}')
+    poses = []
+    for number, stamped in enumerate(message.poses):
+        what = f'pose {number} of the path'
+        check_frame(what, stamped.header, frame)
+        position, q = stamped.pose.position, stamped.pose.orientation
+        norm, tilt = math.hypot(q.x, q.y, q.z, q.w), math.hypot(q.x, q.y)
+        if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:
+            raise MessageError(f'{what}: the quaternion has norm {norm}; must be 1')
+        if tilt > QUATERNION_TOLERANCE:
+            raise MessageError(
+                f'{what}: the quaternion has x {q.x} and y {q.y}: the robot is planar; must be 0'
+            )
+        poses.append((position.x, position.y, read_angle(stamped.pose)))
+    return ObjectPath(poses, speed, turn_rate, smooth)
+
+
+def to_feedback_message(tracking: Tracking) -> FollowObjectPath.Feedback:
+    """
+    Return the feedback of the action.
+
+    :param tracking: of the last cycle.
+    """
+    return FollowObjectPath.Feedback(
+        position_error=tracking.position_error,
+        angle_error=tracking.angle_error,
+        progress=tracking.progress,
+        time_left=tracking.time_left,
+    )
+
+
+def to_result_message(
+    outcome: Outcome, message: str, tracker: PathTracker | None, last: Tracking | None
+) -> FollowObjectPath.Result:
+    """
+    Return the result of the action.
+
+    :param outcome: why the goal ended.
+    :param message: in words.
+    :param tracker: of the path; None if it never began: errors are not a number then.
+    :param last: of its last cycle, likewise.
+    """
+    result = FollowObjectPath.Result(code=int(outcome), message=message)
+    known = tracker is not None and last is not None
+    result.position_error = last.position_error if known else math.nan
+    result.angle_error = last.angle_error if known else math.nan
+    result.max_position_error = tracker.max_position_error if known else math.nan
+    result.max_angle_error = tracker.max_angle_error if known else math.nan
+    result.rms_position_error = tracker.rms_position_error if known else math.nan
+    return result

@@ -1,0 +1,166 @@
+"""Goals of the search for grasps from messages, feedback and results to messages."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import WrenchStamped
+from isotruss_msgs.action import PlanGrasp
+from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
+from isotruss_ros.core import (
+    Cylinder,
+    GraspRequirements,
+    Measure,
+    PlannedGrasp,
+    Progress,
+    Robot,
+)
+from isotruss_ros.core.errors import quote
+from isotruss_ros.core.planning.export import export_figures, export_path, export_violation
+from isotruss_ros.core.planning.searcher import Answer
+from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
+from isotruss_ros.nodes.conversions.messages import (
+    check_frame,
+    MAX_DISTANCE,
+    MessageError,
+)
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+#: Largest number of grasps of a goal.
+MAX_COUNT = 1000
+
+
+class SearchGoal(NamedTuple):
+    """
+    Arguments of a search.
+
+    :ivar cylinder: the object.
+    :ivar requirements: of the grasps.
+    :ivar seed: of the search.
+    :ivar time_limit: of the search [s]; none if 0.
+    """
+
+    cylinder: Cylinder
+    requirements: GraspRequirements
+    seed: int
+    time_limit: float
+
+
+def read_goal(goal: PlanGrasp.Goal, robot: Robot) -> SearchGoal:
+    """
+    Return the arguments of the search that a goal requests.
+
+    :param goal: of the action.
+    :param robot: the robot.
+    :raises MessageError: another frame, or a number that is not finite or out of range.
+    :raises GraspError: an unusable requirement.
+    """
+    check_frame('object pose', goal.object_pose.header, robot.frame)
+    position = goal.object_pose.pose.position
+    for name, value in (('x', position.x), ('y', position.y), ('diameter', goal.object_diameter)):
+        if not abs(value) <= MAX_DISTANCE:
+            raise MessageError(
+                f'object: {name} {value} m: must be finite, at most {MAX_DISTANCE:g} m'
+            )
+    if not 0.0 <= goal.time_limit < math.inf:
+        raise MessageError(
+            f'time_limit {goal.time_limit} s: must be a number, not negative; 0 for no limit'
+        )
+    if not 1 <= goal.count <= MAX_COUNT:
+        raise MessageError(f'count {goal.count}: must be from 1 to {MAX_COUNT}')
+    if goal.module and goal.module not in robot.module_names:
+        raise MessageError(
+            f'module {quote(goal.module)}: robot {robot.name} has no such module; must be one of '
+            f'{", ".join(robot.module_names)}, or empty for any'
+        )
+    measures = [measure.value for measure in Measure]
+    if goal.measure not in measures:
+        raise MessageError(f'measure {quote(goal.measure)}: must be one of {", ".join(measures)}')
+    bounds = {
+        name: getattr(goal, name) or math.inf for name in ('max_contact_force', 'max_total_force')
+    }
+    if goal.max_utilisation:
+        bounds['max_utilisation'] = goal.max_utilisation
+    if goal.min_rigidity:
+        bounds['min_rigidity'] = goal.min_rigidity
+    direction = tuple(goal.direction.tolist())
+    if goal.measure == 'stiffness' or any(direction):
+        bounds['direction'] = direction
+    requirements = GraspRequirements(
+        friction=goal.friction,
+        external_wrench=read_external_wrench(
+            WrenchStamped(wrench=goal.external_wrench), robot.frame
+        ),
+        module=goal.module or None,
+        min_margin=goal.min_margin,
+        measure=goal.measure,
+        count=goal.count,
+        **bounds,
+    )
+    cylinder = Cylinder((position.x, position.y), goal.object_diameter)
+    return SearchGoal(cylinder, requirements, goal.seed, goal.time_limit)
+
+
+def to_feedback_message(progress: Progress) -> PlanGrasp.Feedback:
+    """
+    Return the feedback of the action.
+
+    :param progress: of the search.
+    """
+    return PlanGrasp.Feedback(
+        evaluations=progress.evaluations,
+        found=progress.found,
+        best=math.nan if progress.best is None else progress.best,
+        progress=progress.share,
+        time_left=math.nan if progress.time_left is None else progress.time_left,
+    )
+
+
+def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
+    """
+    Return the result of the action.
+
+    :param answer: of the search.
+    :param robot: the robot.
+    """
+    result = PlanGrasp.Result(code=int(answer.outcome), message=answer.message)
+    plan = answer.plan
+    if plan is None:
+        return result
+    result.grasps = [to_grasp_message(grasp, robot) for grasp in plan.grasps]
+    for name, value in export_violation(plan.closest_violation).items():
+        setattr(result, name, value)
+    result.evaluations, result.analyses = plan.evaluations, plan.analyses
+    result.computing_time = plan.computing_time
+    return result
+
+
+def to_grasp_message(grasp: PlannedGrasp, robot: Robot) -> PlannedGraspMessage:
+    """
+    Return a grasp with the trajectory to it.
+
+    :param grasp: of a search.
+    :param robot: the robot.
+    """
+    exported = export_path(grasp)
+    times = exported['times']
+    path = JointTrajectory(joint_names=list(robot.roller_names))
+    path.header.frame_id = robot.frame
+    path.points = [
+        JointTrajectoryPoint(positions=row, time_from_start=to_duration(when))
+        for row, when in zip(exported['path'], times, strict=True)
+    ]
+    touch = to_duration(times[exported['touch']])
+    return PlannedGraspMessage(**export_figures(grasp), path=path, touch=touch)
+
+
+def to_duration(seconds: float) -> Duration:
+    """
+    Return a duration as a message.
+
+    :param seconds: not negative [s].
+    """
+    whole, rest = divmod(round(1e9 * seconds), 1_000_000_000)
+    return Duration(sec=whole, nanosec=rest)

@@ -1,0 +1,94 @@
+"""A control cycle that continues when clocks are set, and detects one that jumps back or stops."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.time import Time
+from rclpy.timer import Timer
+
+#: A stopped clock is detected within the timeout and this share of it, or this time [s].
+WATCH_SHARE, SHORTEST_WATCH = 0.5, 0.01
+
+
+class Cycle:
+    """
+    Call back at a rate until it is destroyed with the node's other timers.
+
+    :param node: its clock, simulated or not, is the one that times are read from.
+    :param rate: cycles per second of the clock of `timer_clock` [Hz].
+    :param step: called in every cycle with the time.
+    :param jumped_back: called before the step when the clock reads less than in the step before.
+    :param stopped: called repeatedly instead of steps while simulated time does not advance.
+    :param progress_timeout: time without a change after which the clock counts as stopped [s].
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        rate: float,
+        step: Callable[[Time], None],
+        jumped_back: Callable[[], None],
+        stopped: Callable[[Time], None] | None = None,
+        progress_timeout: float = 1.0,
+    ) -> None:
+        self._clock = node.get_clock()
+        self._step, self._jumped_back, self._stopped = step, jumped_back, stopped
+        self._progress_timeout = progress_timeout
+        self._last = self._read = 0
+        self._changed = time.monotonic()
+        self._timer = node.create_timer(1.0 / rate, self._tick, clock=timer_clock(node))
+        self._watchdog: Timer | None = None
+        if stopped is not None and node.get_parameter('use_sim_time').value:
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            self._watchdog = node.create_timer(
+                _watch_period(progress_timeout), self._check, clock=steady
+            )
+
+    def change(self, rate: float, progress_timeout: float | None = None) -> None:
+        """
+        Continue at another rate.
+
+        :param rate: cycles per second [Hz].
+        :param progress_timeout: see above; unchanged where left out [s].
+        """
+        self._timer.timer_period_ns = int(1e9 / rate)
+        if self._watchdog is not None and progress_timeout is not None:
+            self._progress_timeout = progress_timeout
+            self._watchdog.timer_period_ns = int(1e9 * _watch_period(progress_timeout))
+
+    def _tick(self) -> None:
+        now = self._clock.now()
+        if now.nanoseconds < self._last:
+            self._jumped_back()
+        self._last = now.nanoseconds
+        self._step(now)
+
+    def _check(self) -> None:
+        now, elapsed = self._clock.now(), time.monotonic()
+        if now.nanoseconds != self._read:
+            self._read, self._changed = now.nanoseconds, elapsed
+        elif elapsed - self._changed > self._progress_timeout:
+            self._stopped(now)
+
+
+def timer_clock(node: Node) -> Clock:
+    """
+    Return the clock of a node's timers: simulated time, or else the steady clock.
+
+    Timers of the system's clock would stop for an hour when that is set back by an hour.
+
+    :param node: whose parameter `use_sim_time` decides.
+    """
+    if node.get_parameter('use_sim_time').value:
+        return node.get_clock()
+    return Clock(clock_type=ClockType.STEADY_TIME)
+
+
+def _watch_period(progress_timeout: float) -> float:
+    """Return the period at which a clock is read [s]."""
+    return max(WATCH_SHARE * progress_timeout, SHORTEST_WATCH)

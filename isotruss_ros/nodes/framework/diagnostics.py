@@ -1,0 +1,137 @@
+"""State of a node on `/diagnostics` and in the log, without flooding either."""
+
+from __future__ import annotations
+
+import bisect
+from collections import deque
+from collections.abc import Callable, Mapping
+import enum
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from isotruss_ros.nodes.framework.qos import DIAGNOSTICS
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.impl.rcutils_logger import RcutilsLogger
+from rclpy.node import Node
+
+#: From one report to the next when nothing changes [s].
+PERIOD = 1.0
+#: Changes for the worse are reported at once, those for the better not oftener than this [s].
+SHORTEST_PERIOD = 0.1
+#: Warnings of one kind are logged at most this often [s].
+WARNING_PERIOD = 1.0
+
+
+class Level(enum.IntEnum):
+    """Levels of `diagnostic_msgs/DiagnosticStatus`."""
+
+    OK = ord(DiagnosticStatus.OK)
+    WARN = ord(DiagnosticStatus.WARN)
+    ERROR = ord(DiagnosticStatus.ERROR)
+
+
+class CycleTimes:
+    """Durations of the cycles since the last report; adding one costs next to nothing."""
+
+    def __init__(self) -> None:
+        # Bounded, should reports fail to come.
+        self._times: deque[float] = deque(maxlen=10_000)
+
+    def add(self, duration: float) -> None:
+        """
+        Add the duration of a cycle.
+
+        :param duration: computing time [s].
+        """
+        self._times.append(duration)
+
+    def summary(self, period: float) -> dict[str, object]:
+        """
+        Return count, median, maximum and overruns by name, and start again.
+
+        :param period: from cycle to cycle [s]; those that took longer are overruns.
+        """
+        times = sorted(self._times)
+        self._times.clear()
+        if not times:
+            return {'cycles': 0}
+        return {
+            'cycles': len(times),
+            'cycle time, median [s]': round(times[len(times) // 2], 6),
+            'cycle time, longest [s]': round(times[-1], 6),
+            'overruns': len(times) - bisect.bisect_right(times, period),
+        }
+
+
+class Diagnostics:
+    """
+    The diagnostic status of one node; setting it between two reports costs next to nothing.
+
+    :ivar hardware_id: name of the robot, once it is loaded.
+    :param node: publishes, from now until it is destroyed.
+    :param details: returns values by name; called for each report.
+    """
+
+    def __init__(self, node: Node, details: Callable[[], Mapping[str, object]]) -> None:
+        self.hardware_id = ''
+        self._node = node
+        self._details = details
+        self._level, self._message = Level.OK, ''
+        self._sent_level, self._sent = Level.OK, 0.0
+        self._reports = node.create_publisher(DiagnosticArray, '/diagnostics', DIAGNOSTICS)
+        # By the steady clock: where simulated time stands still, a report is needed all the more.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(PERIOD, self.report, clock=steady)
+
+    def set_status(self, level: Level, message: str) -> None:
+        """
+        Set the status; report it at once if the level is another one.
+
+        :param level: how bad it is.
+        :param message: for a person to read.
+        """
+        self._level, self._message = level, message
+        if level is not self._sent_level and (
+            level > self._sent_level or time.monotonic() - self._sent >= SHORTEST_PERIOD
+        ):
+            self.report()
+
+    def report(self) -> None:
+        """Publish the present status."""
+        name = self._node.get_fully_qualified_name().lstrip('/')
+        status = DiagnosticStatus(
+            level=bytes([self._level]),
+            name=name,
+            message=self._message,
+            hardware_id=self.hardware_id,
+            values=[KeyValue(key=key, value=str(v)) for key, v in self._details().items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._reports.publish(array)
+        self._sent_level, self._sent = self._level, time.monotonic()
+
+
+class WarningThrottle:
+    """
+    Log warnings at a limited rate by kind, so that a flood of one does not hide another.
+
+    :param logger: the node's.
+    """
+
+    def __init__(self, logger: RcutilsLogger) -> None:
+        self._logger = logger
+        self._last: dict[str, float] = {}
+
+    def warn(self, kind: str, message: str) -> None:
+        """
+        Log a warning, unless one of this kind was logged within the last `WARNING_PERIOD`.
+
+        :param kind: key by which warnings are throttled.
+        :param message: what is logged.
+        """
+        now = time.monotonic()
+        if now - self._last.get(kind, -WARNING_PERIOD) >= WARNING_PERIOD:
+            self._last[kind] = now
+            self._logger.warning(message)

@@ -1,0 +1,170 @@
+"""Node parameters: declared once with type, range and description, checked at start and later."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from isotruss_ros.core import IsotrussError, Robot
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+Value = bool | int | float | str | list[str]
+
+UNCONFIGURED_ONLY = 'read-only unless the node is unconfigured'
+
+
+class ParameterError(IsotrussError, ValueError):
+    """A parameter has a value with which the node cannot work."""
+
+
+@dataclass(frozen=True)
+class Spec:
+    """
+    Declaration of a parameter.
+
+    :ivar name: of the parameter.
+    :ivar default: value and type.
+    :ivar description: for `ros2 param describe` and the documentation.
+    :ivar bounds: smallest and largest value of a number.
+    :ivar read_only: set at start only; of a managed node, only while it is unconfigured.
+    """
+
+    name: str
+    default: Value
+    description: str
+    bounds: tuple[float, float] | None = None
+    read_only: bool = False
+
+    def descriptor(self, managed: bool) -> ParameterDescriptor:
+        """
+        Return what `ros2 param describe` shows.
+
+        :param managed: whether the node is a managed one.
+        """
+        descriptor = ParameterDescriptor(name=self.name, description=self.description)
+        if self.read_only and managed:
+            descriptor.additional_constraints = UNCONFIGURED_ONLY
+        else:
+            descriptor.read_only = self.read_only
+        if self.bounds is not None:
+            low, high = self.bounds
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        return descriptor
+
+
+ROBOT = Spec('robot', 'nine_member', 'Preset, or path of a robot file', read_only=True)
+OBJECT_DIAMETER = Spec(
+    'object_diameter', 0.3, "The object's own diameter [m]", bounds=(0.001, 100.0)
+)
+GRIP_MODULE = Spec('grip_module', 'north/Z', 'Module t/j whose two sides hold the object')
+FRICTION = Spec(
+    'friction', 0.5, 'Coefficient of friction between tube and object', bounds=(0.0, 10.0)
+)
+# Not below the rate of MemberLengthLimit, which keeps members in their limits in quicker loops.
+RATE = Spec('rate', 200.0, 'Cycles per second [Hz]', bounds=(10.0, 2000.0))
+COMMAND_TIMEOUT = Spec(
+    'command_timeout', 0.2, 'Inputs older than this are not relied on [s]', bounds=(0.001, 10.0)
+)
+USE_STAMPED_TWIST = Spec(
+    'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist', read_only=True
+)
+REQUIRE_EMERGENCY_STOP = Spec(
+    'require_emergency_stop', False, 'No motion before a message of emergency_stop is received'
+)
+AUTOSTART = Spec(
+    'autostart', True, 'Configure and activate the node on its own at start', read_only=True
+)
+
+
+class Parameters:
+    """
+    The parameters of one node.
+
+    :param node: declares them.
+    :param specs: their declarations.
+    :param unconfigured: returns whether a managed node is; None for a node that is not managed.
+    :raises ParameterError: an override is of another type, out of range, or unusable.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        specs: Sequence[Spec],
+        unconfigured: Callable[[], bool] | None = None,
+    ) -> None:
+        self._node = node
+        self._fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}
+        self._unconfigured = unconfigured
+        self._check: Callable[[dict[str, Value]], None] | None = None
+        self._apply: Callable[[], None] | None = None
+        managed = unconfigured is not None
+        for spec in specs:
+            try:
+                node.declare_parameter(spec.name, spec.default, spec.descriptor(managed))
+            except ParameterException as error:
+                raise ParameterError(f'parameter {spec.name}: {error}') from error
+        node.add_on_set_parameters_callback(self._check_change)
+        node.add_post_set_parameters_callback(self._apply_change)
+
+    def __getitem__(self, spec: Spec) -> Value:
+        """
+        Return the present value.
+
+        :param spec: declaration of the parameter.
+        """
+        return self._node.get_parameter(spec.name).value
+
+    def on_change(
+        self, check: Callable[[dict[str, Value]], None], apply: Callable[[], None]
+    ) -> None:
+        """
+        Check values now and before every change, and apply every change.
+
+        :param check: called with new values by name; raises IsotrussError for an unusable one.
+        :param apply: called when values have changed.
+        :raises IsotrussError: a value at start is unusable.
+        """
+        present = self._node.get_parameters_by_prefix('')
+        check({name: parameter.value for name, parameter in present.items()})
+        self._check, self._apply = check, apply
+
+    def release(self) -> None:
+        """Remove the functions of `on_change`: the node is no longer configured."""
+        self._check = self._apply = None
+
+    def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Return whether parameters can be set."""
+        if self._unconfigured is not None and not self._unconfigured():
+            fixed = [p.name for p in parameters if p.name in self._fixed]
+            if fixed:
+                reason = f'parameter {", ".join(fixed)}: {UNCONFIGURED_ONLY}'
+                return SetParametersResult(successful=False, reason=reason)
+        try:
+            if self._check is not None:
+                self._check({parameter.name: parameter.value for parameter in parameters})
+        except IsotrussError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply_change(self, _parameters: list[Parameter]) -> None:
+        if self._apply is not None:
+            self._apply()
+
+
+def check_grip_module(robot: Robot, values: dict[str, Value]) -> None:
+    """
+    Check that the robot has the grip module.
+
+    :param robot: the robot.
+    :param values: new values of parameters by name; others than `grip_module` are ignored.
+    :raises ParameterError: names the modules there are.
+    """
+    module = values.get(GRIP_MODULE.name)
+    if module is not None and module not in robot.module_names:
+        raise ParameterError(
+            f'parameter grip_module: {module!r}: robot {robot.name} has no such module; '
+            f'must be one of {", ".join(robot.module_names)}'
+        )

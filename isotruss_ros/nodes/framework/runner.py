@@ -1,0 +1,106 @@
+"""Run a node as an executable: start or print why not, spin, stop cleanly on Ctrl-C or SIGTERM."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import gc
+import signal
+import sys
+import traceback
+from types import FrameType
+
+from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.framework.managed import ManagedNode
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+
+class StoppableNode(Node):
+    """A node, not managed, that has to stop the robot before the process ends."""
+
+    def stop(self) -> None:
+        """Leave the robot safe; publishers still work."""
+
+    def fail(self, error: Exception) -> None:
+        """
+        End the process after an error that escaped a callback.
+
+        :param error: raised again.
+        """
+        raise error
+
+
+class Interruption:
+    """
+    Handle Ctrl-C and SIGTERM: the first sets a flag, the second raises KeyboardInterrupt.
+
+    KeyboardInterrupt raised in the middle of a conversion from C comes out of rclpy as another
+    error.
+
+    :ivar received: whether a signal was received.
+    """
+
+    def __init__(self) -> None:
+        self.received = False
+        for which in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(which, self._handle)
+
+    def _handle(self, _signal: int, _frame: FrameType | None) -> None:
+        if self.received:
+            raise KeyboardInterrupt
+        self.received = True
+
+    def ignore(self) -> None:
+        """Ignore further signals."""
+        for which in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(which, signal.SIG_IGN)
+
+
+def run(
+    make_node: Callable[[], StoppableNode | ManagedNode], args: Sequence[str] | None = None
+) -> int:
+    """
+    Spin a node until it is interrupted.
+
+    :param make_node: returns the node; may raise IsotrussError.
+    :param args: command line, that of the process when left out.
+    :return: exit code: 0 when interrupted, 1 when the node could not start.
+    """
+    # Our own handlers: rclpy's would close the context before the last command is sent.
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    interruption = Interruption()
+    node = None
+    try:
+        try:
+            node = make_node()
+        except IsotrussError as error:
+            print(f'cannot start: {error}', file=sys.stderr)
+            return 1
+        # What exists by now stays: the garbage collector need not walk it between cycles.
+        gc.freeze()
+        _spin(node, interruption)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        interruption.ignore()
+        if node is not None:
+            node.stop()
+            node.destroy_node()
+        rclpy.shutdown()
+    return 0
+
+
+def _spin(node: StoppableNode | ManagedNode, interruption: Interruption) -> None:
+    """Spin until interrupted; an error out of a callback stops the robot, not the process."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while not interruption.received:
+        try:
+            # A signal ends no wait, but every node has a timer. A timeout would create one more
+            # for every callback.
+            executor.spin_once()
+        except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stop
+            traceback.print_exc()
+            node.fail(error)

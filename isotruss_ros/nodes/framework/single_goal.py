@@ -1,0 +1,120 @@
+"""An action server that executes one goal at a time, in the cycle of a node that never blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import enum
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
+from rclpy.task import Future
+
+#: Results and their goals are kept this long for clients that request them late [s].
+RESULT_TIMEOUT = 60
+
+
+class Ending(enum.Enum):
+    """The states of the action in which a goal can end."""
+
+    SUCCEEDED = enum.auto()
+    CANCELED = enum.auto()
+    ABORTED = enum.auto()
+
+
+class SingleGoal:
+    """
+    The active goal, if any; a timer of the node works on it.
+
+    The coroutine of the action only waits for the result: it is resumed when the executor spins
+    anyhow, and so takes no time.
+
+    :param node: offers the action, until it is destroyed.
+    :param kind: type of the action.
+    :param name: relative name of the action.
+    :param ready: returns whether goals are accepted.
+    :param begin: called with a new goal; may end it at once.
+    :param preempted: called before that if another goal is active; must end it.
+    :param cancelled: called when a client cancels the goal; must end it, at once or soon.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        kind: type,
+        name: str,
+        ready: Callable[[], bool],
+        begin: Callable[[Any], None],
+        preempted: Callable[[], None],
+        cancelled: Callable[[], None],
+    ) -> None:
+        self._ready, self._begin = ready, begin
+        self._preempted, self._cancelled = preempted, cancelled
+        self._handle: ServerGoalHandle | None = None
+        self._ended: dict[bytes, Future] = {}
+        ActionServer(
+            node,
+            kind,
+            name,
+            self._wait,
+            goal_callback=self._decide,
+            handle_accepted_callback=self._accept,
+            cancel_callback=self._cancel,
+            result_timeout=RESULT_TIMEOUT,
+        )
+
+    @property
+    def active(self) -> bool:
+        """Return whether there is a goal."""
+        return self._handle is not None
+
+    def publish_feedback(self, feedback: Any) -> None:
+        """
+        Publish feedback on the active goal.
+
+        :param feedback: message of the action.
+        """
+        self._handle.publish_feedback(feedback)
+
+    def end(self, ending: Ending, result: Any) -> None:
+        """
+        End the active goal; the client gets the result as soon as the executor spins again.
+
+        :param ending: state of the action.
+        :param result: message of the action.
+        """
+        self._ended[_key(self._handle)].set_result((ending, result))
+        self._handle = None
+
+    def _decide(self, _goal: Any) -> GoalResponse:
+        return GoalResponse.ACCEPT if self._ready() else GoalResponse.REJECT
+
+    def _accept(self, handle: ServerGoalHandle) -> None:
+        if self.active:
+            self._preempted()
+        self._handle = handle
+        self._ended[_key(handle)] = Future()
+        handle.execute()
+        self._begin(handle.request)
+
+    def _cancel(self, handle: ServerGoalHandle) -> CancelResponse:
+        if self._handle is None or handle != self._handle:
+            return CancelResponse.REJECT
+        self._cancelled()
+        return CancelResponse.ACCEPT
+
+    async def _wait(self, handle: ServerGoalHandle) -> Any:
+        ending, result = await self._ended[_key(handle)]
+        del self._ended[_key(handle)]
+        if ending is Ending.SUCCEEDED:
+            handle.succeed()
+        elif ending is Ending.CANCELED:
+            handle.canceled()
+        else:
+            handle.abort()
+        return result
+
+
+def _key(handle: ServerGoalHandle) -> bytes:
+    return bytes(handle.goal_id.uuid)

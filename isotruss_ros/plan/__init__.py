@@ -1,1 +1,0 @@
-"""The search for grasps on all cores, and its command line; no ROS."""

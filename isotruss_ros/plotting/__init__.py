@@ -1,0 +1,1 @@
+"""Drawings of robots, grasps and fits with Matplotlib."""

@@ -1,0 +1,130 @@
+"""Draw the forces and the contact regions of a grasp, as the paper's Fig. 7 does."""
+
+from __future__ import annotations
+
+from isotruss_ros.core import Configuration, Cylinder, GraspAnalysis
+from isotruss_ros.core.grasping.deformed_shape import (
+    deformed_lines,
+    force_lines,
+    member_lines,
+    region_lines,
+)
+from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.plotting.robot_drawing import MODULE_COLOR, OBJECT_COLOR, TUBE_COLORS
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, Polygon
+import numpy as np
+
+FORCE_COLOR = '#c8102e'
+REGION_COLOR = '#1b1b6f'
+WRINKLED_COLOR = '#c8102e'
+UNDEFORMED_COLOR = '#2e9e44'
+#: Length of an arrow for its force [m/N].
+ARROW_SCALE = 0.015
+#: The magnified view shows this much on each side of the object's centre, in diameters.
+AROUND = 1.0
+
+
+def draw_forces(
+    axes: Axes, cylinder: Cylinder, analysis: GraspAnalysis, scale: float = ARROW_SCALE
+) -> None:
+    """
+    Draw the force of each grasping member on the object, friction included, as one arrow.
+
+    :param axes: in metres.
+    :param cylinder: the object.
+    :param analysis: of its grasp.
+    :param scale: length of an arrow for its force [m/N].
+    """
+    for tail, tip in _resultants(cylinder, analysis, scale):
+        axes.annotate(
+            '',
+            xy=(tip.real, tip.imag),
+            xytext=(tail.real, tail.imag),
+            arrowprops={
+                'arrowstyle': '-|>',
+                'color': FORCE_COLOR,
+                'lw': 1.6,
+                'shrinkA': 0.0,
+                'shrinkB': 0.0,
+            },
+            zorder=8,
+        )
+
+
+def draw_grasp(
+    axes: Axes,
+    config: Configuration,
+    cylinder: Cylinder,
+    analysis: GraspAnalysis,
+    scale: float = ARROW_SCALE,
+) -> None:
+    """
+    Draw the object, the deformed tubes, their undeformed axes, contact regions and forces.
+
+    Tubes that wrinkle have a red outline.
+
+    :param axes: to draw on, in the robot's frame [m].
+    :param config: where the robot is.
+    :param cylinder: the object.
+    :param analysis: of its grasp in this configuration.
+    :param scale: length of an arrow for its force [m/N].
+    """
+    robot = config.robot
+    lines, used = deformed_lines(config, analysis), analysis.utilisation.values()
+    for tube, line, part in zip(robot.topology.tube, lines, used, strict=True):
+        band = _band(line, robot.description.tube_diameter)
+        patch = Polygon(band, facecolor=TUBE_COLORS[tube % len(TUBE_COLORS)], alpha=0.85)
+        patch.set(edgecolor='white', lw=0.5)
+        if part > 1.0:
+            patch.set(edgecolor=WRINKLED_COLOR, lw=2.0)
+        axes.add_patch(patch)
+    for line in member_lines(config):
+        axes.plot(line.real, line.imag, '--', color=UNDEFORMED_COLOR, lw=1.0, zorder=6)
+    axes.add_patch(
+        Circle(
+            cylinder.center,
+            0.5 * cylinder.diameter,
+            facecolor=OBJECT_COLOR,
+            edgecolor=MODULE_COLOR,
+            zorder=5,
+        )
+    )
+    for line in region_lines(config, cylinder, analysis):
+        axes.plot(
+            line.real, line.imag, color=REGION_COLOR, lw=5.0, solid_capstyle='butt', zorder=9
+        )
+    draw_forces(axes, cylinder, analysis, scale)
+    lengths = ' + '.join(f'{1e3 * length:.0f}' for length in analysis.contact_lengths.values())
+    axes.set_title(f'{analysis.normal_forces.sum():.1f} N on {lengths or 0} mm', fontsize=8, pad=2)
+    x, y = cylinder.center
+    around = AROUND * cylinder.diameter
+    axes.set_aspect('equal')
+    axes.set_xlim(x - around, x + around)
+    axes.set_ylim(y - around, y + around)
+    axes.set_xticks([])
+    axes.set_yticks([])
+
+
+def _resultants(cylinder: Cylinder, analysis: GraspAnalysis, scale: float) -> Points:
+    """Return (g, 2) tails and tips of the resultants by member [m]; tips at the mean contact."""
+    lines = force_lines(cylinder, analysis, scale)
+    touching = analysis.normal_forces > 0.0
+    forces, member = analysis.normal_forces[touching], analysis.members[touching]
+    _, group = np.unique(member, return_inverse=True)
+    total = np.bincount(group, forces)
+    vectors = lines[:, 1] - lines[:, 0]
+    weighted = forces * lines[:, 1]  # the mean contact is weighted by the normal forces
+    tips = np.bincount(group, weighted.real) + 1j * np.bincount(group, weighted.imag)
+    tips /= total
+    vectors = np.bincount(group, vectors.real) + 1j * np.bincount(group, vectors.imag)
+    return np.stack([tips - vectors, tips], axis=1)
+
+
+def _band(line: Points, width: float) -> Array:
+    """Return the outline of a tube around a line."""
+    steps = np.diff(line)
+    along = np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
+    side = 0.5j * width * along / np.abs(along)
+    outline = np.concatenate([line + side, (line - side)[::-1]])
+    return np.column_stack([outline.real, outline.imag])

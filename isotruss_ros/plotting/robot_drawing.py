@@ -1,0 +1,120 @@
+"""Draw a robot and the object in its grasp with Matplotlib."""
+
+from __future__ import annotations
+
+import math
+
+from isotruss_ros.core import Configuration, Pose
+from isotruss_ros.core.numerics.arrays import Array, Points
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, Polygon
+import numpy as np
+
+TUBE_COLORS = ('#d98c5f', '#6f9fc8', '#8fb573', '#c9a13b', '#a58cc0')
+SUPPORT_COLOR = '#7a5230'
+MODULE_COLOR = '#3b3b3b'
+OBJECT_COLOR = '#d9d9d9'
+ARROW_COLOR = '#2e9e44'
+PATH_COLOR = '#1f4fd8'
+#: Pinched ends open to the full diameter over this many diameters.
+TAPER = 0.8
+#: The corner of the tube lies beyond its pinch points, toward the joint, at this share of the rod.
+CORNER = 0.5
+#: Width of the connection rod and of the bar between the pinch points, in tube diameters.
+ROD = 0.3
+#: A pinched end is this share of the diameter thick.
+PINCH = 0.15
+
+
+def draw_robot(axes: Axes, config: Configuration) -> None:
+    """
+    Draw tubes with their pinched ends, modules and supports; axes in metres.
+
+    :param axes: to draw in.
+    :param config: configuration of the robot.
+    """
+    topology, points = config.robot.topology, config.points
+    diameter = config.robot.description.tube_diameter
+    for i in range(topology.n_modules):
+        color = TUBE_COLORS[topology.tube[i] % len(TUBE_COLORS)]
+        outline = _tube(points[topology.b[i]], points[topology.c[topology.following[i]]], diameter)
+        axes.add_patch(Polygon(outline, facecolor=color, edgecolor='white', lw=0.5, alpha=0.85))
+        joint, b, c = points[[topology.joint[i], topology.b[i], topology.c[i]]]
+        middle = 0.5 * (b + c)
+        corner = middle + CORNER * (joint - middle)
+        axes.add_patch(Polygon(_plane(np.array([b, corner, c])), facecolor=color, alpha=0.85))
+        for start, end in ((b, c), (middle, joint)):
+            bar = _bar(start, end, ROD * diameter)
+            axes.add_patch(Polygon(bar, facecolor=MODULE_COLOR, zorder=3))
+    joints = _plane(points[: len(topology.joint_names)])
+    axes.plot(*joints.T, 'o', color='white', mec=MODULE_COLOR, ms=4, zorder=4)
+    _draw_supports(axes, config, 0.6 * diameter)
+
+
+def draw_object(axes: Axes, pose: Pose, diameter: float) -> None:
+    """
+    Draw the object and, as an arrow, its orientation.
+
+    :param axes: to draw in.
+    :param pose: of the object in the robot frame.
+    :param diameter: of the object [m].
+    """
+    center = (pose.x, pose.y)
+    axes.add_patch(
+        Circle(center, 0.5 * diameter, facecolor=OBJECT_COLOR, edgecolor=MODULE_COLOR, zorder=5)
+    )
+    tip = (
+        pose.x + 0.75 * diameter * math.cos(pose.angle),
+        pose.y + 0.75 * diameter * math.sin(pose.angle),
+    )
+    axes.annotate(
+        '',
+        xy=tip,
+        xytext=center,
+        arrowprops={'arrowstyle': '-|>', 'color': ARROW_COLOR, 'lw': 2.2},
+        zorder=6,
+    )
+
+
+def frame(axes: Axes, low: Array, high: Array) -> None:
+    """
+    Show the box from `low` to `high` [m] with equal scales.
+
+    :param axes: to set the limits of.
+    :param low: (2,) smallest x and y [m].
+    :param high: (2,) largest x and y [m].
+    """
+    axes.set_aspect('equal')
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_xlabel('x [m]')
+    axes.set_ylabel('y [m]')
+
+
+def _plane(points: Points) -> Array:
+    return np.column_stack([points.real, points.imag])
+
+
+def _tube(start: complex, end: complex, diameter: float) -> Array:
+    """Return the outline of a tube that is pinched at both ends."""
+    length = abs(end - start)
+    axis = (end - start) / length
+    taper = min(TAPER * diameter, 0.5 * length)
+    along = np.array([0.0, taper, length - taper, length])
+    half = 0.5 * diameter * np.array([PINCH, 1.0, 1.0, PINCH])
+    side = np.concatenate([along + 1j * half, (along - 1j * half)[::-1]])
+    return _plane(start + axis * side)
+
+
+def _bar(start: complex, end: complex, width: float) -> Array:
+    """Return the outline of a straight bar."""
+    side = 0.5j * width * (end - start) / abs(end - start)
+    return _plane(np.array([start + side, end + side, end - side, start - side]))
+
+
+def _draw_supports(axes: Axes, config: Configuration, below: float) -> None:
+    """Draw a triangle under a joint that is held in x and y, a wheel under one that may slide."""
+    for joint, grounded in config.robot.description.supports.items():
+        x, y = config.nodes[config.robot.node_names.index(joint)]
+        marker = '^' if len(grounded) == 2 else 'o'
+        axes.plot(x, y - below, marker, color=SUPPORT_COLOR, ms=8, zorder=4)

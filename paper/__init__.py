@@ -1,0 +1,1 @@
+"""Regenerate the paper's tables and figures: `python -m paper`, or `make paper`."""

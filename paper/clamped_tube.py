@@ -1,0 +1,101 @@
+"""A tube with clamped ends and a cylinder pressed into its side: the test of Fig. 6."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.grasping.contact import solve_contact
+from isotruss_ros.core.grasping.contact_points import ContactPoints
+from isotruss_ros.core.grasping.contact_regions import contact_extents
+from isotruss_ros.core.grasping.flattening import flattening
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.beam import local_stiffness
+from isotruss_ros.core.statics.interior import InteriorPoints
+from isotruss_ros.core.statics.tube_stiffness import TubeStiffness
+import numpy as np
+from paper.parameters import PRESSURE, TUBE_DIAMETER, TUBE_LENGTH
+
+#: Of the points that the cylinder could touch [m].
+SPACING = 0.001
+#: How deep the cylinders are pressed, where nothing else is said [m].
+DEPTH = 0.010
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """
+    What it takes to press the cylinder in.
+
+    :ivar stiffness: force across the tube over the depth [N/m].
+    :ivar contact: length of tube in contact [m].
+    """
+
+    stiffness: float
+    contact: float
+
+
+def press(
+    tube: TubeStiffness,
+    position: float,
+    cylinder: float,
+    depth: float,
+    flattens: bool = True,
+    pinned: bool = False,
+    pressure: float = PRESSURE,
+) -> Pressed:
+    """
+    Press a cylinder into the side of the tube, from above: (5) to (8).
+
+    :param tube: its stiffness.
+    :param position: of the cylinder's centre along the tube [m].
+    :param cylinder: its own diameter [m].
+    :param depth: of the cylinder below the skin of the undeformed tube [m].
+    :param flattens: whether the tube's section flattens; if not, its centre line meets a disc that
+        is wider by the tube, as in the paper.
+    :param pinned: whether the ends turn freely, instead of being clamped.
+    :param pressure: in the tube, gauge [Pa].
+    """
+    tube_radius = 0.5 * TUBE_DIAMETER
+    radius = 0.5 * cylinder + (0.0 if flattens else tube_radius)
+    center = complex(position, 0.5 * cylinder + tube_radius - depth)
+    reach = np.arange(-int(radius / SPACING) - 2, int(radius / SPACING) + 3)
+    places = position + SPACING * reach
+    places = places[(places > 0.0) & (places < TUBE_LENGTH)]
+    points = _contact_points(tube, pressure, places, flattens, pinned)
+    contact = solve_contact(points, center, radius)
+    force = -float((contact.forces * contact.normals).imag.sum())
+    length, _, _ = contact_extents(points, contact, 1)
+    return Pressed(force / depth, float(length[0]))
+
+
+def _contact_points(
+    tube: TubeStiffness, pressure: float, places: Array, flattens: bool, pinned: bool
+) -> ContactPoints:
+    """Return points inside one member whose ends turn, if they are pinned, or stand still."""
+    only, length = np.zeros(len(places), dtype=np.intp), np.array([TUBE_LENGTH])
+    section = tube.section_stiffness(length, pressure)
+    inside = InteriorPoints(only, places, length, *section, np.array([[False, False]]))
+    ends = np.zeros((6, 6))
+    if pinned:
+        turns = np.ix_([2, 5], [2, 5])
+        ends[turns] = np.linalg.inv(local_stiffness(length, *section)[0][turns])
+    points = places.astype(np.complex128)
+    skin, dents = points, np.zeros((len(places), len(places)))
+    if flattens:
+        kernel = flattening(0.5 * TUBE_DIAMETER, pressure, tube.fabric)
+        skin = points + 1j * kernel.radius
+        dents = kernel.compliance(places, only, only, SPACING)
+    return ContactPoints(
+        points=points,
+        skin=skin,
+        member=only,
+        place=places,
+        pieces=np.zeros(1, dtype=np.intp),
+        piece=only,
+        spacing=SPACING,
+        axis=np.ones(len(places), dtype=np.complex128),
+        inside=inside.compliance(),
+        spread=inside.shapes(),
+        ends=ends,
+        dents=dents,
+    )

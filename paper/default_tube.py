@@ -1,0 +1,27 @@
+"""The tube of the paper's tests, with the theory that is the package's default."""
+
+from __future__ import annotations
+
+from isotruss_ros.calibration.beam_fit import end_stiffness
+from isotruss_ros.calibration.measurements import MODES
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.tube_stiffness import tube_stiffness, TubeStiffness
+from numpy.typing import ArrayLike
+
+
+def default_tube() -> TubeStiffness:
+    """Return the stiffness model of the preset `triangle`."""
+    return tube_stiffness(load_robot('triangle').description)
+
+
+def end_stiffnesses(pressure: ArrayLike, length: ArrayLike) -> dict[str, Array]:
+    """
+    Return the end stiffnesses of members by mode: the diagonal of (2).
+
+    :param pressure: gauge [Pa]; broadcast with the lengths.
+    :param length: [m].
+    :return: arrays of their common shape [N/m], rotary [N m/rad].
+    """
+    tube = default_tube()
+    return {mode: end_stiffness(tube, mode, length, pressure) for mode in MODES}

@@ -1,0 +1,100 @@
+"""What the page says about Fig. 5."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+
+from paper.figure_5 import Shape
+from paper.item import Report
+from paper.tables import number, Table
+
+
+def report(shapes: Mapping[str, Shape]) -> Report:
+    """Return the stiffnesses, and why they are in this order."""
+    soft, _, stiff = shapes.values()
+    total = sum(float(length) for length in soft.config.member_lengths)
+    bars = [shape.truss / shape.stiffness for shape in shapes.values()]
+    axial = [shape.stretching for shape in shapes.values()]
+    kept = [shape.geometry for shape in shapes.values()]
+    onsets = [1e3 * shape.onset for shape in shapes.values()]
+    return Report(
+        heading='Fig. 5: stiffness of a triangle in three shapes',
+        picture='Left, the obtuse, equilateral and acute triangle; right, force over displacement '
+        'of the top for each, straight to where a tube begins to wrinkle, dotted to where it '
+        'folds',
+        stated='A triangle of a 10.2 cm tube at 34.5 kPa in three shapes, its top on a vertical '
+        'track, each base module pinned at one of its nodes, was pushed down until the tubes '
+        'buckled. The stiffness depends on the shape, and the shapes are to each other in the '
+        'model much as they were measured.',
+        computed='The stiffness grows with the steepness of the legs, obtuse < equilateral < '
+        f'acute, {number(stiff.stiffness / soft.stiffness, 2)} times from first to last. '
+        f'{number(100 * min(axial), 2)} to {number(100 * max(axial), 2)} % of the strain energy '
+        'is axial. Two bars along the legs with their axial stiffness k, 2 k sin²α, would be '
+        f'{number(100 * (min(bars) - 1), 2)} to {number(100 * (max(bars) - 1), 2)} % stiffer than '
+        'the frame: its modules turn about the joints, which bends the tubes and strains the '
+        'base. A flat leg shortens little as the top sinks, and little of its force points up: '
+        'hence sin²α; that long legs are softer matters less. The model is a straight line, to be '
+        'trusted up to where a tube begins to wrinkle, '
+        f'{number(min(onsets), 2)} to {number(max(onsets), 2)} mm.',
+        difference='The text says that the model has the order of the measurements, but not '
+        'which shape is the stiffest, and gives no number; the curves are not here. Measured '
+        'curves end in buckling, the model goes on straight: the marks say how far to believe '
+        'it. Up to there the change of the geometry alone would soften the line by no more than '
+        f'{number(100 * (1 - min(kept)), 2)} %.',
+        assumption='Edges are lengths of tube from pinch to pinch: so all three shapes have '
+        f'{number(100 * total)} cm of tube, as an isoperimetric robot must. '
+        'The pinned node is the joint A, free to turn. A tube '
+        'wrinkles at M = (p π r² − N) r/2, which is M_w = π p r³/2 without the compression N, '
+        'and folds at twice that (Comer and Levy, AIAA J. 1 (1963) 1652; with N: Davids and '
+        'Zhang, Eng. Struct. 30 (2008) 1969); compression makes moments grow by 1/(1 − N/N_c), '
+        'N_c being the load under which an inflated column buckles (Fichter, NASA TN D-3466, '
+        '1966). All this is an estimate.',
+        tables=(_stiffnesses(shapes), _limits(shapes)),
+    )
+
+
+def _stiffnesses(shapes: Mapping[str, Shape]) -> Table:
+    rows = [
+        (
+            name,
+            ', '.join(number(100 * edge) for edge in (shape.edges[0], *shape.edges)),
+            number(math.degrees(shape.angle), 2),
+            number(shape.stiffness),
+            number(shape.truss),
+            number(shape.axial),
+            number(1e3 * shape.moment),
+        )
+        for name, shape in shapes.items()
+    ]
+    headings = (
+        'shape',
+        'edges [cm]',
+        'leg α [deg]',
+        'stiffness [N/m]',
+        'two bars, 2 k sin²α [N/m]',
+        'compression of a leg, per N on the top',
+        'moment in a leg, per N on the top [mm]',
+    )
+    return Table('figure_5', 'Stiffness and what the legs carry', headings, rows)
+
+
+def _limits(shapes: Mapping[str, Shape]) -> Table:
+    rows = [
+        (
+            name,
+            *(number(1e3 * value, 2) for value in (shape.bare, shape.onset, shape.collapse)),
+            number(shape.stiffness * shape.onset, 2),
+            number(shape.stiffness * shape.collapse, 2),
+        )
+        for name, shape in shapes.items()
+    ]
+    headings = (
+        'shape',
+        'M_w alone [mm]',
+        'wrinkles [mm]',
+        'folds [mm]',
+        'force at wrinkling [N]',
+        'force at folding [N]',
+    )
+    return Table('figure_5_limits', 'Where a tube gives way, by the same theory', headings, rows)

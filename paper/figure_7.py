@@ -1,0 +1,156 @@
+"""Fig. 7: three configurations that grasp one object, found by the program."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from isotruss_ros.core import (
+    Cylinder,
+    GraspAnalysis,
+    GraspRequirements,
+    load_robot,
+    plan_grasps,
+    PlannedGrasp,
+    Progress,
+    SolverError,
+)
+from isotruss_ros.core.grasping.deformed_shape import deformed_lines, member_lines
+import numpy as np
+from paper.item import Advance, Report
+from paper.tables import number, Table
+
+#: The object, free inside the loop of one tube, and the driven modules of that loop with how many
+#: grasps each: the passive one, P, cannot roll an object.
+CYLINDER = Cylinder((0.5, 0.3), 0.35)
+MODULES = {'north/R': 2, 'north/Z': 1}
+#: Coefficient between tube and object.
+FRICTION = 0.5
+
+
+@dataclass(frozen=True)
+class Held:
+    """
+    One way of holding the object.
+
+    :ivar plan: what the search found.
+    :ivar deflection: of the tubes, largest, across them [m].
+    """
+
+    plan: PlannedGrasp
+    deflection: float
+
+    @property
+    def analysis(self) -> GraspAnalysis:
+        """Return the analysis of the grasp."""
+        return self.plan.analysis
+
+
+def compute(advance: Advance) -> Sequence[Held]:
+    """Search for the best grasps at the driven modules of the loop."""
+    robot = load_robot('nine_member')
+    held: list[Held] = []
+    for done, (module, count) in enumerate(MODULES.items()):
+
+        def tell(progress: Progress, done: int = done) -> None:
+            advance((done + 0.9 * progress.share) / len(MODULES))
+
+        needs = GraspRequirements(friction=FRICTION, module=module, count=count)
+        plan = plan_grasps(robot.home, CYLINDER, needs, on_progress=tell, thorough=False)
+        if len(plan.grasps) < count:
+            raise SolverError(f'too few grasps at module {module}: {plan.closest_violation}')
+        held += [_hold(grasp) for grasp in plan.grasps]
+        advance((done + 1) / len(MODULES))
+    return held
+
+
+def _hold(plan: PlannedGrasp) -> Held:
+    start, end = member_lines(plan.config).T[:, :, None]
+    axis = (end - start) / np.abs(end - start)
+    across = ((deformed_lines(plan.config, plan.analysis) - start) * axis.conj()).imag
+    return Held(plan, float(np.abs(across).max()))
+
+
+def report(held: Sequence[Held]) -> Report:
+    """Return what differs between the three."""
+    stiffness = np.array([np.diag(each.analysis.stiffness)[:2] for each in held])
+    ratios = stiffness.max(axis=0) / stiffness.min(axis=0)
+    forces = [float(each.analysis.normal_forces.sum()) for each in held]
+    lengths = [1e3 * x for each in held for x in each.analysis.contact_lengths.values()]
+    used = [each.plan.utilisation for each in held]
+    return Report(
+        heading='Fig. 7: three configurations that grasp one object',
+        picture='Above, three shapes of the nine-member robot around the same disc in the same '
+        'place; below, each grasp magnified: contact forces and regions, the bent tubes, and '
+        'dashed where they were',
+        stated='A nine-member robot can take several configurations to grasp an object of one '
+        'size in one place. Each has its own contact forces, contact regions, deformation and '
+        'grasp stiffness, so that stiffness can be chosen without moving the object. One '
+        'grasp is magnified, with its force and the length of its contact. No numbers are in '
+        'the text.',
+        computed=f'An object of {100 * CYLINDER.diameter:g} cm at '
+        f'({CYLINDER.center[0]:g}, {CYLINDER.center[1]:g}) m, free inside one loop of the robot '
+        'at home. `core.plan_grasps` finds two configurations for a grip at one and one at the '
+        'other of the two driven modules of the loop, which can roll the object; the passive one '
+        'cannot. The grasp stiffness differs by a factor of '
+        f'{number(float(ratios[0]), 2)} along x and {number(float(ratios[1]), 2)} along y; the '
+        f'tubes press with {number(min(forces), 2)} to {number(max(forces), 2)} N in all, over '
+        f'{number(min(lengths), 2)} to {number(max(lengths), 2)} mm each and with little more '
+        'than their gauge pressure, evenly. No tube bears more than '
+        f'{number(max(used), 2)} of the moment at which it wrinkles. The dotted squares are '
+        'magnified below: forces on the object, friction included, regions '
+        'of contact, the bent tubes to scale, and dashed where they were.',
+        difference='All that the paper says to differ does; all are closed by friction '
+        f"({FRICTION:g}). Configurations, object and numbers are ours, since the figure's "
+        'are not in the text.',
+        assumption='The configurations are what the search finds, none is placed by hand; '
+        "friction and the place of the object are chosen. Stiffness is the paper's: object and "
+        'contact points displaced together. The model is linear: where tubes move by centimetres '
+        'its forces are estimates. The search keeps all tubes below '
+        '0.8 of their wrinkling moment.',
+        tables=(_grasps(held),),
+    )
+
+
+def _grasps(held: Sequence[Held]) -> Table:
+    rows = []
+    for each in held:
+        analysis = each.analysis
+        kx, ky, kt = np.diag(analysis.stiffness)
+        lengths = ' + '.join(
+            number(1e3 * length, 2) for length in analysis.contact_lengths.values()
+        )
+        pressures = ' + '.join(
+            number(1e-3 * pressure, 3) for pressure in analysis.contact_pressures.values()
+        )
+        rows.append(
+            (
+                each.plan.grasp.module,
+                ', '.join(analysis.contact_lengths),
+                number(float(analysis.normal_forces.sum())),
+                lengths,
+                pressures,
+                number(each.plan.utilisation, 2),
+                number(1e3 * each.deflection, 2),
+                number(float(kx)),
+                number(float(ky)),
+                number(float(kt)),
+                number(each.plan.required_friction, 2),
+                number(each.plan.travel, 2),
+            )
+        )
+    headings = (
+        'grip',
+        'members in contact',
+        'normal forces [N]',
+        'contact [mm]',
+        'pressure of contact [kPa]',
+        'moment / wrinkling moment',
+        'tubes moved by [mm]',
+        'stiffness x [N/m]',
+        'stiffness y [N/m]',
+        'stiffness turning [N m]',
+        'friction needed',
+        'roller travel [m]',
+    )
+    return Table('figure_7', 'The three grasps', headings, rows)

@@ -1,0 +1,87 @@
+"""Draw Fig. 7: the three configurations, and their grasps magnified."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from isotruss_ros.core import Cylinder
+from isotruss_ros.plotting.grasp_drawing import draw_grasp, FORCE_COLOR
+from isotruss_ros.plotting.robot_drawing import draw_robot, frame, MODULE_COLOR, OBJECT_COLOR
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
+import numpy as np
+from paper.style import PAGE
+
+if TYPE_CHECKING:
+    from paper.figure_7 import Held
+
+MARGIN = 0.12
+#: Half of the side of the magnified views [m].
+AROUND = 0.31
+#: Length of an arrow for its force [m/N], and the force that shows it [N].
+SCALE, UNIT = 0.01, 10.0
+
+ARROW = {'arrowstyle': '-|>', 'color': FORCE_COLOR, 'lw': 1.6, 'shrinkA': 0.0, 'shrinkB': 0.0}
+
+
+def draw(held: Sequence[Held]) -> Figure:
+    """Return robots above, grasps below."""
+    figure = Figure(figsize=(PAGE, 4.9), layout='constrained')
+    nodes = np.concatenate([each.plan.config.nodes for each in held])
+    low, high = nodes.min(axis=0) - MARGIN, nodes.max(axis=0) + MARGIN
+    above, below = figure.subplots(2, 3)
+    for i, each in enumerate(held):
+        grasp = each.plan.grasp
+        cylinder = Cylinder(grasp.center, grasp.diameter)
+        _draw_robot(above[i], each, cylinder)
+        frame(above[i], low, high)
+        above[i].set_title(f'({"abc"[i]}) held at {grasp.module}', loc='left')
+        _draw_grasp(below[i], each, cylinder)
+    for axes in above[1:]:
+        axes.set_ylabel('')
+        axes.tick_params(labelleft=False)
+    return figure
+
+
+def _draw_robot(axes: Axes, each: Held, cylinder: Cylinder) -> None:
+    draw_robot(axes, each.plan.config)
+    disc = Circle(cylinder.center, 0.5 * cylinder.diameter, zorder=5)
+    disc.set(facecolor=OBJECT_COLOR, edgecolor=MODULE_COLOR)
+    axes.add_patch(disc)
+    corner = np.array(cylinder.center) - AROUND
+    view = Rectangle(corner, 2 * AROUND, 2 * AROUND, fill=False, lw=0.7, ls=':', zorder=9)
+    axes.add_patch(view)
+
+
+def _draw_grasp(axes: Axes, each: Held, cylinder: Cylinder) -> None:
+    draw_grasp(axes, each.plan.config, cylinder, each.analysis, SCALE)
+    analysis = each.analysis
+    lengths = ' + '.join(f'{1e3 * length:.0f}' for length in analysis.contact_lengths.values())
+    axes.set_title(
+        f'{analysis.normal_forces.sum():.0f} N on {lengths} mm, '
+        f'{each.plan.utilisation:.2f} of wrinkling',
+        fontsize=7.0,
+        pad=2,
+    )
+    x, y = cylinder.center
+    left, low = x - 0.92 * AROUND, y - 0.88 * AROUND
+    axes.annotate(
+        '',
+        (left + SCALE * UNIT, low),
+        (left, low),
+        arrowprops={
+            'arrowstyle': '-|>',
+            'color': FORCE_COLOR,
+            'lw': 1.6,
+            'shrinkA': 0,
+            'shrinkB': 0,
+        },
+        zorder=10,
+    )
+    axes.text(left, low + 0.02, f'{UNIT:g} N', fontsize=7.0, zorder=10)
+    axes.set_xlim(x - AROUND, x + AROUND)
+    axes.set_ylim(y - AROUND, y + AROUND)
+    for spine in axes.spines.values():
+        spine.set(visible=True, linestyle=':')

@@ -1,0 +1,49 @@
+"""The page that shows all items: docs/paper.md."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from paper.item import Item, Report
+from paper.tables import markdown
+
+#: Where figures and tables are, seen from the page.
+FOLDER = 'paper'
+
+INTRODUCTION = """\
+<!-- Written by `make paper`; change paper/ instead. -->
+# The paper, figure by figure
+
+`make paper` computes and draws this page in less than five minutes, with the functions that the
+package offers its users. [equations.md](equations.md) lists which function computes which
+equation.
+
+**No measurement of the paper is in this package, and none is drawn.** Of its figures only the
+captions were available, and of its Table I the headings. So the figures below show the model, or
+synthetic points of the model, marked as such; differences are those to the paper's text.
+The stiffness of the tube is theory ([tube_stiffness.md](tube_stiffness.md)) until you measure a
+tube. All forces depend on it. The order of the triangles in Fig. 5 follows from their geometry;
+how much the stiffness in Fig. 6 grows with the diameter depends on pressure and fabric.
+"""
+
+
+def page(reports: Sequence[tuple[Item, Report]]) -> str:
+    """Return the whole page."""
+    return '\n'.join([INTRODUCTION, *(section(item, report) for item, report in reports)])
+
+
+def section(item: Item, report: Report) -> str:
+    """Return the section of one item."""
+    parts = [f'## {report.heading}']
+    if item.draw:
+        parts.append(f'![{report.picture}]({FOLDER}/{item.name}.png)')
+    parts += [
+        f'**The paper:** {report.stated}',
+        f'**Here:** {report.computed}',
+        f'**Difference:** {report.difference}',
+        f'**Assumption:** {report.assumption}',
+    ]
+    for table in report.tables:
+        parts.append(f'{table.caption} ([CSV]({FOLDER}/{table.name}.csv)):')
+        parts.append(markdown(table))
+    return '\n\n'.join(parts) + '\n'

@@ -1,0 +1,98 @@
+"""Section III-A and what else the paper states in numbers: all values in one table."""
+
+from __future__ import annotations
+
+from isotruss_ros.core import load_robot, Robot
+from isotruss_ros.core.statics.tube_stiffness import (
+    END_SOFTENING,
+    MEMBRANE_MODULUS,
+    MEMBRANE_SHEAR_MODULUS,
+)
+from paper.item import Advance, Report
+from paper.tables import number, Table
+
+#: All in SI units, as the paper rounds them.
+TUBE_DIAMETER = 0.102
+PRESSURES = (17.2e3, 34.5e3, 51.7e3)
+LENGTHS = (0.254, 0.508, 0.762)
+TRIALS = 5
+#: Pressure of the tests of Figs. 5 and 6.
+PRESSURE = 34.5e3
+#: Fig. 5: the two equal edges and the third.
+EDGES = {'obtuse': (0.89, 1.28), 'equilateral': (1.02, 1.02), 'acute': (1.21, 0.64)}
+#: Fig. 6: length of the tube, the cylinders, and the discs that stand for them.
+TUBE_LENGTH = 0.762
+CYLINDERS = (0.0254, 0.102, 0.203)
+DISCS = (0.127, 0.203, 0.305)
+CENTIMETRE, KILOPASCAL = 0.01, 1e3
+
+
+def compute(advance: Advance) -> Robot:
+    """Return the robot whose file holds what the paper does not state."""
+    robot = load_robot('triangle')
+    advance(1.0)
+    return robot
+
+
+def report(robot: Robot) -> Report:
+    """Return the table of all parameters."""
+    return Report(
+        heading='Section III-A: parameters',
+        picture='',
+        stated='The tests were made on a tube of 10.2 cm, at three pressures and three lengths, '
+        'each combination five times. What was measured and fitted is Table I and Fig. 4.',
+        computed='All parameters of all items below, with their units; the last column says where '
+        'each comes from. Values of the paper are taken as it rounds them.',
+        difference='None in the values. Pressures are steps of 2.5 psi and lengths of 10 in, '
+        'rounded; so the discs of Fig. 6, 5, 8 and 12 in, are the cylinders plus the tube only '
+        'to 1 mm.',
+        assumption='The paper states no dimension and no rigidity of its roller modules; those of '
+        'the presets are taken, and the theory of the tube.',
+        tables=(_stated(), _assumed(robot)),
+    )
+
+
+def _stated() -> Table:
+    def listed(values: tuple[float, ...], unit: float) -> str:
+        return ', '.join(number(value / unit) for value in values)
+
+    rows = [
+        ('tube diameter', listed((TUBE_DIAMETER,), CENTIMETRE), 'cm', 'III-A, III-B, III-C'),
+        ('gauge pressures', listed(PRESSURES, KILOPASCAL), 'kPa', 'III-A'),
+        ('member lengths', listed(LENGTHS, CENTIMETRE), 'cm', 'III-A'),
+        ('trials of each combination', str(TRIALS), '', 'III-A'),
+        ('gauge pressure', listed((PRESSURE,), KILOPASCAL), 'kPa', 'III-B, III-C'),
+        *(
+            (f'edges, {name} triangle', listed((a, a, b), CENTIMETRE), 'cm', 'Fig. 5')
+            for name, (a, b) in EDGES.items()
+        ),
+        ('tube length', listed((TUBE_LENGTH,), CENTIMETRE), 'cm', 'III-C'),
+        ('cylinder diameters', listed(CYLINDERS, CENTIMETRE), 'cm', 'III-C'),
+        ('disc diameters of the model', listed(DISCS, CENTIMETRE), 'cm', 'III-C'),
+    ]
+    return Table(
+        'parameters_stated',
+        'Stated by the paper',
+        ('parameter', 'value', 'unit', 'stated in'),
+        rows,
+    )
+
+
+def _assumed(robot: Robot) -> Table:
+    module = robot.description.module
+    rows = [
+        ('pinch separation s', number(module.pinch_separation / CENTIMETRE), 'cm', 'preset'),
+        ('connection rod h', number(module.rod_length / CENTIMETRE), 'cm', 'preset'),
+        ('guide ring distance g', number(module.guide_ring_distance / CENTIMETRE), 'cm', 'preset'),
+        ('EA of the rigid parts', number(module.axial_rigidity), 'N', 'preset'),
+        ('EI of the rigid parts', number(module.flexural_rigidity), 'N m²', 'preset'),
+        ('E t of the fabric', number(MEMBRANE_MODULUS), 'N/m', 'thin coated cloth'),
+        ('G t of the fabric', number(MEMBRANE_SHEAR_MODULUS), 'N/m', 'thin coated cloth'),
+        ('softening of the pinched ends c', number(END_SOFTENING), '', 'theory of a pillow'),
+    ]
+    return Table(
+        'parameters_assumed',
+        'Not stated, assumed here',
+        ('parameter', 'value', 'unit', 'from'),
+        rows,
+    )

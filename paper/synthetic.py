@@ -1,0 +1,64 @@
+"""Points that a known tube and a generator of noise make, as a file of measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import csv
+from pathlib import Path
+
+from isotruss_ros.calibration.beam_fit import end_stiffness
+from isotruss_ros.calibration.measurements import COLUMNS, MODES, TRIAL
+from isotruss_ros.core.statics.tube_stiffness import TubeStiffness
+import numpy as np
+from paper.parameters import LENGTHS, PRESSURES, TRIALS, TUBE_DIAMETER
+from paper.wrinkling import pressure_force, wrinkling_moment
+
+#: Points of each trial.
+COUNT = 12
+#: Standard deviation of the stiffness from trial to trial, and of the load, of its largest.
+SCATTER, NOISE = 0.03, 0.01
+#: Ends are pushed by at most this part of the force of the pressure, far from being pushed flat.
+PUSH = 0.1
+
+
+def write_points(tube: TubeStiffness, path: Path, seed: int) -> None:
+    """
+    Write all pressures and lengths of the paper, five trials each, as `fit_tube_stiffness` reads.
+
+    A trial has a stiffness and an offset of the load of its own, and every load noise.
+
+    :param tube: that the points are of.
+    :param path: of the file.
+    :param seed: of the noise.
+    """
+    random = np.random.default_rng(seed)
+    with path.open('w', newline='', encoding='utf-8') as file:
+        writer = csv.writer(file)
+        writer.writerow([*COLUMNS, TRIAL])
+        for mode in MODES:
+            for pressure in PRESSURES:
+                for length in LENGTHS:
+                    writer.writerows(_trials(mode, tube, pressure, length, random))
+
+
+def _trials(
+    mode: str, tube: TubeStiffness, pressure: float, length: float, random: np.random.Generator
+) -> Iterator[list[object]]:
+    stiffness = float(end_stiffness(tube, mode, length, pressure))
+    largest = largest_load(mode, pressure, length)
+    for trial in range(TRIALS):
+        softness = np.exp(-SCATTER * random.normal()) / stiffness
+        displacements = np.linspace(0.0, largest * softness, COUNT)
+        noise = NOISE * largest * (random.normal() + random.normal(size=COUNT))
+        loads = np.linspace(0.0, largest, COUNT) + noise
+        for x, load in zip(displacements, loads, strict=True):
+            yield [mode, pressure, length, float(x), float(load), trial]
+
+
+def largest_load(mode: str, pressure: float, length: float) -> float:
+    """Return the load of the last point [N], rotary [N m]: where theory has the tube wrinkle."""
+    radius = 0.5 * TUBE_DIAMETER
+    if mode == 'axial':
+        return PUSH * pressure_force(pressure, radius)
+    moment = wrinkling_moment(pressure, radius)
+    return moment if mode == 'rotary' else 2.0 * moment / length

@@ -1,0 +1,184 @@
+"""The demonstration without middleware: its path, its grasp and its pictures."""
+
+import math
+
+from isotruss_ros.core import (
+    analyze_grasp,
+    Cylinder,
+    FreeObject,
+    GraspRequirements,
+    load_robot,
+    plan_grasps,
+    RollerFaults,
+    RollerState,
+    RollerTrajectory,
+    settle_grasp,
+    SimulatedRobot,
+    StampedInput,
+    Status,
+    TwistServo,
+)
+from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
+from isotruss_ros.demo.__main__ import (
+    GRIP_MODULE,
+    MAX_CONTACT_FORCE,
+    MIN_MARGIN,
+    OBJECT_CENTER,
+    OBJECT_DIAMETER,
+)
+from isotruss_ros.demo.figures import animate, draw_panels
+from isotruss_ros.demo.path import figure_9
+from isotruss_ros.demo.record import PhaseRecord, Snapshot
+import numpy as np
+from PIL import Image
+import pytest
+from scipy.integrate import quad_vec
+
+ROBOT = load_robot('nine_member')
+PHASES = figure_9()
+
+
+def integral(phase):
+    """Return (dx, dy, dangle) of a phase by quadrature."""
+    return quad_vec(lambda t: np.array(phase.twist(t)), 0.0, phase.duration)[0]
+
+
+def test_path_is_that_of_figure_9():
+    up, turn, arc = PHASES
+    assert integral(up) == pytest.approx([0.0, 0.25, 0.0], abs=1e-9)
+    assert integral(turn) == pytest.approx([0.0, 0.0, 0.5 * math.pi], abs=1e-9)
+    assert integral(arc) == pytest.approx([0.35, -0.35, -0.5 * math.pi], abs=1e-6)
+
+
+def test_orientation_stays_normal_to_the_arc():
+    _, turn, arc = PHASES
+    angle = integral(turn)[2]
+    times = np.linspace(0.0, arc.duration, 400)
+    for t, step in zip(times, np.diff(times), strict=False):
+        vx, vy, omega = arc.twist(t)
+        across = vx * math.cos(angle) + vy * math.sin(angle)
+        assert abs(across) < 2e-3 * math.hypot(vx, vy) + 1e-9
+        angle += step * arc.twist(t + 0.5 * step)[2]
+        assert omega <= 0.0
+
+
+@pytest.mark.parametrize('phase', PHASES, ids=lambda phase: phase.name)
+def test_phases_begin_and_end_at_rest(phase):
+    for time in (0.0, phase.duration, phase.duration + 1.0):
+        assert phase.twist(time) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+
+
+def grip(simulated, period):
+    """Plan a grasp of the free object and move there; return the time of arrival."""
+    cylinder = Cylinder(OBJECT_CENTER, OBJECT_DIAMETER)
+    needs = GraspRequirements(
+        module=GRIP_MODULE, min_margin=MIN_MARGIN, max_contact_force=MAX_CONTACT_FORCE, count=1
+    )
+    grasp = plan_grasps(ROBOT.home, cylinder, needs, thorough=False).grasps[0]
+    ways = np.abs(np.diff(grasp.path, axis=0)).max(axis=1)
+    times = np.append(0.0, np.cumsum(np.maximum(ways / ROBOT.description.max_speed, 1e-3)))
+    servo = RollerTrajectoryServo(ROBOT, timeout=0.2)
+    now = 0.0
+
+    def measure():
+        state = RollerState(simulated.roller_positions, simulated.roller_velocities)
+        servo.rollers = StampedInput(state, now)
+
+    measure()
+    servo.begin(RollerTrajectory(ROBOT, grasp.path, times), now)
+    while servo.busy:
+        step = servo.decide(now)
+        assert not step.failure
+        simulated.command(step.speeds)
+        simulated.advance(period)
+        now += period
+        measure()
+    return now
+
+
+def check_grasp(simulated):
+    """Check that the object is held, and that no tube is near to wrinkling."""
+    cylinder = Cylinder(simulated.object_pose[:2], OBJECT_DIAMETER)
+    assert settle_grasp(simulated.config, cylinder).held
+    analysis = analyze_grasp(simulated.config, cylinder)
+    assert max(analysis.utilisation.values()) < 0.8
+
+
+def play(rate):
+    """Grip the object and move it along the whole path; return records and the exact end."""
+    home, period = ROBOT.home, 1.0 / rate
+    lying = FreeObject(Cylinder(OBJECT_CENTER, OBJECT_DIAMETER), friction=0.5)
+    simulated = SimulatedRobot(home, lying, RollerFaults())
+    now = grip(simulated, period)
+    assert lying.grip == GRIP_MODULE
+    check_grasp(simulated)
+    servo = TwistServo(ROBOT, GRIP_MODULE, OBJECT_DIAMETER, period, timeout=0.2)
+    # The servo's inputs are one cycle old, as over a real transport.
+    config = simulated.config
+    seen = (config.roller_positions, simulated.roller_velocities, simulated.object_pose)
+    exact = np.array(simulated.object_pose)
+    records = []
+    for phase in PHASES:
+        record = PhaseRecord(phase.name)
+        for k in range(round(phase.duration * rate)):
+            twist = phase.twist(k * period)
+            servo.twist = StampedInput(twist, now)
+            servo.rollers = StampedInput(RollerState(seen[0], seen[1]), now - period)
+            servo.center = StampedInput(seen[2][:2], now - period)
+            config = simulated.config
+            seen = (config.roller_positions, simulated.roller_velocities, simulated.object_pose)
+            command = servo.decide(now).command
+            record.statuses.add(command.status)
+            assert command.scale == 1.0
+            simulated.command(command.roller_velocities)
+            simulated.advance(period)
+            exact += period * np.array(twist)
+            now += period
+            record.snapshots.append(
+                Snapshot(now, simulated.config.roller_positions, simulated.object_pose)
+            )
+        records.append(record)
+        check_grasp(simulated)
+    return simulated, records, exact
+
+
+@pytest.fixture(scope='module')
+def played():
+    """Play the path once; a quarter of the nodes' rate is cheaper, and exact enough."""
+    return play(50.0)
+
+
+def test_object_ends_where_the_commands_put_it(played):
+    simulated, records, exact = played
+    pose = simulated.object_pose
+    assert math.hypot(pose.x - exact[0], pose.y - exact[1]) < 1e-6
+    assert abs(math.remainder(pose.angle - exact[2], 2.0 * math.pi)) < 1e-6
+    assert set().union(*(record.statuses for record in records)) <= {Status.OK, Status.IDLE}
+
+
+def test_constraints_hold_after_the_whole_path(played):
+    simulated, _, _ = played
+    config, home, topology = simulated.config, ROBOT.home, ROBOT.topology
+    assert np.abs(config.residual()).max() < 1e-9
+    for tube in range(len(topology.tube_names)):
+        on_tube = topology.tube == tube
+        assert config.member_lengths[on_tube].sum() == pytest.approx(
+            home.member_lengths[on_tube].sum(), abs=1e-9
+        )
+
+
+def test_pictures_are_written(played, tmp_path):
+    _, records, _ = played
+    for record in records:
+        record.snapshots = record.snapshots[::10] + record.snapshots[-1:]
+    start = PhaseRecord('start', snapshots=records[0].snapshots[:1])
+    draw_panels(ROBOT, OBJECT_DIAMETER, [start, *records], tmp_path / 'demo.png')
+    with Image.open(tmp_path / 'demo.png') as picture:
+        # Four panels with something in each: no quarter is blank.
+        pixels = np.asarray(picture.convert('L'))
+        for half in np.array_split(pixels, 2):
+            for quarter in np.array_split(half, 2, axis=1):
+                assert quarter.std() > 10.0
+    animate(ROBOT, OBJECT_DIAMETER, records[:1], tmp_path / 'demo.gif')
+    with Image.open(tmp_path / 'demo.gif') as animation:
+        assert animation.n_frames == 28

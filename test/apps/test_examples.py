@@ -1,0 +1,60 @@
+"""The examples run as they stand."""
+
+from pathlib import Path
+import runpy
+import subprocess
+import sys
+
+from isotruss_msgs.msg import GraspState
+import pytest
+from robot_processes import robot
+
+EXAMPLES = Path(__file__).parents[2] / 'examples'
+ROS_EXAMPLES = sorted(path.stem for path in EXAMPLES.glob('ros_*.py'))
+CORE_EXAMPLES = sorted({path.stem for path in EXAMPLES.glob('*.py')} - {*ROS_EXAMPLES})
+#: What each prints, beside whatever else.
+PRINTED = {
+    'analyze_grasp': 'force closure',
+    'deform_under_load': 'T: ',
+    'failed_roller': 'failed: none: 3 independent motions left',
+    'first_twist': 'south/P',
+    'follow_path': 'REACHED',
+    'limits': 'slowed roller speed',
+    'own_robot': 'module.rod_length: -0.15: must be',
+    'plan_grasp': 'margin',
+    'ros_grasp_state': 'held: ',
+    'ros_twist': 'the object moved up by',
+    'settle_grasp': 'friction 0.8: held',
+    'tube_calibration': 'model: inflatable_beam',
+}
+
+
+def test_there_are_enough_and_each_is_short():
+    assert len(CORE_EXAMPLES) + len(ROS_EXAMPLES) >= 8
+    for path in EXAMPLES.glob('*.py'):
+        assert len(path.read_text(encoding='utf-8').splitlines()) < 40, path
+
+
+@pytest.mark.parametrize('name', CORE_EXAMPLES)
+def test_example_runs(name, capsys):
+    runpy.run_path(str(EXAMPLES / f'{name}.py'), run_name='__main__')
+    assert PRINTED[name] in capsys.readouterr().out
+
+
+@pytest.mark.system
+def test_ros_examples_run_beside_the_nodes(tmp_path):
+    with robot(tmp_path) as r:
+        r.start('simulator', indentation=0.01)
+        r.start('manipulation')
+        r.start('grasp_analysis')
+        states = r.w.probe.seen['state']
+        r.w.until(lambda: states and states[-1][1].code == GraspState.OK)
+        for name in ROS_EXAMPLES:
+            done = subprocess.run(
+                [sys.executable, EXAMPLES / f'{name}.py'],
+                capture_output=True,
+                text=True,
+                timeout=60,
+                check=True,
+            )
+            assert PRINTED[name] in done.stdout

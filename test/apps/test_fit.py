@@ -1,0 +1,648 @@
+"""The fit of stiffness laws: what it finds, what it says, what it refuses."""
+
+import csv
+from pathlib import Path
+import re
+import subprocess
+import sys
+import tempfile
+import tracemalloc
+import warnings
+
+from hypothesis import given, strategies
+from isotruss_ros.calibration.analysis import analyse
+from isotruss_ros.calibration.beam_fit import end_stiffness, fit_beam
+from isotruss_ros.calibration.law import fit_law
+from isotruss_ros.calibration.linear_range import fit_slope
+from isotruss_ros.calibration.measurements import (
+    MAX_FILE_SIZE,
+    MeasurementError,
+    MODES,
+    read_measurements,
+)
+from isotruss_ros.calibration.report import stretches
+from isotruss_ros.cli.fit_tube_stiffness import main
+from isotruss_ros.core import deform, load_robot
+from isotruss_ros.core.model.robot_file import read_robot_file
+from isotruss_ros.core.model.stiffness_law import Law
+from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, tube_stiffness
+import numpy as np
+from PIL import Image
+import pytest
+import robots
+from ruamel.yaml import YAML
+from scipy.optimize import curve_fit
+from scipy.stats import t as t_distribution
+
+# The paper's pressures and lengths.
+PRESSURES = (17.2e3, 34.5e3, 51.7e3)
+LENGTHS = (0.254, 0.508, 0.762)
+RADIUS = 0.051
+CONSTANTS = {'membrane_modulus': 4e4, 'membrane_shear_modulus': 1.5e4, 'end_softening': 5.0}
+TUBE = InflatableBeam(RADIUS, **CONSTANTS)
+LAW = Law(0.5, 0.9, -0.2)
+RANGES = {'axial': 0.03, 'transverse': 0.08, 'rotary': 0.35}
+HEADER = ['mode', 'pressure', 'length', 'displacement', 'load']
+
+
+def stiffness(mode, length, pressure, tube=TUBE):
+    """Return the end stiffness of a tube, by the closed forms of clamped beams."""
+    EA, EI, GA = (float(value[0]) for value in tube.section_stiffness([length], pressure))
+    transverse = 1.0 / (length**3 / (12.0 * EI) + length / GA)
+    rotary = EI / length + 0.25 * length**2 * transverse
+    return {'axial': EA / length, 'transverse': transverse, 'rotary': rotary}[mode]
+
+
+def points(tube=TUBE, scatter=0.0, noise=0.0, trials=1, count=12, bend=1.0, softer=1.0, seed=0):
+    """
+    Return the rows of a CSV file, header and trial included.
+
+    :param scatter: of the stiffness of each trial, standard deviation of its logarithm.
+    :param noise: of the loads, part of the largest; each trial also has an offset of this order.
+    :param bend: part of the largest displacement at which the slope changes by `softer`.
+    """
+    rng = np.random.default_rng(seed)
+    rows = [[*HEADER, 'trial']]
+    for mode in MODES:
+        for pressure in PRESSURES:
+            for length in LENGTHS:
+                for trial in range(trials):
+                    k = stiffness(mode, length, pressure, tube)
+                    k *= np.exp(scatter * rng.normal())
+                    x = np.linspace(0.0, RANGES[mode], count)
+                    corner = bend * RANGES[mode]
+                    load = k * (np.minimum(x, corner) + softer * np.maximum(x - corner, 0.0))
+                    load += noise * k * RANGES[mode] * (rng.normal(size=count) + rng.normal())
+                    rows += [
+                        [mode, pressure, length, float(a), float(b), trial]
+                        for a, b in zip(x, load, strict=True)
+                    ]
+    return rows
+
+
+def write(folder, rows):
+    path = folder / 'points.csv'
+    with path.open('w', newline='', encoding='utf-8') as file:
+        csv.writer(file).writerows(rows)
+    return path
+
+
+def run(capsys, path, *options):
+    """Return exit code, output and complaints."""
+    code = main([str(path), *map(str, options)])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def as_process(*arguments):
+    return subprocess.run(
+        [sys.executable, '-m', 'isotruss_ros.cli.fit_tube_stiffness', *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+
+
+def accepted(text):
+    """Return the model that the robot-file reader makes of a printed block."""
+    (printed,) = re.findall(r'^  stiffness:.*(?:\n    .+)+', text, re.MULTILINE)
+    document = robots.example()
+    document['tube'] |= YAML(typ='safe', pure=True).load(printed)
+    return tube_stiffness(read_robot_file(robots.write(document)))
+
+
+def printed_intervals(text):
+    """Return (low, high) of each constant, as the table shows them."""
+    number = r'([\d.]+(?:e[+-]\d+)?)'
+    found = (
+        re.search(rf'^{name}, .* {number} to {number}$', text, re.MULTILINE) for name in CONSTANTS
+    )
+    return [tuple(map(float, match.groups())) for match in found]
+
+
+def constants(model):
+    return [getattr(model, name) for name in CONSTANTS]
+
+
+# -- The beam --
+
+
+def test_exact_points_give_the_tube_back(tmp_path, capsys):
+    code, out, err = run(capsys, write(tmp_path, points()))
+    assert (code, err) == (0, '')
+    assert 'all 324 rows used' in out
+    assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-6)
+
+
+def test_noisy_points_give_constants_within_the_printed_intervals(tmp_path, capsys):
+    held = []
+    for seed in range(20):
+        rows = points(scatter=0.05, noise=0.01, trials=5, seed=seed)
+        code, out, _ = run(capsys, write(tmp_path, rows))
+        assert code == 0
+        for value, (low, high) in zip(CONSTANTS.values(), printed_intervals(out), strict=True):
+            held.append(low <= value <= high)
+    # 95 % of 60 constants, less two standard deviations.
+    assert np.mean(held) > 0.89
+
+
+@pytest.mark.parametrize('scatter', [0.0, 0.1])
+@pytest.mark.parametrize('preset', robots.PRESETS)
+def test_fitted_tube_is_usable_in_the_whole_workspace_of_the_presets(
+    preset, scatter, tmp_path, capsys
+):
+    """What the paper's nine pressures and lengths give works from min_length to max_length."""
+    noise = 0.1 * scatter
+    rows = points(InflatableBeam(RADIUS), scatter=scatter, noise=noise, trials=5, seed=1)
+    block = tmp_path / 'block.yaml'
+    assert run(capsys, write(tmp_path, rows), '--block', block)[0] == 0
+    document = robots.preset_document(preset)
+    document['tube'] |= YAML(typ='safe', pure=True).load(block.read_text(encoding='utf-8'))
+    robot = robots.load(document)
+    file = robot.description
+    lengths = np.linspace(file.min_length, file.max_length, 50)
+    for pressure in (10e3, 34.5e3, 100e3):
+        fitted = tube_stiffness(file).section_stiffness(lengths, pressure)
+        theory = InflatableBeam(RADIUS).section_stiffness(lengths, pressure)
+        tolerance = 1e-6 if scatter == 0.0 else 0.15
+        for value, expected in zip(fitted, theory, strict=True):
+            assert value == pytest.approx(expected, rel=tolerance)
+    joint = 'T' if preset == 'triangle' else 'Z'
+    sinks = [
+        deform(config, {joint: (0.0, -10.0)}).displacement(joint)[1]
+        for config in (robot.home, load_robot(preset).home)
+    ]
+    assert sinks[0] == pytest.approx(sinks[1], rel=1e-6 if scatter == 0.0 else 0.15)
+
+
+def grid(repeats=1):
+    """Return modes, lengths and pressures of all groups of the paper."""
+    modes, pressures, lengths = np.meshgrid(range(3), PRESSURES, LENGTHS, indexing='ij')
+    return modes.ravel(), lengths.ravel(), pressures.ravel()
+
+
+def measured(modes, lengths, pressures, tube=TUBE):
+    cases = zip(modes, lengths, pressures, strict=True)
+    return np.array([stiffness(MODES[mode], L, p, tube) for mode, L, p in cases])
+
+
+def test_end_stiffnesses_are_those_of_clamped_beams():
+    for case in zip(*grid(), strict=True):
+        mode, length, pressure = MODES[case[0]], *case[1:]
+        found = end_stiffness(TUBE, mode, length, pressure)
+        assert found == pytest.approx(stiffness(mode, length, pressure), rel=1e-12)
+
+
+def test_intervals_hold_as_often_as_they_promise():
+    rng = np.random.default_rng(0)
+    case = grid()
+    exact = measured(*case)
+    held, runs = np.zeros(3), 300
+    for _ in range(runs):
+        fitted = fit_beam(*case, exact * np.exp(0.05 * rng.normal(size=27)), RADIUS)
+        held += [
+            low <= value <= high
+            for low, value, high in zip(fitted.low, CONSTANTS.values(), fitted.high, strict=True)
+        ]
+    # Three standard deviations of a count of 95 % in 300.
+    assert held / runs == pytest.approx([0.95] * 3, abs=0.038)
+
+
+@robots.examples(30)
+@given(
+    strategies.floats(3.0, 6.0),
+    strategies.floats(3.0, 6.0),
+    strategies.floats(-0.5, 2.0),
+    strategies.floats(0.02, 0.2),
+)
+def test_any_tube_is_found_again(wall, shear, ends, radius):
+    tube = InflatableBeam(radius, 10.0**wall, 10.0**shear, 10.0**ends)
+    case = grid()
+    fitted = fit_beam(*case, measured(*case, tube), radius)
+    # A constant that hardly acts is hardly known; what it does is.
+    assert max(fitted.misfits.values()) < 1e-7
+
+
+def test_one_pressure_is_enough():
+    modes, lengths, pressures = (values[grid()[2] == PRESSURES[0]] for values in grid())
+    fitted = fit_beam(modes, lengths, pressures, measured(modes, lengths, pressures), RADIUS)
+    assert fitted.constants == pytest.approx(tuple(CONSTANTS.values()), rel=1e-6)
+
+
+def test_a_fit_takes_the_joint_least_squares_of_all_modes():
+    rng = np.random.default_rng(5)
+    case = grid()
+    k = measured(*case) * np.exp(0.1 * rng.normal(size=27))
+    fitted = fit_beam(*case, k, RADIUS)
+
+    def model(_, *logs):
+        return np.log(measured(*case, InflatableBeam(RADIUS, *np.exp(logs))))
+
+    best, covariance = curve_fit(model, None, np.log(k), p0=np.log(list(CONSTANTS.values())))
+    reach = t_distribution.ppf(0.975, 24) * np.sqrt(np.diag(covariance))
+    for found, expected in (
+        (fitted.constants, best),
+        (fitted.low, best - reach),
+        (fitted.high, best + reach),
+    ):
+        assert np.log(found) == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_constant_that_does_not_act_is_not_bounded():
+    """Ends that do not give: any larger softening constant fits as well."""
+    case = grid()
+    fitted = fit_beam(*case, measured(*case, InflatableBeam(RADIUS, 6e4, 1e4, 1e9)), RADIUS)
+    assert fitted.high.end_softening == np.inf
+    assert fitted.constants[:2] == pytest.approx((6e4, 1e4), rel=1e-3)
+
+
+def test_constants_that_change_together_are_refused_by_name():
+    modes, lengths, pressures = np.array([0, 0, 0, 1]), np.full(4, 0.5), np.full(4, 3e4)
+    with pytest.raises(MeasurementError, match='cannot be told apart by these points'):
+        fit_beam(modes, lengths, pressures, np.array([900.0, 910.0, 890.0, 300.0]), RADIUS)
+
+
+def test_constant_that_no_robot_file_takes_is_refused(tmp_path, capsys):
+    huge = InflatableBeam(RADIUS, 1e13, 1e13, 1e9)
+    rows = [[*HEADER, 'trial']]
+    for row in points(huge)[1:]:
+        rows.append([*row[:3], row[3] * 1e-9, row[4] * 1e-9, row[5]])
+    code, _, err = run(capsys, write(tmp_path, rows))
+    assert code == 1
+    assert 'is no number that a robot file takes; are the units SI?' in err
+
+
+def test_diameter_is_that_of_the_block(tmp_path, capsys):
+    tube = InflatableBeam(0.03, **CONSTANTS)
+    code, out, _ = run(capsys, write(tmp_path, points(tube)), '--diameter', 0.06)
+    assert code == 0
+    assert 'diameter 0.06 m' in out
+    assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-6)
+
+
+# -- Power laws, beside it --
+
+
+def test_intervals_of_power_laws_hold_as_often_as_they_promise():
+    rng = np.random.default_rng(0)
+    p, L = (np.ravel(grid) for grid in np.meshgrid(PRESSURES, LENGTHS))
+    held = np.zeros(3)
+    runs = 1000
+    for _ in range(runs):
+        fitted = fit_law(p, L, LAW.stiffness(L, p) * np.exp(0.1 * rng.normal(size=9)))
+        held += [
+            low <= value <= high
+            for low, value, high in zip(fitted.low, LAW, fitted.high, strict=True)
+        ]
+    # Three standard deviations of a count of 95 % in 1000.
+    assert held / runs == pytest.approx([0.95] * 3, abs=0.021)
+
+
+def test_fit_against_scipy():
+    rng = np.random.default_rng(5)
+    p, L = rng.uniform(1e4, 6e4, 20), rng.uniform(0.2, 1.0, 20)
+    logs = np.log(LAW.stiffness(L, p)) + 0.1 * rng.normal(size=20)
+    fitted = fit_law(p, L, np.exp(logs))
+
+    def model(x, lnC, a, b):
+        return lnC + a * x[0] + b * x[1]
+
+    best, covariance = curve_fit(model, np.log([p, L]), logs, p0=(0.0, 1.0, 0.0))
+    reach = t_distribution.ppf(0.975, 17) * np.sqrt(np.diag(covariance))
+    for law, expected in (
+        (fitted.law, best),
+        (fitted.low, best - reach),
+        (fitted.high, best + reach),
+    ):
+        assert [np.log(law.C), law.a, law.b] == pytest.approx(expected, rel=1e-4)
+    rest = logs - model(np.log([p, L]), *best)
+    assert fitted.r_squared == pytest.approx(1.0 - rest.var() / logs.var(), rel=1e-6)
+
+
+@pytest.mark.parametrize(('softer', 'bend'), [(0.3, 0.5), (0.0, 0.7), (3.0, 0.6)])
+def test_points_out_of_the_linear_range_are_named(softer, bend, tmp_path, capsys):
+    rows = points(bend=bend, softer=softer, count=40, noise=0.002, trials=2, seed=2)
+    path = write(tmp_path, rows)
+    code, out, _ = run(capsys, path)
+    assert code == 0
+    model = accepted(out)
+    for mode in MODES:
+        k = stiffness(mode, 0.508, 34.5e3)
+        assert stiffness(mode, 0.508, 34.5e3, model) == pytest.approx(k, rel=0.1)
+    (counted,) = re.findall(r'(\d+) of 2160 rows not used', out)
+    assert 0.5 * (1.0 - bend) * 2160 < int(counted) < 1.1 * (1.0 - bend) * 2160
+    named = re.findall(r'out of the linear range: (\d+), line (.*)', out)
+    assert sum(int(number) for number, _ in named) == int(counted)
+    # The lines that are named hold the largest displacements of their groups.
+    first = named[0][1].split(', ')[0].split('-')
+    assert rows[int(first[1]) - 1][3] == RANGES['axial']
+
+
+def test_noise_alone_is_no_end_of_the_linear_range(tmp_path):
+    measurements = read_measurements(write(tmp_path, points(noise=0.03, trials=3, seed=4)))
+    assert analyse(measurements).unused.count <= 0.02 * measurements.rows
+
+
+def test_max_displacement_takes_the_place_of_the_test(tmp_path, capsys):
+    path = write(tmp_path, points(count=11))
+    code, out, _ = run(capsys, path, '--max-displacement', 'axial=0.0151')
+    assert code == 0
+    assert '45 of 297 rows not used' in out
+    assert 'axial, 17200 Pa, 0.254 m: beyond 0.0151 m' in out
+    assert 'line 8-12' in out
+
+
+def test_each_trial_has_its_own_offset(tmp_path):
+    rows = [[*HEADER, 'trial']]
+    for trial, offset in (('first', -4.0), ('second', 9.0)):
+        rows += [['axial', 3e4, 0.5, x, offset + 200.0 * x, trial] for x in (0.0, 0.01, 0.02)]
+    (group,) = read_measurements(write(tmp_path, rows)).groups
+    slope = fit_slope(group)
+    assert slope.stiffness == pytest.approx(200.0, rel=1e-12)
+    assert slope.offsets == pytest.approx([-4.0] * 3 + [9.0] * 3)
+
+
+@pytest.mark.parametrize(
+    ('row', 'reason'),
+    [
+        (['axal', 3e4, 0.5, 0.01, 1.0], "mode 'axal': must be one of axial, transverse, rotary"),
+        (['axial', 3e4, 0.5, 0.01], '4 values for 5 columns'),
+        (['axial', 3e4, 0.5, 0.01, 1.0, 2.0], '6 values for 5 columns'),
+        (['axial', 3e4, 0.5, 'nan', 1.0], "displacement 'nan': must be finite, at most 1e+12"),
+        (['axial', 3e4, 0.5, 0.01, '-inf'], "load '-inf': must be finite, at most 1e+12"),
+        (['axial', 3e4, 0.5, 0.01, '1e300'], "load '1e300': must be finite, at most 1e+12"),
+        (['axial', 3e4, 0.5, 0.01, ''], "load '': must be a number"),
+        (['axial', 3e4, 0.5, '0,01', 1.0], "displacement '0,01': must be a number"),
+        (['axial', 0, 0.5, 0.01, 1.0], "pressure '0': must be positive"),
+        (['axial', 3e4, -0.5, 0.01, 1.0], "length '-0.5': must be positive"),
+        (['axal', 0, 0.5, 0.01, 1.0], "rotary; pressure '0': must be positive"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else None,
+)
+def test_row_that_is_wrong_is_named_and_counted(row, reason, tmp_path, capsys):
+    rows = [line[:5] for line in points()]
+    rows[5:5] = [row, row]
+    code, out, _ = run(capsys, write(tmp_path, rows))
+    assert code == 0
+    assert '2 of 326 rows not used' in out
+    assert f'{reason}: 2, line 6-7' in out
+    assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-6)
+
+
+def test_group_without_a_slope_is_named_and_the_rest_is_fitted(tmp_path, capsys):
+    rows = points()
+    rows += [
+        ['axial', 4e4, 0.5, 0.01, 10.0, 0],
+        ['axial', 4e4, 0.5, 0.02, 20.0, 1],
+        ['rotary', 4e4, 0.5, 0.1, -1.0, 0],
+        ['rotary', 4e4, 0.5, 0.2, -2.0, 0],
+        # One trial of two points gives a slope; the other has one point and adds nothing.
+        ['axial', 5e4, 0.5, 0.0, 0.0, 0],
+        ['axial', 5e4, 0.5, 0.02, 0.02 * stiffness('axial', 0.5, 5e4), 0],
+        ['axial', 5e4, 0.5, 0.02, 99.0, 1],
+    ]
+    code, out, _ = run(capsys, write(tmp_path, rows))
+    assert code == 0
+    assert '5 of 331 rows not used' in out
+    assert 'axial, 40000 Pa, 0.5 m: no trial has two displacements' in out
+    assert 'rotary, 40000 Pa, 0.5 m: slope -10: must be positive' in out
+    assert 'the only displacement of its trial in the linear range; a slope needs two: 1' in out
+    assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-6)
+
+
+def test_group_that_is_nowhere_linear_is_named(tmp_path):
+    x = np.linspace(0.0, 0.1, 400)
+    rows = [HEADER, *(['axial', 3e4, 0.5, a, 100.0 * (a / 0.1) ** 3 * a] for a in x)]
+    measurements = read_measurements(write(tmp_path, rows))
+    slope = fit_slope(measurements.groups[0])
+    assert np.isnan(slope.stiffness)
+    assert not slope.used.any()
+    assert analyse(measurements).unused.count == 400
+
+
+MISSING = {
+    'no axial': (lambda row: row[0] != 'axial', 'no axial points: the softening of the pinched'),
+    'axial alone': (lambda row: row[0] == 'axial', 'no transverse or rotary points'),
+    'nothing': (lambda row: False, 'no axial points'),
+    'three groups': (
+        lambda row: row[1:3] == [34.5e3, 0.508],
+        '3 groups of points leave nothing to judge three constants by',
+    ),
+}
+
+
+@pytest.mark.parametrize('case', MISSING)
+def test_fit_that_the_points_cannot_carry_is_refused_with_what_is_missing(case, tmp_path, capsys):
+    keep, wanted = MISSING[case]
+    header, *rows = points()
+    rows = [*filter(keep, rows)] or [['axial', 3e4, 0.5, 'nan', 1.0, 0]]
+    code, out, err = run(capsys, write(tmp_path, [header, *rows]))
+    assert code == 1
+    assert f'no block for the robot file: {wanted}' in err
+    assert 'stiffness:' not in out
+
+
+NO_LAW = {
+    'one pressure': (
+        lambda row: row[1] == 34.5e3 or row[0] != 'axial',
+        ['mode axial: exponent a needs points at two or more pressures, found only 34500 Pa'],
+    ),
+    'one length': (
+        lambda row: row[2] == 0.508 or row[0] != 'rotary',
+        ['mode rotary: exponent b needs points at two or more lengths, found only 0.508 m'],
+    ),
+    'together': (
+        lambda row: PRESSURES.index(row[1]) == LENGTHS.index(row[2]) and row[2] != 0.762,
+        ['pressure and length change together'],
+    ),
+    'no mode': (lambda row: row[0] != 'rotary', ['mode rotary: no points that can be used']),
+}
+
+
+@pytest.mark.parametrize('case', NO_LAW)
+def test_beam_is_fitted_where_a_power_law_is_not(case, tmp_path, capsys):
+    keep, wanted = NO_LAW[case]
+    header, *rows = points()
+    code, out, _ = run(capsys, write(tmp_path, [header, *filter(keep, rows)]))
+    assert code == 0
+    for part in wanted:
+        assert part in out, out
+    assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-5)
+
+
+def test_stiffness_that_does_not_vary_has_no_r_squared():
+    p, L = np.array([1e4, 1e4, 2e4, 2e4]), np.array([0.5, 1.0, 0.5, 1.0])
+    fitted = fit_law(p, L, np.full(4, 4.0))
+    assert fitted.law == pytest.approx(Law(4.0, 0.0, 0.0), abs=1e-9)
+    assert np.isnan(fitted.r_squared)
+
+
+def test_figure_block_and_foreign_columns(tmp_path, capsys):
+    rows = [[*row, 'x'] for row in points(noise=0.01, bend=0.6, softer=0.4, count=30)]
+    rows[0][-1] = 'weather'
+    figure, block = tmp_path / 'fit.png', tmp_path / 'block.yaml'
+    path = write(tmp_path, rows)
+    code, out, _ = run(capsys, path, '--figure', figure, '--block', block)
+    assert code == 0
+    assert 'columns not used: weather' in out
+    assert accepted(block.read_text()) == accepted(out)
+    with Image.open(figure) as picture:
+        pixels = np.asarray(picture.convert('RGB')).astype(int)
+    # One column a mode, with blue dots above and below in each.
+    blue = (pixels[:, :, 2] - pixels[:, :, 0]) > 80
+    for column in np.array_split(blue, 3, axis=1):
+        for panel in np.array_split(column, 2):
+            assert panel.sum() > 50
+    for target, said in (('no_folder/fit.png', 'No such file'), ('fit.xyz', 'xyz')):
+        code, _, err = run(capsys, path, '--figure', tmp_path / target)
+        assert code == 1
+        assert 'cannot be written' in err
+        assert said in err
+
+
+def test_figure_of_points_without_a_fit(tmp_path, capsys):
+    header, *rows = points()
+    rows = [row for row in rows if row[0] == 'axial' and row[1] == 34.5e3]
+    figure = tmp_path / 'fit.png'
+    code, _, _ = run(capsys, write(tmp_path, [header, *rows]), '--figure', figure)
+    assert code == 1
+    assert figure.stat().st_size > 5000
+    code, _, _ = run(capsys, write(tmp_path, [header, ['x'] * 6]), '--figure', figure)
+    assert code == 1
+
+
+BAD_FILES = {
+    'missing': (None, 'cannot be read: No such file'),
+    'empty': (b'', "the first line is ''"),
+    'other header': (b'a;b\n1;2\n', "the first line is 'a;b'"),
+    'column twice': (b'mode,pressure,length,displacement,load,load\n', 'once, and maybe trial'),
+    'only a header': (b'mode,pressure,length,displacement,load\n', 'no points below the header'),
+    'picture': (b'\x89PNG\r\n\x1a\n\x00\x00', 'byte 0: not UTF-8 text'),
+    'endless cell': (b'mode,pressure,length,displacement,load\n"' + b'x' * 200_000, 'line 2'),
+}
+
+
+@pytest.mark.parametrize('case', BAD_FILES)
+def test_bad_file_gets_one_sentence(case, tmp_path, capsys):
+    content, wanted = BAD_FILES[case]
+    path = tmp_path / 'points.csv'
+    if content is not None:
+        path.write_bytes(content)
+    code, out, err = run(capsys, path)
+    assert (code, out) == (1, '')
+    assert err.startswith(f'fit_tube_stiffness: {path}: ')
+    assert len(err.splitlines()) == 1
+    assert wanted in err
+
+
+def test_byte_order_mark_spaces_and_empty_lines_are_read(tmp_path):
+    path = tmp_path / 'points.csv'
+    path.write_bytes(
+        b'\xef\xbb\xbfmode, pressure ,length,displacement,load\r\n\r\n axial , 3e4,0.5, 1,2 \r\n'
+    )
+    measurements = read_measurements(path)
+    assert measurements.rows == 1
+    (group,) = measurements.groups
+    assert (group.mode, group.pressure, group.lines.tolist()) == ('axial', 3e4, [3])
+
+
+def test_folder_is_no_file_of_points(tmp_path):
+    with pytest.raises(MeasurementError, match='cannot be read'):
+        read_measurements(tmp_path)
+
+
+def test_file_that_never_ends_is_refused():
+    with pytest.raises(MeasurementError, match=f'at most {MAX_FILE_SIZE} bytes'):
+        read_measurements(Path('/dev/zero'))
+
+
+def test_names_of_trials_cost_what_they_are_long(tmp_path):
+    # As an array of texts, each would take as much as the longest: 800 MB.
+    names = ['a' * 100_000, *(f't{i % 7}' for i in range(2000))]
+    rows = [[*HEADER, 'trial'], *(['axial', 17200, 0.254, 0.1, 1.0, name] for name in names)]
+    path = write(tmp_path, rows)
+    tracemalloc.start()
+    try:
+        (group,) = read_measurements(path).groups
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 4 * MAX_FILE_SIZE
+    # The same number for the same name.
+    pairs = set(zip(group.trials.tolist(), names, strict=True))
+    assert len(pairs) == len(set(names)) == 8
+    assert sorted(number for number, _ in pairs) == list(range(8))
+
+
+@pytest.mark.parametrize(
+    'option',
+    [
+        ['--max-displacement', '0.1'],
+        ['--max-displacement', 'axial=-1'],
+        ['--tolerance', 'none'],
+        ['--colour', 'red'],
+    ],
+    ids=' '.join,
+)
+def test_bad_option_is_refused_with_what_is_right(option, tmp_path, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(['points.csv', *option])
+    assert caught.value.code == 2
+    assert option[0] in capsys.readouterr().err
+
+
+cells = strategies.sampled_from(
+    [
+        *MODES,
+        '',
+        'nan',
+        '-0.0',
+        '5e-324',
+        '1e12',
+        '-1e12',
+        '1e-300',
+        '0.5',
+        '34500',
+        '"',
+        '#',
+        '1,2',
+    ]
+) | strategies.floats().map(str)
+
+
+@robots.examples(60)
+@given(strategies.data())
+def test_mutated_file_is_fitted_or_refused(data):
+    """Whatever stands in a file, each of its rows is used or counted, and no warning escapes."""
+    header, *rows = points(count=4, noise=0.01, trials=2)
+    for _ in range(data.draw(strategies.integers(1, 8))):
+        row = data.draw(strategies.sampled_from(rows))
+        column = data.draw(strategies.integers(0, 5))
+        value = data.draw(cells)
+        for other in rows if data.draw(strategies.booleans()) else [row]:
+            other[column] = value
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter('error')
+        measurements = read_measurements(write(Path(folder), [header, *rows]))
+        analysis = analyse(measurements)
+    used = sum(analysis.points(mode) for mode in MODES)
+    assert used + analysis.unused.count == measurements.rows == len(rows)
+    if analysis.fitted is not None:
+        assert np.isfinite(analysis.fitted.constants).all()
+        assert min(analysis.fitted.constants) > 0.0
+
+
+def test_stretches():
+    assert stretches([3, 4, 5, 9, 11, 12]) == '3-5, 9, 11-12'
+
+
+def test_as_a_process(tmp_path):
+    done = as_process(write(tmp_path, points()), '--figure', tmp_path / 'fit.svg')
+    assert (done.returncode, done.stderr) == (0, '')
+    accepted(done.stdout)
+    assert (tmp_path / 'fit.svg').read_text().startswith('<?xml')
+    bad = as_process(tmp_path / 'nowhere.csv')
+    assert (bad.returncode, bad.stdout) == (1, '')
+    assert 'Traceback' not in bad.stderr
+    assert len(bad.stderr.splitlines()) == 1

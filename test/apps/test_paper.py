@@ -1,0 +1,410 @@
+"""The items of the paper: what must hold in each, and that the page in docs/ shows them."""
+
+import importlib
+import math
+from pathlib import Path
+import re
+
+from isotruss_ros import core
+from isotruss_ros.calibration.measurements import MODES
+from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.tube_stiffness import (
+    END_SOFTENING,
+    InflatableBeam,
+    MEMBRANE_MODULUS,
+    MEMBRANE_SHEAR_MODULUS,
+)
+from matplotlib import rc_context
+import numpy as np
+from paper import figure_4, figure_5, figure_6, figure_7, figure_9, membrane, synthetic, wrinkling
+from paper.clamped_tube import DEPTH, press
+from paper.default_tube import end_stiffnesses
+from paper.items import ITEMS
+from paper.page import FOLDER, page
+from paper.parameters import (
+    CYLINDERS,
+    DISCS,
+    EDGES,
+    LENGTHS,
+    PRESSURE,
+    PRESSURES,
+    TUBE_DIAMETER,
+    TUBE_LENGTH,
+)
+from paper.style import save, SETTINGS
+from paper.tables import markdown, number, Table, write_csv
+import pytest
+
+DOCS = Path(__file__).resolve().parents[2] / 'docs'
+RADIUS = 0.5 * TUBE_DIAMETER
+BEAM = InflatableBeam(RADIUS)
+
+
+@pytest.fixture(scope='module')
+def results():
+    """Return the results of all items by name."""
+    return {item.name: item.compute(lambda done: None) for item in ITEMS}
+
+
+# -- The pages --
+
+
+def named_objects(text):
+    return sorted(set(re.findall(r'`(core(?:\.\w+)+)', text)))
+
+
+@pytest.mark.parametrize('path', sorted(DOCS.glob('*.md')), ids=lambda path: path.name)
+def test_functions_named_in_the_docs_exist(path):
+    for name in named_objects(path.read_text(encoding='utf-8')):
+        found, walked = importlib.import_module('isotruss_ros'), 'isotruss_ros'
+        for part in name.split('.'):
+            walked = f'{walked}.{part}'
+            if not hasattr(found, part):
+                importlib.import_module(walked)
+            found = getattr(found, part)
+
+
+def test_page_is_what_the_items_report(results):
+    """Run `make paper` where this fails: the numbers on the page are no longer those computed."""
+    reports = [(item, item.report(results[item.name])) for item in ITEMS]
+    digits = re.compile(r'-?\d+(?:\.\d+)?')
+    written = (DOCS / 'paper.md').read_text(encoding='utf-8')
+    computed = page(reports)
+    assert digits.sub('#', written) == digits.sub('#', computed)
+    # Another machine rounds another way, and may end on another last digit.
+    numbers = np.array([[float(x) for x in digits.findall(text)] for text in (written, computed)])
+    np.testing.assert_allclose(*numbers, rtol=0.03)
+    for item, report in reports:
+        assert all((report.heading, report.stated, report.computed, report.difference))
+        assert report.assumption
+        assert report.tables
+        assert bool(item.draw) == bool(report.picture)
+
+
+def test_page_links_to_files_that_are_there():
+    text = (DOCS / 'paper.md').read_text(encoding='utf-8')
+    links = re.findall(r'\]\(([\w/.]+)\)', text)
+    for link in links:
+        assert (DOCS / link).is_file(), link
+    for path in (DOCS / FOLDER).iterdir():
+        assert f'{FOLDER}/{path.name}' in links, f'{path.name} is not on the page'
+
+
+def test_figures_and_tables_are_the_same_each_time(results, tmp_path, monkeypatch):
+    monkeypatch.setattr('paper.style.DOTS_PER_INCH', 40)
+    folders = (tmp_path / 'first', tmp_path / 'second')
+    for folder in folders:
+        folder.mkdir()
+        for item in ITEMS:
+            if item.draw:
+                with rc_context(SETTINGS):
+                    save(item.draw(results[item.name]), folder / f'{item.name}.png')
+            for table in item.report(results[item.name]).tables:
+                write_csv(table, folder)
+    for path in folders[0].iterdir():
+        assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
+        assert (DOCS / FOLDER / path.name).exists()
+
+
+def test_tables_are_markdown_and_numbers_have_no_exponent():
+    table = Table('t', 'caption', ('a', 'b'), [('x', number(4644.1)), ('y', number(-4.6441e-5))])
+    assert markdown(table).splitlines() == [
+        '| a | b |',
+        '| --- | ---: |',
+        '| x | 4640 |',
+        '| y | -0.0000464 |',
+    ]
+    assert number(0.0) == '0'
+
+
+def test_discs_are_cylinder_and_tube():
+    # Of the paper, which rounds both to three digits.
+    assert np.array(DISCS) == pytest.approx(np.array(CYLINDERS) + TUBE_DIAMETER, abs=1.5e-3)
+
+
+# -- Table I and Fig. 4 --
+
+
+def test_stiffnesses_are_those_of_clamped_beams():
+    for pressure in PRESSURES:
+        for length in LENGTHS:
+            k = end_stiffnesses(pressure, length)
+            EA, EI, GA = (float(value[0]) for value in BEAM.section_stiffness(length, pressure))
+            assert k['axial'] == pytest.approx(EA / length)
+            # One end sinks and does not turn: twice the tip of a cantilever of half the length.
+            assert k['transverse'] == pytest.approx(1.0 / (length**3 / (12 * EI) + length / GA))
+            # One end turns and does not sink: from the flexibility of the tip of a cantilever.
+            sink = length**3 / (3 * EI) + length / GA
+            turn = length / EI - (length**2 / (2 * EI)) ** 2 / sink
+            assert k['rotary'] == pytest.approx(1.0 / turn)
+
+
+def test_fit_returns_what_made_the_points(results):
+    result = results['figure_4']
+    assert sum(figure_4.inside(result.analysis)) >= 2
+    # Three standard deviations of a count of 95 % in 600.
+    assert result.held == pytest.approx(0.95, abs=3 * math.sqrt(0.05 * 0.95 / 600))
+    for mode in MODES:
+        assert result.analysis.laws[mode].count == 9
+        assert result.analysis.points(mode) > 0.95 * 9 * 5 * synthetic.COUNT
+
+
+def test_fit_without_noise_is_exact(results, monkeypatch):
+    monkeypatch.setattr(synthetic, 'SCATTER', 0.0)
+    monkeypatch.setattr(synthetic, 'NOISE', 0.0)
+    analysis = figure_4.fit_points(0)
+    assert tuple(analysis.fitted.constants) == pytest.approx(
+        (MEMBRANE_MODULUS, MEMBRANE_SHEAR_MODULUS, END_SOFTENING), rel=1e-6
+    )
+    # Noise-free, the power laws are those of Table I.
+    for mode in MODES:
+        expected = results['figure_4'].laws[mode].law
+        assert analysis.laws[mode].law == pytest.approx(expected, rel=1e-6)
+
+
+def test_points_end_where_the_tube_wrinkles():
+    moment = wrinkling.wrinkling_moment(34.5e3, RADIUS)
+    for length in LENGTHS:
+        # Both ends of a member that is sheared carry half of V L.
+        force = synthetic.largest_load('transverse', 34.5e3, length)
+        assert force * length / 2 == pytest.approx(moment)
+        assert synthetic.largest_load('rotary', 34.5e3, length) == moment
+
+
+# -- Fig. 5 --
+
+
+@pytest.mark.parametrize(
+    ('name', 'stiffness'), [('obtuse', 4793.0), ('equilateral', 6494.0), ('acute', 7365.0)]
+)
+def test_stiffness_of_each_triangle(name, stiffness, results):
+    assert results['figure_5'][name].stiffness == pytest.approx(stiffness, abs=0.5)
+
+
+def test_triangles_are_stiffer_the_steeper_their_legs(results):
+    obtuse, equilateral, acute = (results['figure_5'][name] for name in EDGES)
+    assert obtuse.angle < equilateral.angle < acute.angle
+    # The explanation: two bars with the legs' axial stiffness are somewhat stiffer, and nearly all
+    # of the energy is axial.
+    for shape in (obtuse, equilateral, acute):
+        assert 0.85 * shape.truss < shape.stiffness < shape.truss
+        assert 0.9 < shape.stretching < 1.0
+
+
+def test_edges_are_the_lengths_of_the_members(results):
+    for name, (leg, third) in EDGES.items():
+        base, right, left = results['figure_5'][name].config.member_lengths
+        assert (left, right, base) == pytest.approx((leg, leg, third), abs=1e-6)
+        assert left + right + base == pytest.approx(3.06, abs=1e-6)
+
+
+@pytest.mark.parametrize('name', EDGES)
+def test_push_is_that_of_a_frame_with_these_supports(name, results):
+    """Solve the frame with the supports as supports, not as loads."""
+    config = results['figure_5'][name].config
+    structure = structure_of(config)
+    held = np.zeros((len(structure.node_names), 3), dtype=bool)
+    for joint, axes in (('L', [0, 1]), ('R', [0, 1]), ('T', [0])):
+        held[structure.node(joint), axes] = True
+    old = structure.frame
+    frame = Frame(old.points, old.members, held, structure.node_names, old._rows)
+    loads = np.zeros((len(structure.node_names), 3))
+    loads[structure.node('T'), 1] = -1.0
+    state = frame.solve(loads)
+    give, pushed = figure_5.push(config)
+    assert -state.displacements[structure.node('T'), 1] == pytest.approx(give, rel=1e-9)
+    assert pushed.state.displacements == pytest.approx(state.displacements, abs=1e-9 * give)
+    # Symmetric: the top neither turns nor pushes the track.
+    assert state.reactions[structure.node('T'), 0] == pytest.approx(0.0, abs=1e-6)
+    left, right = (state.reactions[structure.node(joint)] for joint in 'LR')
+    assert left[:2] == pytest.approx([-right[0], right[1]], abs=1e-6)
+    assert left[1] == pytest.approx(0.5, abs=1e-6)
+
+
+def test_tube_wrinkles_where_its_wall_goes_slack():
+    pull = wrinkling.pressure_force(PRESSURE, RADIUS)
+    for compression in (0.0, 0.4 * pull):
+        tension = (pull - compression) / (2 * math.pi * RADIUS)
+        # Membrane force of bending at the outer fibre: M / (pi r^2).
+        slack = tension * math.pi * RADIUS**2
+        factor = wrinkling.load_factor(1.0, compression / slack, math.inf, pull, RADIUS)
+        assert factor == pytest.approx(slack)
+    assert wrinkling.wrinkling_moment(PRESSURE, RADIUS) == pytest.approx(
+        math.pi * PRESSURE * RADIUS**3 / 2
+    )
+
+
+def test_load_factor_solves_its_equation():
+    random = np.random.default_rng(3)
+    moment, compression = random.uniform(0.001, 10.0, 50), random.uniform(0.0, 300.0, 50)
+    column, pull = random.uniform(10.0, 1e4, 50), 282.0
+    factors = [
+        wrinkling.load_factor(moment, compression, column, pull, RADIUS, stage)
+        for stage in (wrinkling.ONSET, wrinkling.COLLAPSE)
+    ]
+    for stage, t in zip((1.0, 2.0), factors, strict=True):
+        assert (t > 0.0).all()
+        assert (t * compression < np.minimum(column, pull)).all()
+        grown = t * moment / (1.0 - t * compression / column)
+        assert grown == pytest.approx(stage * (pull - t * compression) * RADIUS / 2.0, rel=1e-6)
+    assert (factors[0] < factors[1]).all()
+
+
+def test_column_is_that_of_euler_without_shear():
+    assert wrinkling.column_load(25.0, math.inf, 2.0) == pytest.approx(math.pi**2 * 25.0 / 4.0)
+    # However stiff in bending, it does not bear more than its shear stiffness.
+    assert wrinkling.column_load(1e12, 1.9e3, 1.0) == pytest.approx(1.9e3, rel=1e-6)
+
+
+def test_linear_range_ends_before_buckling(results):
+    for shape in results['figure_5'].values():
+        assert 0.005 < shape.onset < shape.collapse < shape.bare
+        assert 0.9 < shape.geometry < 1.0
+
+
+# -- Fig. 6 --
+
+
+def test_stiffness_of_the_middle_is_that_of_the_textbook():
+    _, EI, GA = (float(value[0]) for value in BEAM.section_stiffness(TUBE_LENGTH, PRESSURE))
+    shear = TUBE_LENGTH / (4 * GA)
+    for pinned, share in ((False, 192), (True, 48)):
+        exact = 1.0 / (TUBE_LENGTH**3 / (share * EI) + shear)
+        found = press(BEAM, TUBE_LENGTH / 2, CYLINDERS[0], 1e-4, False, pinned).stiffness
+        assert found == pytest.approx(exact, rel=1e-3)
+
+
+def test_tube_wrinkles_where_force_times_an_eighth_of_its_length_is_its_moment(results):
+    result = results['figure_6']
+    forces = result.wrinkling * [each.stiffness for each in result.middle[1]]
+    moments = forces * TUBE_LENGTH / 8
+    assert moments == pytest.approx(3 * [wrinkling.wrinkling_moment(PRESSURE, RADIUS)])
+
+
+def test_in_the_papers_model_stiffness_does_not_see_the_diameter(results):
+    result = results['figure_6']
+    differ = figure_6.growth(result.round)
+    assert np.abs(differ).max() < 0.05
+    assert np.abs(differ[np.abs(result.positions / TUBE_LENGTH - 0.5) < 0.2]).max() < 0.01
+    # It does see the position, and both halves are alike.
+    assert (result.round[:, 0] > 2.0 * result.round[:, len(result.positions) // 2]).all()
+    assert result.round == pytest.approx(result.round[:, ::-1], rel=1e-6)
+
+
+def test_with_flattening_stiffness_grows_with_the_diameter(results):
+    result = results['figure_6']
+    assert (np.diff(result.stiffness, axis=0) > 0.0).all()
+    # A spring in series only softens.
+    assert (result.stiffness < result.round).all()
+    assert result.stiffness == pytest.approx(result.stiffness[:, ::-1], rel=1e-6)
+    middle = np.array([each.stiffness for each in result.middle[1]])
+    assert middle == pytest.approx([2432, 2929, 3186], rel=0.005)
+    assert figure_6.growth(middle) == pytest.approx(0.31, abs=0.005)
+    contact = [1e3 * each.contact for each in result.middle[1]]
+    assert contact == pytest.approx([17, 33, 46], abs=0.5)
+    flat = [each.stiffness for each in result.middle_round[1]]
+    assert flat == pytest.approx([5213, 5215, 5218], abs=1.0)
+
+
+def test_stiffness_is_that_of_membrane_elements(results):
+    result = results['figure_6']
+    own = np.array([[each.stiffness for each in row] for row in result.middle])
+    near_end = [press(BEAM, 0.127, cylinder, DEPTH).stiffness for cylinder in CYLINDERS]
+    off = np.concatenate(
+        [(own / membrane.STIFFNESS - 1.0).ravel(), near_end / membrane.STIFFNESS_NEAR_END - 1.0]
+    )
+    assert np.sqrt((off**2).mean()) < 0.06
+    assert np.abs(off).max() < 0.11
+    for found, expected in zip(result.middle[1][1:], membrane.CONTACT[1:], strict=True):
+        assert found.contact == pytest.approx(expected, rel=0.15)
+    flat, beam, reference = figure_6.exponents(result)
+    assert flat == pytest.approx(reference, abs=0.03)
+    assert beam == pytest.approx(0.08, abs=0.005)
+
+
+# -- Fig. 7 --
+
+
+def test_grasps_are_three_of_one_object_in_one_place(results):
+    held = results['figure_7']
+    assert [each.plan.grasp.module for each in held] == ['north/R', 'north/R', 'north/Z']
+    # All of them can roll the object.
+    assert {each.plan.grasp.module for each in held} <= set(
+        core.load_robot('nine_member').roller_names
+    )
+    for each in held:
+        plan, config = each.plan, each.plan.config
+        assert plan.grasp.center == figure_7.CYLINDER.center
+        assert plan.grasp.diameter == figure_7.CYLINDER.diameter
+        # The way begins at home, where nothing touches the object, and ends in the grasp.
+        home = config.robot.home
+        assert plan.path[0] == pytest.approx(home.roller_positions)
+        assert plan.path[-1] == pytest.approx(config.roller_positions)
+        assert not core.analyze_grasp(home, figure_7.CYLINDER).normal_forces.any()
+        assert np.abs(config.residual()).max() < 1e-9
+        assert plan.analysis.force_closure
+        assert plan.required_friction <= figure_7.FRICTION
+        assert plan.utilisation <= 0.8
+        # Both sides at the module hold it, with forces that closer contact points do not change.
+        assert set(each.analysis.contact_lengths) == set(plan.members)
+        assert len(plan.members) == 2
+        fine = core.analyze_grasp(config, figure_7.CYLINDER, figure_7.FRICTION, spacing=0.001)
+        assert fine.contact_forces == pytest.approx(plan.analysis.contact_forces, rel=0.02)
+        assert fine.contact_lengths == pytest.approx(plan.analysis.contact_lengths, rel=0.02)
+
+
+def test_grasps_differ(results):
+    held = results['figure_7']
+    regions = [each.analysis.points[each.analysis.normal_forces > 0.0] for each in held]
+    values = np.array(
+        [
+            [
+                each.analysis.normal_forces.sum(),
+                each.deflection,
+                *np.diag(each.analysis.stiffness),
+            ]
+            for each in held
+        ]
+    )
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        # Forces and stiffness by more than their errors, regions by centimetres; the deformation
+        # need not differ for each pair.
+        assert (np.abs(values[i] / values[j] - 1.0) > 0.02)[[0, 2, 3, 4]].all()
+        apart = np.abs(regions[i][:, None] - regions[j]).max(axis=2)
+        assert apart.max(axis=0).max() > 0.05
+    assert np.ptp(values[:, 1]) > 0.02 * values[:, 1].max()
+    # So that the stiffness can be chosen, the object where it is.
+    assert (values[:, 2:4].max(axis=0) > 1.25 * values[:, 2:4].min(axis=0)).all()
+
+
+# -- Fig. 9 --
+
+
+def test_object_stays_on_the_path(results):
+    start, up, turn, arc = results['figure_9'].parts
+    for part in (up, turn, arc):
+        assert part.position_error < 2e-6
+        assert part.angle_error < math.radians(1e-3)
+        assert part.statuses <= {core.Status.OK, core.Status.IDLE}
+        assert part.roller_speed < 0.8 * part.config.robot.description.max_speed
+        assert np.abs(part.config.residual()).max() < 1e-9
+    assert up.poses[-1] - start.poses[0] == pytest.approx([0.0, 0.25, 0.0], abs=1e-5)
+    assert np.ptp(turn.poses[:, :2], axis=0) == pytest.approx([0.0, 0.0], abs=1e-5)
+    assert turn.poses[-1, 2] - up.poses[-1, 2] == pytest.approx(math.pi / 2, abs=1e-5)
+    # A quarter of a circle below its highest point, the orientation away from its centre.
+    center = turn.poses[-1, :2] - [0.0, 0.35]
+    outward = arc.poses[:, :2] - center
+    assert np.hypot(*outward.T) == pytest.approx(0.35, abs=1e-5)
+    assert np.arctan2(*outward.T[::-1]) == pytest.approx(arc.poses[:, 2], abs=1e-5)
+    assert outward[-1] == pytest.approx([0.35, 0.0], abs=1e-5)
+    assert figure_9.normal_error(arc, turn) < math.radians(1e-3)
+
+
+def test_errors_are_those_of_the_midpoint_rule(results):
+    """Half the rate makes at least three times the error."""
+    coarse = figure_9.follow_path(0.5 / 25.0, 25.0, lambda done: None)
+    result = results['figure_9']
+    for fine, rough, plain in zip(result.parts[1:], coarse[1:], result.plain[1:], strict=True):
+        assert rough.position_error > 3.0 * fine.position_error
+        assert plain.position_error > 50.0 * fine.position_error

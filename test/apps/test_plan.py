@@ -1,0 +1,254 @@
+"""The command plan_grasps, and the processes that search."""
+
+from concurrent.futures.process import BrokenProcessPool
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from isotruss_ros.cli import plan_grasps as command
+from isotruss_ros.core import (
+    Cylinder,
+    GraspError,
+    GraspRequirements,
+    load_robot,
+    plan_grasps,
+    SolverError,
+    StructureError,
+    Violation,
+)
+from isotruss_ros.core.planning import searcher as searchers
+from isotruss_ros.core.planning.grasp_plan import path_times, SENTENCES, violation_in_words
+from isotruss_ros.core.planning.searcher import Outcome, Searcher, Stop
+from isotruss_ros.core.planning.workers import core_count, NICENESS, WorkerPool
+import numpy as np
+from planning import workers
+import psutil
+import pytest
+
+ROBOT = load_robot('nine_member')
+OBJECT = ['--center', '0.716', '0.43', '--diameter', '0.3']
+#: No grasp is like that: the search for it takes long.
+NEVER = ['--min-margin', '1000']
+DEADLINE = 20.0
+
+
+def written(path):
+    """Return the JSON of a plan without its computing time."""
+    found = json.loads(path.read_text())
+    assert found.pop('computing_time') > 0.0
+    return found
+
+
+def test_finds_what_the_core_finds_on_one_process_or_two(tmp_path, capsys):
+    needs = GraspRequirements(
+        friction=0.6, module='north/Z', min_margin=1e-3, measure='total_force', count=2
+    )
+    expected = plan_grasps(ROBOT.home, Cylinder((0.716, 0.43), 0.3), needs, seed=4)
+    assert expected.grasps
+    options = ['--friction', '0.6', '--min-margin', '0.001', '--measure', 'total_force']
+    options += ['--count', '2', '--seed', '4', '--module', 'north/Z']
+    found = []
+    for number in '12':
+        file = tmp_path / f'{number}.json'
+        assert command.main([*OBJECT, *options, '--workers', number, '--json', str(file)]) == 0
+        found.append(written(file))
+    assert found[0] == found[1]
+    assert found[0]['evaluations'] == expected.evaluations
+    assert found[0]['complete']
+    assert found[0]['closest_violation'] is None
+    assert found[0]['roller_names'] == list(ROBOT.roller_names)
+    printed = capsys.readouterr().out
+    for one, other in zip(found[0]['grasps'], expected.grasps, strict=True):
+        assert one['path'] == other.path.tolist()
+        assert one['score'] == other.score == -other.total_force
+        assert one['touch'] == other.touch
+        assert one['times'] == path_times(other.path, ROBOT.description.max_speed).tolist()
+        assert f'{other.total_force:.2f}' in printed
+        assert other.members[0] in printed
+    assert not workers()
+
+
+def test_says_what_the_nearest_candidate_misses(capsys):
+    assert command.main(['--center', '3', '3', '--diameter', '0.3']) == 1
+    assert 'no grasp found in 0 evaluations; enclosed: no loop' in capsys.readouterr().out
+
+
+def test_ends_at_the_time_limit(capsys):
+    assert command.main([*OBJECT, *NEVER, '--time-limit', '1', '--workers', '1']) == 1
+    assert 'stopped before its end' in capsys.readouterr().out
+    assert not workers()
+
+
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [
+        (['--diameter', '-1'], "the object's diameter -1.0 m: must be positive"),
+        (['--center', 'nan', '0'], "the object's centre"),
+        (['--robot', 'nobody'], 'nobody'),
+        (['--module', 'north/Q'], 'north/Q'),
+        (['--rollers', '1', '2'], 'must be 6 finite numbers'),
+        (['--friction', '-1'], 'friction'),
+        (['--count', '0'], 'must be 1 or more'),
+        (['--seed', '-1'], "seed '-1': must be an integer, not negative"),
+        (['--measure', 'stiffness', '--direction', '0', '0', '0'], 'direction'),
+        (['--json', '/nowhere/at/all.json'], '/nowhere/at/all.json'),
+        (['--workers', '-1'], "'-1': must be from 0"),
+        (['--workers', 'many'], "'many': must be from 0"),
+        (['--time-limit', '-1'], "'-1': must be a number of seconds"),
+        (['--time-limit', 'inf'], "'inf': must be a number of seconds"),
+        (['--measure', 'beauty'], 'beauty'),
+    ],
+)
+def test_says_what_is_wrong_with_the_arguments(options, words, capsys):
+    try:
+        code = command.main([*OBJECT, *options])
+    except SystemExit as end:
+        code = end.code
+    assert code == 2
+    assert words in capsys.readouterr().err
+
+
+def interrupt(monkeypatch, act):
+    """Let something happen in the middle of a search, once there is a grasp."""
+
+    def plan(*arguments):
+        *others, on_progress, should_stop = arguments
+
+        def tell(progress):
+            on_progress(progress)
+            if progress.found:
+                act()
+
+        return plan_grasps(*others, tell, should_stop)
+
+    monkeypatch.setattr(command, 'plan_grasps', plan)
+
+
+def test_interrupted_it_gives_the_best_so_far(monkeypatch, tmp_path, capsys):
+    interrupt(monkeypatch, lambda: signal.raise_signal(signal.SIGINT))
+    file = tmp_path / 'plan.json'
+    before = signal.getsignal(signal.SIGINT)
+    options = ['--count', '1000', '--workers', '1', '--json', str(file)]
+    assert command.main([*OBJECT, *options]) == 0
+    found = written(file)
+    assert not found['complete']
+    assert len(found['grasps']) == 1
+    assert 'stopped before its end' in capsys.readouterr().out
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_interrupted_twice_it_ends(monkeypatch):
+    interrupt(monkeypatch, lambda: [signal.raise_signal(signal.SIGINT) for _ in '12'])
+    assert command.main([*OBJECT, '--workers', '1']) == 130
+    assert not workers()
+
+
+def test_says_when_a_process_dies(monkeypatch, capsys):
+    interrupt(monkeypatch, lambda: workers()[0].kill())
+    assert command.main([*OBJECT, '--count', '1000', '--workers', '1']) == 3
+    assert 'a worker process died' in capsys.readouterr().err
+    assert not workers()
+
+
+def test_ctrl_c_in_a_terminal_makes_no_noise():
+    """It goes to all processes of the terminal, those that search and those that just begin."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'isotruss_ros.cli.plan_grasps', *OBJECT, *NEVER, '--workers', '2'],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + DEADLINE
+    while len(children := workers(process.pid)) < 2:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=DEADLINE)
+    assert process.returncode == 1
+    assert 'stopped before its end' in out
+    assert err == ''
+    assert not psutil.wait_procs(children, DEADLINE)[1]
+
+
+def test_workers_have_a_core_each_and_step_back(monkeypatch):
+    monkeypatch.setenv('OPENBLAS_NUM_THREADS', '7')
+    monkeypatch.delenv('OMP_NUM_THREADS', raising=False)
+    with WorkerPool(1) as pool:
+        for name in ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'):
+            assert pool.executor.submit(os.getenv, name).result(DEADLINE) == '1'
+        assert pool.executor.submit(os.nice, 0).result(DEADLINE) == os.nice(0) + NICENESS
+        assert len(workers()) == 1
+        assert os.environ['OPENBLAS_NUM_THREADS'] == '7'
+        assert 'OMP_NUM_THREADS' not in os.environ
+
+
+def test_workers_are_gone_when_the_pool_is_closed():
+    pool = WorkerPool(2)
+    busy = [pool.executor.submit(time.sleep, 1000.0) for _ in range(2)]
+    assert len(workers()) == 2
+    pool.close()
+    assert not workers()
+    assert all(isinstance(future.exception(0.0), BrokenProcessPool) for future in busy)
+    WorkerPool().close()  # one that was never used
+    assert 1 <= core_count() <= os.cpu_count()
+
+
+@pytest.mark.parametrize(
+    ('ended_by', 'outcome', 'words'),
+    [
+        (GraspError('no such module'), Outcome.BAD_GOAL, 'no such module'),
+        (StructureError('two laws'), Outcome.FAILED, 'two laws'),
+        (SolverError('no step'), Outcome.FAILED, 'no step'),
+        (ZeroDivisionError('an accident'), Outcome.FAILED, 'ZeroDivisionError: an accident'),
+        (BrokenProcessPool('gone'), Outcome.FAILED, 'a process of the search died'),
+    ],
+)
+def test_every_end_of_a_search_is_an_answer(ended_by, outcome, words, monkeypatch):
+    def plan(*_arguments):
+        raise ended_by
+
+    monkeypatch.setattr(searchers, 'plan_grasps', plan)
+    searcher = Searcher(1)
+    assert searcher.answer() is None
+    searcher.begin(ROBOT.home, Cylinder((0.716, 0.43), 0.3), GraspRequirements(), 0, 0.0)
+    deadline = time.monotonic() + DEADLINE
+    while (answer := searcher.answer()) is None:
+        assert time.monotonic() < deadline
+    assert (answer.outcome, answer.plan) == (outcome, None)
+    assert words in answer.message
+    assert searcher.answer() is None
+    assert searcher.progress() is None
+    searcher.close()
+
+
+def test_stops_when_asked_or_when_the_time_is_up():
+    stop = Stop()
+    assert not stop()
+    assert stop.time_left == math.inf
+    stop.requested = True
+    assert stop()
+    assert Stop(1e-9)()
+    assert not Stop(1000.0)()
+
+
+def test_the_way_takes_as_long_as_the_roller_that_goes_furthest():
+    path = np.array([[0.0, 0.0], [0.3, -0.1], [0.3, -0.1], [0.2, 0.1]])
+    assert path_times(path, 0.1) == pytest.approx([0.0, 3.0, 3.01, 5.01])
+    assert path_times(path[:1], 0.1).tolist() == [0.0]
+
+
+def test_every_miss_has_words():
+    for name in SENTENCES:
+        words = violation_in_words(Violation(name, 0.125, 0.25, 1.0))
+        assert words.startswith(f'{name}: ')
+        assert '{' not in words
+    assert 'do not press' in violation_in_words(Violation('force_closure', 0.0, 1.0, 30.0))
+    assert 'cannot be computed: it is so' in violation_in_words(
+        Violation('it is so', 0.0, 0.0, 1.0)
+    )
+    assert violation_in_words(None) == 'there was no grasp candidate'

@@ -1,0 +1,290 @@
+"""The monitor answers from samples alone: no middleware, no clock but the one it is told."""
+
+from isotruss_ros.core import (
+    analyze_grasp,
+    Cylinder,
+    GraspCode,
+    GraspMonitor,
+    load_robot,
+    Question,
+    RejectedInput,
+    RollerState,
+    StampedInput,
+    tangent_center,
+)
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+DIAMETER, FRICTION, SPACING = 0.3, 0.5, 0.005
+CENTER = tangent_center(ROBOT.home, 'north/Z', DIAMETER, indentation=0.01)
+HOME = np.zeros(len(ROBOT.roller_names))
+NOW, TIMEOUT = 1000.0, 0.2
+WRENCH = (0.5, -2.0, 0.1)
+INPUTS = ('rollers', 'center', 'wrench')
+
+
+def at(positions, velocities=0.0 * HOME):
+    """Return a roller state."""
+    return RollerState(np.asarray(positions, dtype=float), np.asarray(velocities))
+
+
+def monitor(robot=ROBOT, **given):
+    """Return a monitor with good inputs at NOW, or those given."""
+    made = GraspMonitor(robot, DIAMETER, FRICTION, SPACING, TIMEOUT)
+    made.rollers = StampedInput(at(HOME), NOW)
+    made.center = StampedInput(CENTER, NOW)
+    made.wrench = StampedInput(WRENCH, NOW)
+    for name, value in given.items():
+        setattr(made, name, value)
+    return made
+
+
+def assert_no_answer(report, code):
+    """Check that there is a reason and nothing else."""
+    assert report.code is code
+    assert report.message
+    assert report.grasp is None
+    assert not report.force_closure
+
+
+def test_answers_as_the_analysis_does():
+    report = monitor().report(NOW)
+    expected = analyze_grasp(
+        ROBOT.home, Cylinder(CENTER, DIAMETER), FRICTION, WRENCH, spacing=SPACING
+    )
+    assert report.code is GraspCode.OK
+    assert report.message == ''
+    assert report.force_closure == expected.force_closure
+    assert report.grasp.analysis.normal_forces == pytest.approx(expected.normal_forces)
+    assert report.grasp.analysis.closure_residual == pytest.approx(expected.closure_residual)
+    assert report.grasp.computing_time > 0.0
+
+
+@pytest.mark.parametrize(
+    ('name', 'missing', 'stale', 'invalid'),
+    [
+        (
+            'rollers',
+            GraspCode.NO_JOINT_STATES,
+            GraspCode.STALE_JOINT_STATES,
+            GraspCode.INVALID_JOINT_STATES,
+        ),
+        (
+            'center',
+            GraspCode.NO_OBJECT_POSE,
+            GraspCode.STALE_OBJECT_POSE,
+            GraspCode.INVALID_OBJECT_POSE,
+        ),
+        (
+            'wrench',
+            GraspCode.OK,
+            GraspCode.STALE_EXTERNAL_WRENCH,
+            GraspCode.INVALID_EXTERNAL_WRENCH,
+        ),
+    ],
+)
+def test_each_doubt_has_its_code_and_takes_the_old_answer_away(name, missing, stale, invalid):
+    made = monitor()
+    good = getattr(made, name)
+    for given, code in (
+        (None, missing),
+        (good._replace(time=NOW - TIMEOUT - 1e-3), stale),
+        (RejectedInput('not a number'), invalid),
+        (good._replace(time=NOW + TIMEOUT + 1e-3), invalid),
+    ):
+        setattr(made, name, good)
+        assert made.report(NOW).code is GraspCode.OK
+        setattr(made, name, given)
+        report = made.report(NOW)
+        if code is GraspCode.OK:
+            assert report.grasp is not None
+        else:
+            assert_no_answer(report, code)
+
+
+def test_a_wrench_that_was_never_heard_is_zero():
+    without, zero = monitor(wrench=None), monitor(wrench=StampedInput((0.0, 0.0, 0.0), NOW))
+    assert without.report(NOW).grasp.analysis.closure_residual == pytest.approx(
+        zero.report(NOW).grasp.analysis.closure_residual
+    )
+    assert monitor().report(NOW).grasp.analysis.closure_residual != pytest.approx(
+        zero.report(NOW).grasp.analysis.closure_residual
+    )
+
+
+def test_a_wrench_that_falls_silent_is_not_taken_for_zero():
+    made = monitor()
+    made.rollers, made.center = StampedInput(at(HOME), NOW + 0.5), StampedInput(CENTER, NOW + 0.5)
+    assert_no_answer(made.report(NOW + 0.5), GraspCode.STALE_EXTERNAL_WRENCH)
+
+
+@pytest.mark.parametrize('name', INPUTS)
+def test_an_input_is_good_until_the_timeout(name):
+    good = getattr(monitor(), name)
+    made = monitor(**{name: good._replace(time=NOW - TIMEOUT + 1e-3)})
+    assert made.report(NOW).code is GraspCode.OK
+
+
+def test_the_answer_holds_for_the_older_of_the_samples():
+    made = monitor(
+        rollers=StampedInput(at(HOME), NOW - 0.1), center=StampedInput(CENTER, NOW - 0.05)
+    )
+    assert made.report(NOW).time == NOW - 0.1
+    assert monitor(center=StampedInput(CENTER, NOW - 0.15)).report(NOW).time == NOW - 0.15
+    assert monitor(center=None).report(NOW).time == NOW
+
+
+def test_computes_only_when_something_has_changed():
+    made = monitor()
+    first = made.report(NOW).grasp
+    later = NOW + 0.1
+    made.rollers = StampedInput(at(HOME, HOME + 0.01), later)
+    made.center = StampedInput(tuple(CENTER), later)
+    report = made.report(later)
+    assert report.grasp is first
+    assert report.time == later
+    for name, value in (
+        ('rollers', StampedInput(at(HOME + 1e-9), later)),
+        ('center', StampedInput((CENTER[0], CENTER[1] + 1e-9), later)),
+        ('wrench', StampedInput((0.5, -2.0, 0.1 + 1e-9), later)),
+        ('object_diameter', DIAMETER + 1e-9),
+        ('friction', FRICTION + 1e-9),
+        ('spacing', SPACING + 1e-9),
+    ):
+        before = made.report(later).grasp
+        setattr(made, name, value)
+        assert made.report(later).grasp is not before, name
+        assert made.report(later).grasp is made.report(later).grasp, name
+
+
+def test_parameters_count():
+    made = monitor()
+    tight = made.report(NOW).grasp.analysis.normal_forces.sum()
+    made.object_diameter = 0.305
+    assert made.report(NOW).grasp.analysis.normal_forces.sum() > tight
+    made.spacing = 0.01
+    assert made.report(NOW).grasp.spacing == 0.01
+
+
+def test_an_object_that_touches_nothing_is_an_answer_that_says_so():
+    report = monitor(center=StampedInput((5.0, 5.0), NOW), wrench=None).report(NOW)
+    assert report.code is GraspCode.OK
+    assert 'nothing' in report.message
+    # In balance, but not held.
+    assert report.grasp.analysis.closure_residual == 0.0
+    assert not report.force_closure
+
+
+@pytest.mark.parametrize(
+    ('indentation', 'code', 'text'),
+    [
+        (0.03, GraspCode.OK, ''),
+        (0.065, GraspCode.OK, 'of its wrinkling moment'),
+        (0.09, GraspCode.WRINKLED, 'outside of the model'),
+    ],
+)
+def test_tubes_that_wrinkle_or_nearly_do_are_reported(indentation, code, text):
+    center = tangent_center(ROBOT.home, 'north/Z', DIAMETER, indentation=indentation)
+    report = monitor(center=StampedInput(center, NOW), wrench=None).report(NOW)
+    analysis = report.grasp.analysis
+    member, used = max(analysis.utilisation.items(), key=lambda item: item[1])
+    assert report.code is code, used
+    assert text in report.message
+    if text:
+        assert f'{member} bears {used:.2f}' in report.message
+    if code is GraspCode.WRINKLED:
+        assert not report.force_closure
+
+
+def test_no_configuration_no_answer():
+    impossible = StampedInput(at([9.0, 0, 0, 0, 0, 0]), NOW)
+    made = monitor()
+    made.report(NOW)
+    made.rollers = impossible
+    for _ in range(2):
+        assert_no_answer(made.report(NOW), GraspCode.NO_CONFIGURATION)
+    made.rollers = StampedInput(at(HOME), NOW)
+    assert made.report(NOW).code is GraspCode.OK
+
+
+@pytest.mark.parametrize(
+    ('error', 'code'),
+    [
+        ('StructureError', GraspCode.MECHANISM),
+        ('SolverError', GraspCode.NOT_SOLVED),
+        ('GraspError', GraspCode.INVALID_REQUEST),
+    ],
+)
+def test_errors_of_the_analysis_have_their_codes(monkeypatch, error, code):
+    from isotruss_ros import core
+    from isotruss_ros.core.control import grasp_monitor
+
+    def fail(*_arguments, **_options):
+        raise getattr(core, error)('so it is')
+
+    monkeypatch.setattr(grasp_monitor, 'analyze_grasp', fail)
+    report = monitor().report(NOW)
+    assert_no_answer(report, code)
+    assert report.message == 'so it is'
+
+
+def test_history_does_not_matter():
+    there = np.linspace(-0.1, 0.12, len(HOME))
+    center = tangent_center(ROBOT.configuration(there), 'north/Z', DIAMETER, indentation=0.01)
+    travelled = monitor()
+    travelled.report(NOW)
+    travelled.rollers = StampedInput(at([9.0, 0, 0, 0, 0, 0]), NOW)
+    travelled.report(NOW)
+    for made in (travelled, fresh := monitor()):
+        made.rollers, made.center = StampedInput(at(there), NOW), StampedInput(center, NOW)
+    assert travelled.report(NOW).grasp.analysis.normal_forces == pytest.approx(
+        fresh.report(NOW).grasp.analysis.normal_forces, rel=1e-6
+    )
+
+
+def question(**changes):
+    """Return a question about the grasp at home, changed as given."""
+    return Question((), CENTER, DIAMETER, FRICTION, (0.0, 0.0, 0.0), SPACING)._replace(**changes)
+
+
+def test_what_if_answers_and_leaves_the_live_answer_alone():
+    made = monitor()
+    live = made.report(NOW).grasp
+    other = made.analyze_request(question(diameter=0.31), NOW + 0.05)
+    assert other.code is GraspCode.OK
+    assert other.time == NOW
+    assert other.grasp.analysis.normal_forces.sum() > live.analysis.normal_forces.sum()
+    elsewhere = made.analyze_request(question(roller_positions=(0.02, 0, 0, 0, 0, 0)), NOW)
+    assert elsewhere.grasp.config.roller_positions[0] == 0.02
+    assert made.report(NOW).grasp is live
+
+
+def test_what_if_needs_no_live_state_when_it_is_told_all():
+    made = monitor(rollers=None, center=None, wrench=RejectedInput('broken'))
+    told = made.analyze_request(question(roller_positions=tuple(HOME)), NOW)
+    assert told.code is GraspCode.OK
+    assert told.time == NOW
+    assert_no_answer(made.analyze_request(question(), NOW), GraspCode.NO_JOINT_STATES)
+    assert_no_answer(made.report(NOW), GraspCode.NO_JOINT_STATES)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'code'),
+    [
+        ({'diameter': 0.0}, GraspCode.INVALID_REQUEST),
+        ({'diameter': float('nan')}, GraspCode.INVALID_REQUEST),
+        ({'center': (float('inf'), 0.0)}, GraspCode.INVALID_REQUEST),
+        ({'friction': -0.1}, GraspCode.INVALID_REQUEST),
+        ({'external_wrench': (0.0, float('nan'), 0.0)}, GraspCode.INVALID_REQUEST),
+        ({'spacing': 0.0}, GraspCode.INVALID_REQUEST),
+        ({'roller_positions': (0.0,)}, GraspCode.NO_CONFIGURATION),
+        ({'roller_positions': (float('nan'),) * 6}, GraspCode.NO_CONFIGURATION),
+        ({'roller_positions': (9.0, 0, 0, 0, 0, 0)}, GraspCode.NO_CONFIGURATION),
+    ],
+)
+def test_what_if_refuses_what_cannot_be(changes, code):
+    made = monitor()
+    live = made.report(NOW).grasp
+    assert_no_answer(made.analyze_request(question(**changes), NOW), code)
+    assert made.report(NOW).grasp is live

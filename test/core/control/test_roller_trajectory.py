@@ -1,0 +1,171 @@
+"""Paths of the rollers: straight between waypoints, at rest before and after, or refused."""
+
+import itertools
+import re
+
+from hypothesis import given
+from hypothesis import strategies as st
+from isotruss_ros.core import ConfigurationError, load_robot, RollerTrajectory
+from isotruss_ros.core.control.roller_trajectory import MAX_DURATION
+import numpy as np
+import pytest
+from robots import examples, generators
+
+ROBOT = load_robot('nine_member')
+N = len(ROBOT.roller_names)
+MAX_SPEED = ROBOT.description.max_speed
+ORIGIN = [0.0] * N
+
+
+def random_path(rng, quick=1.0):
+    """
+    Return waypoints and times that the rollers can keep to.
+
+    :param quick: share of their speed that they need at most.
+    """
+    steps = 10.0 ** rng.uniform(-3.0, 1.0, rng.integers(0, 8))
+    speeds = quick * MAX_SPEED * rng.uniform(-1.0, 1.0, (len(steps), N))
+    begin = rng.normal(size=N)
+    positions = begin + np.vstack([np.zeros(N), np.cumsum(speeds * steps[:, None], axis=0)])
+    return positions, rng.choice([0.0, 1.7]) + np.append(0.0, np.cumsum(steps))
+
+
+@examples(60)
+@given(generators())
+def test_is_straight_between_its_points_and_rests_outside(rng):
+    positions, times = random_path(rng)
+    path = RollerTrajectory(ROBOT, positions, times)
+    assert path.duration == times[-1]
+    for time in [*times, *rng.uniform(-1.0, times[-1] + 1.0, 20)]:
+        wanted = path.at(time)
+        for roller in range(N):
+            there = np.interp(time, times, positions[:, roller])
+            assert wanted.positions[roller] == pytest.approx(there, abs=1e-12)
+    for time in (-1e9, times[0] - 1e-9, times[-1], times[-1] + 1e-9, 1e9):
+        assert not path.at(time).speeds.any()
+    assert np.array_equal(path.at(times[-1]).positions, positions[-1])
+    assert np.array_equal(path.at(-1.0).positions, positions[0])
+
+
+@examples(60)
+@given(generators())
+def test_speed_is_the_derivative_of_the_position_and_within_the_limit(rng):
+    positions, times = random_path(rng)
+    path = RollerTrajectory(ROBOT, positions, times)
+    for begin, end in itertools.pairwise(times):
+        time = begin + rng.uniform(0.2, 0.8) * (end - begin)
+        step = 0.1 * (end - begin)
+        found = (path.at(time + step).positions - path.at(time - step).positions) / (2.0 * step)
+        assert path.at(time).speeds == pytest.approx(found, abs=1e-9)
+        assert np.abs(path.at(time).speeds).max() <= MAX_SPEED * (1.0 + 2e-6)
+        # From a waypoint on, the speed is that of the way ahead.
+        assert path.at(begin).speeds == pytest.approx(found, abs=1e-9)
+
+
+def test_one_point_is_a_path_too():
+    path = RollerTrajectory(ROBOT, [[0.1] * N], [2.0])
+    assert path.duration == 2.0
+    for time in (0.0, 2.0, 3.0):
+        assert path.at(time).positions.tolist() == [0.1] * N
+        assert not path.at(time).speeds.any()
+
+
+def test_takes_what_rounding_adds_to_the_largest_speed():
+    way = MAX_SPEED * 0.3
+    path = RollerTrajectory(ROBOT, [ORIGIN, [way] * N], [0.1, 0.4])  # 0.4 - 0.1 is less than 0.3
+    assert path.at(0.2).speeds == pytest.approx([MAX_SPEED] * N)
+
+
+def test_what_is_done_to_the_arrays_afterwards_changes_no_path():
+    positions, times = np.zeros((2, N)), np.array([0.0, 1.0])
+    path = RollerTrajectory(ROBOT, positions, times)
+    positions[:], times[:] = 7.0, 7.0
+    assert path.duration == 1.0
+    assert not path.at(1.0).positions.any()
+
+
+SHORT, LONG = [0.0] * (N - 1), [0.0] * (N + 1)
+BAD_POSITIONS = {
+    'no point': ([], 'without a point'),
+    'no points of rollers': (np.zeros((0, N)), 'without a point'),
+    'nothing': (None, f'must be {N} finite numbers'),
+    'a number': (0.5, f'must be {N} finite numbers'),
+    'a word': ('fast', f'must be {N} finite numbers'),
+    'one row': (ORIGIN, f'0.0: must be {N} finite numbers'),
+    'too few': ([SHORT, SHORT], f'must be {N} finite numbers'),
+    'too many': ([LONG, LONG], f'must be {N} finite numbers'),
+    'of two lengths': ([ORIGIN, SHORT], f'must be {N} finite numbers'),
+    'too deep': (np.zeros((2, 2, N)), f'must be {N} finite numbers'),
+    'nan': ([ORIGIN, [np.nan] * N], 'nan'),
+    'inf': ([ORIGIN, [*SHORT, np.inf]], 'inf'),
+    'complex': ([ORIGIN, [1j] * N], f'must be {N} finite numbers'),
+    'words': ([ORIGIN, ['0'] * N], f'must be {N} finite numbers'),
+    'too quick': ([ORIGIN, [*SHORT, -1.001 * MAX_SPEED]], '0.1001 m/s; must be at most 0.1'),
+    'a little too quick': ([ORIGIN, [*SHORT, 1.00001 * MAX_SPEED]], '0.100001 m/s; must be'),
+    'without end': ([[1e308] * N, [-1e308] * N], 'inf m/s; must be at most 0.1'),
+}
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize(('positions', 'words'), BAD_POSITIONS.values(), ids=BAD_POSITIONS)
+def test_positions_that_cannot_be_are_refused(positions, words):
+    with pytest.raises(ConfigurationError, match=re.escape(words)):
+        RollerTrajectory(ROBOT, positions, [0.0, 1.0])
+
+
+BAD_TIMES = {
+    'none': (None, 'must be 3 finite numbers'),
+    'one': (1.0, 'must be 3 finite numbers'),
+    'too few': ([0.0, 1.0], 'must be 3 finite numbers'),
+    'too many': ([0.0, 1.0, 2.0, 3.0], 'must be 3 finite numbers'),
+    'nan': ([0.0, np.nan, 2.0], 'must be 3 finite numbers'),
+    'inf': ([0.0, 1.0, np.inf], 'must be 3 finite numbers'),
+    'words': (['0', '1', '2'], 'must be 3 finite numbers'),
+    'negative': ([-1e-9, 1.0, 2.0], 'time -1e-09 s of point 0'),
+    'the same twice': ([0.0, 1.0, 1.0], 'time 1 s of point 2'),
+    'back': ([0.0, 1.0, 0.5], 'time 0.5 s of point 2'),
+    'all at once': ([0.0, 0.0, 0.0], 'time 0 s of point 1'),
+    'no end': ([0.0, 1.0, 1e308], 'time 1e+308 s of point 2'),
+    'a day and more': ([0.0, 1.0, 1.1 * MAX_DURATION], f'from 0 to {MAX_DURATION:g} s'),
+}
+
+
+@pytest.mark.parametrize(('times', 'words'), BAD_TIMES.values(), ids=BAD_TIMES)
+def test_times_that_cannot_be_are_refused(times, words):
+    with pytest.raises(ConfigurationError, match=re.escape(words)):
+        RollerTrajectory(ROBOT, [ORIGIN] * 3, times)
+
+
+@pytest.mark.filterwarnings('error')
+def test_steps_without_a_duration_are_too_quick_and_no_warning():
+    with pytest.raises(ConfigurationError, match='inf m/s'):
+        RollerTrajectory(ROBOT, [ORIGIN, [0.1] * N], [0.0, 5e-324])
+
+
+@pytest.mark.parametrize('times', [np.zeros(5000), np.full(5000, np.nan), np.arange(5000.0)])
+def test_reasons_are_short_however_long_the_path(times):
+    positions = np.random.default_rng(0).uniform(-9.0, 9.0, (5000, N))
+    with pytest.raises(ConfigurationError) as refused:
+        RollerTrajectory(ROBOT, positions, times)
+    assert len(str(refused.value)) < 300
+
+
+numbers = st.one_of(st.floats(-0.02, 0.02), st.floats(), st.sampled_from([0.0, 1e308, 5e-324]))
+rows = st.lists(numbers, min_size=N, max_size=N)
+near = st.lists(st.floats(-0.02, 0.02), min_size=N, max_size=N)
+steps = st.one_of(st.floats(0.1, 9.0), st.floats(0.0))
+
+
+@examples(300)
+@given(st.lists(st.tuples(st.one_of(near, near, near, rows), steps), max_size=3))
+def test_any_numbers_are_a_path_that_rollers_can_keep_to_or_refused(points):
+    with np.errstate(all='ignore'):
+        times = np.cumsum([step for _, step in points])
+    try:
+        path = RollerTrajectory(ROBOT, [row for row, _ in points], times)
+    except ConfigurationError:
+        return
+    for time in (0.0, *times):
+        wanted = path.at(time)
+        assert np.isfinite(wanted.positions).all()
+        assert np.abs(wanted.speeds).max() <= MAX_SPEED * (1.0 + 1e-6)

@@ -1,0 +1,192 @@
+"""The squeeze and the pose of a held object, regulated on the elastic plant."""
+
+import math
+
+from grips import gripped, opening
+from isotruss_ros.core import (
+    ElasticObject,
+    Grasp,
+    Hold,
+    RollerFaults,
+    RollerState,
+    SimulatedRobot,
+    solve_twist,
+    StampedInput,
+    Status,
+    TwistServo,
+)
+from isotruss_ros.core.control.squeeze_control import (
+    squeeze_by_opening,
+    SqueezeControl,
+    SqueezeSettings,
+)
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+import numpy as np
+import pytest
+
+CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
+MODULE, FRICTION, PERIOD, GAIN = 'north/Z', 0.5, 0.02, 2.0
+
+
+class Loop:
+    """A controller and a plant, in step."""
+
+    def __init__(self, force=None, scale=1.0, regulated=True):
+        self.object = ElasticObject(CYLINDER, FRICTION, stiffness_scale=scale)
+        self.plant = SimulatedRobot(CONFIG, self.object, RollerFaults())
+        self.plant.advance(0.0)
+        model = RollingGrasp.attach(CONFIG, CYLINDER)
+        self.target = model.squeeze if force is None else force
+        self.control = SqueezeControl(SqueezeSettings(self.target, FRICTION))
+        self.regulated = regulated
+        self.reference = np.array(self.plant.object_pose)
+        self.errors = []
+
+    def error(self):
+        """Return how far the object is from its reference: x, y [m], angle [rad]."""
+        error = self.reference - np.array(self.plant.object_pose)
+        error[2] = math.remainder(error[2], 2.0 * math.pi)
+        return error
+
+    def run(self, twist, duration):
+        """Follow a twist that begins and ends at rest."""
+        count = round(duration / PERIOD)
+        for k in range(count):
+            rate = 1.0 - np.cos(2.0 * np.pi * (k + 0.5) / count)
+            wanted = rate * np.array(twist) + GAIN * self.error()
+            pose, config = self.plant.object_pose, self.plant.config
+            grasp = Grasp(MODULE, pose[:2], CYLINDER.diameter)
+
+            def solve(twist, opening_rate, config=config, grasp=grasp):
+                return solve_twist(config, grasp, twist, opening_rate=opening_rate)
+
+            command = solve(wanted, 0.0)
+            if self.regulated:
+                held = self.control.follow(config, pose, CYLINDER.diameter)
+                assert held is Hold.HELD
+                command = self.control.solve(wanted, PERIOD, solve)
+            self.plant.command(command.roller_velocities)
+            self.plant.advance(PERIOD)
+            self.reference = self.reference + PERIOD * rate * np.array(twist)
+            assert self.object.grasp is not None
+            self.errors.append(np.hypot(*self.error()[:2]))
+
+    @property
+    def squeeze(self):
+        """Return the mean normal force in the plant [N]."""
+        return self.object.grasp.squeeze
+
+
+@pytest.mark.parametrize('twist', [(0.04, -0.03, 0.0), (0.0, 0.0, 0.3), (0.02, 0.02, -0.2)])
+def test_pose_and_squeeze_stay_as_they_should(twist):
+    loop, rigid = Loop(), Loop(regulated=False)
+    for each in (loop, rigid):
+        each.run(twist, 2.0)
+    assert max(loop.errors) < 1e-4
+    assert max(loop.errors) < 0.1 * max(rigid.errors)
+    assert loop.squeeze == pytest.approx(loop.target, rel=1e-3)
+    assert np.degrees(abs(loop.error()[2])) < 0.02
+
+
+def test_a_rising_target_closes_in_place():
+    loop = Loop(force=30.0)
+    before, start = opening(CONFIG), loop.squeeze
+    assert start < 25.0
+    loop.run((0.0, 0.0, 0.0), 3.0)
+    assert loop.squeeze == pytest.approx(30.0, rel=1e-3)
+    assert opening(loop.plant.config) < before - np.radians(0.5)
+    assert loop.errors[-1] < 1e-4
+    assert max(loop.errors) < 1.5e-3
+
+
+def test_an_unknown_load_costs_little_squeeze_and_no_pose():
+    loop = Loop()
+    loop.object.external_wrench = (1.5, 1.0, 0.0)
+    loop.run((0.02, 0.02, 0.0), 4.0)
+    assert loop.squeeze == pytest.approx(loop.target, rel=0.1)
+    assert loop.errors[-1] < 1e-4
+
+
+def test_a_softer_plant_presses_less_and_goes_where_it_should():
+    loop = Loop(scale=0.7)
+    loop.run((0.03, 0.0, 0.1), 3.0)
+    assert loop.squeeze == pytest.approx(0.7 * loop.target, rel=0.03)
+    assert loop.errors[-1] < 1e-4
+
+
+def test_the_slope_by_the_opening_is_near_to_what_a_small_change_does():
+    grasp = RollingGrasp.attach(CONFIG, CYLINDER)
+    object_grasp = Grasp(MODULE, grasp.pose[:2], CYLINDER.diameter)
+    rate = 1e-4
+    command = solve_twist(CONFIG, object_grasp, (0.0, 0.0, 0.0), opening_rate=rate)
+    there = CONFIG.moved_to(CONFIG.roller_positions + command.roller_velocities)
+    assert opening(there) - opening(CONFIG) == pytest.approx(rate, rel=1e-2)
+    found = (grasp.moved_to(there).squeeze - grasp.squeeze) / rate
+    assert squeeze_by_opening(grasp) == pytest.approx(found, rel=0.35)
+    assert found < 0.0
+
+
+def test_without_an_object_nothing_is_held_and_the_model_starts_again():
+    control = SqueezeControl(SqueezeSettings(10.0, FRICTION))
+    away = (5.0, 5.0, 0.0)
+    pose = RollingGrasp.attach(CONFIG, CYLINDER).pose
+    assert control.follow(CONFIG, pose._replace(x=5.0), 0.3) is Hold.NO_CONTACT
+    assert control.grasp is None
+    assert control.follow(CONFIG, pose, 0.3) is Hold.HELD
+    # What is held is not looked for again: a wrong pose does not count.
+    assert control.follow(CONFIG, pose._replace(x=away[0]), 0.3) is Hold.HELD
+    control.reset()
+    assert control.follow(CONFIG, pose._replace(x=away[0]), 0.3) is Hold.NO_CONTACT
+    slippery = SqueezeControl(SqueezeSettings(10.0, 0.1))
+    assert slippery.follow(CONFIG, pose, 0.3) is Hold.SLIPS
+
+
+# In the twist servo
+
+
+def servo_on_plant(twist, cycles, force, rate=25.0, friction=FRICTION, **settings):
+    """Run a twist servo that squeezes on the elastic plant; return both and the last decision."""
+    plant_object = ElasticObject(CYLINDER, FRICTION)
+    plant = SimulatedRobot(CONFIG, plant_object, RollerFaults())
+    plant.advance(0.0)
+    servo = TwistServo(CONFIG.robot, MODULE, CYLINDER.diameter, 1.0 / rate, timeout=0.2)
+    servo.guard = None
+    servo.squeeze = SqueezeControl(SqueezeSettings(force, friction, **settings))
+    codes = []
+    for number in range(cycles):
+        now = number / rate
+        servo.twist = StampedInput(twist, now)
+        state = RollerState(plant.roller_positions.copy(), plant.roller_velocities.copy())
+        servo.rollers = StampedInput(state, now)
+        servo.center = StampedInput(plant.object_pose[:2], now)
+        decision = servo.decide(now)
+        codes.append(decision.command.status)
+        plant.command(decision.command.roller_velocities)
+        plant.advance(1.0 / rate)
+    return plant_object, plant, decision, codes
+
+
+def test_the_servo_closes_in_place_and_carries():
+    start = ElasticObject(CYLINDER, FRICTION)
+    start.follow(CONFIG)
+    x, y, _ = start.pose(CONFIG)
+    plant_object, plant, decision, codes = servo_on_plant((0.0, 0.0, 0.0), 60, 28.0)
+    assert set(codes) == {Status.OK}
+    assert decision.message == ''
+    assert plant_object.grasp.squeeze == pytest.approx(28.0, rel=2e-3)
+    assert plant.object_pose[:2] == pytest.approx((x, y), abs=1e-3)
+    plant_object, plant, _, _ = servo_on_plant((0.02, -0.01, 0.0), 50, 24.0)
+    assert plant_object.grasp.squeeze == pytest.approx(24.0, rel=5e-3)
+    # Half a cycle is what the reference, in the middle of the first one, knows of the start.
+    assert plant.object_pose[:2] == pytest.approx((x + 0.04, y - 0.02), abs=1e-3)
+
+
+def test_the_servo_warns_of_a_small_margin_and_halts_what_is_not_held():
+    _, _, decision, codes = servo_on_plant((0.0, 0.0, 0.0), 2, 24.0, min_slip_margin=50.0)
+    assert codes[-1] is Status.OK
+    assert 'slip margin' in decision.message
+    _, plant, decision, codes = servo_on_plant((0.01, 0.0, 0.0), 2, 24.0, friction=0.2)
+    assert set(codes) == {Status.HALT_NOT_HELD}
+    assert 'friction' in decision.message
+    assert not decision.command.roller_velocities.any()
+    assert plant.config is CONFIG

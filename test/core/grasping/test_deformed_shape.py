@@ -1,0 +1,90 @@
+"""The lines that are drawn are those of the analysis."""
+
+from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, tangent_center
+from isotruss_ros.core.grasping.deformed_shape import (
+    deformed_lines,
+    force_lines,
+    member_lines,
+    region_lines,
+)
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+DIAMETER = 0.3
+
+
+def grasp(config, squeeze, module='north/Z'):
+    """Return the analysis of an object pressed into the corner of a module."""
+    cylinder = Cylinder(tangent_center(config, module, DIAMETER, squeeze), DIAMETER)
+    return analyze_grasp(config, cylinder, flattening=False)
+
+
+def distance(points, lines):
+    """Return how far each point (k,) is from the nearest piece of any line."""
+    start, step = lines[:, :-1].ravel(), np.diff(lines).ravel()
+    start, step = start[step != 0.0], step[step != 0.0]
+    part = ((points[:, None] - start) * step.conj()).real / np.abs(step) ** 2
+    return np.abs(points[:, None] - start - np.clip(part, 0.0, 1.0) * step).min(axis=1)
+
+
+@pytest.fixture(params=[0.0, 0.1], ids=['home', 'elsewhere'])
+def config(request):
+    """Return a configuration."""
+    return ROBOT.configuration(request.param * np.linspace(-1.0, 1.0, len(ROBOT.roller_names)))
+
+
+def test_member_lines_run_from_pinch_point_to_pinch_point(config):
+    lines = member_lines(config)
+    assert np.abs(np.diff(lines)[:, 0]) == pytest.approx(config.member_lengths)
+
+
+def test_nothing_moves_where_nothing_touches(config):
+    analysis = grasp(config, -0.01)
+    lines, straight = deformed_lines(config, analysis), member_lines(config)
+    assert lines[:, 0] == pytest.approx(straight[:, 0])
+    assert lines[:, -1] == pytest.approx(straight[:, 1])
+    assert distance(lines.ravel(), straight).max() < 1e-12
+
+
+@pytest.mark.parametrize('squeeze', [0.002, 0.01])
+def test_lines_pass_through_the_points_of_contact(config, squeeze):
+    analysis = grasp(config, squeeze)
+    touching = analysis.points[analysis.normal_forces > 0.0] @ np.array([1.0, 1.0j])
+    # Tubes move less than the squeeze along themselves, and slope by a tenth at most.
+    assert distance(touching, deformed_lines(config, analysis)).max() < 0.05 * squeeze
+    assert distance(touching, member_lines(config)).max() > 0.2 * squeeze
+
+
+def test_lines_bend_without_kinks(config):
+    lines = deformed_lines(config, grasp(config, 0.01))
+    steps = np.diff(lines)
+    assert np.abs(steps).min() > 1e-3
+    assert np.abs(np.angle(steps[:, 1:] / steps[:, :-1])).max() < 0.05
+
+
+def test_arrows_end_on_the_object_and_add_up_to_what_acts_on_it(config):
+    center = tangent_center(config, 'north/Z', DIAMETER, 0.01)
+    cylinder = Cylinder(center, DIAMETER)
+    analysis = analyze_grasp(config, cylinder, friction=0.0)
+    arrows = force_lines(cylinder, analysis, 0.02)
+    assert np.abs(arrows[:, 1] - complex(*center)) == pytest.approx(0.5 * DIAMETER)
+    resultant = np.diff(arrows).sum() / 0.02
+    assert (resultant.real, resultant.imag) == pytest.approx(tuple(analysis.normal_wrench[:2]))
+    rough = analyze_grasp(config, cylinder, friction=0.5)
+    left = np.diff(force_lines(cylinder, rough, 1.0)).sum()
+    assert abs(left) <= rough.closure_residual * (1.0 + 1e-9)
+    assert abs(left) < abs(resultant)
+
+
+@pytest.mark.parametrize('flattening', [True, False])
+def test_regions_are_on_the_object_and_as_long_as_the_contact(config, flattening):
+    cylinder = Cylinder(tangent_center(config, 'north/Z', DIAMETER, 0.01), DIAMETER)
+    analysis = analyze_grasp(config, cylinder, flattening=flattening)
+    regions = region_lines(config, cylinder, analysis)
+    assert len(regions) == len(analysis.contact_lengths) == 2
+    for region, length in zip(regions, analysis.contact_lengths.values(), strict=True):
+        assert np.abs(region - complex(*cylinder.center)) == pytest.approx(0.5 * DIAMETER)
+        # Tubes that stay round are touched half their diameter farther out.
+        share = 1.0 if flattening else DIAMETER / (DIAMETER + 0.102)
+        assert np.abs(np.diff(region)).sum() == pytest.approx(share * length, rel=0.03)

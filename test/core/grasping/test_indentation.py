@@ -1,0 +1,45 @@
+"""Dents of the skin by a cylinder: the table against the contact it was made from."""
+
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.grasping import indentation
+from isotruss_ros.core.grasping.indentation import Indentation, skin_indentation
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+
+
+@pytest.mark.parametrize('diameter', [0.0254, 0.1, 0.3, 0.7])
+def test_between_its_depths_the_table_is_the_contact(diameter):
+    radius = 0.5 * diameter
+    table = skin_indentation(ROBOT, 0, radius)
+    for share in (0.005, 0.02, 0.1, 0.4, 0.75):
+        depth = share * min(radius, 0.051)
+        force = indentation._pressing_force(ROBOT, 0, radius, depth)
+        assert table(force)[0] == pytest.approx(depth, rel=0.02)
+
+
+@pytest.mark.parametrize('force', [1e-3, 0.3, 5.0, 40.0, 1e4])
+def test_the_derivative_is_that_of_the_depth(force):
+    table, step = skin_indentation(ROBOT, 0, 0.15), 1e-6 * force
+    slope = (table(force + step)[0] - table(force - step)[0]) / (2.0 * step)
+    assert table(force)[1] == pytest.approx(slope, rel=1e-5)
+    assert slope > 0.0
+    assert table(-force) == pytest.approx((-table(force)[0], table(force)[1]))
+
+
+def test_a_larger_object_dents_less_and_the_contact_points_do_not_count(monkeypatch):
+    depths = [skin_indentation(ROBOT, 0, 0.5 * d)(20.0)[0] for d in (0.0254, 0.1, 0.3, 0.7)]
+    assert depths == sorted(depths, reverse=True)
+    coarse = indentation._pressing_force(ROBOT, 0, 0.15, 0.01)
+    monkeypatch.setattr(indentation, 'POINTS', 121)
+    assert indentation._pressing_force(ROBOT, 0, 0.15, 0.01) == pytest.approx(coarse, rel=5e-3)
+
+
+def test_softer_tubes_dent_as_under_more_force():
+    tables = [skin_indentation(ROBOT, tube, 0.15) for tube in (0, 1)]
+    forces = np.array([10.0, 20.0])
+    depth, slope = Indentation(tables, scale=0.5)(forces)
+    expected = np.array([table(2.0 * force) for table, force in zip(tables, forces, strict=True)])
+    assert depth == pytest.approx(expected[:, 0])
+    assert slope == pytest.approx(2.0 * expected[:, 1])

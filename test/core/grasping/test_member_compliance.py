@@ -1,0 +1,104 @@
+"""How members give at moving places, against the contact points of the analysis."""
+
+from grips import gripped
+from isotruss_ros.core.grasping.contact_points import find_contact_points
+from isotruss_ros.core.grasping.member_compliance import MemberCompliance
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+
+CONFIG, CYLINDER = gripped()
+STRUCTURE = structure_of(CONFIG)
+MODULE = CONFIG.robot.module_names.index('north/Z')
+MEMBERS = (MODULE, int(CONFIG.robot.topology.previous[MODULE]))
+GUIDE = CONFIG.robot.description.module.guide_ring_distance
+STEP = 1e-6
+FIRST = np.array([1.0, 0.0])
+
+
+@pytest.fixture(scope='module')
+def members():
+    """Return the compliance of the two members at the tip of the robot."""
+    return MemberCompliance(STRUCTURE, MEMBERS)
+
+
+def places(members, rng):
+    """Return places on all pieces of the members, and on their guide rings nearly."""
+    length = members.length
+    kinds = (
+        rng.uniform(0.01, 0.9 * GUIDE, 2),
+        rng.uniform(1.1 * GUIDE, length - 1.1 * GUIDE),
+        length - rng.uniform(0.01, 0.9 * GUIDE, 2),
+    )
+    return np.choose(rng.integers(0, 3, 2), kinds)
+
+
+def test_displacements_are_those_of_the_contact_points(members):
+    center = complex(*CYLINDER.center)
+    points = find_contact_points(STRUCTURE, center, 0.5, 0.02)
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        pair = [int(rng.choice(np.flatnonzero(points.member == i))) for i in MEMBERS]
+        forces = np.zeros(len(points.points), dtype=complex)
+        forces[pair] = rng.normal(size=2) + 1j * rng.normal(size=2)
+        at = ((points.points[pair] - members.start) * members.axis.conj()).real
+        local = forces[pair] * members.axis.conj()
+        loads = np.column_stack([local.real, local.imag, np.zeros(2)])
+        found = members.at(at).respond(loads)
+        moved = members.axis * (found[:, 0] + 1j * found[:, 1])
+        assert moved == pytest.approx(points.displacements(forces)[pair], rel=1e-9, abs=1e-12)
+
+
+def test_slope_is_the_mean_of_both_sides_of_the_kink(members):
+    points = find_contact_points(STRUCTURE, complex(*CYLINDER.center), 0.25, 1e-3)
+    place = int(np.flatnonzero(points.member == MEMBERS[0])[200])
+    force = 1j * members.axis[0] * 5.0
+    forces = np.zeros(len(points.points), dtype=complex)
+    forces[place] = force
+    moved = points.displacements(forces) * members.axis[0].conj()
+    at = ((points.points[place] - members.start[0]) * members.axis[0].conj()).real
+    found = members.at(np.array([at, 0.5])).respond(np.array([[0.0, 5.0, 0.0], [0.0] * 3]))
+    assert found[0, 2] == pytest.approx(
+        (moved[place + 1] - moved[place - 1]).imag / 2e-3, rel=1e-3
+    )
+    kink = (moved[place + 1] - 2.0 * moved[place] + moved[place - 1]).imag / 1e-3
+    shear = STRUCTURE.frame.members.shear[-len(CONFIG.robot.member_names)]
+    assert kink == pytest.approx(-5.0 / shear, rel=3e-2)
+
+
+def test_a_moment_does_elsewhere_what_the_rotation_of_the_section_does_here(members):
+    """Betti: by a force elsewhere the section turns by theta = w' + EI w''' / GA."""
+    first = -len(CONFIG.robot.member_names) + MEMBERS[0]
+    frame = STRUCTURE.frame.members
+    ratio = frame.flexural[first] / frame.shear[first]
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        at = rng.uniform(1.5 * GUIDE, members.length - 1.5 * GUIDE)
+        slopes = [members.at(at + 0.01 * k * FIRST).matrix[0, 2, 1, :2] for k in (-1, 0, 1)]
+        section = slopes[1] + ratio * (slopes[2] - 2.0 * slopes[1] + slopes[0]) / 1e-4
+        assert members.at(at).matrix[1, :2, 0, 2] == pytest.approx(section, rel=1e-6, abs=1e-10)
+
+
+def test_forces_are_reciprocal(members):
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        forces = members.at(places(members, rng)).matrix[:, :2, :, :2]
+        assert forces == pytest.approx(forces.transpose(2, 3, 0, 1), rel=1e-8, abs=1e-12)
+
+
+def test_rates_are_the_derivatives_by_the_places(members):
+    rng = np.random.default_rng(2)
+    for _ in range(30):
+        at, loads = places(members, rng), rng.normal(size=(2, 3)) * [10.0, 10.0, 1.0]
+        found = members.at(at).rates(loads)
+        for j, move in enumerate(STEP * np.eye(2)):
+            ahead, back = (members.at(at + sign * move).respond(loads) for sign in (1.0, -1.0))
+            expected = (ahead - back) / (2.0 * STEP)
+            assert found[:, :, j] == pytest.approx(expected, abs=1e-7 * np.abs(found).max())
+
+
+def test_a_softer_structure_gives_more_in_proportion(members):
+    at, loads = 0.4 * members.length, np.array([[1.0, 2.0, 0.3], [-1.0, 0.5, 0.1]])
+    softer = MemberCompliance(STRUCTURE, MEMBERS, scale=0.5).at(at)
+    assert softer.respond(loads) == pytest.approx(2.0 * members.at(at).respond(loads))
+    assert softer.rates(loads) == pytest.approx(2.0 * members.at(at).rates(loads))

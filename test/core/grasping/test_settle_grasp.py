@@ -1,0 +1,325 @@
+"""The equilibrium of a free object: held or not, by which forces, and how far from slipping."""
+
+from collections import Counter
+import dataclasses
+
+from grips import gripped
+from isotruss_ros.core import (
+    analyze_grasp,
+    Cylinder,
+    GraspError,
+    Hold,
+    load_robot,
+    settle_grasp,
+    tangent_center,
+)
+from isotruss_ros.core.grasping.contact import solve_contact
+from isotruss_ros.core.grasping.contact_points import find_contact_points
+from isotruss_ros.core.grasping.equilibrium import FEET, find_anchors, keep_place, roll
+from isotruss_ros.core.grasping.force_closure import check_force_closure
+from isotruss_ros.core.grasping.held_members import (
+    held_object_statics,
+    member_depths,
+    static_start,
+)
+from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response
+from isotruss_ros.core.numerics.arrays import as_xy
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+from robots import random_robot, random_state
+
+HOME = load_robot('nine_member').home
+CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
+FRICTION = 0.5
+NOTHING = np.zeros(3)
+
+
+def system(config, cylinder, flattening=True):
+    """Return the grasping members, the equations and unknowns to begin with."""
+    depths = member_depths(config, cylinder)
+    members = np.sort(np.argsort(depths, kind='stable')[-2:])
+    statics = held_object_statics(config, cylinder, members, flattening=flattening)
+    return members, statics, static_start(statics, complex(*cylinder.center), depths[members])
+
+
+def balance(config, cylinder, wrench=NOTHING, flattening=True):
+    """Return the equations and their solution near the given place."""
+    _, statics, start = system(config, cylinder, flattening)
+    wrench = np.asarray(wrench) / [1.0, 1.0, statics.radius]
+    return statics, statics.solve(start, wrench, keep_place(complex(*cylinder.center), 0.0))
+
+
+def moved(cylinder, shift):
+    """Return a cylinder somewhere else."""
+    return Cylinder((cylinder.center[0] + shift.real, cylinder.center[1] + shift.imag), 0.3)
+
+
+def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
+    settled = settle_grasp(CONFIG, CYLINDER, FRICTION)
+    assert settled.hold is Hold.HELD
+    assert settled.held
+    assert settled.reason == ''
+    assert set(settled.normal_forces) == {'north/P-Z', 'north/Z-R'}
+    assert min(settled.normal_forces.values()) > 10.0
+    # Without a load both members press alike, and rub against each other.
+    one, other = settled.normal_forces.values()
+    assert one == pytest.approx(other, rel=1e-8)
+    assert sum(settled.friction_forces.values()) == pytest.approx(0.0, abs=1e-8)
+    # A little more than the tangent of half of the wedge: pressed apart, it is wider.
+    assert 1.0 < settled.required_friction / np.tan(np.radians(17.5)) < 1.25
+    assert settled.slip_margin > 1.0
+    assert np.linalg.eigvalsh(0.5 * (settled.stiffness + settled.stiffness.T)).min() > 0.0
+    assert settled.displacement[:2] == pytest.approx(
+        np.subtract(settled.pose[:2], CYLINDER.center)
+    )
+
+
+@pytest.mark.parametrize('degrees', [31.0, 40.0, 60.0])
+@pytest.mark.parametrize('squeeze', [0.02, 0.08, 0.14])
+@pytest.mark.parametrize(('flattening', 'share'), [(False, 3e-3), (True, 0.015)])
+def test_where_friction_has_nothing_to_do_it_is_the_analysis(degrees, squeeze, flattening, share):
+    config, cylinder = gripped(degrees, squeeze=squeeze)
+    analysis = analyze_grasp(config, cylinder, FRICTION, flattening=flattening)
+    _, state = balance(config, cylinder, -analysis.normal_wrench, flattening)
+    expected = [analysis.contact_forces[name] for name in ('north/P-Z', 'north/Z-R')]
+    pressing = sum(expected)
+    assert state.normal_forces == pytest.approx(expected, abs=share * pressing)
+    assert np.abs(state.friction_forces).max() < share * pressing
+    assert abs(state.center - complex(*cylinder.center)) < 5e-4
+    if flattening:
+        settled = settle_grasp(config, cylinder, FRICTION, -analysis.normal_wrench)
+        # Points in contact also shift along the object's surface; here they roll on it.
+        ratio = settled.stiffness[:2, :2] / analysis.stiffness[:2, :2]
+        assert np.diag(ratio) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize('wrench', [(0.0, 0.0, 0.0), (2.0, -1.0, 0.2), (-1.0, 3.0, -0.3)])
+@pytest.mark.parametrize('squeeze', [0.05, 0.12])
+def test_with_friction_in_the_structure_the_contact_solver_and_closure_agree(wrench, squeeze):
+    config, cylinder = gripped(33.0, squeeze=squeeze)
+    statics, state = balance(config, cylinder, wrench, flattening=False)
+    radius = statics.radius + statics.tube_radius
+    points = find_contact_points(structure_of(config), state.center, radius, 0.002)
+    feet = statics.compliance.start + state.unknowns[FEET] * statics.compliance.axis
+    rubbing = np.zeros(len(points.points), dtype=complex)
+    for foot, force in zip(feet, 1j * state.friction_forces * state.normals, strict=True):
+        rubbing[np.abs(points.points - foot).argmin()] += force
+    loaded = points.displacements(rubbing)
+    shifted = dataclasses.replace(points, points=points.points + loaded, skin=points.skin + loaded)
+    contact = solve_contact(shifted, state.center, radius)
+    members, *_ = system(config, cylinder)
+    found = [contact.forces[points.member == i].sum() for i in members]
+    # The solver leaves out that friction at the skin turns the tube.
+    assert found == pytest.approx(state.normal_forces, rel=0.08)
+    tangents = as_xy(1j * state.normals)
+    load = as_xy(-(state.normal_forces * state.normals).sum().reshape(1))[0]
+    load = np.append(load + wrench[:2], wrench[2] / statics.radius)
+    closure = check_force_closure(tangents, state.normal_forces, load, FRICTION)
+    required = float(np.max(np.abs(state.friction_forces) / state.normal_forces))
+    assert closure.closed == (required <= FRICTION)
+    assert closure.required_friction == pytest.approx(required, rel=1e-6)
+
+
+def first_slip(statics, state, direction):
+    """Return the load at which a contact slips first, by making it larger in small steps."""
+    anchors = find_anchors(state.unknowns, NOTHING[:2], statics)
+    closure = roll(anchors, NOTHING[:2], statics)
+    load, step, unknowns = 0.0, 0.5, state.unknowns
+    while step > 1e-3:
+        found = statics.solve(unknowns, (load + step) * direction, closure)
+        holds = (
+            found is not None
+            and (np.abs(found.friction_forces) <= FRICTION * found.normal_forces).all()
+        )
+        if holds:
+            load, unknowns = load + step, found.unknowns
+        else:
+            step *= 0.5
+    return load
+
+
+@pytest.mark.parametrize('number', range(8))
+def test_first_slip_is_where_it_was_predicted(number):
+    statics, state = balance(*gripped(35.0, squeeze=0.06))
+    response = wrench_response(statics, state, NOTHING)
+    turn = np.exp(0.25j * np.pi * number)
+    direction = np.array([turn.real, turn.imag, 0.0])
+    slope = np.concatenate(
+        [FRICTION * response.normal - sign * response.friction for sign in (1.0, -1.0)]
+    )
+    reserve = np.concatenate(
+        [FRICTION * state.normal_forces - sign * state.friction_forces for sign in (1.0, -1.0)]
+    )
+    falling = slope @ direction < 0.0
+    predicted = (-reserve[falling] / (slope @ direction)[falling]).min()
+    found = first_slip(statics, state, direction)
+    assert found == pytest.approx(predicted, rel=0.03)
+    assert found > 0.99 * slip_margin(state, response, FRICTION)
+
+
+def test_the_margin_is_the_smallest_wrench_of_all_directions():
+    statics, state = balance(CONFIG, CYLINDER)
+    response = wrench_response(statics, state, NOTHING)
+    margin = slip_margin(state, response, FRICTION)
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        wrench = rng.normal(size=3)
+        wrench *= margin / np.linalg.norm(wrench)
+        normal = state.normal_forces + response.normal @ wrench
+        friction = state.friction_forces + response.friction @ wrench
+        assert (np.abs(friction) <= FRICTION * normal + 1e-9).all()
+    settled = settle_grasp(CONFIG, CYLINDER, FRICTION)
+    assert settled.slip_margin == pytest.approx(margin)
+
+
+def test_stiffness_is_what_a_small_wrench_meets():
+    statics, state = balance(CONFIG, CYLINDER)
+    closure = roll(find_anchors(state.unknowns, NOTHING[:2], statics), NOTHING[:2], statics)
+    stiffness = settle_grasp(CONFIG, CYLINDER, FRICTION).stiffness
+    for wrench in 1e-4 * np.diag([1.0, 1.0, 0.2]):
+        scaled = wrench / [1.0, 1.0, statics.radius]
+        change = statics.solve(state.unknowns, scaled, closure).unknowns - state.unknowns
+        assert stiffness @ change[:3] == pytest.approx(wrench, abs=1e-8)
+
+
+def test_noise_on_the_pose_moves_neither_the_verdict_nor_the_forces_much():
+    rng = np.random.default_rng(0)
+    quiet = settle_grasp(CONFIG, CYLINDER, FRICTION)
+    for _ in range(40):
+        noise = 2e-3 / np.sqrt(2.0) * complex(*rng.normal(size=2))
+        settled = settle_grasp(CONFIG, moved(CYLINDER, noise), FRICTION)
+        assert settled.held
+        assert settled.required_friction == pytest.approx(quiet.required_friction, abs=0.01)
+        assert settled.slip_margin == pytest.approx(quiet.slip_margin, rel=0.1)
+
+
+def test_a_given_pose_across_the_bisector_does_not_matter():
+    quiet = settle_grasp(CONFIG, CYLINDER, FRICTION)
+    _, state = balance(CONFIG, CYLINDER)
+    across = complex(state.normals[0] - state.normals[1])
+    for shift in (-4e-3, 4e-3):
+        settled = settle_grasp(CONFIG, moved(CYLINDER, shift * across / abs(across)), FRICTION)
+        assert settled.pose == pytest.approx(quiet.pose, abs=1e-8)
+        assert settled.slip_margin == pytest.approx(quiet.slip_margin, rel=1e-6)
+
+
+def test_what_lies_deep_in_one_tube_and_far_from_the_other_is_not_in_the_grip():
+    _, state = balance(CONFIG, CYLINDER)
+    across = complex(state.normals[0] - state.normals[1])
+    settled = settle_grasp(CONFIG, moved(CYLINDER, 0.05 * across / abs(across)), FRICTION)
+    assert settled.hold is Hold.FAR
+    assert not settled.held
+
+
+def test_three_members_are_named_as_what_it_does_not_settle():
+    settled = settle_grasp(HOME, Cylinder((0.0, -0.8267), 0.65), FRICTION)
+    assert settled.hold is Hold.OTHER_CONTACT
+    assert not settled.held
+    assert 'third member' in settled.reason
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.3, 0.55])
+def test_a_wide_wedge_needs_more_friction_than_there_is(friction):
+    cylinder = Cylinder(tangent_center(HOME, 'north/Z', 0.3, 0.01), 0.3)
+    settled = settle_grasp(HOME, cylinder, friction)
+    assert settled.hold is Hold.SLIPS
+    assert settled.slip_margin < 0.0
+    assert f'{friction:.3g}' in settled.reason
+    assert settle_grasp(HOME, cylinder, 1.1 * settled.required_friction).held
+
+
+@pytest.mark.parametrize('center', [(9.0, 9.0), (0.5, 0.2)])
+def test_what_two_members_do_not_touch_is_not_held(center):
+    settled = settle_grasp(HOME, Cylinder(center, 0.1), FRICTION, (0.0, -5.0, 0.0))
+    assert settled.hold is Hold.NO_CONTACT
+    assert settled.pose == (*center, 0.0)
+    assert settled.normal_forces == {}
+    assert settled.required_friction == np.inf
+    assert settled.slip_margin == 0.0
+
+
+def test_the_load_is_carried_by_friction_until_it_slips():
+    def pulled(load):
+        return settle_grasp(CONFIG, CYLINDER, FRICTION, (0.0, -load, 0.0))
+
+    margins = [pulled(load).slip_margin for load in (0.0, 1.0, 2.0)]
+    assert margins == sorted(margins, reverse=True)
+    assert pulled(1.0).held
+    assert pulled(30.0).hold in (Hold.SLIPS, Hold.NO_CONTACT, Hold.NO_BALANCE)
+
+
+def grasps(count):
+    """Return random robots in random states with objects somewhere in a corner, and loads."""
+    for seed in range(count // 20):
+        robot, rng = random_robot(seed), np.random.default_rng(seed)
+        config, diameters = random_state(robot, rng), rng.uniform(0.05, 0.5, 2)
+        found = 0
+        while found < 20:
+            if rng.random() < 0.1:
+                config = random_state(robot, rng)
+            module = robot.module_names[rng.integers(len(robot.module_names))]
+            diameter = rng.choice(diameters)
+            try:
+                center = tangent_center(config, module, diameter, rng.uniform(-0.002, 0.04))
+            except GraspError:
+                continue  # it does not fit there
+            found += 1
+            center = np.add(center, 3e-3 * rng.normal(size=2))
+            wrench = rng.normal(size=3) * [3.0, 3.0, 0.3] * rng.integers(0, 2)
+            yield config, Cylinder(tuple(center), diameter), rng.uniform(0.2, 1.5), wrench
+
+
+def test_random_grasps_are_balanced_or_say_what_has_no_solution():
+    outcomes = Counter()
+    for config, cylinder, friction, wrench in grasps(1000):
+        settled = settle_grasp(config, cylinder, friction, wrench)
+        outcomes[settled.hold] += 1
+        if not settled.normal_forces:
+            assert not settled.held
+            assert settled.reason
+            continue
+        normal = np.array(list(settled.normal_forces.values()))
+        rubbing = np.array(list(settled.friction_forces.values()))
+        assert (normal > 0.0).all()
+        # Of two normals the balance asks: both forces and the load close a triangle.
+        forces = np.hypot(normal, rubbing)
+        load = np.hypot(*wrench[:2])
+        slack = 1e-8 * forces.sum()
+        assert max(*forces, load) <= forces.sum() + load - max(*forces, load) + slack
+        assert 0.5 * cylinder.diameter * rubbing.sum() == pytest.approx(-wrench[2], abs=slack)
+        ratio = np.abs(rubbing) / normal
+        assert settled.held == (settled.hold is Hold.HELD)
+        assert settled.required_friction == pytest.approx(ratio.max())
+        if settled.held:
+            assert ratio.max() <= friction
+            assert settled.slip_margin >= 0.0
+    assert outcomes[Hold.HELD] > 100
+    assert outcomes[Hold.SLIPS] > 100
+
+
+def test_balances_of_random_grasps_are_exact():
+    for config, cylinder, _, wrench in grasps(100):
+        statics, state = balance(config, cylinder, wrench)
+        if state is None:
+            continue
+        forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
+        squeeze = np.abs(state.normal_forces).sum()
+        assert abs(forces.sum() - complex(*wrench[:2])) < 1e-8 * squeeze
+        moment = statics.radius * state.friction_forces.sum()
+        assert abs(moment - wrench[2]) < 1e-8 * squeeze * statics.radius
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        ({'friction': -0.1}, 'must not be negative'),
+        ({'friction': np.nan}, 'friction'),
+        ({'external_wrench': (0.0, 1.0)}, 'external wrench'),
+        ({'external_wrench': (0.0, 1.0, np.inf)}, 'external wrench'),
+        ({'external_wrench': 'down'}, 'external wrench'),
+    ],
+)
+def test_bad_arguments_are_refused(arguments, words):
+    with pytest.raises(GraspError, match=words):
+        settle_grasp(CONFIG, CYLINDER, **arguments)

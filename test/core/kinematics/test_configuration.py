@@ -1,0 +1,257 @@
+"""Forward kinematics: the shape at given roller travel."""
+
+import re
+
+from hypothesis import given, strategies
+from isotruss_ros.core import Configuration, ConfigurationError, load_robot
+from isotruss_ros.core.kinematics import constraints
+import numpy as np
+import pytest
+import robots
+from scipy.optimize import least_squares, root
+
+
+def roller_matrix(robot):
+    """Return C, with L = L0 + C phi, from the names: the roller at j feeds the member from j."""
+    matrix = np.zeros((len(robot.member_names), len(robot.roller_names)))
+    for column, roller in enumerate(robot.roller_names):
+        tube, joint = roller.split('/')
+        for row, member in enumerate(robot.member_names):
+            own, ends = member.split('/')
+            start, end = ends.split('-')
+            if own == tube:
+                matrix[row, column] = (start == joint) - (end == joint)
+    return matrix
+
+
+def residual(robot, travel, points):
+    """Return the constraints at a shape, written out again from names and distances."""
+    place = dict(zip(robot.node_names, points, strict=True))
+    module = robot.description.module
+    lengths = robot.home.member_lengths + roller_matrix(robot) @ travel
+    home = dict(zip(robot.node_names, robot.home.points, strict=True))
+    rows = []
+    for tube in robot.description.tubes:
+        n = len(tube.joints)
+        for i, joint in enumerate(tube.joints):
+            after, before = tube.joints[(i + 1) % n], tube.joints[i - 1]
+            name, a = f'{tube.name}/{joint}', place[joint]
+            b, c = place[f'{name}/B'], place[f'{name}/C']
+            ahead = place[f'{tube.name}/{after}/C'] - b
+            back = place[f'{tube.name}/{before}/B'] - c
+            bend = -ahead * back / (0.5 * (b + c) - a) ** 2
+            arm = np.hypot(module.rod_length, 0.5 * module.pinch_separation)
+            member = robot.member_names.index(f'{name}-{after}')
+            rows += [
+                abs(ahead) - lengths[member],
+                abs(b - a) - arm,
+                abs(c - a) - arm,
+                abs(b - c) - module.pinch_separation,
+                (bend / abs(bend)).imag,
+            ]
+    for joint, axes in robot.description.supports.items():
+        moved = place[joint] - home[joint]
+        rows += [moved.real if axis == 'x' else moved.imag for axis in axes]
+    return np.array(rows)
+
+
+@robots.examples(30)
+@given(robots.robots(), robots.generators())
+def test_shape_fulfils_the_constraints_as_written_out_again(robot, rng):
+    config = robots.random_state(robot, rng)
+    rows = residual(robot, config.roller_positions, config.points)
+    assert np.abs(rows).max() < 1e-11
+    assert np.abs(config.residual()).max() < 1e-11
+
+
+@robots.examples(12)
+@given(robots.robots(), robots.generators())
+def test_shape_is_the_one_that_scipy_finds(robot, rng):
+    config = robots.random_state(robot, rng)
+    start = robot.home.points.view(float)
+
+    def rows(flat):
+        return residual(robot, config.roller_positions, flat.view(complex))
+
+    for method in ('hybr', 'lm'):
+        found = root(rows, start, method=method, tol=1e-12)
+        assert np.abs(rows(found.x)).max() < 1e-9
+        assert found.x.view(complex) == pytest.approx(config.points, abs=1e-7)
+    found = least_squares(rows, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert found.x.view(complex) == pytest.approx(config.points, abs=1e-6)
+
+
+@robots.examples(30)
+@given(robots.robots(), robots.generators())
+def test_member_lengths_are_linear_in_roller_travel(robot, rng):
+    config = robots.random_state(robot, rng)
+    wanted = robot.home.member_lengths + roller_matrix(robot) @ config.roller_positions
+    assert config.member_lengths == pytest.approx(wanted, abs=1e-11)
+    assert robot.topology.incidence == pytest.approx(roller_matrix(robot))
+    rates = rng.standard_normal(len(robot.roller_names))
+    assert robot.topology.incidence @ rates == pytest.approx(roller_matrix(robot) @ rates)
+
+
+@robots.examples(30)
+@given(robots.robots(), robots.generators())
+def test_every_tube_keeps_its_length(robot, rng):
+    config = robots.random_state(robot, rng)
+    changed = config.member_lengths - robot.home.member_lengths
+    assert np.abs(changed).max() > 1e-4
+    for tube in robot.description.tubes:
+        own = [name.startswith(f'{tube.name}/') for name in robot.member_names]
+        assert changed[own].sum() == pytest.approx(0.0, abs=1e-11)
+
+
+@robots.examples(20)
+@given(robots.robots(), robots.generators())
+def test_way_back_leads_home_and_steps_do_not_matter(robot, rng):
+    config = robots.random_state(robot, rng)
+    travel = config.roller_positions
+    assert config.moved_to(0.0 * travel).points == pytest.approx(robot.home.points, abs=1e-10)
+    middle = robot.home
+    for share in np.sort(rng.uniform(0.0, 1.0, 7)):
+        middle = middle.moved_to(share * travel)
+    assert middle.moved_to(travel).points == pytest.approx(config.points, abs=1e-10)
+    # A detour through another shape nearby ends in the same shape.
+    detour = robots.random_state(robot, rng, reach=0.02)
+    assert robot.configuration(travel, near=detour).points == pytest.approx(
+        config.points, abs=1e-10
+    )
+
+
+@robots.examples(25)
+@given(robots.robots(), robots.generators())
+def test_node_velocities_are_differences_of_configurations(robot, rng):
+    config = robots.random_state(robot, rng)
+    rates = rng.standard_normal(len(robot.roller_names))
+    step = 1e-5
+    ahead = config.moved_to(config.roller_positions + step * rates)
+    behind = config.moved_to(config.roller_positions - step * rates)
+    wanted = (ahead.nodes - behind.nodes) / (2.0 * step)
+    scale = np.abs(wanted).max()
+    assert config.node_velocities(rates) == pytest.approx(wanted, abs=1e-6 * scale + 1e-6)
+    assert config.node_velocities(2.0 * rates) == pytest.approx(
+        2.0 * config.node_velocities(rates)
+    )
+    assert config.node_jacobian @ rates == pytest.approx(config.node_velocities(rates).ravel())
+
+
+@pytest.mark.parametrize('kind', robots.KINDS)
+@pytest.mark.parametrize('up_to', [-1, 10**9])
+def test_dense_and_sparse_lead_to_the_same_shapes(kind, up_to, monkeypatch):
+    document = robots.random_document(5, kind)
+    robot = robots.load(document)
+    config = robots.random_state(robot, np.random.default_rng(5))
+    rates = np.linspace(-1.0, 1.0, len(robot.roller_names))
+    monkeypatch.setattr(constraints, 'DENSE_UP_TO', up_to)
+    other = robots.load(document)
+    same = other.configuration(config.roller_positions)
+    assert same.points == pytest.approx(config.points, abs=1e-11)
+    assert same.matrix == pytest.approx(config.matrix, abs=1e-9)
+    assert same.node_velocities(rates) == pytest.approx(config.node_velocities(rates), abs=1e-9)
+
+
+def test_large_robot_is_solved_sparse():
+    robot = robots.random_robot(2, 'ring', 12)
+    assert robot.constraints.n_columns > constraints.DENSE_UP_TO
+    config = robots.random_state(robot, np.random.default_rng(2), reach=0.01)
+    assert np.abs(config.residual()).max() < 1e-11
+
+
+def test_modules_of_the_triangle_are_kites():
+    config = load_robot('triangle').configuration([0.05, -0.02])
+    place = dict(zip(config.robot.node_names, config.points, strict=True))
+    s, h = 0.12, 0.2032
+    for before, joint, after in (('T', 'L', 'R'), ('L', 'R', 'T'), ('R', 'T', 'L')):
+        b, c = place[f'main/{joint}/B'], place[f'main/{joint}/C']
+        ahead, back = place[f'main/{after}/C'] - b, place[f'main/{before}/B'] - c
+        # The two sides at a module meet on its rod's line, s/2 cot(half their angle) behind BC.
+        half = 0.5 * abs(np.angle(ahead / back))
+        inward = (0.5 * (b + c) - place[joint]) / h
+        corner = place[joint] + inward * (h - 0.5 * s / np.tan(half))
+        assert abs(((b - corner) * ahead.conjugate()).imag) < 1e-11
+        assert abs(((c - corner) * back.conjugate()).imag) < 1e-11
+
+
+@pytest.mark.parametrize(
+    ('travel', 'message'),
+    [
+        ([0.0], r'for main/R, main/T: \[0.0\]: must be 2 finite numbers'),
+        ([[0.0, 0.0]], 'must be 2 finite numbers'),
+        (0.0, 'must be 2 finite numbers'),
+        ([0.0, np.nan], 'must be 2 finite numbers'),
+        ([np.inf, 0.0], 'must be 2 finite numbers'),
+        ([10**400, 0], 'must be 2 finite numbers'),
+        (['far', 0.0], 'must be 2 finite numbers'),
+        ([1j, 0.0], 'must be 2 finite numbers'),
+        ({}, 'must be 2 finite numbers'),
+        ([5.0, -5.0], r'make member main/L-R -3\.98 m long; must be positive'),
+        ([1e308, 0.0], r'm long; must be positive'),
+        ([0.9, 0.9], r'no shape of the robot beyond \d+(\.\d+)? % of the way'),
+    ],
+)
+def test_travel_that_leads_nowhere_is_refused(travel, message):
+    robot = load_robot('triangle')
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        robot.configuration(travel)
+    assert 'roller positions' in str(caught.value)
+
+
+@pytest.mark.parametrize('rates', [[0.0], [np.nan, 0.0], None])
+def test_velocities_that_make_no_sense_are_refused(rates):
+    with pytest.raises(ConfigurationError, match='roller velocities'):
+        load_robot('triangle').home.node_velocities(rates)
+
+
+@robots.examples(40)
+@given(robots.robots(), robots.generators())
+def test_shapes_end_only_where_the_robot_is_singular(robot, rng):
+    travel = rng.standard_normal(len(robot.roller_names))
+    travel *= 0.5 * robot.home.member_lengths.min() / np.abs(roller_matrix(robot) @ travel).max()
+    try:
+        robot.configuration(travel)
+        return
+    except ConfigurationError as error:
+        said = float(re.search(r'beyond ([\d.e-]+) %', str(error))[1]) / 100.0
+    config, low, high = robot.home, 0.0, 1.0
+    while high - low > 1e-6:
+        middle = 0.5 * (low + high)
+        try:
+            config, low = robot.configuration(middle * travel, near=config), middle
+        except ConfigurationError:
+            high = middle
+    assert said == pytest.approx(low, abs=0.005)
+    # At a fold the smallest singular value goes with the square root of the distance from it.
+    near, nearer = (robot.configuration(share * low * travel) for share in (0.99, 0.999))
+    gains = [np.linalg.svd(c.matrix, compute_uv=False)[-1] for c in (near, nearer)]
+    assert gains[1] / gains[0] < 0.6
+    # Also there it is the branch from home, on which small steps stay too.
+    walked = robot.home
+    for share in np.linspace(0.0, 1.0, 40):
+        walked = walked.moved_to(share * near.roller_positions)
+    assert walked.points == pytest.approx(near.points, abs=1e-8)
+
+
+def test_shape_at_a_singular_configuration_has_no_velocities():
+    robot = load_robot('triangle')
+    # All joints in line: nothing in (12) holds them there.
+    flat = robot.home.points.real.astype(complex)
+    config = Configuration(robot, np.zeros(2), flat)
+    with pytest.raises(ConfigurationError, match='is not rigid; stay away from it'):
+        config.node_velocities([0.01, 0.0])
+
+
+@robots.examples(15)
+@given(robots.robots(), robots.generators(), strategies.integers(1, 40))
+def test_roller_of_one_module_moves_only_its_two_members(robot, rng, number):
+    index = number % len(robot.roller_names)
+    travel = np.zeros(len(robot.roller_names))
+    travel[index] = 0.01
+    changed = robot.configuration(travel).member_lengths - robot.home.member_lengths
+    tube, joint = robot.roller_names[index].split('/')
+    for name, change in zip(robot.member_names, changed, strict=True):
+        own, ends = name.split('/')
+        start, end = ends.split('-')
+        wanted = 0.01 * ((start == joint) - (end == joint)) if own == tube else 0.0
+        assert change == pytest.approx(wanted, abs=1e-11)

@@ -1,0 +1,132 @@
+"""The rows of (12): what they measure, and their derivative."""
+
+from hypothesis import given
+from isotruss_ros.core.kinematics import constraints as constraints_module
+from isotruss_ros.core.kinematics.constraints import Constraints, Targets
+from isotruss_ros.core.numerics.factorization import DenseFactor, factorize, SparseFactor
+import numpy as np
+import pytest
+import robots
+from scipy.optimize import approx_fprime
+from scipy.sparse import csc_matrix, issparse
+
+EPSILON = 1e-6
+
+
+def dense(robot, monkeypatch):
+    monkeypatch.setattr(constraints_module, 'DENSE_UP_TO', 10**9)
+    return Constraints(robot.topology)
+
+
+def sparse(robot, monkeypatch):
+    monkeypatch.setattr(constraints_module, 'DENSE_UP_TO', -1)
+    return Constraints(robot.topology)
+
+
+def shaken(config, rng, size=0.01):
+    """Return points near a configuration that fulfil no constraint."""
+    points = config.points.view(float)
+    return (points + rng.uniform(-size, size, len(points))).view(complex)
+
+
+def differences(rows, points):
+    """Return central differences of rows by the node coordinates."""
+    flat = points.view(float)
+    columns = []
+    for i in range(len(flat)):
+        step = np.zeros(len(flat))
+        step[i] = EPSILON
+        change = rows((flat + step).view(complex)) - rows((flat - step).view(complex))
+        columns.append(change / (2.0 * EPSILON))
+    return np.array(columns).T
+
+
+@robots.examples(25)
+@given(robots.robots(), robots.generators())
+def test_matrix_is_the_derivative_of_the_residual(robot, rng):
+    config = robots.random_state(robot, rng)
+    for points in (robot.home.points, config.points, shaken(config, rng)):
+        wanted = differences(lambda p: robot.constraints.residual(p, robot.home_targets), points)
+        assert robot.constraints.matrix(points) == pytest.approx(wanted, abs=1e-6)
+
+
+def test_matrix_is_the_derivative_that_scipy_finds():
+    robot = robots.random_robot(1)
+    points = shaken(robot.home, np.random.default_rng(1))
+    found = approx_fprime(
+        points.view(float),
+        lambda flat: robot.constraints.residual(flat.view(complex), robot.home_targets),
+        1e-8,
+    )
+    assert robot.constraints.matrix(points) == pytest.approx(found, abs=1e-5)
+
+
+@robots.examples(25)
+@given(robots.robots(), robots.generators())
+def test_bisection_is_the_formula_of_the_paper(robot, rng):
+    config = robots.random_state(robot, rng)
+    # So little that both sides stay on their own side of the rod.
+    points = shaken(config, rng, 1e-3)
+    m, topology = robot.topology.n_modules, robot.topology
+    residual = robot.constraints.residual(points, robot.home_targets)
+    _, bend, _ = np.split(residual, [4 * m, 5 * m])
+
+    def angle(v, w):
+        return np.arctan2(abs(v.real * w.imag - v.imag * w.real), (v.conjugate() * w).real)
+
+    for i in range(m):
+        b, c = points[topology.b[i]], points[topology.c[i]]
+        v1 = 0.5 * (b + c) - points[topology.joint[i]]
+        v2 = points[topology.c[topology.following[i]]] - b
+        v3 = points[topology.b[topology.previous[i]]] - c
+        # (3) compares the sizes of the two angles; ours has a sign as well.
+        assert abs(bend[i]) == pytest.approx(abs(angle(v1, v2) - angle(v1, v3)), abs=1e-9)
+
+
+@robots.examples(25)
+@given(robots.robots(), robots.generators())
+def test_residual_is_distance_from_the_targets(robot, rng):
+    points = shaken(robot.home, rng)
+    m = robot.topology.n_modules
+    lengths = robot.constraints.lengths(points)
+    ground = points.view(float)[robot.topology.grounded]
+    targets = Targets(lengths - 0.25, ground + 0.5)
+    residual = robot.constraints.residual(points, targets)
+    stretch, _, held = np.split(residual, [4 * m, 5 * m])
+    assert stretch == pytest.approx(np.full(4 * m, 0.25))
+    assert held == pytest.approx(np.full(len(ground), -0.5))
+
+
+@robots.examples(20)
+@given(robots.robots(), robots.generators())
+def test_dense_and_sparse_agree(robot, rng):
+    points = shaken(robot.home, rng)
+    with pytest.MonkeyPatch.context() as patch:
+        full, thin = dense(robot, patch), sparse(robot, patch)
+    matrix, scattered = full.matrix(points), thin.matrix(points)
+    assert issparse(scattered)
+    assert isinstance(matrix, np.ndarray)
+    assert (scattered.toarray() == matrix).all()
+    right = rng.standard_normal(len(matrix))
+    kept = matrix.copy()
+    for factor in (factorize(matrix), factorize(scattered)):
+        assert kept @ factor.solve(right) == pytest.approx(right, abs=1e-9)
+        assert kept.T @ factor.solve_transposed(right) == pytest.approx(right, abs=1e-9)
+
+
+@robots.examples(20)
+@given(robots.generators())
+def test_factors_solve_as_numpy_does(rng):
+    matrix = rng.standard_normal((12, 12))
+    right = rng.standard_normal((12, 3))
+    wanted, transposed = np.linalg.solve(matrix, right), np.linalg.solve(matrix.T, right)
+    for factor in (DenseFactor(matrix.copy()), SparseFactor(csc_matrix(matrix))):
+        assert factor.solve(right) == pytest.approx(wanted, rel=1e-8, abs=1e-8)
+        assert factor.solve_transposed(right) == pytest.approx(transposed, rel=1e-8, abs=1e-8)
+        assert factor.solve(right[:, 0].copy()) == pytest.approx(wanted[:, 0], rel=1e-8, abs=1e-8)
+
+
+def test_singular_matrix_has_no_factor():
+    for matrix in (np.zeros((2, 2)), csc_matrix((2, 2))):
+        with pytest.raises(np.linalg.LinAlgError):
+            factorize(matrix)

@@ -1,0 +1,174 @@
+"""Only robots that stand with locked rollers load, and the others are told what moves."""
+
+from hypothesis import assume, given, strategies
+from isotruss_ros.core import load_robot, RobotFileError
+from isotruss_ros.core.kinematics.determinacy import condition_number
+import numpy as np
+import pytest
+import robots
+from scipy.sparse import csc_matrix
+
+SEEDS = strategies.integers(0, 2**32 - 1)
+
+
+def refusal(document):
+    with pytest.raises(RobotFileError) as caught:
+        robots.load(document)
+    assert '.yaml: ' in str(caught.value)
+    return str(caught.value)
+
+
+def count_supports(document):
+    return sum(map(len, document['supports'].values()))
+
+
+def polygon(n, supports):
+    document = robots.example()
+    corners = np.exp(2j * np.pi * np.arange(n) / n)
+    document['joints'] = {f'J{i}': [z.real, z.imag] for i, z in enumerate(corners)}
+    document['tubes'] = {'ring': {'joints': list(document['joints']), 'passive': 'J0'}}
+    document['supports'] = supports
+    return document
+
+
+@pytest.mark.parametrize(
+    ('supports', 'message'),
+    [
+        ({}, 'supports: too few: 0 grounded coordinates; must be 3'),
+        ({'P': ['x', 'y']}, 'supports: too few: 2 grounded coordinates; must be 3'),
+        (
+            {'P': ['x', 'y'], 'Q': ['x', 'y']},
+            'supports: too many: 4 grounded coordinates; must be 3',
+        ),
+    ],
+)
+def test_wrong_number_of_supports_is_refused(supports, message):
+    document = robots.example()
+    document['supports'] = supports
+    assert message in refusal(document)
+
+
+def test_supports_that_let_the_robot_slide_are_refused():
+    document = robots.example()
+    document['supports'] = {'P': ['y'], 'Q': ['y'], 'X': ['y']}
+    assert 'these joints can still move: P, Q, X' in refusal(document)
+
+
+def test_supports_that_let_the_robot_turn_are_refused():
+    document = robots.example()
+    # Q can only move at a right angle to PQ: along y, which grounding its x does not stop.
+    document['supports'] = {'P': ['x', 'y'], 'Q': ['x']}
+    message = refusal(document)
+    assert 'not rigid with the rollers locked: these joints can still move: Q, X' in message
+
+
+def test_polygon_needs_a_support_for_each_joint():
+    for n in (4, 5, 6):
+        # Enough to stand, but not enough against its own mechanisms.
+        message = refusal(polygon(n, {'J0': ['x', 'y'], 'J1': ['y']}))
+        assert 'these joints can still move' in message
+        assert f'{n - 3} more members or supports are needed' in message
+    # Both ends of a member grounded: one support too many there, one too few elsewhere.
+    message = refusal(polygon(4, {'J0': ['x', 'y'], 'J1': ['x', 'y']}))
+    assert message.endswith('these joints can still move: J2, J3')
+    robot = robots.load(polygon(4, {'J0': ['x', 'y'], 'J1': ['y'], 'J2': ['x']}))
+    assert len(robot.roller_names) == 3
+
+
+def test_what_moves_is_named_and_what_stands_is_not():
+    document = robots.example()
+    # A second triangle that hangs on one joint of the first, and turns about it.
+    document['joints'].update({'U': [2.0, 0.0], 'V': [1.6, 0.9]})
+    document['tubes']['loose'] = {'joints': ['Q', 'U', 'V'], 'passive': 'U'}
+    assert 'these joints can still move: U, V; 1 more members or supports are needed' in refusal(
+        document
+    )
+    document['supports']['U'] = ['y']
+    robots.load(document)
+
+
+def test_members_too_many_are_refused():
+    document = robots.example()
+    # Two tubes side by side through the same joints: each member is there twice.
+    document['tubes']['double'] = {'joints': ['P', 'Q', 'X'], 'passive': 'P'}
+    message = refusal(document)
+    assert 'tubes: 6 members between 3 joints; must be at most 3' in message
+
+
+def test_hinges_in_line_are_refused():
+    # A three-hinged arch whose hinges are in line moves a little, whatever its lengths.
+    document = robots.example()
+    document['members']['min_length'] = 0.2
+    document['joints'].update({'H': [0.5, 0.0], 'U': [0.25, -0.45], 'V': [0.75, -0.45]})
+    document['tubes']['left'] = {'joints': ['P', 'H', 'U'], 'passive': 'U'}
+    document['tubes']['right'] = {'joints': ['Q', 'H', 'V'], 'passive': 'V'}
+    message = refusal(document)
+    assert 'can still move: H, U, V' in message
+    document['joints'].update({'H': [0.5, -0.3], 'U': [0.15, -0.6], 'V': [0.85, -0.6]})
+    robots.load(document)
+
+
+@robots.examples(40)
+@given(SEEDS, strategies.sampled_from(robots.KINDS))
+def test_one_support_more_or_less_is_refused(seed, kind):
+    document = robots.random_document(seed, kind)
+    needed = count_supports(document)
+    joint, axes = next(iter(document['supports'].items()))
+    free = [j for j in document['joints'] if len(document['supports'].get(j, [])) < 2]
+    assume(free)
+    if len(axes) == 1:
+        del document['supports'][joint]
+    else:
+        document['supports'][joint] = axes[:1]
+    message = refusal(document)
+    assert f'must be {needed}' in message or '1 more members or supports are needed' in message
+    document['supports'][joint] = axes
+    other = document['supports'].get(free[0], [])
+    document['supports'][free[0]] = sorted({'x', 'y'} - set(other)) + other
+    if len(other) == 0:
+        document['supports'][free[0]] = ['x']
+    assert 'supports: too many' in refusal(document)
+
+
+@robots.examples(30)
+@given(SEEDS)
+def test_arch_steps_keep_the_robot_isostatic(seed):
+    for steps in range(3):
+        robot = robots.random_robot(seed, 'arch', steps)
+        assert len(robot.member_names) == 3 + 6 * steps
+        assert np.linalg.matrix_rank(robot.home.matrix) == len(robot.home.matrix)
+
+
+def test_matrix_of_the_nine_member_robot_is_square_and_of_full_rank():
+    matrix = load_robot('nine_member').home.matrix
+    assert matrix.shape == (48, 48)
+    assert np.linalg.matrix_rank(matrix) == 48
+
+
+@robots.examples(50)
+@given(robots.generators(), strategies.integers(2, 30), strategies.floats(0.0, 12.0))
+def test_condition_number_is_neither_above_nor_far_below(rng, n, decades):
+    left, _, right = np.linalg.svd(rng.standard_normal((n, n)))
+    matrix = left @ np.diag(np.logspace(0.0, -decades, n)) @ right
+    exact = np.linalg.cond(matrix, 1)
+    # 1-norm and 2-norm differ by at most the square root of n, twice.
+    assert exact / n * 0.9 < condition_number(matrix) < exact * 1.01
+    assert exact / n * 0.9 < condition_number(csc_matrix(matrix)) < exact * 1.01
+
+
+def test_condition_number_sees_what_no_diagonal_shows():
+    matrix = np.array([[0.0, 1.0], [1e-9, 0.0]])
+    assert condition_number(matrix) == pytest.approx(1e9)
+    assert condition_number(matrix.T.copy()) == pytest.approx(1e9)
+
+
+def test_condition_number_of_a_singular_matrix_is_infinite():
+    for matrix in (np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0])):
+        assert condition_number(matrix) == np.inf
+        assert condition_number(csc_matrix(matrix)) == np.inf
+
+
+def test_condition_number_leaves_the_matrix_as_it_was():
+    matrix = np.array([[2.0, 1.0], [1.0, 3.0]])
+    condition_number(matrix)
+    assert matrix.tolist() == [[2.0, 1.0], [1.0, 3.0]]

@@ -1,0 +1,316 @@
+"""The robot at home: names, orders, joints where the file puts them, modules that bisect."""
+
+from hypothesis import given, strategies
+from isotruss_ros.core import load_robot, RobotFileError
+from isotruss_ros.core.model.presets import config_directory
+import numpy as np
+import pytest
+import robots
+from ruamel.yaml import YAML
+from scipy.optimize import least_squares
+
+SEEDS = strategies.integers(0, 2**32 - 1)
+
+
+def modules_of(document):
+    """Return (tube, joint, next joint, previous joint, driven) in the order of the file."""
+    return [
+        (tube, joint, after, before, joint != block['passive'])
+        for tube, block in document['tubes'].items()
+        for before, joint, after in zip(
+            np.roll(block['joints'], 1),
+            block['joints'],
+            np.roll(block['joints'], -1),
+            strict=True,
+        )
+    ]
+
+
+def nodes_by_name(config):
+    points = config.nodes @ np.array([1.0, 1.0j])
+    return dict(zip(config.robot.node_names, points, strict=True))
+
+
+def signed_angle(a, b):
+    """Return the angle from a to b."""
+    return np.angle(b * np.conj(a))
+
+
+@robots.examples(25)
+@given(SEEDS, strategies.sampled_from(robots.KINDS))
+def test_names_and_orders_are_those_of_the_file(seed, kind):
+    document = robots.random_document(seed, kind)
+    check_names(robots.load(document), document)
+
+
+@pytest.mark.parametrize('name', robots.PRESETS)
+def test_presets_are_what_their_files_say(name):
+    path = config_directory() / f'{name}.yaml'
+    document = YAML(typ='safe', pure=True).load(path)
+    check_names(load_robot(name), document)
+    check_home(load_robot(name), document)
+
+
+def check_names(robot, document):
+    modules = modules_of(document)
+    names = [f'{tube}/{joint}' for tube, joint, *_ in modules]
+    assert robot.module_names == tuple(names)
+    pinch = [f'{name}/{node}' for name in names for node in 'BC']
+    assert robot.node_names == (*document['joints'], *pinch)
+    assert robot.member_names == tuple(f'{t}/{j}-{after}' for t, j, after, _, _ in modules)
+    assert robot.roller_names == tuple(f'{t}/{j}' for t, j, _, _, driven in modules if driven)
+    assert robot.home.nodes.shape == (len(robot.node_names), 2)
+    assert robot.home.member_lengths.shape == (len(robot.member_names),)
+    assert robot.home.roller_positions.tolist() == [0.0] * len(robot.roller_names)
+
+
+@robots.examples(60)
+@given(SEEDS, strategies.sampled_from(robots.KINDS))
+def test_home_is_what_the_file_and_the_paper_say(seed, kind):
+    document = robots.random_document(seed, kind)
+    check_home(robots.load(document), document)
+
+
+def check_home(robot, document):
+    place = nodes_by_name(robot.home)
+    s, h = document['module']['pinch_separation'], document['module']['rod_length']
+    for joint, (x, y) in document['joints'].items():
+        assert place[joint] == complex(x, y)  # to the last bit
+    for (tube, joint, after, before, _), length in zip(
+        modules_of(document), robot.home.member_lengths, strict=True
+    ):
+        a, b, c = place[joint], place[f'{tube}/{joint}/B'], place[f'{tube}/{joint}/C']
+        ahead = place[f'{tube}/{after}/C'] - b
+        back = place[f'{tube}/{before}/B'] - c
+        rod = 0.5 * (b + c) - a
+        # The module: |BC| = s, the rod of length h goes to the middle of BC at a right angle.
+        assert abs(abs(b - c) - s) < 1e-12
+        assert abs(abs(rod) - h) < 1e-12
+        assert abs((rod.conjugate() * (b - c)).real) < 1e-12
+        # (3): the rod bisects the two sides.
+        assert abs(signed_angle(rod, ahead) + signed_angle(rod, back)) < 1e-12
+        # B faces the next joint, C the previous one; A is outside, so the rod and both sides
+        # point into the triangle, and from inside one meets BC before the rod and A.
+        to_next, to_previous = place[after] - a, place[before] - a
+        assert (
+            np.conj(b - c) * (to_next / abs(to_next) - to_previous / abs(to_previous))
+        ).real > 0
+        assert (np.conj(rod) * (to_next / abs(to_next) + to_previous / abs(to_previous))).real > 0
+        assert (np.conj(rod) * ahead).real > 0.0
+        assert (np.conj(rod) * back).real > 0.0
+        corner = intersection(b, ahead, c, back)
+        assert (np.conj(rod) * (corner - 0.5 * (b + c))).real < 0.0
+        assert abs(abs(ahead) - length) < 1e-12
+    assert np.abs(robot.home.residual()).max() < 1e-12
+
+
+def intersection(b, ahead, c, back):
+    """Return where the lines from b along ahead and from c along back meet."""
+    matrix = np.array([[ahead.real, -back.real], [ahead.imag, -back.imag]])
+    t = np.linalg.solve(matrix, [(c - b).real, (c - b).imag])
+    return b + t[0] * ahead
+
+
+def equilateral(side, s, h):
+    """Return the document of an equilateral triangle, its joints this far apart [m]."""
+    document = robots.example()
+    document['joints'] = {
+        'P': [0.0, 0.0],
+        'Q': [side, 0.0],
+        'X': [0.5 * side, 0.5 * np.sqrt(3.0) * side],
+    }
+    document['module'].update(pinch_separation=s, rod_length=h, guide_ring_distance=1e-3)
+    document['members'] = {'min_length': 1e-3, 'max_length': 100.0}
+    return document
+
+
+@robots.examples(20)
+@given(strategies.floats(1.0, 3.0), strategies.floats(0.02, 0.3), strategies.floats(0.02, 0.3))
+def test_home_of_an_equilateral_triangle_is_that_by_hand(side, s, h):
+    robot = robots.load(equilateral(side, s, h))
+    place = nodes_by_name(robot.home)
+    # By symmetry every rod points to the centre, 30 degrees off the sides between the joints,
+    # and the member lies parallel to them, s/2 sin 30 + h cos 30 shorter at each end.
+    length = side - (np.sqrt(3.0) * h + 0.5 * s)
+    assert robot.home.member_lengths == pytest.approx([length] * 3, abs=1e-13)
+    offset = 0.5 * h - 0.25 * np.sqrt(3.0) * s
+    start = 0.5 * (side - length)
+    assert place['south/P/B'] == pytest.approx(complex(start, offset), abs=1e-13)
+    assert place['south/Q/C'] == pytest.approx(complex(side - start, offset), abs=1e-13)
+    top = complex(0.5, 0.5 * np.sqrt(3.0)) * side
+    # Counter-clockwise: at the top the tube comes from the right and leaves to the left.
+    assert place['south/X/B'] == pytest.approx(top - 0.5 * s - 1j * h, abs=1e-13)
+    assert place['south/X/C'] == pytest.approx(top + 0.5 * s - 1j * h, abs=1e-13)
+
+
+@pytest.mark.parametrize('name', robots.PRESETS)
+def test_presets_have_the_tube_of_the_paper(name):
+    # Fig. 5: edges of 102 cm, 306 cm of tube in each triangle.
+    home = load_robot(name).home
+    assert home.member_lengths == pytest.approx(1.02, abs=1e-12)
+
+
+@robots.examples(20)
+@given(SEEDS, strategies.sampled_from(robots.KINDS))
+def test_home_of_the_mirrored_robot_is_the_mirror_image(seed, kind):
+    document = robots.random_document(seed, kind)
+    robot = robots.load(document)
+    for joint, (x, y) in document['joints'].items():
+        document['joints'][joint] = [-x, y]
+    mirrored = robots.load(document)
+    assert mirrored.home.points == pytest.approx(-robot.home.points.conj(), abs=1e-12)
+    assert mirrored.home.member_lengths == pytest.approx(robot.home.member_lengths, abs=1e-12)
+
+
+@robots.examples(20)
+@given(SEEDS, strategies.sampled_from(robots.KINDS))
+def test_home_is_what_a_general_solver_finds(seed, kind):
+    document = robots.random_document(seed, kind)
+    robot = robots.load(document)
+    s, h = document['module']['pinch_separation'], document['module']['rod_length']
+    modules = modules_of(document)
+    pairs = [(tube, joint) for tube, joint, *_ in modules]
+    places = np.array([complex(*document['joints'][joint]) for _, joint in pairs])
+    after = np.array([pairs.index((tube, joint)) for tube, _, joint, _, _ in modules])
+    before = np.array([pairs.index((tube, joint)) for tube, _, _, joint, _ in modules])
+
+    def constraints(flat):
+        b, c = flat.view(complex).reshape(2, -1)
+        v1 = 0.5 * (b + c) - places
+        v2, v3 = c[after] - b, b[before] - c
+        # (3) without the absolute values: the sines of both angles to the rod are opposite.
+        bend = v2 * v3 * v1.conj() ** 2
+        reach = np.hypot(h, 0.5 * s)
+        return np.concatenate(
+            [
+                abs(b - places) - reach,
+                abs(c - places) - reach,
+                abs(b - c) - s,
+                (bend / abs(bend)).imag,
+            ]
+        )
+
+    # Each rod a little off the bisector of the joints, B on the side of the next joint.
+    ahead, back = places[after] - places, places[before] - places
+    inward = ahead / abs(ahead) + back / abs(back)
+    inward /= abs(inward)
+    across = 1j * inward * np.sign((inward.conj() * ahead).imag)
+    start = np.concatenate([inward * h + across * 0.5 * s, inward * h - across * 0.5 * s])
+    start = (np.tile(places, 2) + start * np.exp(0.05j)).view(float)
+    found = least_squares(constraints, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert np.abs(constraints(found.x)).max() < 1e-10
+    b, c = found.x.view(complex).reshape(2, -1)
+    assert robot.home.points[robot.topology.b] == pytest.approx(b, abs=1e-8)
+    assert robot.home.points[robot.topology.c] == pytest.approx(c, abs=1e-8)
+
+
+@robots.examples(20)
+@given(SEEDS, strategies.sampled_from(robots.KINDS))
+def test_the_other_way_round_the_tube_lies_in_the_same_place(seed, kind):
+    document = robots.random_document(seed, kind)
+    there = robots.load(document)
+    for tube in document['tubes'].values():
+        tube['joints'].reverse()
+    back = robots.load(document)
+    place, mirrored = nodes_by_name(there.home), nodes_by_name(back.home)
+    for name in there.module_names:
+        assert place[f'{name}/B'] == pytest.approx(mirrored[f'{name}/C'], abs=1e-12)
+    lengths = dict(zip(there.member_names, there.home.member_lengths, strict=True))
+    for name, length in zip(back.member_names, back.home.member_lengths, strict=True):
+        tube, ends = name.split('/')
+        a, b = ends.split('-')
+        assert lengths[f'{tube}/{b}-{a}'] == pytest.approx(length, abs=1e-12)
+
+
+@robots.examples(20)
+@given(SEEDS, strategies.sampled_from(robots.KINDS), strategies.floats(-6.0, 6.0))
+def test_home_moves_and_grows_with_the_file(seed, kind, decades):
+    scale, shift = 10.0 ** (0.5 * decades), 3.0 - 4.0j
+    document = robots.random_document(seed, kind)
+    robot = robots.load(document)
+    for joint, place in document['joints'].items():
+        moved = scale * (complex(*place) + shift)
+        document['joints'][joint] = [moved.real, moved.imag]
+    for key in ('pinch_separation', 'rod_length', 'guide_ring_distance'):
+        document['module'][key] *= scale
+    for key in ('min_length', 'max_length'):
+        document['members'][key] *= scale
+    grown = robots.load(document)
+    assert grown.home.points / scale - shift == pytest.approx(robot.home.points, abs=1e-10)
+
+
+def pinched(opening, module):
+    """Return an isosceles triangle with this angle [deg] at its top, and this module."""
+    document = robots.example()
+    half = np.deg2rad(0.5 * opening)
+    document['joints'] = {
+        'P': [-np.sin(half), 0.0],
+        'Q': [np.sin(half), 0.0],
+        'X': [0.0, np.cos(half)],
+    }
+    document['module'].update(module, guide_ring_distance=0.001)
+    document['members'] = {'min_length': 1e-3, 'max_length': 10.0}
+    return document
+
+
+def test_module_fits_until_the_members_have_no_length():
+    # In an equilateral triangle modules take up sqrt(3) h + s/2 of the distance of the joints.
+    s = 0.1
+    limit = (1.0 - 0.5 * s) / np.sqrt(3.0)
+    for h in np.linspace(0.02, 2.0 * limit, 60):
+        document = pinched(60.0, {'pinch_separation': s, 'rod_length': h})
+        if h < limit - 0.01:
+            lengths = robots.load(document).home.member_lengths
+            assert lengths == pytest.approx([np.sqrt(3.0) * (limit - h)] * 3, abs=1e-12)
+        elif h > limit:
+            with pytest.raises(RobotFileError) as caught:
+                robots.load(document)
+            message = str(caught.value)
+            assert 'module south/P does not fit its corner' in message
+            assert f'with rod_length {h} m and pinch_separation 0.1 m' in message
+            assert f'{1.0 - np.sqrt(3.0) * h - 0.05:.4g} m long: its joints are 1 m apart' in (
+                message
+            )
+            assert 'use a smaller module, or move the joints apart' in message
+
+
+@pytest.mark.parametrize(
+    ('opening', 'size', 'message'),
+    [
+        # The rod at the blunt top is longer than the triangle is high: its end comes out below.
+        (150.0, {'pinch_separation': 0.1, 'rod_length': 0.25}, r'leave it at -.* must be more'),
+        # The modules at the short base are wider than it.
+        (10.0, {'pinch_separation': 0.1, 'rod_length': 0.1}, 'no angle of its rod bisects'),
+    ],
+)
+def test_module_too_large_for_its_corner_is_refused(opening, size, message):
+    document = pinched(opening, size)
+    with pytest.raises(RobotFileError, match=f'does not fit its corner: .*{message}'):
+        robots.load(document)
+
+
+def test_corner_that_is_nearly_folded_is_refused():
+    document = pinched(0.5, {'pinch_separation': 1e-4, 'rod_length': 1e-4})
+    with pytest.raises(RobotFileError, match=r'module south/X does not fit .* 0\.5 degrees'):
+        robots.load(document)
+
+
+@pytest.mark.parametrize('bend', [-0.4, 0.4])
+def test_corner_that_is_nearly_straight_is_refused(bend):
+    document = robots.example()
+    document['joints']['M'] = [0.5, 0.5 * np.tan(np.deg2rad(0.5 * bend))]
+    document['tubes']['south']['joints'] = ['P', 'M', 'Q', 'X']
+    document['supports'] = {'P': ['x', 'y'], 'Q': ['y'], 'M': ['y']}
+    with pytest.raises(RobotFileError) as caught:
+        robots.load(document)
+    assert 'module south/M does not fit its corner' in str(caught.value)
+    assert 'at 180 degrees; must be between 1 and 179 degrees (move the joints)' in str(
+        caught.value
+    )
+
+
+def test_robot_keeps_what_it_was_made_of():
+    robot = load_robot('nine_member')
+    for array in (robot.home.points, robot.home.nodes, robot.home.roller_positions):
+        with pytest.raises(ValueError, match='read-only'):
+            array[0] = 1.0

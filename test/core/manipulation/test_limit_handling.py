@@ -1,0 +1,219 @@
+"""Scaling and sliding: optimal by certificates of their own, and no swinging rollers."""
+
+from hypothesis import assume, given, strategies
+from isotruss_ros.core import (
+    ConfigurationError,
+    Grasp,
+    HeldObject,
+    load_robot,
+    MemberLengthLimit,
+    reachable_twists,
+    RollerSpeedLimit,
+    ShapeBounds,
+    ShapeGuard,
+    solve_twist,
+    Status,
+    task_jacobian,
+)
+from isotruss_ros.core.manipulation.limit_handling import LEAST_REGULARIZATION
+from isotruss_ros.core.manipulation.limits import default_limits, Rows
+from isotruss_ros.core.manipulation.twist_qp import project_target
+import numpy as np
+import pytest
+import robots
+from scipy.optimize import linprog
+
+
+class Wall:
+    """Rows that a test makes up."""
+
+    status = Status.SLOWED_SELF_COLLISION
+
+    def __init__(self, matrix, bound):
+        self.matrix, self.bound = matrix, bound
+
+    def rows(self, config):
+        return Rows(self.matrix, -self.bound, np.full(len(self.bound), np.inf))
+
+    def row_names(self, config):
+        return tuple(f'wall {i}' for i in range(len(self.bound)))
+
+
+def surface(grasp):
+    """Return what makes speeds of the object's surface of a twist."""
+    return np.array([1.0, 1.0, 0.5 * grasp.diameter])
+
+
+def furthest_along(normal, rows, kept):
+    """Return the largest normal . u of all admissible u."""
+    matrix = np.vstack([r.matrix for r in rows])
+    lower = np.concatenate([r.lower for r in rows])
+    upper = np.concatenate([r.upper for r in rows])
+    bounded = np.isfinite(upper)
+    found = linprog(
+        -normal,
+        np.vstack([matrix[bounded], -matrix]),
+        np.concatenate([upper[bounded], -lower]),
+        kept,
+        np.zeros(len(kept)),
+        [(None, None)] * len(normal),
+        method='highs',
+    )
+    assert found.status == 0
+    return -found.fun
+
+
+@robots.examples(40)
+@given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
+def test_sliding_carries_out_the_nearest_twist_that_limits_allow(robot, rng, number):
+    try:
+        config, grasp, _ = robots.random_grasp(robot, rng, number)
+    except ConfigurationError:
+        assume(False)
+    jacobian = task_jacobian(config, grasp)
+    r = len(robot.roller_names)
+    wall = Wall(rng.standard_normal((3, r)), rng.choice([0.0, 0.01, 0.1], 3))
+    # Rollers are quick enough: only the walls are in the way.
+    limits = [RollerSpeedLimit(10.0), wall]
+    twist = 0.1 * rng.standard_normal(3)
+    command = solve_twist(config, grasp, twist, (), limits, slide=True)
+    scaled = solve_twist(config, grasp, twist, (), limits)
+    if command.scale == 1.0:
+        assert command.roller_velocities == pytest.approx(scaled.roller_velocities)
+        return
+    assume(scaled.status is not Status.UNREACHABLE)
+    assume(np.abs(command.roller_velocities).max() < 9.9)
+    assert command.status is Status.SLIDING
+    assert set(command.limiting) & set(wall.row_names(config))
+    measure = surface(grasp)
+    wanted, got = measure * twist, measure * command.achieved_twist
+    # The variational inequality: no admissible motion lies further toward what is missing, less
+    # the little that rolling costs.
+    missing = wanted - got
+    incidence = robot.topology.incidence
+    downhill = missing @ (measure[:, None] * jacobian[:3])
+    downhill -= LEAST_REGULARIZATION * incidence.T @ (incidence @ command.roller_velocities)
+    rows = [limit.rows(config) for limit in limits]
+    most = furthest_along(downhill, rows, jacobian[3:])
+    assert most == pytest.approx(downhill @ command.roller_velocities, abs=1e-5)
+    assert (wall.matrix @ command.roller_velocities >= -wall.bound - 1e-7).all()
+    # As far along the twist as scaling, and as near, less the little that rolling costs.
+    along = wanted / np.linalg.norm(wanted)
+    stopped = measure * scaled.achieved_twist
+    small = 1e-2 * np.linalg.norm(wanted)
+    assert along @ got >= along @ stopped - small
+    assert np.linalg.norm(missing) <= np.linalg.norm(wanted - stopped) + small
+    assert command.scale == pytest.approx(along @ got / np.linalg.norm(wanted), abs=1e-6)
+
+
+@robots.examples(20)
+@given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
+def test_speed_alone_never_bends_a_twist(robot, rng, number):
+    try:
+        config, grasp, _ = robots.random_grasp(robot, rng, number)
+    except ConfigurationError:
+        assume(False)
+    limits = [RollerSpeedLimit(0.1), MemberLengthLimit(0.01, 100.0)]
+    twist = 10.0 * rng.standard_normal(3)
+    scaled = solve_twist(config, grasp, twist, (), limits)
+    slid = solve_twist(config, grasp, twist, (), limits, slide=True)
+    assert slid.status is scaled.status
+    assert slid.scale == pytest.approx(scaled.scale, rel=1e-6)
+    assert slid.roller_velocities == pytest.approx(scaled.roller_velocities, abs=1e-6)
+
+
+@robots.examples(30)
+@given(robots.generators())
+def test_nearest_by_hand_and_by_its_conditions(rng):
+    # One roller is wanted to move; a wall lets it half of the way.
+    half = project_target(
+        np.eye(1), np.eye(1), np.ones(1), 1, np.eye(1), -np.ones(1), np.full(1, 0.5), 1e-6
+    )
+    assert half == pytest.approx([0.5])
+    r, k, rank = 5, 4, 3
+    equality, inequality = rng.standard_normal((k, r)), rng.standard_normal((6, r))
+    lower, upper = -rng.uniform(0.0, 0.5, 6), rng.uniform(0.0, 0.5, 6)
+    target = np.append(rng.standard_normal(rank), 0.0)
+    u = project_target(np.eye(r), equality, target, rank, inequality, lower, upper, 1e-6)
+    assert equality[rank:] @ u == pytest.approx(0.0, abs=1e-8)
+    assert (inequality @ u <= upper + 1e-8).all()
+    assert (inequality @ u >= lower - 1e-8).all()
+    missing = (target - equality @ u)[:rank]
+    rows = [Rows(inequality, lower, upper)]
+    most = furthest_along(missing @ equality[:rank], rows, equality[rank:])
+    assert most <= missing @ equality[:rank] @ u + 1e-4
+
+
+@robots.examples(30)
+@given(robots.robots(), robots.generators(), strategies.integers(0, 10**6))
+def test_thrift_costs_next_to_nothing_and_never_the_direction(robot, rng, number):
+    try:
+        config, grasp, _ = robots.random_grasp(robot, rng, number)
+    except ConfigurationError:
+        assume(False)
+    twist = 10.0 ** rng.uniform(-2.0, 1.0) * rng.standard_normal(3)
+    exact = solve_twist(config, grasp, twist)
+    thrifty = solve_twist(config, grasp, twist, period=0.01)
+    assert thrifty.scale <= exact.scale + 1e-6
+    assert np.abs(thrifty.roller_velocities).max() <= robot.description.max_speed + 1e-9
+    free = solve_twist(config, grasp, twist, limits=())
+    if (free.roller_velocities == exact.roller_velocities).all():
+        assert (thrifty.roller_velocities == free.roller_velocities).all()
+        return
+    if exact.status is not Status.UNREACHABLE:
+        assert thrifty.achieved_twist == pytest.approx(thrifty.scale * twist, abs=1e-8)
+    # Where the rollers move the object well, thrift changes nothing that matters.
+    surface_speed = np.linalg.norm(surface(grasp) * exact.achieved_twist)
+    if surface_speed > 0.3 * np.linalg.norm(exact.roller_velocities):
+        assert thrifty.scale > 0.97 * exact.scale
+
+
+@robots.examples(20)
+@given(robots.robots(), robots.generators(), strategies.integers(0, 10**6))
+def test_remaining_task_is_what_solve_twist_reaches(robot, rng, number):
+    try:
+        config, grasp, _ = robots.random_grasp(robot, rng, number)
+    except ConfigurationError:
+        assume(False)
+    names = robot.roller_names
+    failed = [name for name in names if rng.random() < 0.3]
+    left = reachable_twists(config, grasp, failed)
+    jacobian = task_jacobian(config, grasp)[:, [n not in failed for n in names]]
+    scaled = np.append(surface(grasp), grasp.diameter / 2)[:, None] * jacobian
+    # Rank-nullity, counted another way: what moves the object without opening the grip.
+    grip = np.linalg.matrix_rank(scaled[3:], tol=1e-5) if scaled.size else 0
+    rank = np.linalg.matrix_rank(scaled, tol=1e-6) if scaled.size else 0
+    assume(scaled.size == 0 or np.linalg.svd(scaled, compute_uv=False)[rank - 1] > 1e-3)
+    assert len(left) == rank - grip
+    for twist in left:
+        command = solve_twist(config, grasp, 0.01 * twist, failed, limits=())
+        assert command.achieved_twist == pytest.approx(0.01 * twist, abs=1e-7)
+        assert command.reachable_dof == len(left)
+        assert not command.roller_velocities[[n in failed for n in names]].any()
+    measure = surface(grasp)
+    assert (left * measure) @ (left * measure).T == pytest.approx(np.eye(len(left)), abs=1e-9)
+    idle = solve_twist(config, grasp, np.zeros(3), failed)
+    assert idle.reachable_dof == len(left)
+
+
+def test_twists_of_any_size_are_solved_in_corners_too():
+    """Next to bounds of shapes, and far beyond what the rollers can do."""
+    robot = load_robot('nine_member')
+    corner = np.array([-0.13457, 0.55259, -0.55598, -0.75575, 0.1915, -0.38877])
+    start = robot.configuration(corner)
+    held = HeldObject.attach(start, Grasp('north/Z', (1.92365, -0.80865), 0.3156))
+    guard = ShapeGuard(robot, ShapeBounds())
+    twist = np.array([1.615, -2.887, 2.034])
+    rng, moved = np.random.default_rng(0), 0
+    for _ in range(60):
+        config = start.moved_to(corner + 0.003 * rng.uniform(-1.0, 1.0, 6))
+        grasp = held.grasp_in(config)
+        limits = (*default_limits(robot), *guard.watch(config, grasp).limits)
+        done = []
+        for size in (1e3, 1e12, 1e300):
+            command = solve_twist(config, grasp, size * twist, (), limits, period=0.05)
+            done.append(command.scale * size)
+            assert command.achieved_twist == pytest.approx(done[-1] * twist, abs=1e-6)
+        assert done == pytest.approx([done[0]] * 3, rel=1e-2, abs=1e-6)
+        moved += done[0] > 1e-3
+    assert moved

@@ -1,0 +1,186 @@
+"""Limits: their rows, and that no walk ever crosses them or gets stuck at them."""
+
+from hypothesis import given
+from isotruss_ros.core import (
+    Configuration,
+    ConfigurationError,
+    Grasp,
+    GraspError,
+    HeldObject,
+    load_robot,
+    MemberLengthLimit,
+    RollerSpeedLimit,
+    solve_twist,
+    Status,
+    tangent_center,
+)
+import numpy as np
+import pytest
+import robots
+
+MODULE = 'east/Q'
+
+
+def held_at(config, diameter=0.3):
+    return HeldObject.attach(
+        config, Grasp(MODULE, tangent_center(config, MODULE, diameter), diameter)
+    )
+
+
+@robots.examples(15)
+@given(robots.robots(), robots.generators())
+def test_rows_bound_rollers_and_members(robot, rng):
+    config = robots.random_state(robot, rng)
+    rates = rng.standard_normal(len(robot.roller_names))
+    rows = RollerSpeedLimit(0.3).rows(config)
+    assert rows.matrix @ rates == pytest.approx(rates)
+    assert (rows.upper == 0.3).all()
+    assert (rows.lower == -0.3).all()
+    limit = MemberLengthLimit(0.5, 1.0, rate=4.0)
+    rows = limit.rows(config)
+    step = 1e-6
+    moved = config.moved_to(config.roller_positions + step * rates).member_lengths
+    assert step * rows.matrix @ rates == pytest.approx(moved - config.member_lengths, abs=1e-11)
+    assert (rows.lower <= 0.0).all()
+    assert (rows.upper >= 0.0).all()
+    # Whoever moves at the bound's rate for 1/rate seconds arrives exactly there.
+    inside = (config.member_lengths >= 0.5) & (config.member_lengths <= 1.0)
+    assert (config.member_lengths + rows.upper / 4.0)[inside] == pytest.approx(1.0)
+    assert (config.member_lengths + rows.lower / 4.0)[inside] == pytest.approx(0.5)
+    # Whoever is beyond a bound may stay or return.
+    assert (rows.upper[config.member_lengths > 1.0] == 0.0).all()
+    assert (rows.lower[config.member_lengths < 0.5] == 0.0).all()
+    assert limit.row_names(config) == robot.member_names
+    assert RollerSpeedLimit(0.3).row_names(config) == robot.roller_names
+
+
+def narrow(shortest, longest):
+    """Return the nine-member robot with other limits of its members."""
+    document = robots.example()
+    source = load_robot('nine_member').description
+    document['joints'] = {name: list(place) for name, place in source.joints.items()}
+    document['tubes'] = {
+        tube.name: {'joints': list(tube.joints), 'passive': tube.passive} for tube in source.tubes
+    }
+    document['supports'] = {name: list(axes) for name, axes in source.supports.items()}
+    document['module'].update(
+        pinch_separation=source.module.pinch_separation, rod_length=source.module.rod_length
+    )
+    document['members'] = {'min_length': shortest, 'max_length': longest}
+    return robots.load(document)
+
+
+def walk(config, held, twist, steps, dt):
+    """Move along a twist and check the limits at each step; return the end and the commands."""
+    file, commands = config.robot.description, []
+    for _ in range(steps):
+        command = solve_twist(config, held.grasp_in(config), twist)
+        commands.append(command)
+        assert np.abs(command.roller_velocities).max() <= file.max_speed + 1e-9
+        config = config.moved_to(config.roller_positions + dt * command.roller_velocities)
+        assert config.member_lengths.min() >= file.min_length - 1e-9
+        assert config.member_lengths.max() <= file.max_length + 1e-9
+    return config, commands
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_random_walk_never_crosses_a_limit(seed):
+    rng = np.random.default_rng(seed)
+    robot = narrow(0.9, 1.15)
+    config = robot.home
+    held = held_at(config)
+    slowed = set()
+    for _ in range(10):
+        # Far more than the rollers can do, so that some limit binds all the time.
+        twist = rng.standard_normal(3) * [1.0, 1.0, 0.1]
+        config, commands = walk(config, held, twist, 40, dt=0.04)
+        slowed |= {name for command in commands for name in command.limiting}
+    assert slowed & set(robot.roller_names)
+    assert slowed & set(robot.member_names)
+
+
+@pytest.mark.parametrize('direction', range(8))
+def test_robot_pushed_against_a_limit_can_always_return(direction):
+    robot = narrow(0.9, 1.1)
+    angle = 2.0 * np.pi * direction / 8
+    push = np.array([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.0])
+    held = held_at(robot.home)
+    config, commands = walk(robot.home, held, push, 250, dt=0.04)
+    # It creeps up to the bound and comes to rest there.
+    assert commands[-1].status is Status.SLOWED_MEMBER_LENGTH
+    assert set(commands[-1].limiting) <= set(robot.member_names)
+    assert commands[-1].scale < 1e-3
+    back = solve_twist(config, held.grasp_in(config), -push)
+    assert back.scale > 0.05
+    assert back.achieved_twist[:2] @ push[:2] < 0.0
+    start = held.pose(config)
+    config, _ = walk(config, held, -push, 25, dt=0.04)
+    end = held.pose(config)
+    assert np.hypot(end.x - start.x, end.y - start.y) > 0.01
+
+
+def test_member_beyond_its_bound_may_only_return():
+    robot = load_robot('nine_member')
+    config = robot.configuration([0.02, -0.01, 0.03, 0.01, -0.02, 0.02])
+    held = held_at(config)
+    longest = float(np.sort(config.member_lengths)[-3])
+    beyond = config.member_lengths > longest
+    limits = [RollerSpeedLimit(0.1), MemberLengthLimit(0.25, longest)]
+    rng = np.random.default_rng(0)
+    moving = 0
+    for _ in range(40):
+        command = solve_twist(
+            config, held.grasp_in(config), 0.1 * rng.standard_normal(3), limits=limits
+        )
+        rates = robot.topology.incidence @ command.roller_velocities
+        assert (rates[beyond] <= 1e-9).all()
+        moving += command.scale > 0.0
+    assert moving
+
+
+def test_corner_of_several_limits_is_never_an_error():
+    # Members exactly at their bounds leave the rollers next to nothing, or nothing at all.
+    answers = 0
+    for seed in [*range(60), 625]:
+        robot = robots.random_robot(seed, 'arch' if seed % 2 else 'ring')
+        rng = np.random.default_rng(seed)
+        config, grasp, _ = robots.random_grasp(robot, rng, int(rng.integers(100)))
+        lengths = np.sort(config.member_lengths)
+        shortest, longest = int(rng.integers(0, 3)), int(rng.integers(0, 3))
+        members = MemberLengthLimit(float(lengths[shortest]), float(lengths[-1 - longest]))
+        twist = 0.1 * rng.standard_normal(3)
+        command = solve_twist(config, grasp, twist, limits=[RollerSpeedLimit(0.1), members])
+        rates = robot.topology.incidence @ command.roller_velocities
+        assert (rates[config.member_lengths <= lengths[shortest]] >= -1e-9).all()
+        assert (rates[config.member_lengths >= lengths[-1 - longest]] <= 1e-9).all()
+        if command.status is not Status.UNREACHABLE:
+            assert command.achieved_twist == pytest.approx(command.scale * twist, abs=1e-8)
+            assert (command.scale < 1.0) == bool(command.limiting)
+            answers += command.scale < 1e-6
+    assert answers > 5
+
+
+@robots.examples(12)
+@given(robots.robots(('arch', 'ring')), robots.generators())
+def test_walks_of_random_robots_stay_within_limits(robot, rng):
+    module = str(rng.choice(robot.module_names))
+    document_limits = MemberLengthLimit(
+        0.97 * robot.home.member_lengths.min(), 1.03 * robot.home.member_lengths.max()
+    )
+    limits = [RollerSpeedLimit(0.1), document_limits]
+    config: Configuration = robot.home
+    try:
+        held = HeldObject.attach(config, Grasp(module, tangent_center(config, module, 0.2), 0.2))
+    except GraspError:
+        return
+    for _ in range(60):
+        try:
+            command = solve_twist(
+                config, held.grasp_in(config), rng.standard_normal(3), limits=limits
+            )
+            config = config.moved_to(config.roller_positions + 0.05 * command.roller_velocities)
+        except ConfigurationError:
+            return  # the walk came to a singular shape, which no limit here forbids
+        assert np.abs(command.roller_velocities).max() <= 0.1 + 1e-9
+        assert config.member_lengths.min() >= document_limits.min_length - 1e-9
+        assert config.member_lengths.max() <= document_limits.max_length + 1e-9

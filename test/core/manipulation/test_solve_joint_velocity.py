@@ -1,0 +1,82 @@
+"""Velocities of joints, without an object."""
+
+from isotruss_ros.core import GraspError, load_robot, solve_joint_velocity, Status
+import numpy as np
+import pytest
+import robots
+
+ROBOT = load_robot('nine_member')
+HOME = ROBOT.home
+VELOCITY = (0.01, -0.02)
+PLACES = [ROBOT.topology.joint_names.index(joint) for joint in 'ZQ']
+
+
+def moved(config, command, joint):
+    """Return the velocity of a joint by the forward kinematics."""
+    nodes = config.node_velocities(command.roller_velocities)
+    return nodes[ROBOT.topology.joint_names.index(joint)]
+
+
+@pytest.mark.parametrize('joint', ['P', 'Q', 'R', 'Z'])
+def test_the_joint_moves_as_asked(joint):
+    command = solve_joint_velocity(HOME, {joint: VELOCITY})
+    assert command.status is Status.OK
+    assert command.scale == 1.0
+    assert moved(HOME, command, joint) == pytest.approx(VELOCITY, abs=1e-10)
+    assert command.achieved_velocities[joint] == pytest.approx(VELOCITY, abs=1e-10)
+
+
+def test_several_joints_move_at_once_and_no_cheaper_command_does_it():
+    rng = np.random.default_rng(0)
+    config = robots.random_state(ROBOT, rng)
+    velocities = {'Z': VELOCITY, 'Q': (0.0, 0.01)}
+    command = solve_joint_velocity(config, velocities)
+    for joint, velocity in velocities.items():
+        assert moved(config, command, joint) == pytest.approx(velocity, abs=1e-10)
+    incidence = ROBOT.topology.incidence
+    cost = np.linalg.norm(incidence @ command.roller_velocities)
+    rows = np.stack(
+        [config.node_velocities(unit)[PLACES].ravel() for unit in np.eye(len(ROBOT.roller_names))],
+        axis=1,
+    )
+    _, values, free = np.linalg.svd(rows)
+    rank = len(values)
+    for direction in free[rank:]:
+        for step in (-1e-3, 1e-3):
+            other = command.roller_velocities + step * direction
+            assert np.linalg.norm(incidence @ other) >= cost - 1e-12
+
+
+def test_zero_is_idle_and_limits_scale():
+    idle = solve_joint_velocity(HOME, {'Z': (0.0, 0.0)})
+    assert idle.status is Status.IDLE
+    assert not idle.roller_velocities.any()
+    fast = solve_joint_velocity(HOME, {'Z': (5.0, -10.0)})
+    assert fast.status is Status.SLOWED_ROLLER_SPEED
+    assert np.abs(fast.roller_velocities).max() == pytest.approx(ROBOT.description.max_speed)
+    expected = fast.scale * np.array([5.0, -10.0])
+    assert moved(HOME, fast, 'Z') == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_grounded_joint_stays_and_failed_rollers_stand_still():
+    command = solve_joint_velocity(HOME, {'X': (0.01, 0.02)})
+    assert command.status is Status.UNREACHABLE
+    assert moved(HOME, command, 'X') == pytest.approx(0.0, abs=1e-10)
+    failed = ROBOT.roller_names[-1]
+    command = solve_joint_velocity(HOME, {'Z': VELOCITY}, failed=(failed,))
+    assert command.roller_velocities[-1] == 0.0
+    assert moved(HOME, command, 'Z') == pytest.approx(command.achieved_velocities['Z'])
+
+
+@pytest.mark.parametrize(
+    ('velocities', 'words'),
+    [
+        ({}, 'at least one'),
+        ({'W': VELOCITY}, "'W'"),
+        ({'Z': (1.0,)}, 'joint Z'),
+        ({'Z': (np.nan, 0.0)}, 'joint Z'),
+    ],
+)
+def test_bad_velocities_are_refused(velocities, words):
+    with pytest.raises(GraspError, match=words):
+        solve_joint_velocity(HOME, velocities)

@@ -1,0 +1,499 @@
+"""Twist to rollers: against equation (20) as it stands, and against other people's solvers."""
+
+from hypothesis import assume, given, strategies
+from isotruss_ros.core import (
+    Configuration,
+    Grasp,
+    GraspError,
+    HeldObject,
+    load_robot,
+    MemberLengthLimit,
+    RollerSpeedLimit,
+    solve_twist,
+    Status,
+    tangent_center,
+    task_jacobian,
+)
+import numpy as np
+import pytest
+import robots
+from scipy.linalg import null_space
+from scipy.optimize import linprog, minimize
+
+NUMBERS = strategies.integers(0, 10**6)
+UNLIMITED = ()
+
+
+def full_program(config, grasp, twist):
+    """
+    Solve (11) with (20) in the coordinates of all nodes, and return the rollers' speeds.
+
+    Nothing here is reduced to rollers; the rows M are differenced from the held object's place.
+    """
+    robot, topology = config.robot, config.robot.topology
+    m = topology.n_modules
+    tube_rows, rest = np.split(config.matrix, [m])
+    constant = np.array(
+        [tube_rows[topology.tube == i].sum(axis=0) for i in np.unique(topology.tube)]
+    )
+    # The roller's own speed: what all members from it on to the seam gain.
+    speed = np.zeros((m, tube_rows.shape[1]))
+    for i in range(m):
+        k = i
+        while k in topology.driven:
+            speed[i] += tube_rows[k]
+            k = topology.following[k]
+    rows = differenced_rows(config, grasp)
+    grip = robot.module_names.index(grasp.module)
+    b, b_next, _, _ = robots.side_ends(config, grasp.module)
+    left = ((b_next - b).conjugate() * (complex(*grasp.center) - b)).imag > 0.0
+    rows[2] += (2.0 if left else -2.0) / grasp.diameter * speed[grip]
+    equality = np.vstack([constant, rest, rows])
+    right = np.concatenate([np.zeros(len(equality) - 4), twist, [0.0]])
+    n, k = tube_rows.shape[1], len(equality)
+    system = np.block([[tube_rows.T @ tube_rows, equality.T], [equality, np.zeros((k, k))]])
+    velocity = np.linalg.lstsq(system, np.concatenate([np.zeros(n), right]), rcond=1e-14)[0][:n]
+    return speed[topology.driven] @ velocity, velocity
+
+
+def differenced_rows(config, grasp):
+    """Return object x, y, frame angle and opening by central differences of the nodes."""
+    robot = config.robot
+    held = HeldObject.attach(config, grasp)
+    step = 1e-6
+    rows = np.zeros((4, 2 * len(config.points)))
+    for column in range(rows.shape[1]):
+        found = []
+        for sign in (1.0, -1.0):
+            flat = config.points.view(float).copy()
+            flat[column] += sign * step
+            moved = Configuration(robot, config.roller_positions.copy(), flat.view(complex))
+            b, b_next, c, c_prev = robots.side_ends(moved, grasp.module)
+            pose = held.pose(moved)
+            found.append([pose.x, pose.y, pose.angle, np.angle((c_prev - c) / (b_next - b))])
+        change = np.array(found[0]) - found[1]
+        change[2:] = np.angle(np.exp(1j * change[2:]))
+        rows[:, column] = change / (2.0 * step)
+    return rows
+
+
+def well_posed(jacobian):
+    """Tell whether four rows are reached without a hint of rank loss."""
+    gains = np.linalg.svd(jacobian, compute_uv=False)
+    return len(gains) == 4 and gains[-1] > 1e-2
+
+
+def surface(grasp):
+    """Return the weights of the measure |v|^2 + |omega d/2|^2."""
+    return np.array([1.0, 1.0, 0.5 * grasp.diameter])
+
+
+def limits_of(config, rate=10.0):
+    """Return A and b of the limits A u <= b of the robot file, written out again."""
+    file, lengths = config.robot.description, config.member_lengths
+    incidence = config.robot.topology.incidence
+    speed = np.full(len(config.robot.roller_names), file.max_speed)
+    room = rate * np.maximum(0.0, file.max_length - lengths)
+    spare = rate * np.maximum(0.0, lengths - file.min_length)
+    eye = np.eye(len(speed))
+    return np.vstack([eye, -eye, incidence, -incidence]), np.concatenate(
+        [speed, speed, room, spare]
+    )
+
+
+def largest_scale(config, jacobian, twist):
+    """Return the largest share of the twist within the limits, by HiGHS."""
+    matrix, bound = limits_of(config)
+    goal = np.append(twist, 0.0)
+    # In units of the quickest roller and of the unlimited solution, so that all is near 1.
+    unit = config.robot.description.max_speed
+    gain = np.abs(np.linalg.lstsq(jacobian, goal, rcond=None)[0]).max()
+    count = jacobian.shape[1]
+    found = linprog(
+        np.append(np.zeros(count), -1.0),
+        np.column_stack([matrix, np.zeros(len(bound))]),
+        bound / unit,
+        np.column_stack([jacobian, -goal / gain]),
+        np.zeros(4),
+        [(None, None)] * count + [(0.0, None)],
+        method='highs',
+        options={'primal_feasibility_tolerance': 1e-10, 'dual_feasibility_tolerance': 1e-10},
+    )
+    assert found.status == 0
+    return min(1.0, found.x[-1] * unit / gain)
+
+
+@robots.examples(40)
+@given(robots.robots(), robots.generators(), NUMBERS)
+def test_rollers_are_those_of_the_full_program(robot, rng, number):
+    config, grasp, _ = robots.random_grasp(robot, rng, number)
+    assume(well_posed(task_jacobian(config, grasp)))
+    twist = rng.standard_normal(3)
+    command = solve_twist(config, grasp, twist, limits=UNLIMITED)
+    rollers, velocity = full_program(config, grasp, twist)
+    size = np.abs(rollers).max()
+    assert command.status is Status.OK
+    assert command.scale == 1.0
+    assert command.limiting == ()
+    assert command.achieved_twist == pytest.approx(twist, abs=1e-9 * size)
+    assert command.roller_velocities == pytest.approx(rollers, abs=1e-6 * size)
+    moved = config.node_velocities(command.roller_velocities).ravel()
+    assert moved == pytest.approx(velocity, abs=1e-5 * np.abs(velocity).max())
+
+
+@pytest.mark.parametrize('module', load_robot('nine_member').module_names)
+def test_nine_member_robot_follows_the_full_program_at_every_grip(module):
+    robot = load_robot('nine_member')
+    config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
+    grasp = Grasp(module, tangent_center(config, module, 0.3), 0.3)
+    twist = np.array([0.01, 0.02, -0.05])
+    command = solve_twist(config, grasp, twist, limits=UNLIMITED)
+    # The south tube turns about X and has two rollers: three degrees for four conditions. A grip
+    # at Y, which is passive, slides along the ground and turns: two.
+    if module.startswith('south/') or module == 'east/Y':
+        assert command.status is Status.UNREACHABLE
+    else:
+        rollers, _ = full_program(config, grasp, twist)
+        assert command.status is Status.OK
+        assert command.roller_velocities == pytest.approx(rollers, abs=1e-7)
+
+
+@robots.examples(60)
+@given(robots.robots(), robots.generators(), NUMBERS, strategies.floats(-3.0, 4.0))
+def test_scale_is_the_largest_possible_and_its_cost_the_least(robot, rng, number, decades):
+    config, grasp, _ = robots.random_grasp(robot, rng, number)
+    jacobian = task_jacobian(config, grasp)
+    assume(well_posed(jacobian))
+    twist = 10.0**decades * rng.standard_normal(3)
+    command = solve_twist(config, grasp, twist)
+    speeds, unit = command.roller_velocities, robot.description.max_speed
+    # Direction kept, grip closed, limits obeyed.
+    goal = np.append(command.scale * twist, 0.0)
+    assert jacobian @ speeds == pytest.approx(goal, abs=1e-8 * np.abs(goal).max())
+    matrix, bound = limits_of(config)
+    assert (matrix @ speeds <= bound + 1e-9).all()
+    # The program gives up a millionth of the scale where that saves much motion of the members.
+    assert command.scale == pytest.approx(largest_scale(config, jacobian, twist), rel=1e-5)
+    assert (command.scale == 1.0) == (command.status is Status.OK)
+    assert (command.scale == 1.0) == (command.limiting == ())
+    cost = robot.topology.incidence.T @ robot.topology.incidence / unit**2
+    found = minimize(
+        lambda u: u @ cost @ u,
+        speeds + 0.1 * unit * rng.standard_normal(len(speeds)) * (command.scale < 1.0),
+        jac=lambda u: 2.0 * cost @ u,
+        constraints=[
+            {
+                'type': 'eq',
+                'fun': lambda u: (jacobian @ u - goal) / unit,
+                'jac': lambda u: jacobian / unit,
+            },
+            {
+                'type': 'ineq',
+                'fun': lambda u: (bound - matrix @ u) / unit,
+                'jac': lambda u: -matrix / unit,
+            },
+        ],
+        method='SLSQP',
+        options={'ftol': 1e-14, 'maxiter': 300},
+    )
+    if found.success and np.abs(jacobian @ found.x - goal).max() < 1e-9 * unit:
+        assert speeds @ cost @ speeds <= found.fun * (1.0 + 1e-5) + 1e-12
+
+
+def nearly_singular():
+    """Return a grasp whose task has almost lost a rank (a gain of 1e-4), and its Jacobian."""
+    robot = robots.random_robot(66, 'polygon', 5)
+    rng = np.random.default_rng(0)
+    best = None
+    for number in range(200):
+        config, grasp, _ = robots.random_grasp(robot, rng, number)
+        gain = np.linalg.svd(task_jacobian(config, grasp), compute_uv=False)[-1]
+        if gain > 1e-5 and (best is None or gain < best[0]):
+            best = (gain, config, grasp)
+    return best
+
+
+def test_small_twist_is_not_slowed_where_rollers_do_little():
+    gain, config, grasp = nearly_singular()
+    assert gain < 1e-2
+    jacobian = task_jacobian(config, grasp)
+    twist = np.linalg.svd(jacobian)[0][:3, -1]
+    for size in (1e-3, 1e-6, 1e-9):
+        command = solve_twist(config, grasp, size * gain * twist)
+        wanted = largest_scale(config, jacobian, size * gain * twist)
+        assert command.scale == pytest.approx(wanted, rel=1e-6)
+        assert command.achieved_twist == pytest.approx(
+            command.scale * size * gain * twist, abs=1e-6 * size * gain
+        )
+
+
+@robots.examples(30)
+@given(robots.robots(), robots.generators(), NUMBERS)
+def test_achieved_twist_is_what_the_object_does(robot, rng, number):
+    config, grasp, _ = robots.random_grasp(robot, rng, number)
+    command = solve_twist(config, grasp, rng.standard_normal(3))
+    held = HeldObject.attach(config, grasp)
+    step = 1e-4
+    ahead, behind = (
+        held.pose(config.moved_to(config.roller_positions + travel))
+        for travel in (step * command.roller_velocities, -step * command.roller_velocities)
+    )
+    moved = np.array(ahead) - np.array(behind)
+    moved[2] = np.angle(np.exp(1j * moved[2]))
+    assert command.achieved_twist == pytest.approx(moved / (2.0 * step), abs=1e-6)
+
+
+@robots.examples(30)
+@given(robots.robots(), robots.generators(), NUMBERS)
+def test_commands_grow_with_the_twist_until_limits_bind(robot, rng, number):
+    config, grasp, _ = robots.random_grasp(robot, rng, number)
+    assume(well_posed(task_jacobian(config, grasp)))
+    twist = rng.standard_normal(3)
+    one = solve_twist(config, grasp, twist, limits=UNLIMITED).roller_velocities
+    slow = 1e-3 * robot.description.max_speed / np.abs(one).max()
+    for size in (slow, 1e-9 * slow, 1e-100 * slow):
+        command = solve_twist(config, grasp, size * twist)
+        assert command.status is Status.OK
+        assert command.roller_velocities / size == pytest.approx(one, rel=1e-9, abs=1e-9)
+    quick = [solve_twist(config, grasp, size * twist) for size in (1e4, 1e9, 1e300)]
+    for size, command in zip((1e4, 1e9, 1e300), quick, strict=True):
+        assert command.status in (Status.SLOWED_ROLLER_SPEED, Status.SLOWED_MEMBER_LENGTH)
+        assert command.limiting
+        assert command.scale * size == pytest.approx(quick[0].scale * 1e4, rel=1e-4)
+        assert np.abs(command.roller_velocities).max() <= robot.description.max_speed + 1e-9
+
+
+def test_smallest_and_largest_numbers_stay_numbers():
+    robot = load_robot('nine_member')
+    config = robot.home
+    grasp = Grasp('east/Q', tangent_center(config, 'east/Q', 0.3), 0.3)
+    for size in (5e-324, 1e-310, 1e-300, 1e300, 1.7e308):
+        command = solve_twist(config, grasp, [size, -size, size])
+        assert np.isfinite(command.roller_velocities).all()
+        assert np.isfinite(command.achieved_twist).all()
+        assert 0.0 <= command.scale <= 1.0
+        assert np.abs(command.roller_velocities).max() <= 0.1 + 1e-9
+
+
+@robots.examples(40)
+@given(robots.robots(), robots.generators(), NUMBERS)
+def test_failed_rollers_stand_still_and_the_others_do_their_best(robot, rng, number):
+    config, grasp, _ = robots.random_grasp(robot, rng, number)
+    names = robot.roller_names
+    failed = set(rng.permutation(names)[: rng.integers(1, len(names) + 1)])
+    working = [i for i, name in enumerate(names) if name not in failed]
+    jacobian = task_jacobian(config, grasp)
+    command = solve_twist(config, grasp, twist := rng.standard_normal(3), failed, UNLIMITED)
+    stuck = [i for i in range(len(names)) if i not in working]
+    assert (command.roller_velocities[stuck] == 0.0).all()
+    assert command.achieved_twist == pytest.approx(jacobian[:3] @ command.roller_velocities)
+    if well_posed(jacobian[:, working]):
+        # KKT of the reduced problem.
+        part, incidence = jacobian[:, working], robot.topology.incidence[:, working]
+        n = len(working)
+        system = np.block([[incidence.T @ incidence, part.T], [part, np.zeros((4, 4))]])
+        wanted = np.linalg.solve(system, np.concatenate([np.zeros(n), twist, [0.0]]))[:n]
+        assert command.status is Status.OK
+        assert command.roller_velocities[working] == pytest.approx(wanted, rel=1e-6, abs=1e-6)
+    goal = np.append(twist, 0.0)
+    found = np.linalg.lstsq(jacobian[:, working], goal, rcond=1e-9)[0]
+    if np.linalg.norm(jacobian[:, working] @ found - goal) > 1e-3:
+        assert command.status is Status.UNREACHABLE
+
+
+@robots.examples(60)
+@given(robots.robots(), robots.generators(), NUMBERS, strategies.integers(1, 3))
+def test_nearest_twist_is_found_where_the_wanted_one_is_out_of_reach(robot, rng, number, left):
+    config, grasp, _ = robots.random_grasp(robot, rng, number)
+    names = rng.permutation(robot.roller_names)
+    jacobian = task_jacobian(config, grasp)
+    failed = names[left:]
+    working = [i for i, name in enumerate(robot.roller_names) if name not in failed]
+    closed = null_space(jacobian[3:, working], rcond=1e-9)
+    moving = surface(grasp)[:, None] * jacobian[:3, working] @ closed
+    basis, gains, _ = np.linalg.svd(moving)
+    assume(not ((gains > 1e-9) & (gains < 1e-3)).any())
+    assume(np.linalg.norm(jacobian[3, working]) > 1e-3)
+    twist = rng.standard_normal(3)
+    command = solve_twist(config, grasp, twist, failed, UNLIMITED)
+    within = basis[:, : np.count_nonzero(gains > 1e-3)]
+    nearest = within @ within.T @ (surface(grasp) * twist)
+    assert command.status is Status.UNREACHABLE
+    assert surface(grasp) * command.achieved_twist == pytest.approx(nearest, abs=1e-8)
+    assert jacobian[3] @ command.roller_velocities == pytest.approx(0.0, abs=1e-9)
+
+
+def test_nearest_twist_is_the_one_that_slsqp_finds():
+    robot = load_robot('triangle')
+    grasp = Grasp('main/T', tangent_center(robot.home, 'main/T', 0.2), 0.2)
+    jacobian, twist = task_jacobian(robot.home, grasp), np.array([0.01, 0.02, 0.1])
+    found = minimize(
+        lambda u: np.sum((surface(grasp) * (jacobian[:3] @ u - twist)) ** 2) * 1e4,
+        np.zeros(2),
+        constraints={'type': 'eq', 'fun': lambda u: jacobian[3] @ u},
+        method='SLSQP',
+        options={'ftol': 1e-15},
+    )
+    command = solve_twist(robot.home, grasp, twist)
+    assert command.status is Status.UNREACHABLE
+    assert command.roller_velocities == pytest.approx(found.x, abs=1e-6)
+
+
+def test_grounded_grip_cannot_follow():
+    robot = load_robot('nine_member')
+    config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
+    grasp = Grasp('south/X', tangent_center(config, 'south/X', 0.3), 0.3)
+    jacobian = task_jacobian(config, grasp)
+    # X stands on the ground and is the seam: what is left is to turn about it, if anything.
+    assert np.linalg.matrix_rank(jacobian, tol=1e-6) < 4
+    twist = np.array([0.01, 0.0, 0.0])
+    command = solve_twist(config, grasp, twist)
+    assert command.status is Status.UNREACHABLE
+    assert np.linalg.norm(command.achieved_twist[:2] - twist[:2]) > 1e-3
+    assert jacobian[3] @ command.roller_velocities == pytest.approx(0.0, abs=1e-12)
+
+
+def test_passive_grip_has_no_rolling():
+    robot = load_robot('nine_member')
+    for module in set(robot.module_names) - set(robot.roller_names):
+        center = tangent_center(robot.home, module, 0.3)
+        small, large = (task_jacobian(robot.home, Grasp(module, center, d)) for d in (0.2, 0.4))
+        assert small == pytest.approx(large)
+
+
+def test_no_working_rollers_move_nothing():
+    robot = load_robot('nine_member')
+    grasp = Grasp('east/Q', tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    command = solve_twist(robot.home, grasp, [0.01, 0.0, 0.0], failed=robot.roller_names)
+    assert command.status is Status.UNREACHABLE
+    assert not command.roller_velocities.any()
+    assert not command.achieved_twist.any()
+
+
+def test_zero_twist_is_idle():
+    robot = load_robot('nine_member')
+    grasp = Grasp('east/Q', tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    command = solve_twist(robot.home, grasp, [0.0, -0.0, 0.0])
+    assert command.status is Status.IDLE
+    assert command.scale == 1.0
+    assert command.roller_velocities.tolist() == [0.0] * 6
+    assert command.achieved_twist.tolist() == [0.0] * 3
+
+
+def test_own_limits_replace_those_of_the_file():
+    robot = load_robot('nine_member')
+    grasp = Grasp('east/Q', tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    twist = [0.0, 0.05, 0.0]
+    free = solve_twist(robot.home, grasp, twist, limits=UNLIMITED)
+    assert free.scale == 1.0
+    top = np.abs(free.roller_velocities).max()
+    same = solve_twist(robot.home, grasp, twist, limits=[RollerSpeedLimit(1.001 * top)])
+    assert same.roller_velocities == pytest.approx(free.roller_velocities)
+    slow = solve_twist(robot.home, grasp, twist, limits=[RollerSpeedLimit(0.001)])
+    assert np.abs(slow.roller_velocities).max() == pytest.approx(0.001)
+    assert slow.status is Status.SLOWED_ROLLER_SPEED
+    assert set(slow.limiting) <= set(robot.roller_names)
+
+
+def test_member_at_its_limit_is_named():
+    robot = load_robot('nine_member')
+    grasp = Grasp('east/Q', tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    twist = [0.0, 0.01, 0.0]
+    free = solve_twist(robot.home, grasp, twist)
+    growing = robot.topology.incidence @ free.roller_velocities
+    longest = float(robot.home.member_lengths.max())
+    # No member may grow; those that would are named, whichever way round the twist is.
+    limit = MemberLengthLimit(0.25, longest)
+    for sign in (1.0, -1.0):
+        command = solve_twist(robot.home, grasp, sign * np.array(twist), limits=[limit])
+        assert command.status is Status.SLOWED_MEMBER_LENGTH
+        assert command.limiting
+        wanted = {
+            name
+            for name, rate in zip(robot.member_names, growing, strict=True)
+            if sign * rate > 0.0
+        }
+        assert set(command.limiting) <= wanted
+        assert (robot.topology.incidence @ command.roller_velocities).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    'twist',
+    [
+        [np.nan, 0.0, 0.0],
+        [0.0, np.inf, 0.0],
+        [0.0, 0.0],
+        [0.0] * 4,
+        [[0.0, 0.0, 0.1]],
+        0.0,
+        'up',
+        None,
+        {},
+        [None, 0.0, 0.0],
+        [10**400, 0, 0],
+        [1j, 0.0, 0.0],
+    ],
+    ids=lambda value: repr(value)[:20],
+)
+def test_twist_that_makes_no_sense_is_refused(twist):
+    robot = load_robot('triangle')
+    grasp = Grasp('main/T', tangent_center(robot.home, 'main/T', 0.2), 0.2)
+    with pytest.raises(GraspError, match=r'the twist \(vx, vy .* must be 3 finite numbers'):
+        solve_twist(robot.home, grasp, twist)
+
+
+def test_unknown_names_are_refused_even_for_no_motion():
+    robot = load_robot('triangle')
+    center = tangent_center(robot.home, 'main/T', 0.2)
+    with pytest.raises(GraspError, match=r"module 'main/W'.* its modules are main/L, main/R"):
+        solve_twist(robot.home, Grasp('main/W', center, 0.2), [0.0, 0.0, 0.0])
+    grasp = Grasp('main/T', center, 0.2)
+    # main/L is a module, but it has no motor that could fail.
+    for failed in ({'main/W'}, ['main/L'], 'T', [None]):
+        with pytest.raises(GraspError, match='no such rollers; its rollers are main/R, main/T'):
+            solve_twist(robot.home, grasp, [0.0, 0.0, 0.0], failed=failed)
+
+
+def test_name_of_one_failed_roller_may_stand_alone():
+    robot = load_robot('nine_member')
+    grasp = Grasp('east/Q', tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    alone = solve_twist(robot.home, grasp, [0.0, 0.01, 0.0], failed='south/Q')
+    listed = solve_twist(robot.home, grasp, [0.0, 0.01, 0.0], failed=['south/Q'])
+    assert alone.roller_velocities.tolist() == listed.roller_velocities.tolist()
+
+
+def test_object_outside_the_wedge_is_refused():
+    robot = load_robot('triangle')
+    with pytest.raises(GraspError, match='is not between the two members'):
+        solve_twist(robot.home, Grasp('main/T', (5.0, 0.3), 0.2), [0.0, 0.0, 0.0])
+
+
+# The right-hand side of the fourth row
+
+
+@pytest.mark.parametrize('module', ['north/Z', 'east/R'])
+@pytest.mark.parametrize('twist', [(0.0, 0.0, 0.0), (0.01, -0.02, 0.1)])
+def test_the_grip_opens_at_the_rate_asked_for(module, twist):
+    config = load_robot('nine_member').home
+    grasp = Grasp(module, tangent_center(config, module, 0.3), 0.3)
+    b, b_end, c, c_end = robots.side_ends(config, module)
+    before = abs(np.angle((b_end - b) / (c_end - c)))
+    step = 1e-5
+    for rate in (0.05, -0.05):
+        command = solve_twist(config, grasp, twist, opening_rate=rate)
+        assert command.achieved_twist == pytest.approx(twist, abs=1e-9)
+        there = config.moved_to(config.roller_positions + step * command.roller_velocities)
+        b, b_end, c, c_end = robots.side_ends(there, module)
+        opened = abs(np.angle((b_end - b) / (c_end - c))) - before
+        assert opened / step == pytest.approx(rate, rel=1e-3)
+
+
+def test_limits_scale_the_opening_with_the_twist():
+    config = load_robot('nine_member').home
+    grasp = Grasp('north/Z', tangent_center(config, 'north/Z', 0.3), 0.3)
+    free = solve_twist(config, grasp, (0.01, 0.0, 0.0), opening_rate=-0.02)
+    slowed = solve_twist(config, grasp, (1.0, 0.0, 0.0), opening_rate=-2.0)
+    assert free.scale == 1.0
+    assert 0.0 < slowed.scale < 1.0
+    share = slowed.scale / 0.01
+    assert slowed.roller_velocities == pytest.approx(share * free.roller_velocities, rel=1e-5)

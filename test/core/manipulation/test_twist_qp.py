@@ -1,0 +1,154 @@
+"""The quadratic programs: with every installed solver, and for solutions known by hand."""
+
+from hypothesis import assume, given, strategies
+from isotruss_ros.core import Grasp, load_robot, solve_twist, SolverError, tangent_center
+from isotruss_ros.core.manipulation.task import least_cost
+from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES
+from isotruss_ros.core.numerics import qp
+from isotruss_ros.core.numerics.qp import installed_solvers
+import numpy as np
+import pytest
+import qpsolvers
+import robots
+from scipy.optimize import linprog
+
+
+def random_qp(rng):
+    r, k = int(rng.integers(4, 9)), int(rng.integers(1, 4))
+    root = rng.standard_normal((r, r)) + 2.0 * np.eye(r)
+    return root.T @ root, rng.standard_normal((k, r)), rng.standard_normal(k)
+
+
+@robots.examples(30)
+@given(robots.generators())
+def test_least_cost_solves_the_kkt_system(rng):
+    cost, equality, direction = random_qp(rng)
+    even = np.linalg.inv(np.linalg.cholesky(cost)).T
+    found = least_cost(even, equality, direction)
+    # KKT: the gradient of the cost lies in the span of the rows.
+    k, r = equality.shape
+    system = np.block([[cost, equality.T], [equality, np.zeros((k, k))]])
+    wanted = np.linalg.solve(system, np.concatenate([np.zeros(r), direction]))[:r]
+    assert found == pytest.approx(wanted, abs=1e-9)
+
+
+@robots.examples(30)
+@given(robots.generators())
+def test_progress_is_the_largest_within_the_bounds_at_the_least_cost(rng):
+    cost, equality, direction = random_qp(rng)
+    r = len(cost)
+    inequality = np.vstack([np.eye(r), rng.standard_normal((r, r))])
+    upper = rng.uniform(0.1, 1.0, 2 * r)
+    lower = -rng.uniform(0.1, 1.0, 2 * r)
+    for reach in (1e-3, 1.0, 1e6):
+        u, s = maximize_progress(cost, equality, direction, reach, inequality, lower, upper)
+        assert equality @ u == pytest.approx(s * direction, abs=1e-8)
+        assert (inequality @ u <= upper + 1e-8).all()
+        assert (inequality @ u >= lower - 1e-8).all()
+        assert 0.0 <= s <= reach
+        best = linprog(
+            np.append(np.zeros(r), -1.0),
+            np.pad(np.vstack([inequality, -inequality]), ((0, 0), (0, 1))),
+            np.concatenate([upper, -lower]),
+            np.column_stack([equality, -direction]),
+            np.zeros(len(direction)),
+            [(None, None)] * r + [(0.0, reach)],
+            method='highs',
+        )
+        assert best.status == 0
+        assert s == pytest.approx(best.x[-1], rel=1e-4)
+
+
+def test_maximize_progress_by_hand():
+    # One roller does all there is to do, a second one costs only.
+    cost, equality, direction = np.eye(2), np.array([[2.0, 0.0]]), np.array([1.0])
+    inequality, bound = np.eye(2), np.array([0.5, 0.5])
+    u, s = maximize_progress(cost, equality, direction, 10.0, inequality, -bound, bound)
+    assert s == pytest.approx(1.0)
+    assert u == pytest.approx([0.5, 0.0])
+    # Both move alike; the cheaper one is at its bound, the other does the rest.
+    equality = np.array([[1.0, 1.0]])
+    u, s = maximize_progress(
+        np.diag([1.0, 9.0]), equality, direction, 0.75, inequality, -bound, bound
+    )
+    assert s == pytest.approx(0.75)
+    assert u == pytest.approx([0.5, 0.25])
+
+
+def test_maximize_progress_returns_zero_where_nothing_may_move():
+    u, s = maximize_progress(
+        np.eye(2), np.eye(2), np.ones(2), 1.0, np.ones((1, 2)), np.zeros(1), np.zeros(1)
+    )
+    assert u == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert s == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    'solver', [name for name in qp.PREFERRED if name in qpsolvers.available_solvers]
+)
+def test_every_installed_solver_finds_the_same_rollers(solver, monkeypatch):
+    rng = np.random.default_rng(7)
+    robot = load_robot('nine_member')
+    module = 'east/Q'
+    for _ in range(10):
+        config = robots.random_state(robot, rng, reach=0.1)
+        grasp = Grasp(module, tangent_center(config, module, 0.3), 0.3)
+        for size in (0.01, 0.3, 100.0):
+            twist = size * rng.standard_normal(3)
+            wanted = solve_twist(config, grasp, twist)
+            with monkeypatch.context() as patch:
+                patch.setattr(qp, 'installed_solvers', lambda: (solver,))
+                found = solve_twist(config, grasp, twist)
+            assert found.scale == pytest.approx(wanted.scale, rel=1e-5)
+            assert found.roller_velocities == pytest.approx(wanted.roller_velocities, abs=1e-6)
+            assert found.status is wanted.status
+            assert found.limiting == wanted.limiting
+
+
+def test_solvers_are_tried_in_turn(monkeypatch):
+    asked = []
+
+    def failing(problem, solver, **options):
+        asked.append(solver)
+        found = qpsolvers.Solution(problem)
+        found.x = None if len(asked) == 1 else np.full(len(problem.q), np.nan)
+        return found
+
+    monkeypatch.setattr(qp, 'installed_solvers', lambda: ('daqp', 'quadprog'))
+    monkeypatch.setattr(qpsolvers, 'solve_problem', failing)
+    with pytest.raises(SolverError, match='daqp, quadprog found no solution'):
+        maximize_progress(
+            np.eye(1), np.eye(1), np.ones(1), 1.0, np.eye(1), -np.ones(1), np.ones(1)
+        )
+    assert asked == ['daqp', 'quadprog'] * len(PENALTIES)
+
+
+def test_missing_solver_is_named(monkeypatch):
+    monkeypatch.setattr(qpsolvers, 'available_solvers', ['osqp'])
+    installed_solvers.cache_clear()
+    try:
+        with pytest.raises(SolverError, match='install one of daqp, '):
+            installed_solvers()
+    finally:
+        installed_solvers.cache_clear()
+
+
+def test_best_installed_solver_comes_first():
+    names = installed_solvers()
+    assert list(names) == [n for n in qp.PREFERRED if n in qpsolvers.available_solvers]
+    assert names
+
+
+@robots.examples(20)
+@given(robots.robots(), robots.generators(), strategies.integers(0, 10**6))
+def test_limits_that_leave_room_do_not_change_the_rollers(robot, rng, number):
+    config, grasp, _ = robots.random_grasp(robot, rng, number)
+    twist = rng.standard_normal(3)
+    free = solve_twist(config, grasp, twist, limits=())
+    size = np.abs(free.roller_velocities).max()
+    assume(size > 0.0)
+    # Just inside and just outside of the speed limit the answer is the same.
+    limit = robot.description.max_speed
+    inside = solve_twist(config, grasp, twist * (limit / size) * (1.0 - 1e-9))
+    outside = solve_twist(config, grasp, twist * (limit / size) * (1.0 + 1e-9))
+    assert outside.roller_velocities == pytest.approx(inside.roller_velocities, abs=1e-4 * limit)

@@ -1,0 +1,317 @@
+"""Bringing a grip to an object: the way there is free, and is what the search says it is."""
+
+from dataclasses import replace
+import functools
+import itertools
+
+import closings
+from isotruss_ros.core import Cylinder, GraspRequirements, plan_grasps
+from isotruss_ros.core.planning.approach import approach
+from isotruss_ros.core.planning.closing_qp import Closing
+from isotruss_ros.core.planning.seeds import find_seeds
+from isotruss_ros.core.planning.settings import SearchSettings
+from isotruss_ros.core.safety.margins import shape_margins
+import numpy as np
+import pytest
+import robots
+
+SEEDS = range(10)
+NEEDS = GraspRequirements()
+
+
+@functools.lru_cache(maxsize=64)
+def reached(seed):
+    """Return an object in a robot, and some approaches to it: those of both kinds."""
+    config, cylinder, _ = closings.scene(seed)
+    found = (
+        find_seeds(config, cylinder, NEEDS, 0, 0) + find_seeds(config, cylinder, NEEDS, 0, 1)[:2]
+    )
+    ways = [approach(config, closing) for closing in found[::2]]
+    return config, cylinder, ways
+
+
+def each(kept):
+    """Return every approach of all seeds that is to be looked at, with the object."""
+    return [
+        (cylinder, way)
+        for config, cylinder, ways in map(reached, SEEDS)
+        for way in ways
+        if kept(way)
+    ]
+
+
+def arrived(way):
+    """Tell whether the sides came to the object."""
+    return way.unmet is None
+
+
+def standing(way, config):
+    """Return the largest distance of the sides that are to touch from their standoff [m]."""
+    members, *_ = closings.gaps(config, way.closing.cylinder)
+    return members[list(way.closing.members)].max() - 0.06 * config.robot.description.tube_diameter
+
+
+def opening(way, config):
+    """Return the angle between the two sides of the grip [rad]."""
+    return closings.openings(config)[way.closing.module]
+
+
+def test_there_are_approaches_of_all_kinds():
+    counts = [len(each(arrived)), len(each(lambda way: not arrived(way)))]
+    assert min(counts) >= 15
+    missed = {way.unmet[0] for _, way in each(lambda way: not arrived(way))}
+    assert {'reach', 'object_clearance'} <= missed
+
+
+def test_sides_stand_off_the_object_and_are_closed_enough_for_friction():
+    for cylinder, way in each(arrived):
+        there = way.path[-1]
+        tube = there.robot.description.tube_diameter
+        near = closings.gaps(there, cylinder)[0][list(way.closing.members)]
+        assert near.min() > 0.06 * tube - 0.016 * tube
+        assert near.max() <= 0.08 * tube + 3e-5
+        assert opening(way, there) <= way.closing.opening + 1e-3 + 1e-9
+
+
+def test_way_is_free_of_the_object_between_its_rows_too():
+    for cylinder, way in each(arrived):
+        count = len(way.path[0].robot.member_names)
+        others = [i for i in range(count) if i not in way.closing.members]
+        for _, config in closings.between(way.path, 3):
+            members, *modules = closings.gaps(config, cylinder)
+            assert members.min() > 0.0
+            tube = config.robot.description.tube_diameter
+            # What is not to touch keeps away; a side that is to touch comes no nearer than asked.
+            least = min(members[others].min(), np.min(modules))
+            began = min(np.concatenate(closings.gaps(way.path[0], cylinder)))
+            assert least > min(0.05 * tube, began) - 0.01 * tube
+
+
+def test_way_keeps_the_robot_rigid_clear_of_itself_and_its_members_in_bounds():
+    for _, way in each(lambda way: True):
+        start = way.path[0]
+        file, tubes = start.robot.description, closings.tube_lengths(start)
+        for _, config in closings.between(way.path[:25:3], 1):
+            assert closings.rigidity(config) >= NEEDS.min_rigidity - 1e-3
+            assert closings.clearance(config) >= min(0.0, closings.clearance(start)) - 1e-5
+            margins = shape_margins(config)
+            assert margins.clearance >= min(0.0, shape_margins(start).clearance)
+            assert closings.tube_lengths(config) == pytest.approx(tubes, abs=1e-9)
+            assert config.member_lengths.min() >= file.min_length
+            assert config.member_lengths.max() <= file.max_length
+
+
+def test_steps_are_short_and_travel_is_their_sum():
+    for _, way in each(lambda way: True):
+        places = np.array([config.roller_positions for config in way.path])
+        longest = 0.035 * np.mean(way.path[0].robot.home.member_lengths)
+        travel = np.zeros(places.shape[1])
+        for one, other in itertools.pairwise(places):
+            assert np.abs(other - one).max() <= longest * (1.0 + 1e-6)
+            travel += np.abs(other - one)
+        assert way.travel == pytest.approx(travel.max())
+        assert way.evaluations >= len(way.path) - 1
+        # Each row is where the robot comes to by the way, and not another shape.
+        config = way.path[0]
+        for row in way.path:
+            config = config.moved_to(row.roller_positions)
+        assert config.points == pytest.approx(way.path[-1].points, abs=1e-9)
+
+
+def test_way_begins_where_the_robot_is_and_is_nothing_where_it_is_there():
+    for _, way in each(arrived):
+        again = approach(way.path[-1], way.closing)
+        assert again.unmet is None
+        assert again.path == (way.path[-1],)
+        assert (again.evaluations, again.travel) == (0, 0.0)
+    for config, _, ways in map(reached, SEEDS):
+        assert all(way.path[0] is config for way in ways)
+
+
+def test_what_is_missed_is_so():
+    for _, way in each(lambda way: not arrived(way)):
+        name, value = way.unmet
+        there, tube = way.path[-1], way.path[-1].robot.description.tube_diameter
+        gap = standing(way, there)
+        if name == 'reach':
+            assert value == pytest.approx(gap, abs=3e-5)
+            assert gap > 0.02 * tube
+        elif name == 'opening':
+            assert value == pytest.approx(opening(way, there))
+            assert value > way.closing.opening
+            assert gap <= 0.02 * tube + 3e-5
+        else:
+            assert name in ('rigidity', 'self_clearance', 'object_clearance')
+
+
+def test_who_gets_nowhere_is_given_up_and_who_gets_on_is_not():
+    for _, way in each(lambda way: True):
+        left = [
+            max(standing(way, config), 0.0) / config.robot.description.tube_diameter
+            + max(opening(way, config) - way.closing.opening, 0.0)
+            for config in way.path
+        ]
+        least = np.minimum.accumulate(left)
+        slow = np.append(False, left[1:] > least[:-1] - 0.1 + 1e-4)
+        quick = np.append(True, left[1:] < least[:-1] - 0.1 - 1e-4)
+        # Thirteen slow steps in a row are the end.
+        runs = [len(list(run)) for is_slow, run in itertools.groupby(slow) if is_slow]
+        assert max(runs, default=0) <= 13
+        if not arrived(way) and way.unmet[0] in ('reach', 'opening') and len(way.path) <= 100:
+            assert not quick[-13:].any()
+            assert len(way.path) > 13
+
+
+def test_an_approach_ends_after_the_largest_number_of_steps():
+    _, _, ways = reached(0)
+    way = max((way for way in ways if arrived(way)), key=lambda way: len(way.path))
+    steps = len(way.path) - 1
+    assert steps > 3
+    enough, short = (
+        approach(
+            way.path[0],
+            replace(way.closing, settings=SearchSettings(max_approach_steps=number)),
+        )
+        for number in (steps, steps - 1)
+    )
+    assert enough.unmet is None
+    assert len(short.path) == steps
+    name, value = short.unmet
+    gap = standing(way, short.path[-1])
+    tube = short.path[-1].robot.description.tube_diameter
+    assert name == ('reach' if gap > 0.02 * tube else 'opening')
+    told = gap if name == 'reach' else opening(way, short.path[-1])
+    assert value == pytest.approx(told, abs=3e-5)
+
+
+def test_a_caller_who_wants_to_stop_waits_for_one_step_at_most():
+    _, _, ways = reached(0)
+    way = max((way for way in ways if arrived(way)), key=lambda way: len(way.path))
+    for steps in (0, 1, 3):
+        asked = iter(range(100))
+        stopped = approach(way.path[0], way.closing, lambda: next(asked) == steps)  # noqa: B023
+        assert len(stopped.path) == steps + 1
+        assert stopped.unmet[0] in ('reach', 'opening')
+        for one, other in zip(stopped.path, way.path, strict=False):
+            assert (one.roller_positions == other.roller_positions).all()
+    # Who is there already is not stopped.
+    assert approach(way.path[-1], way.closing, lambda: True).unmet is None
+
+
+def test_a_search_hears_of_it_on_the_way_to_its_first_grip():
+    config, cylinder, ways = reached(0)
+    asked = []
+
+    def stop():
+        asked.append(None)
+        return len(asked) > 3
+
+    plan = plan_grasps(config, cylinder, NEEDS, should_stop=stop)
+    assert not plan.complete
+    assert len(asked) == 4
+    # Not even the first of the branches came to its end.
+    assert 0 < plan.evaluations < ways[0].evaluations
+    assert plan.closest_violation is not None
+
+
+def test_a_posture_draws_what_the_task_leaves_free():
+    config, _, ways = reached(0)
+    closing = next(way for way in ways if arrived(way)).closing
+    fields = {name: getattr(closing, name) for name in closing.__dataclass_fields__}
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        away, start = (
+            0.2 * rng.standard_normal(len(config.roller_positions)),
+            config.roller_positions,
+        )
+        pulled = [
+            approach(
+                config,
+                Closing(**fields | {'nominal_posture': start + s * away}),
+            )
+            for s in (1.0, -1.0)
+        ]
+        one, other = (way.path[-1].roller_positions for way in pulled)
+        assert (one - other) @ away > 0.0
+
+
+def mirrored(document, cylinder):
+    """Return the mirror image of a robot and an object."""
+    joints = {name: [-x, y] for name, (x, y) in document['joints'].items()}
+    x, y = cylinder.center
+    return document | {'joints': joints}, Cylinder((-x, y), cylinder.diameter)
+
+
+def turned(document, cylinder):
+    """Return a robot and an object turned by a right angle."""
+    joints = {name: [-y, x] for name, (x, y) in document['joints'].items()}
+    axes = {'x': 'y', 'y': 'x'}
+    supports = {name: [axes[a] for a in held] for name, held in document['supports'].items()}
+    x, y = cylinder.center
+    return (
+        document | {'joints': joints, 'supports': supports},
+        Cylinder((-y, x), cylinder.diameter),
+    )
+
+
+def reversed_tubes(document, cylinder):
+    """Return a robot whose tubes run the other way."""
+    tubes = {
+        name: tube | {'joints': tube['joints'][::-1]} for name, tube in document['tubes'].items()
+    }
+    return document | {'tubes': tubes}, cylinder
+
+
+def at_home(document, cylinder):
+    """Return what approaches from home come to: by grip and opening, roller travel by name."""
+    home, found = robots.load(document).home, {}
+    for closing in find_seeds(home, cylinder, NEEDS, 0, 0):
+        if len(closing.members) == 2:
+            way = approach(home, closing)
+            key = home.robot.module_names[closing.module], round(closing.opening, 9)
+            rollers = dict(
+                zip(home.robot.roller_names, way.path[-1].roller_positions, strict=True)
+            )
+            found[key] = (way.unmet and way.unmet[0], len(way.path), rollers)
+    return found
+
+
+@pytest.mark.parametrize(
+    ('change', 'sign'), [(mirrored, 1.0), (turned, 1.0), (reversed_tubes, -1.0)]
+)
+@pytest.mark.parametrize('kind', ['triangle', 'arch', 'polygon'])
+def test_mirrored_and_turned_robots_do_the_same(kind, change, sign):
+    if kind == 'triangle':
+        document, center = robots.example(), (0.45, 0.35)
+    else:
+        document = robots.random_document(4, kind)
+        joints = document['joints']
+        tube = document['tubes']['t0']['joints']
+        center = tuple(np.mean([joints[name] for name in tube], axis=0))
+    cylinder = Cylinder(center, 0.15)
+    plain, other = at_home(document, cylinder), at_home(*change(document, cylinder))
+    assert plain.keys() == other.keys()
+    assert len(plain) >= 6
+    for key, (missed, length, rollers) in plain.items():
+        told, count, there = other[key]
+        assert told == missed
+        assert count == length
+        for name, travel in rollers.items():
+            assert there[name] == pytest.approx(sign * travel, abs=1e-3)
+
+
+def test_symmetric_robot_moves_symmetrically():
+    document = robots.example()
+    document['joints'] = {'P': [-0.5, 0.0], 'Q': [0.5, 0.0], 'X': [0.0, 0.9]}
+    document['supports'] = {'P': ['y'], 'Q': ['y'], 'X': ['x']}
+    home, cylinder = robots.load(document).home, Cylinder((0.0, 0.35), 0.25)
+    needs = GraspRequirements(module='south/X')
+    for closing in find_seeds(home, cylinder, needs, 0, 0)[:2]:
+        way = approach(home, closing)
+        assert way.unmet is None
+        assert len(way.path) > 3
+        for config in way.path:
+            one, other = config.roller_positions
+            assert one == pytest.approx(-other, abs=1e-6)
+            near = closings.gaps(config, cylinder)[0][list(closing.members)]
+            assert near[0] == pytest.approx(near[1], abs=1e-5)

@@ -1,0 +1,368 @@
+"""Steps of closing on an object: the program is solved, and no step leads where it must not."""
+
+from itertools import pairwise
+
+import closings
+from isotruss_ros.core import ConfigurationError, Cylinder, load_robot, SolverError
+from isotruss_ros.core.kinematics.rigidity import rigidity_index
+from isotruss_ros.core.planning import closing_motion
+from isotruss_ros.core.planning import closing_qp as closing_program
+from isotruss_ros.core.planning.closing_motion import take_closing_step
+from isotruss_ros.core.planning.closing_qp import (
+    Closing,
+    evaluate_state,
+    mean_member_length,
+    solve_step,
+)
+from isotruss_ros.core.safety.distances import collision_model, object_gaps
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+SEEDS = range(12)
+STANDOFF = 0.006
+
+
+def tasks(seed, count=2):
+    """Return an object in a robot, and random things that are to close on it."""
+    config, cylinder, tube = closings.scene(seed)
+    rng = np.random.default_rng([8, seed])
+    return config, [closings.closing(config, cylinder, tube, rng) for _ in range(count)], rng
+
+
+def watched(config, cylinder):
+    """Return all that a step is to bring about or to leave."""
+    gaps = object_gaps(config, cylinder)
+    values = rigidity_index(config.robot).modes(config).values[:2]
+    near = collision_model(config.robot).distances(config)
+    return np.concatenate([*gaps[:4], values, near, config.member_lengths])
+
+
+def slopes(config, cylinder):
+    """Return the derivatives of what is watched by roller travel, by differences."""
+    moves = 1e-6 * np.eye(len(config.roller_positions))
+    here = config.roller_positions
+    return np.column_stack(
+        [
+            watched(config.moved_to(here + move), cylinder)
+            - watched(config.moved_to(here - move), cylinder)
+            for move in moves
+        ]
+    ) / (2e-6)
+
+
+class Program:
+    """
+    The program of a step, from the numbers that the documents give and from differences.
+
+    :ivar gradient: of its cost, by the rollers' motion.
+    :ivar rows: lower <= rows u.
+    :ivar lower: of these rows.
+    :ivar rigid: which rows speak of rigidity.
+    """
+
+    def __init__(self, config, closing, targets, share):
+        robot, m = config.robot, config.robot.topology.n_modules
+        tube, r = robot.description.tube_diameter, len(config.roller_positions)
+        length = robot.home.member_lengths.mean()
+        values, by = watched(config, closing.cylinder), slopes(config, closing.cylinder)
+        ends = [m, 3 * m, 4 * m, 4 * m + 2, len(values) - m]
+        members, others, angles, modes, near, lengths = np.split(values, ends)
+        *_, by_modes, by_near, _ = np.split(by, ends)
+        sides = list(closing.members)
+
+        wanted = np.maximum(targets - members[sides], -0.027 * share * length)
+        wide = angles[closing.module] - closing.opening
+        turn = by[3 * m + closing.module]
+        rows, lower = [by[: 3 * m]], 0.5 * (0.1 * tube - np.append(members, others))
+        lower[sides] = targets - members[sides]
+        bounds = [np.minimum(0.0, lower)]
+        task, aim = by[sides], wanted
+        if wide > 0.0:
+            task = np.vstack([task, 0.3 * turn])
+            aim = np.append(aim, -0.3 * min(wide, 0.1))
+        else:
+            rows.append(-turn[None])
+            bounds.append(np.array([wide]))
+        count = sum(map(len, rows))
+        rows.append(by_modes)
+        bounds.append(np.minimum(0.0, -0.5 * (modes - closing.min_rigidity)))
+        close = np.flatnonzero(near < 0.15 * length)
+        rows.append(by_near[close])
+        bounds.append(np.minimum(0.0, -0.5 * (near[close] - 0.01 * length)))
+        shortest, speed = closing.limits[0], closing.limits[1].max_speed
+        rows += [by[-m:], -by[-m:]]
+        bounds += [0.5 * (shortest.min_length - lengths), -0.5 * (shortest.max_length - lengths)]
+        most = min(speed, 0.035 * share * length)
+        rows += [np.eye(r), -np.eye(r)]
+        bounds += [np.full(2 * r, -most)]
+        nominal_posture = np.zeros(r)
+        if closing.nominal_posture is not None:
+            most = 0.035 * share * length
+            nominal_posture = np.clip(
+                closing.nominal_posture - config.roller_positions, -most, most
+            )
+
+        self.gradient = lambda u: task.T @ (task @ u - aim) + 1e-4 * (u - nominal_posture)
+        self.rows, self.lower = np.vstack(rows), np.concatenate(bounds)
+        self.rigid = np.isin(np.arange(len(self.rows)), [count, count + 1])
+
+
+def with_fields(closing, **fields):
+    """Return the same closing, with some other values."""
+    given = {name: getattr(closing, name) for name in closing.__dataclass_fields__}
+    return Closing(**(given | fields))
+
+
+@pytest.mark.parametrize('seed', range(24))
+def test_no_admissible_motion_is_better(seed):
+    # The cost is convex, so this is so where its slope is balanced by bounds that are reached.
+    config, todo, rng = tasks(seed)
+    present = closings.rigidity(config)
+    for closing in todo:
+        away = rng.standard_normal(len(config.roller_positions))
+        nominal_posture = config.roller_positions + 0.1 * away if rng.random() < 0.5 else None
+        given = {
+            'nominal_posture': nominal_posture,
+            'min_rigidity': present * rng.uniform(0.97, 1.01),
+        }
+        if rng.random() < 0.5:
+            opening = closings.openings(config)[closing.module]
+            given['opening'] = opening + rng.uniform(-0.02, 0.02)
+        closing = with_fields(closing, **given)
+        share = rng.uniform(0.1, 1.0)
+        targets = rng.uniform(-0.02, 0.01, len(closing.members))
+        program = Program(config, closing, targets, share)
+        move = solve_step(evaluate_state(config, closing.cylinder), closing, targets, share)
+        slack = program.rows @ move - program.lower
+        assert (slack > np.where(program.rigid, -3e-5, -1e-6)).all()
+        gradient = program.gradient(move)
+        # The rigidity of the weakest modes, and so its slope, is known to a few iterations.
+        reached = slack < np.where(program.rigid, 3e-5, 1e-6)
+        left = np.linalg.norm(gradient)
+        if reached.any():
+            left = nnls(program.rows[reached].T, gradient)[1]
+        assert left < (3e-6 if (reached & program.rigid).any() else 1e-9)
+
+
+def weakest(config):
+    """Return the two least singular values of the scaled matrix of (12), against home."""
+    return closings.singular_values(config)[-2:] / closings.singular_values(config.robot.home)[-1]
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_the_two_weakest_modes_get_no_weaker_where_they_are_too_weak(seed):
+    config, todo, _ = tasks(seed, count=4)
+    for closing in todo:
+        closing = with_fields(closing, min_rigidity=100.0)
+        targets = np.full(len(closing.members), -0.02)
+        move = solve_step(evaluate_state(config, closing.cylinder), closing, targets, 1.0)
+        little = 1e-4 * move
+        ahead = weakest(config.moved_to(config.roller_positions + little))
+        back = weakest(config.moved_to(config.roller_positions - little))
+        assert ((ahead - back) / 2e-4 > -1e-3).all()
+
+
+def test_a_step_that_no_solver_finds_is_an_error(monkeypatch):
+    config, (closing, _), _ = tasks(0)
+    place, targets = (
+        evaluate_state(config, closing.cylinder),
+        np.full(len(closing.members), STANDOFF),
+    )
+    monkeypatch.setattr(closing_program, 'solve_qp', lambda problem: None)
+    with pytest.raises(SolverError, match='found no step of the rollers'):
+        solve_step(place, closing, targets, 1.0)
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_what_is_known_of_a_place_is_what_is_there(seed):
+    config, (closing, _), _ = tasks(seed)
+    place = evaluate_state(config, closing.cylinder)
+    members, modules, rods = closings.gaps(config, closing.cylinder)
+    assert place.config is config
+    assert place.gaps.members == pytest.approx(members, abs=1e-5)
+    assert place.gaps.modules == pytest.approx(modules)
+    assert place.gaps.rods == pytest.approx(rods, abs=1e-4)
+    assert place.gaps.openings == pytest.approx(closings.openings(config))
+    assert place.rigidity == pytest.approx(closings.rigidity(config), rel=1e-3)
+    assert place.clearance == pytest.approx(closings.clearance(config), abs=2e-5)
+    assert mean_member_length(config) == pytest.approx(np.mean(config.robot.home.member_lengths))
+
+
+def test_bounds_are_those_of_what_blocks():
+    _, (closing, _), _ = tasks(0)
+    assert closing.bound('rigidity') == closing.min_rigidity
+    assert closing.bound('opening') == closing.opening
+    for name in ('reach', 'self_clearance', 'object_clearance'):
+        assert closing.bound(name) == 0.0
+
+
+def floors(config, closing, targets):
+    """Return the least distances (3m,) of the object that a step may leave."""
+    tube = config.robot.description.tube_diameter
+    present = np.concatenate(closings.gaps(config, closing.cylinder))
+    least = np.full(len(present), 0.05 * tube)
+    least[list(closing.members)] = np.asarray(targets) - 0.015 * tube
+    return np.minimum(least, present)
+
+
+def trouble(config, there, closing, targets):
+    """Return what forbids a step from one configuration to another, or None; and its value."""
+    rigid = closings.rigidity(there)
+    if rigid < min(closing.min_rigidity, closings.rigidity(config)):
+        return 'rigidity', rigid
+    clear = closings.clearance(there)
+    if clear < min(0.0, closings.clearance(config)):
+        return 'self_clearance', clear
+    distances = np.concatenate(closings.gaps(there, closing.cylinder))
+    short = distances - floors(config, closing, targets)
+    if short.min() < 0.0:
+        return 'object_clearance', distances[short.argmin()]
+    return None
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_steps_lead_where_they_may_and_are_no_longer_than_they_may(seed):
+    config, todo, rng = tasks(seed)
+    for closing in todo:
+        place = evaluate_state(config, closing.cylinder)
+        targets = np.full(len(closing.members), STANDOFF) - rng.uniform(0.0, 0.04)
+        tubes, share = closings.tube_lengths(config), 1.0
+        for _ in range(12):
+            made = take_closing_step(place, closing, targets, share)
+            if made.blocked:
+                assert made.state is place
+                break
+            here, there = place.config, made.state.config
+            longest = min(
+                0.035 * share * config.robot.home.member_lengths.mean(),
+                closing.limits[1].max_speed,
+            )
+            moved = np.abs(there.roller_positions - here.roller_positions)
+            assert moved.max() <= longest * (1.0 + 1e-6)
+            assert closings.tube_lengths(there) == pytest.approx(tubes, abs=1e-9)
+            assert there.member_lengths.min() >= closing.limits[0].min_length - 1e-6
+            assert closings.rigidity(there) >= min(0.15, closings.rigidity(here)) - 1e-3
+            assert closings.clearance(there) >= min(0.0, closings.clearance(here)) - 1e-5
+            distances = np.concatenate(closings.gaps(there, closing.cylinder))
+            assert (distances >= floors(here, closing, targets) - 1e-5).all()
+            place, share = made.state, made.share
+
+
+@pytest.mark.parametrize(
+    ('preset', 'module'), [('nine_member', 'north/Z'), ('triangle', 'main/T')]
+)
+def test_sides_come_to_their_targets_where_nothing_else_is_near(preset, module):
+    # The object is nearly as wide as the loop: it is a short way to it for all sides.
+    config = load_robot(preset).home
+    topology, number = config.robot.topology, config.robot.module_names.index(module)
+    sides = (number, int(topology.previous[number]))
+    begin, end, _ = closings.parts(config)
+    members = np.flatnonzero(topology.tube == topology.tube[number])
+    center = complex(np.mean([begin[members], end[members]]))
+    room = closings.to_point(config, center)[0][members].min() - 0.051
+    cylinder = Cylinder((center.real, center.imag), 2.0 * (room - 0.03))
+    closing = Closing(cylinder, number, sides, 2.0, (), 0.15)
+    targets = np.array([0.007, 0.016])
+    place, share = evaluate_state(config, cylinder), 1.0
+    for _ in range(20):
+        made = take_closing_step(place, closing, targets, share)
+        place, share = made.state, made.share
+    reached = closings.gaps(place.config, cylinder)[0][list(sides)]
+    assert reached == pytest.approx(targets, abs=1e-5)
+
+
+def crowded(seed):
+    """Return what closes on an object that nearly touches something, or does, and a generator."""
+    config, cylinder, tube = closings.scene(seed)
+    rng = np.random.default_rng([9, seed])
+    gaps = np.concatenate(closings.gaps(config, cylinder))
+    # What is not to touch is to keep 0.05 diameters of the tube away.
+    left = config.robot.description.tube_diameter * rng.uniform(-0.02, 0.12)
+    wider = Cylinder(cylinder.center, cylinder.diameter + 2.0 * (gaps.min() - left))
+    closing = closings.closing(config, wider, tube, rng)
+    if rng.random() < 0.7:
+        # The nearest part is one that is not to touch.
+        nearest = int(gaps.argmin()) % len(config.robot.member_names)
+        away = [i for i in np.flatnonzero(config.robot.topology.tube == tube) if i != nearest]
+        closing = with_fields(closing, members=tuple(int(i) for i in away[:2]))
+    least = closings.rigidity(config) * rng.uniform(0.98, 1.02)
+    return config, with_fields(closing, min_rigidity=least), rng
+
+
+@pytest.mark.parametrize('seed', range(40))
+def test_a_step_is_halved_until_it_leads_where_it_may(seed, monkeypatch):
+    # Whatever the program says: here it knows nothing, and its steps are far too long.
+    config, closing, rng = crowded(seed)
+    place = evaluate_state(config, closing.cylinder)
+    targets = np.full(len(closing.members), rng.choice([STANDOFF, -0.03]))
+    for size in (0.002, 0.02, 0.1, 0.4):
+        move = (
+            size
+            * mean_member_length(config)
+            * rng.uniform(-1.0, 1.0, len(config.roller_positions))
+        )
+        monkeypatch.setattr(closing_motion, 'solve_step', lambda *_, move=move: move)
+        made = take_closing_step(place, closing, targets, 0.3)
+        for halving in range(5):
+            goal = config.roller_positions + move / 2**halving
+            try:
+                there = config.moved_to(goal)
+            except ConfigurationError:
+                expected = ('rigidity', 0.0)
+                continue
+            expected = trouble(config, there, closing, targets)
+            if expected is None:
+                break
+        if expected is None:
+            assert made.blocked is None
+            assert (made.state.config.roller_positions == goal).all()
+            assert made.evaluations == halving + 1
+            assert made.share == (0.6 if halving == 0 else pytest.approx(0.3 * 0.5**halving))
+        else:
+            assert made.state is place
+            assert (made.evaluations, made.share) == (5, 0.3)
+            assert made.blocked[0] == expected[0]
+            assert made.blocked[1] == pytest.approx(expected[1], abs=1e-3)
+
+
+def test_where_there_is_no_shape_there_is_no_rigidity(monkeypatch):
+    config, (closing, _), _ = tasks(0)
+    place, far = (
+        evaluate_state(config, closing.cylinder),
+        np.full(len(config.roller_positions), 1e3),
+    )
+    far[::2] *= -1.0
+    monkeypatch.setattr(closing_motion, 'solve_step', lambda *_: far)
+    made = take_closing_step(place, closing, np.full(len(closing.members), STANDOFF))
+    assert made.blocked == ('rigidity', 0.0)
+    assert made.state is place
+
+
+def test_the_longest_step_is_not_made_longer(monkeypatch):
+    config, (closing, _), _ = tasks(0)
+    place, targets = (
+        evaluate_state(config, closing.cylinder),
+        np.full(len(closing.members), STANDOFF),
+    )
+    still = np.zeros(len(config.roller_positions))
+    monkeypatch.setattr(closing_motion, 'solve_step', lambda *_: still)
+    shares = [
+        take_closing_step(place, closing, targets, share).share for share in (0.2, 0.5, 0.8, 1.0)
+    ]
+    assert shares == [0.4, 1.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_who_is_beyond_a_bound_goes_no_further(seed):
+    config, (closing, _), _ = tasks(seed)
+    closing = with_fields(closing, min_rigidity=100.0)
+    place, share = evaluate_state(config, closing.cylinder), 1.0
+    way = [closings.rigidity(config)]
+    for _ in range(6):
+        made = take_closing_step(place, closing, np.full(len(closing.members), STANDOFF), share)
+        if made.blocked:
+            break
+        place, share = made.state, made.share
+        way.append(closings.rigidity(place.config))
+    assert all(after > before - 1e-3 for before, after in pairwise(way))

@@ -1,0 +1,144 @@
+"""ContactPoints are sent, squeezed and judged: the answer is that of squeezing here."""
+
+import functools
+import pickle
+
+import closings
+from isotruss_ros.core import (
+    Cylinder,
+    GraspRequirements,
+    load_robot,
+    Measure,
+    SolverError,
+)
+from isotruss_ros.core.planning import grasp_candidate as candidates
+from isotruss_ros.core.planning.approach import approach
+from isotruss_ros.core.planning.grasp_candidate import make_grasp_candidate, squeeze_candidate
+from isotruss_ros.core.planning.grasp_plan import Violation
+from isotruss_ros.core.planning.seeds import find_seeds
+from isotruss_ros.core.planning.squeeze import Squeeze
+import numpy as np
+import pytest
+
+CYLINDER = Cylinder((0.716, 0.5), 0.4)
+DIRECTION = (1.0, 2.0, 0.5)
+
+
+@functools.lru_cache(maxsize=2)
+def opened():
+    """Return an open grip that can be squeezed."""
+    home = load_robot('triangle').home
+    needs = GraspRequirements(module='main/T')
+    reached = approach(home, find_seeds(home, CYLINDER, needs, 0, 0)[0])
+    assert reached.unmet is None
+    return reached
+
+
+def sent(needs):
+    """Return a candidate that came from another process, as far as it can tell."""
+    return pickle.loads(pickle.dumps(make_grasp_candidate(opened(), needs)))
+
+
+@functools.lru_cache(maxsize=2)
+def squeezed():
+    """Return what became of a candidate that was sent, and sent back."""
+    return pickle.loads(pickle.dumps(squeeze_candidate(sent(GraspRequirements()))))
+
+
+def test_what_was_sent_is_squeezed_as_here():
+    needs, there, start = GraspRequirements(), squeezed(), opened().path[-1]
+    search = Squeeze(start, opened().closing, needs)
+    pressed = search.search()
+    way = search.closing_path(pressed)
+    assert there.violation is None
+    assert (there.positions == np.array([config.roller_positions for config in way])).all()
+    assert (there.points == pressed.config.points).all()
+    assert (there.evaluations, there.analysed) == (search.evaluations, search.analyses)
+    assert (there.analysis.normal_forces == pressed.analysis.normal_forces).all()
+
+
+def test_rows_go_from_the_touch_to_the_grasp_and_rigidity_is_the_least_of_them():
+    there, robot = squeezed(), load_robot('triangle')
+    configs = [opened().path[-1].moved_to(row) for row in there.positions]
+    sides = list(opened().closing.members)
+    gaps = np.array([closings.gaps(config, CYLINDER)[0][sides] for config in configs])
+    assert gaps[0] == pytest.approx(0.0, abs=1e-5)
+    assert (np.diff(gaps, axis=0) < 0.0).all()
+    assert configs[-1].points == pytest.approx(there.points)
+    rigidities = [closings.rigidity(config) for config in configs]
+    assert there.rigidity == pytest.approx(min(rigidities), rel=1e-3)
+    assert np.ptp(rigidities) > 2e-3 * max(rigidities)
+    assert len(there.points) == len(robot.node_names)
+
+
+def test_what_is_no_grasp_says_what_it_misses_and_what_it_took():
+    needs = GraspRequirements(max_total_force=1e-3)
+    there = squeeze_candidate(sent(needs))
+    search = Squeeze(opened().path[-1], opened().closing, needs)
+    assert search.search() is None
+    assert there.positions.shape == (0, 2)
+    assert there.analysis is None
+    assert (there.violation.requirement, there.violation.bound) == ('max_total_force', 1e-3)
+    assert there.violation.value == search.closest_violation.value
+    assert (there.evaluations, there.analysed) == (search.evaluations, search.analyses)
+
+
+@pytest.mark.parametrize('known', [None, Violation('min_margin', 0.1, 0.2, 0.5)])
+def test_what_cannot_be_computed_is_no_grasp_and_ends_nothing(known, monkeypatch):
+    def search(self):
+        self.closest_violation, self.analyses = known, 3
+        raise SolverError('no solver found anything')
+
+    monkeypatch.setattr(Squeeze, 'search', search)
+    there = squeeze_candidate(sent(GraspRequirements()))
+    assert len(there.positions) == 0
+    assert there.analysis is None
+    assert there.analysed == 3
+    # What was found out before is still the nearest.
+    assert there.violation.requirement == (
+        known.requirement if known else 'no solver found anything'
+    )
+
+
+def test_a_grasp_without_a_way_is_none(monkeypatch):
+    monkeypatch.setattr(Squeeze, 'closing_path', lambda self, pressed: ())
+    # None of its analyses missed anything.
+    monkeypatch.setattr(Squeeze, '_record', lambda self, miss: None)
+    there = squeeze_candidate(sent(GraspRequirements()))
+    assert len(there.positions) == 0
+    assert there.analysis is None
+    assert there.violation.requirement == 'path'
+
+
+def test_other_errors_are_not_hidden(monkeypatch):
+    def search(self):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(Squeeze, 'search', search)
+    with pytest.raises(ZeroDivisionError):
+        squeeze_candidate(sent(GraspRequirements()))
+
+
+def test_scores_are_those_of_the_analysis():
+    there = squeezed()
+    # Along the unit vector of the direction, by hand.
+    x, y, turn = np.array(DIRECTION) / np.sqrt(1.0 + 4.0 + 0.25)
+    k = there.analysis.stiffness
+    stiffness = x * x * k[0, 0] + y * y * k[1, 1] + turn * turn * k[2, 2]
+    stiffness += 2.0 * (x * y * k[0, 1] + x * turn * k[0, 2] + y * turn * k[1, 2])
+    expected = {
+        Measure.TRAVEL: -0.7,
+        Measure.TOTAL_FORCE: -there.analysis.normal_forces.sum(),
+        Measure.CLOSURE_MARGIN: there.analysis.closure_margin,
+        Measure.STIFFNESS: stiffness,
+    }
+    for measure in Measure:
+        needs = GraspRequirements(measure=measure, direction=DIRECTION)
+        assert there.score(needs, 0.7) == pytest.approx(expected[measure])
+
+
+def test_robots_are_made_once_in_a_process():
+    one, other = sent(GraspRequirements()), sent(GraspRequirements())
+    assert candidates._robot(one.robot) is candidates._robot(other.robot)
+    assert candidates._robot(one.robot) is not opened().path[0].robot
+    assert candidates._robot(one.robot).description == opened().path[0].robot.description

@@ -1,0 +1,257 @@
+"""The search for grasps: what it returns holds, by analyses and geometry of their own."""
+
+from concurrent.futures import ProcessPoolExecutor
+import itertools
+import multiprocessing
+
+from isotruss_ros.core import (
+    analyze_grasp,
+    Cylinder,
+    GraspError,
+    GraspRequirements,
+    load_robot,
+    Measure,
+    plan_grasps,
+)
+from isotruss_ros.core.safety.margins import shape_margins
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+OBJECTS = {
+    'north': Cylinder((0.716, 0.5), 0.3),
+    'east': Cylinder((1.4, -0.85), 0.35),
+    'south': Cylinder((0.05, -0.8), 0.3),
+}
+NEEDS = GraspRequirements(min_margin=0.01, count=2)
+
+
+@pytest.fixture(scope='module')
+def plans():
+    """Plan grasps of all objects once."""
+    return {name: plan_grasps(ROBOT.home, one, NEEDS) for name, one in OBJECTS.items()}
+
+
+def each(plans):
+    """Return every object with every grasp of it."""
+    return [(OBJECTS[name], grasp) for name, plan in plans.items() for grasp in plan]
+
+
+def distances(config, cylinder):
+    """Return the distances of the tubes' skins from the object by brute force, (m,) [m]."""
+    topology, points = config.robot.topology, config.points
+    share = np.linspace(0.0, 1.0, 2001)[:, None]
+    start, end = points[topology.b], points[topology.c[topology.following]]
+    way = np.abs(start + share * (end - start) - complex(*cylinder.center)).min(axis=0)
+    return way - 0.5 * (cylinder.diameter + config.robot.description.tube_diameter)
+
+
+def along(path, pieces=5):
+    """Return configurations on a path, and the row from which each comes."""
+    config = ROBOT.home.moved_to(path[0])
+    yield 0, config
+    for row, (begin, end) in enumerate(itertools.pairwise(path)):
+        for share in np.linspace(0.0, 1.0, pieces + 1)[1:]:
+            config = config.moved_to(begin + share * (end - begin))
+            yield row + (share == 1.0), config
+
+
+def test_grasps_are_found_in_every_loop(plans):
+    for plan in plans.values():
+        assert len(plan) == 2
+        assert plan.complete
+        assert plan.closest_violation is None
+        assert 0 < plan.analyses < plan.evaluations
+
+
+def test_grasps_hold_whatever_the_spacing(plans):
+    for cylinder, grasp in each(plans):
+        # From the roller positions alone, in a robot that was loaded anew.
+        config = load_robot('nine_member').configuration(grasp.path[-1])
+        for spacing in (0.005, 0.0025, 0.00125):
+            analysis = analyze_grasp(config, cylinder, NEEDS.friction, spacing=spacing)
+            assert analysis.force_closure
+            slack = 1e-6 if spacing == 0.005 else 0.005
+            total = analysis.normal_forces.sum()
+            assert analysis.closure_margin >= NEEDS.min_margin - slack * total
+            assert grasp.closure_margin == pytest.approx(
+                analysis.closure_margin, abs=slack * total
+            )
+            assert grasp.total_force == pytest.approx(total, rel=slack)
+            most = max(analysis.contact_forces.values())
+            assert grasp.max_contact_force == pytest.approx(most, rel=slack)
+            assert max(analysis.utilisation.values()) <= NEEDS.max_utilisation + 4.0 * slack
+        assert grasp.utilisation <= NEEDS.max_utilisation
+        assert set(grasp.members) <= set(ROBOT.member_names)
+        assert grasp.grasp.center == cylinder.center
+
+
+def test_path_begins_here_and_touches_nothing_before_it_says_so(plans):
+    for cylinder, grasp in each(plans):
+        assert grasp.path[0] == pytest.approx(ROBOT.home.roller_positions)
+        assert np.abs(grasp.path[-1] - grasp.config.roller_positions).max() == 0.0
+        sides = [ROBOT.member_names.index(name) for name in grasp.members]
+        until = grasp.touch + 1
+        for row, config in along(grasp.path[:until]):
+            assert distances(config, cylinder).min() > -1e-6, row
+        touching = distances(config, cylinder)[sides]
+        assert np.abs(touching).max() < 1e-6
+
+
+def test_only_the_grip_presses_after_the_touch_and_all_of_it_together(plans):
+    for cylinder, grasp in each(plans):
+        sides = [ROBOT.member_names.index(name) for name in grasp.members]
+        before = np.zeros(len(sides))
+        touch = grasp.touch
+        for _, config in along(grasp.path[touch:]):
+            gaps = distances(config, cylinder)
+            assert np.delete(gaps, sides).min() > 0.0
+            assert (gaps[sides] <= before + 1e-4).all()
+            before = gaps[sides]
+
+
+def test_way_stays_within_all_bounds(plans):
+    file = ROBOT.description
+    for _, grasp in each(plans):
+        least = np.inf
+        for _, config in along(grasp.path):
+            margins = shape_margins(config)
+            assert margins.clearance > 0.0
+            assert file.min_length <= config.member_lengths.min()
+            assert config.member_lengths.max() <= file.max_length
+            least = min(least, margins.rigidity)
+        assert least >= NEEDS.min_rigidity - 1e-3
+        assert grasp.rigidity == pytest.approx(least, abs=0.02)
+        ways = np.abs(np.diff(grasp.path, axis=0)).sum(axis=0)
+        assert grasp.travel == pytest.approx(ways.max())
+
+
+def test_grasps_are_distinct(plans):
+    for plan in plans.values():
+        first, second = plan
+        apart = np.abs(first.path[-1] - second.path[-1]).max()
+        assert first.members != second.members or apart > 0.01
+
+
+@pytest.mark.parametrize('measure', Measure)
+def test_best_comes_first_by_every_measure(measure):
+    needs = GraspRequirements(measure=measure, direction=(1.0, 0.0, 0.0), count=3)
+    plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs)
+    scores = [grasp.score for grasp in plan]
+    assert scores == sorted(scores, reverse=True)
+    for grasp in plan:
+        told = {
+            Measure.CLOSURE_MARGIN: grasp.closure_margin,
+            Measure.TOTAL_FORCE: -grasp.total_force,
+            Measure.TRAVEL: -grasp.travel,
+            Measure.STIFFNESS: grasp.analysis.stiffness[0, 0],
+        }[measure]
+        assert grasp.score == pytest.approx(
+            told, rel=0.2 if measure is Measure.STIFFNESS else 1e-9
+        )
+
+
+def test_same_seed_same_answer_on_one_core_and_on_two():
+    needs = GraspRequirements(min_margin=0.01, count=2, module='north/Z')
+    alone = plan_grasps(ROBOT.home, OBJECTS['north'], needs, seed=3)
+    spawn = multiprocessing.get_context('spawn')
+    with ProcessPoolExecutor(2, mp_context=spawn) as pool:
+        together = plan_grasps(ROBOT.home, OBJECTS['north'], needs, seed=3, executor=pool)
+    assert [grasp.score for grasp in alone] == [grasp.score for grasp in together]
+    assert all((a.path == b.path).all() for a, b in zip(alone, together, strict=True))
+    assert alone.evaluations == together.evaluations
+    assert {grasp.grasp.module for grasp in alone} == {'north/Z'}
+
+
+def test_bounds_on_forces_are_kept():
+    soft = GraspRequirements(max_contact_force=10.0, max_total_force=18.0, count=1)
+    plan = plan_grasps(ROBOT.home, OBJECTS['north'], soft, thorough=False)
+    assert plan[0].max_contact_force <= 10.0
+    assert plan[0].total_force <= 18.0
+
+
+def test_external_wrench_is_held():
+    needs = GraspRequirements(external_wrench=(1.0, -2.0, 0.0), count=1)
+    plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs, thorough=False)
+    wrench = needs.external_wrench
+    assert analyze_grasp(plan[0].config, OBJECTS['north'], 0.5, wrench).force_closure
+
+
+def test_begins_where_the_robot_is():
+    config = ROBOT.configuration([0.02, -0.01, 0.01, 0.02, -0.02, 0.01])
+    plan = plan_grasps(config, OBJECTS['north'], GraspRequirements(count=1), thorough=False)
+    assert plan[0].path[0] == pytest.approx(config.roller_positions)
+
+
+@pytest.mark.parametrize(
+    ('cylinder', 'needs', 'missed'),
+    [
+        (Cylinder((0.5, 3.0), 0.3), {}, 'enclosed'),
+        (Cylinder((0.5, 0.4), 0.9), {}, 'free'),
+        (OBJECTS['north'], {'module': 'south/P'}, 'enclosed'),
+        (OBJECTS['north'], {'max_total_force': 1e-3}, 'max_total_force'),
+        (OBJECTS['north'], {'min_margin': 1e3, 'max_utilisation': np.inf}, 'min_margin'),
+        (OBJECTS['north'], {'max_utilisation': 1e-4}, 'max_utilisation'),
+        (OBJECTS['north'], {'friction': 0.0}, 'force_closure'),
+    ],
+)
+def test_none_found_comes_with_what_is_missed(cylinder, needs, missed):
+    needs = GraspRequirements(module=needs.pop('module', 'north/Z'), **needs)
+    told = []
+    plan = plan_grasps(
+        ROBOT.home,
+        cylinder,
+        needs,
+        on_progress=told.append,
+        should_stop=lambda: len(told) > 4,
+    )
+    assert not plan
+    miss = plan.closest_violation
+    if missed != 'force_closure':
+        assert miss.requirement == missed
+    assert miss.distance > 0.0
+    if missed in ('max_total_force', 'min_margin', 'max_utilisation'):
+        assert miss.bound == getattr(needs, missed)
+
+
+def test_stops_when_asked_with_what_it_has():
+    told = []
+    plan = plan_grasps(
+        ROBOT.home,
+        OBJECTS['north'],
+        GraspRequirements(min_margin=1e3),
+        on_progress=told.append,
+        should_stop=lambda: len(told) >= 3,
+    )
+    assert not plan.complete
+    assert len(told) == 3
+    assert [one.evaluations for one in told] == sorted(one.evaluations for one in told)
+    assert all(0.0 <= one.share <= 1.0 for one in told)
+
+
+@pytest.mark.parametrize(
+    ('values', 'name'),
+    [
+        ({'friction': -0.1}, 'friction'),
+        ({'friction': float('nan')}, 'friction'),
+        ({'min_margin': float('inf')}, 'min_margin'),
+        ({'max_contact_force': -1.0}, 'max_contact_force'),
+        ({'external_wrench': (0.0, 1.0)}, 'external_wrench'),
+        ({'direction': (0.0, 0.0, 0.0), 'measure': 'stiffness'}, 'direction'),
+        ({'measure': 'beauty'}, 'measure'),
+        ({'count': 0}, 'count'),
+        ({'count': True}, 'count'),
+        ({'min_length': '1'}, 'min_length'),
+    ],
+)
+def test_requirements_that_cannot_be_are_refused(values, name):
+    with pytest.raises(GraspError, match=name):
+        GraspRequirements(**values)
+
+
+def test_a_module_or_a_seed_that_cannot_be_is_refused():
+    with pytest.raises(GraspError, match='north/Q'):
+        plan_grasps(ROBOT.home, OBJECTS['north'], GraspRequirements(module='north/Q'))
+    for seed in (-1, 0.5, True):
+        with pytest.raises(GraspError, match='seed'):
+            plan_grasps(ROBOT.home, OBJECTS['north'], NEEDS, seed=seed)

@@ -1,0 +1,399 @@
+"""How hard the sides of a grip must press: what is found holds, and what is not is told."""
+
+import dataclasses
+import functools
+
+import closings
+from isotruss_ros.core import analyze_grasp, Cylinder, GraspRequirements, load_robot
+from isotruss_ros.core.planning import squeeze
+from isotruss_ros.core.planning.approach import approach
+from isotruss_ros.core.planning.closing_qp import Closing
+from isotruss_ros.core.planning.seeds import find_seeds
+from isotruss_ros.core.planning.settings import SearchSettings
+from isotruss_ros.core.planning.squeeze import Squeeze
+import numpy as np
+import pytest
+import robots
+from scipy.optimize import linprog
+
+SPACINGS = (0.00125, 0.0025, 0.005)
+#: What the numbers change by with the spacing, against the sum of the forces.
+SLACK = {0.00125: 0.005, 0.0025: 0.005, 0.005: 1e-6}
+NEEDS = GraspRequirements()
+#: Without a bound on the bending moments.
+UNBOUNDED = GraspRequirements(max_utilisation=np.inf)
+#: Grips that are found: preset, module, centre and diameter of the object, number of the branch.
+GRIPS = {
+    'top': ('triangle', 'main/T', (0.716, 0.5), 0.4, 0),
+    'tight': ('triangle', 'main/T', (0.716, 0.48), 0.44, 0),
+    'north': ('nine_member', 'north/P', (0.5, 0.4), 0.3, 0),
+    'narrow': ('nine_member', 'north/P', (0.716, 0.43), 0.3, 1),
+}
+
+
+@functools.lru_cache(maxsize=16)
+def opened(name):
+    """Return an open grip, and what closes."""
+    preset, module, center, diameter, number = GRIPS[name]
+    config = load_robot(preset).home
+    cylinder, wanted = Cylinder(center, diameter), GraspRequirements(module=module)
+    reached = approach(config, find_seeds(config, cylinder, wanted, 0, 0)[number])
+    assert reached.unmet is None
+    return reached.path[-1], reached.closing
+
+
+@functools.lru_cache(maxsize=32)
+def squeezed(name, needs=NEEDS):
+    """Return what squeezes a grip, and what it found."""
+    search = Squeeze(*opened(name), needs)
+    return search, search.search()
+
+
+def side_gaps(config, closing):
+    """Return how far the sides that are to touch are from the object [m]; exact."""
+    begin, end, _ = closings.parts(config)
+    sides, center = list(closing.members), complex(*closing.cylinder.center)
+    along = end[sides] - begin[sides]
+    across = ((center - begin[sides]).conj() * along).imag / np.abs(along)
+    tube = config.robot.description.tube_diameter
+    return np.abs(across) - 0.5 * (closing.cylinder.diameter + tube)
+
+
+def others(config, closing):
+    """Return how far all else is from the object [m]."""
+    members, *modules = closings.gaps(config, closing.cylinder)
+    return np.append(np.delete(members, list(closing.members)), modules)
+
+
+def unbalanced(analysis, cylinder, needs):
+    """Return what friction leaves of the load at best [N], moments over d/2: a linear program."""
+    forces, normals = analysis.normal_forces, analysis.normals
+    segments = forces[:, None] * np.column_stack(
+        [-normals[:, 1], normals[:, 0], np.ones(len(forces))]
+    )
+    arm = np.array([1.0, 1.0, 0.5 * cylinder.diameter])
+    load = np.append(-forces @ normals, 0.0) + np.array(needs.external_wrench) / arm
+    rows = np.block([[segments.T, -np.ones((3, 1))], [-segments.T, -np.ones((3, 1))]])
+    bounds = [(-needs.friction, needs.friction)] * len(forces)
+    cost = np.append(np.zeros(len(forces)), 1.0)
+    return linprog(cost, rows, np.append(-load, load), bounds=[*bounds, (0.0, None)]).fun
+
+
+@pytest.mark.parametrize('name', GRIPS)
+def test_what_is_found_is_held_whatever_the_spacing(name):
+    config, closing = opened(name)
+    _, pressed = squeezed(name)
+    assert -side_gaps(pressed.config, closing) == pytest.approx(pressed.depths, abs=2e-9)
+    assert others(pressed.config, closing).min() > 0.0
+    again = config.robot.configuration(pressed.config.roller_positions)
+    for spacing in SPACINGS:
+        analysis = analyze_grasp(again, closing.cylinder, NEEDS.friction, spacing=spacing)
+        total = analysis.normal_forces.sum()
+        assert total > 0.0
+        assert unbalanced(analysis, closing.cylinder, NEEDS) < SLACK[spacing] * total
+        assert analysis.closure_margin >= -SLACK[spacing] * total
+        assert max(analysis.utilisation.values()) <= NEEDS.max_utilisation + 0.01
+    assert pressed.analysis.normal_forces.sum() == pytest.approx(total, rel=1e-6)
+
+
+@pytest.mark.parametrize('name', GRIPS)
+def test_sides_press_with_the_same_force_along_the_line_between_them(name):
+    # Two sides hold an object only where what they press differs by less than friction takes.
+    _, closing = opened(name)
+    _, pressed = squeezed(name)
+    one, other = pressed.analysis.contact_forces.values()
+    assert abs(one - other) < 0.2 * NEEDS.friction * (one + other)
+    assert set(pressed.analysis.contact_forces) == {
+        pressed.config.robot.member_names[i] for i in closing.members
+    }
+
+
+@pytest.mark.parametrize('name', GRIPS)
+def test_way_leads_from_the_touch_to_the_grasp_all_sides_together(name):
+    _, closing = opened(name)
+    search, pressed = squeezed(name)
+    way = search.closing_path(pressed)
+    assert way[-1] is pressed.config
+    assert side_gaps(way[0], closing) == pytest.approx(0.0, abs=2e-9)
+    shares = [-side_gaps(config, closing) / pressed.depths for config in way]
+    assert all(np.ptp(share) < 1e-6 for share in shares)
+    assert np.mean(shares, axis=1) == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0], abs=1e-6)
+    tubes = closings.tube_lengths(pressed.config.robot.home)
+    before = np.zeros(len(closing.members))
+    for _, config in closings.between(way):
+        assert others(config, closing).min() > 0.0
+        assert closings.rigidity(config) >= NEEDS.min_rigidity
+        assert closings.clearance(config) > 0.0
+        assert closings.tube_lengths(config) == pytest.approx(tubes, abs=1e-9)
+        depths = -side_gaps(config, closing)
+        assert (depths >= before - 1e-4).all()
+        before = depths
+
+
+@pytest.mark.parametrize('seed', range(12))
+def test_sides_are_pressed_as_deep_as_is_said(seed):
+    config, cylinder, _ = closings.scene(seed)
+    found = [approach(config, one) for one in find_seeds(config, cylinder, NEEDS, 0, 0)[:6]]
+    rng = np.random.default_rng(seed)
+    for reached in found:
+        if reached.unmet is not None:
+            continue
+        closing, start = reached.closing, reached.path[-1]
+        search = Squeeze(start, closing, NEEDS)
+        depths = rng.uniform(0.0, 0.03, len(closing.members))
+        there = search.press(start, depths)
+        assert search.evaluations > 0
+        if there is None:
+            assert search.closest_violation.requirement in {
+                'reach',
+                'rigidity',
+                'self_clearance',
+                'object_clearance',
+            }
+            continue
+        reached = closings.gaps(there, cylinder)[0][list(closing.members)]
+        assert reached == pytest.approx(-depths, abs=1e-4)
+        # Nothing else comes near that was not.
+        least = np.minimum(0.005, others(start, closing))
+        assert (others(there, closing) >= least - 2e-5).all()
+
+
+def test_pull_to_a_posture_does_not_keep_sides_from_their_depths():
+    start, closing = opened('north')
+    fields = {name: getattr(closing, name) for name in closing.__dataclass_fields__}
+    nominal_posture = start.roller_positions + 0.5
+    pulled = Squeeze(start, Closing(**(fields | {'nominal_posture': nominal_posture})), NEEDS)
+    plain = Squeeze(start, closing, NEEDS)
+    depths = np.array([0.02, 0.025])
+    there = pulled.press(start, depths)
+    assert -side_gaps(there, closing) == pytest.approx(depths, abs=2e-9)
+    assert (there.roller_positions == plain.press(start, depths).roller_positions).all()
+
+
+def test_a_bound_that_keeps_sides_from_their_depths_is_told():
+    start, closing = opened('top')
+    fields = {name: getattr(closing, name) for name in closing.__dataclass_fields__}
+    still = Closing(**(fields | {'limits': (*closing.limits, Still())}))
+    search = Squeeze(start, still, NEEDS)
+    assert search.press(start, np.array([0.02, 0.02])) is None
+    assert search.closest_violation.requirement == 'reach'
+    # Nothing can move: what is left is all of it.
+    expected = (side_gaps(start, closing) + 0.02).max()
+    assert search.closest_violation.value == pytest.approx(expected, abs=1e-6)
+
+
+class Still:
+    """A limit that leaves the rollers no motion."""
+
+    def rows(self, config):
+        """Return one row for each roller."""
+        nothing = np.zeros(len(config.roller_positions))
+        return np.eye(len(nothing)), nothing, nothing
+
+
+@pytest.mark.parametrize(
+    ('name', 'needs'),
+    [
+        ('narrow', GraspRequirements(max_contact_force=8.0)),
+        ('north', GraspRequirements(max_contact_force=12.0)),
+        ('north', GraspRequirements(max_utilisation=0.3)),
+        ('north', GraspRequirements(max_total_force=20.0)),
+        ('tight', GraspRequirements(max_total_force=20.0)),
+        ('narrow', GraspRequirements(min_margin=0.02)),
+        ('narrow', GraspRequirements(friction=0.35)),
+        ('narrow', GraspRequirements(external_wrench=(0.3, -0.4, 0.02))),
+        ('tight', GraspRequirements(external_wrench=(0.8, -1.0, 0.05))),
+    ],
+)
+def test_requirements_are_fulfilled_whatever_the_spacing(name, needs):
+    _, closing = opened(name)
+    _, pressed = squeezed(name, needs)
+    config = pressed.config.robot.configuration(pressed.config.roller_positions)
+    for spacing in SPACINGS:
+        analysis = analyze_grasp(
+            config, closing.cylinder, needs.friction, needs.external_wrench, spacing=spacing
+        )
+        slack, total = SLACK[spacing], analysis.normal_forces.sum()
+        assert max(analysis.contact_forces.values()) <= needs.max_contact_force * (1.0 + slack)
+        assert total <= needs.max_total_force * (1.0 + slack)
+        assert max(analysis.utilisation.values()) <= needs.max_utilisation * (1.0 + 4.0 * slack)
+        assert analysis.closure_margin >= needs.min_margin - slack * total
+        assert unbalanced(analysis, closing.cylinder, needs) < slack * total
+
+
+@pytest.fixture
+def recorded(monkeypatch):
+    """Return a list that all analyses of a squeeze are written to."""
+    made = []
+
+    def record(config, cylinder, friction, wrench):
+        made.append((config, analyze_grasp(config, cylinder, friction, wrench)))
+        return made[-1][1]
+
+    monkeypatch.setattr(squeeze, 'analyze_grasp', record)
+    return made
+
+
+def largest(analysis):
+    """Return what the member that presses most presses with [N]."""
+    return max(analysis.contact_forces.values())
+
+
+def most_used(analysis):
+    """Return the largest share of the wrinkling moment that a tube bears."""
+    return max(analysis.utilisation.values())
+
+
+def total(analysis):
+    """Return the sum of all normal forces [N]."""
+    return analysis.normal_forces.sum()
+
+
+@pytest.mark.parametrize(
+    ('name', 'values', 'missed', 'measured', 'badness'),
+    [
+        ('top', {'max_contact_force': 1e-3}, 'max_contact_force', largest, largest),
+        ('top', {'max_total_force': 1e-3}, 'max_total_force', total, total),
+        ('top', {'max_utilisation': 1e-4}, 'max_utilisation', most_used, most_used),
+        (
+            'narrow',
+            {'min_margin': 1e3},
+            'min_margin',
+            lambda a: a.closure_margin,
+            lambda a: -a.closure_margin if a.force_closure else np.inf,
+        ),
+        (
+            'narrow',
+            {'friction': 0.1},
+            'force_closure',
+            lambda a: a.required_friction,
+            lambda a: -a.closure_margin / total(a),
+        ),
+    ],
+)
+def test_what_is_missed_is_that_of_the_nearest_grip(
+    name, values, missed, measured, badness, recorded
+):
+    # Without a bound on the bending moments, unless it is what is asked for.
+    needs = GraspRequirements(**{'max_utilisation': np.inf} | values)
+    search = Squeeze(*opened(name), needs)
+    assert search.search() is None
+    assert search.analyses == len(recorded)
+    miss = search.closest_violation
+    assert (miss.requirement, miss.bound) == (missed, *values.values())
+    assert miss.value == measured(min((analysis for _, analysis in recorded), key=badness))
+
+
+@pytest.mark.parametrize('name', ['narrow', 'tight'])
+def test_work_is_counted(name, recorded, monkeypatch):
+    evaluations, make = [], squeeze.take_closing_step
+
+    def record(*arguments):
+        # As if each of them had been halved twice.
+        made = make(*arguments)
+        evaluations.append(made.evaluations + 2)
+        return dataclasses.replace(made, evaluations=evaluations[-1])
+
+    monkeypatch.setattr(squeeze, 'take_closing_step', record)
+    search = Squeeze(*opened(name), NEEDS)
+    search.closing_path(search.search())
+    assert search.analyses == len(recorded) > 0
+    assert search.evaluations == sum(evaluations) > 0
+
+
+def test_more_margin_is_sought_deeper_and_less_force_less_deep():
+    soft = dataclasses.replace(UNBOUNDED, max_total_force=14.0)
+    firm = dataclasses.replace(UNBOUNDED, min_margin=0.55)
+    means = [squeezed('tight', needs)[1].depths.mean() for needs in (soft, UNBOUNDED, firm)]
+    assert means == sorted(means)
+    assert means[0] < 0.9 * means[1] < 0.9 * means[2]
+
+
+def test_sides_that_do_not_press_are_brought_deeper(monkeypatch):
+    # As if the tubes gave way until the sides are 36 mm deep.
+    def soft(config, cylinder, *arguments, **options):
+        depth = -closings.gaps(config, cylinder)[0].min()
+        here = cylinder if depth > 0.036 else Cylinder((9.0, 9.0), cylinder.diameter)
+        return analyze_grasp(config, here, *arguments, **options)
+
+    monkeypatch.setattr(squeeze, 'analyze_grasp', soft)
+    search = Squeeze(*opened('tight'), UNBOUNDED)
+    assert search.search().depths.max() > 0.036
+    start, closing = opened('tight')
+    closing = dataclasses.replace(closing, settings=SearchSettings(max_depths=1))
+    search = Squeeze(start, closing, UNBOUNDED)
+    assert search.search() is None
+    assert (search.closest_violation.requirement, search.closest_violation.value) == (
+        'force_closure',
+        0.0,
+    )
+
+
+@pytest.mark.parametrize('fields', [{'force_closure': False}, {'closure_margin': -1e-9}])
+def test_open_grips_are_none_by_whichever_sign(fields, monkeypatch):
+    def opened_up(*arguments, **options):
+        return dataclasses.replace(analyze_grasp(*arguments, **options), **fields)
+
+    monkeypatch.setattr(squeeze, 'analyze_grasp', opened_up)
+    search = Squeeze(*opened('top'), UNBOUNDED)
+    assert search.search() is None
+    assert search.closest_violation.requirement == 'force_closure'
+
+
+def test_what_blocks_a_step_is_told_with_its_bound(monkeypatch):
+    start, closing = opened('top')
+    search, make = Squeeze(start, closing, NEEDS), squeeze.take_closing_step
+
+    def blocked(*arguments):
+        return dataclasses.replace(make(*arguments), blocked=('rigidity', 0.125))
+
+    monkeypatch.setattr(squeeze, 'take_closing_step', blocked)
+    assert search.press(start, np.array([0.02, 0.02])) is None
+    miss = search.closest_violation
+    assert (miss.requirement, miss.value, miss.bound) == ('rigidity', 0.125, closing.min_rigidity)
+
+
+def test_depths_stay_within_bounds_and_so_do_shares(monkeypatch):
+    tube = load_robot('nine_member').description.tube_diameter
+    tried, press = [], Squeeze.press
+
+    def record(self, config, depths):
+        tried.append(depths)
+        return press(self, config, depths)
+
+    monkeypatch.setattr(Squeeze, 'press', record)
+    for name, values in (
+        ('narrow', {'min_margin': 1e3}),
+        ('tight', {'min_margin': 1e3}),
+        ('top', {'max_total_force': 1e-3}),
+        ('top', {'friction': 0.02}),
+    ):
+        Squeeze(*opened(name), GraspRequirements(**values)).search()
+    means = np.array([depths.mean() for depths in tried])
+    assert means.min() >= 0.03 * tube
+    assert means.max() <= 0.8 * tube
+    assert means.max() > 1.5 * 0.33 * tube > 3.0 * means.min()
+    assert all(0.1 <= depth / depths.mean() <= 10.0 for depths in tried for depth in depths)
+
+
+def symmetric():
+    """Return a triangle that is its own mirror image, and so are its supports."""
+    document = robots.example()
+    document['joints'] = {'P': [-0.5, 0.0], 'Q': [0.5, 0.0], 'X': [0.0, 0.9]}
+    document['supports'] = {'P': ['y'], 'Q': ['y'], 'X': ['x']}
+    return robots.load(document)
+
+
+@pytest.mark.parametrize('friction', [0.3, 0.6])
+def test_symmetric_robots_press_alike_on_both_sides(friction):
+    config, cylinder = symmetric().home, Cylinder((0.0, 0.35), 0.25)
+    needs = GraspRequirements(friction=friction, module='south/X')
+    reached = approach(config, find_seeds(config, cylinder, needs, 0, 0)[0])
+    assert reached.unmet is None
+    search = Squeeze(reached.path[-1], reached.closing, needs)
+    pressed = search.search()
+    assert pressed.depths[0] == pytest.approx(pressed.depths[1], rel=1e-3)
+    one, other = pressed.config.roller_positions
+    assert one == pytest.approx(-other, abs=1e-5)
+    left, right = pressed.analysis.contact_forces.values()
+    assert left == pytest.approx(right, rel=1e-2)

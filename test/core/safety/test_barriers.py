@@ -1,0 +1,190 @@
+"""Barriers: gradients against differences; looking only at what is close misses nothing."""
+
+from hypothesis import assume, given, strategies
+from isotruss_ros.core import (
+    ConfigurationError,
+    Grasp,
+    GraspError,
+    HeldObject,
+    load_robot,
+    tangent_center,
+)
+from isotruss_ros.core.kinematics.rigidity import rigidity_index
+from isotruss_ros.core.safety.barrier_law import BarrierLaw
+from isotruss_ros.core.safety.barriers import (
+    EVERYTHING,
+    ObjectBarrier,
+    RigidityBarrier,
+    SelfCollisionBarrier,
+)
+import numpy as np
+import pytest
+import robots
+
+#: So wide that everything is near.
+ALL = BarrierLaw(0.0, 1e3)
+KINDS = (RigidityBarrier, SelfCollisionBarrier, ObjectBarrier)
+
+
+def state(robot, rng, number):
+    try:
+        config, grasp, _ = robots.random_grasp(robot, rng, number)
+    except ConfigurationError:
+        assume(False)
+    return config, grasp, HeldObject.attach(config, grasp)
+
+
+@pytest.mark.parametrize('kind', KINDS)
+@robots.examples(10)
+@given(robots.robots(), robots.generators(), strategies.integers(0, 100))
+def test_rows_are_derivatives_of_the_values(kind, robot, rng, number):
+    config, grasp, held = state(robot, rng, number)
+    barrier = kind(robot, ALL)
+    near = barrier.active(config, grasp)
+    assume(len(near.indices))
+    rows = config.module_rows(near.node_rows)[:, robot.topology.driven]
+    way = rng.standard_normal(len(robot.roller_names))
+    step = 1e-6
+    values = []
+    for sign in (1.0, -1.0):
+        there = config.moved_to(config.roller_positions + sign * step * way)
+        values.append(barrier.values(there, held.grasp_in(there), near.indices))
+    found = (values[0] - values[1]) / (2.0 * step)
+    if kind is RigidityBarrier:
+        # Vectors take longer to converge than values, and those of the last modes do not; they do
+        # where the shape is weak, see below.
+        accuracy = 0.03 * np.linalg.norm(rows[0]) * np.linalg.norm(way)
+        assert (rows @ way)[0] == pytest.approx(found[0], abs=accuracy)
+    else:
+        assert rows @ way == pytest.approx(found, abs=1e-6)
+
+
+def test_rigidity_row_is_exact_where_the_shape_is_weak():
+    robot = load_robot('nine_member')
+    rng = np.random.default_rng(0)
+    barrier = RigidityBarrier(robot, BarrierLaw(0.0, 0.4))
+    grasp = Grasp('north/Z', (0.0, 0.0), 0.3)
+    weak = 0
+    while weak < 10:
+        try:
+            config = robot.configuration(rng.uniform(-0.35, 0.35, 6))
+        except ConfigurationError:
+            continue
+        near = barrier.active(config, grasp)
+        if not len(near.indices):
+            continue
+        weak += 1
+        row = config.module_rows(near.node_rows)[0, robot.topology.driven]
+        for direction, slope in zip(np.eye(6), row, strict=True):
+            values = [
+                barrier.values(config.moved_to(config.roller_positions + step), grasp, EVERYTHING)
+                for step in (1e-6 * direction, -1e-6 * direction)
+            ]
+            assert slope == pytest.approx((values[0][0] - values[1][0]) / 2e-6, rel=1e-3, abs=1e-3)
+
+
+def test_rows_hold_where_two_modes_change_places():
+    """Where singular values cross, every one that is near has a row of its own."""
+    robot = load_robot('nine_member')
+    measure = rigidity_index(robot)
+    rng = np.random.default_rng(1)
+    closest = min(
+        (robots.random_state(robot, rng, 0.25) for _ in range(300)),
+        key=lambda config: np.divide(*measure.modes(config).values[1::-1]),
+    )
+    values = measure.modes(closest).values
+    assert values[1] / values[0] < 1.1
+    wide = RigidityBarrier(robot, BarrierLaw(values[0] - 0.1, 0.2 + values[1] - values[0]))
+    near = wide.active(closest, Grasp('north/Z', (0.0, 0.0), 0.3))
+    assert len(near.indices) >= 2
+    rows = closest.module_rows(near.node_rows)[:2, robot.topology.driven]
+    for _ in range(10):
+        # The sum does not care which is which.
+        way = 1e-6 * rng.standard_normal(6)
+        there = closest.moved_to(closest.roller_positions + way)
+        back = closest.moved_to(closest.roller_positions - way)
+        change = 0.5 * (measure.modes(there).values - measure.modes(back).values)[:2].sum()
+        assert (rows @ way).sum() == pytest.approx(change, rel=1e-2, abs=1e-9)
+
+
+@robots.examples(15)
+@given(robots.robots(), robots.generators())
+def test_rigidity_changes_by_no_more_than_its_bound(robot, rng):
+    measure = rigidity_index(robot)
+    try:
+        one, two = (robots.random_state(robot, rng, reach) for reach in rng.uniform(0, 0.1, 2))
+    except ConfigurationError:
+        assume(False)
+    change = abs(measure.modes(one).values[0] - measure.modes(two).values[0])
+    assert change <= measure.change(one, two) + 1e-3
+    assert measure.change(one, one) == 0.0
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_what_a_barrier_saw_before_changes_nothing(kind):
+    robot = load_robot('nine_member')
+    rng = np.random.default_rng(2)
+    law = BarrierLaw(0.3, 0.4) if kind is RigidityBarrier else BarrierLaw(0.1, 0.3)
+    old = kind(robot, law)
+    config = robot.home
+    module = 'east/Q'
+    way = rng.uniform(-1.0, 1.0, 6)
+    counts = set()
+    held = HeldObject.attach(config, Grasp(module, tangent_center(config, module, 0.2), 0.2))
+    for step in range(300):
+        if step % 60 == 0:
+            way = 0.006 * rng.uniform(-1.0, 1.0, 6) - 0.003 * config.roller_positions
+        try:
+            config = config.moved_to(config.roller_positions + way)
+            grasp = held.grasp_in(config)
+            found, fresh = old.active(config, grasp), kind(robot, law).active(config, grasp)
+        except (ConfigurationError, GraspError):
+            way = -way
+            continue
+        counts.add(len(fresh.indices))
+        assert found.indices == pytest.approx(fresh.indices)
+        assert found.values == pytest.approx(fresh.values, abs=1e-12)
+        assert found.node_rows == pytest.approx(fresh.node_rows, abs=1e-12)
+        everything = old.values(config, grasp, EVERYTHING)
+        assert (found.indices == np.flatnonzero(everything < law.active_below)).all()
+    assert len(counts) > 1
+
+
+@robots.examples(50)
+@given(robots.generators())
+def test_law_leads_to_the_safety_margin_and_no_further(rng):
+    law = BarrierLaw(rng.uniform(0.0, 1.0), rng.uniform(0.01, 1.0), rng.uniform(0.5, 20.0))
+    margins = rng.uniform(-1.0, 2.0, 50) * law.band
+    bound = law.class_k_bound(margins)
+    assert (bound >= 0.0).all()
+    assert (bound[margins <= law.safety_margin] == 0.0).all()
+    assert np.isinf(bound[margins > law.band + law.safety_margin]).all()
+    # The closer, the slower.
+    assert (np.diff(np.minimum(bound, 1e9)[np.argsort(margins)]) >= 0.0).all()
+    h, dt = 0.9 * law.band, 0.1 / law.rate
+    for _ in range(1000):
+        h = max(h - dt * law.class_k_bound(np.array([h]))[0], -1.0)
+        assert h > 0.0
+    assert h == pytest.approx(law.safety_margin, rel=1e-3)
+
+
+@robots.examples(50)
+@given(robots.generators())
+def test_discrete_bound_leaves_something_of_every_margin(rng):
+    law = BarrierLaw(0.2, rng.uniform(0.01, 1.0))
+    margins = rng.uniform(-1.0, 2.0, 200) * law.band
+    duration = 10.0 ** rng.uniform(-3.0, 0.0)
+    bound = law.discrete_bound(margins, duration)
+    inside = margins > law.safety_margin
+    assert (bound[inside] > 0.0).all()
+    assert (bound[inside] < margins[inside]).all()
+    # Going as fast as the law allows is always admissible, ten steps in 1 / rate and more.
+    slow = min(duration, 0.1 / law.rate)
+    with np.errstate(invalid='ignore'):
+        there = margins - slow * law.class_k_bound(margins)
+    near = inside & (margins < 0.5 * law.band)
+    assert (there[near] >= law.discrete_bound(margins, slow)[near]).all()
+    # Who is beyond may stay, but for rounding.
+    beyond = margins < 0.0
+    assert bound[beyond] == pytest.approx(margins[beyond], abs=1e-8)
+    assert (bound[beyond] <= margins[beyond]).all()

@@ -1,0 +1,218 @@
+"""Distances of parts from each other and from an object: against points along the parts."""
+
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from isotruss_ros.core import ConfigurationError, Cylinder, load_robot
+from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment, object_gaps
+import numpy as np
+import pytest
+import robots
+
+ROBOT = load_robot('nine_member')
+ROLLERS = len(ROBOT.roller_names)
+POSITIONS = st.lists(st.floats(-0.12, 0.12), min_size=ROLLERS, max_size=ROLLERS)
+CENTERS = st.tuples(st.floats(-0.8, 2.2), st.floats(-1.4, 1.4))
+SHARE = np.linspace(0.0, 1.0, 4001)
+
+
+def moved(robot, rng, reach):
+    """Return a state, if there is one."""
+    try:
+        return robots.random_state(robot, rng, reach)
+    except ConfigurationError:
+        assume(False)
+
+
+def parts_of(robot, config):
+    """Return name: (points along it, radius) of all parts and joints, found by name."""
+    file = robot.description
+    tube = 0.5 * file.tube_diameter
+    disc = 0.5 * file.module.pinch_separation + tube
+    place = dict(zip(robot.node_names, config.points, strict=True))
+    parts = {}
+    for name in robot.member_names:
+        t, joints = name.split('/')
+        here, there = joints.split('-')
+        begin, end = place[f'{t}/{here}/B'], place[f'{t}/{there}/C']
+        parts[f'member {name}'] = begin + SHARE * (end - begin), tube
+    for name in robot.module_names:
+        joint = place[name.split('/')[1]]
+        middle = 0.5 * (place[f'{name}/B'] + place[f'{name}/C'])
+        parts[f'module {name}'] = np.array([middle]), disc
+        parts[f'rod {name}'] = joint + SHARE * (middle - joint), 0.0
+    for joint in robot.topology.joint_names:
+        parts[f'joint {joint}'] = np.array([place[joint]]), 0.0
+    return parts
+
+
+def gap(parts, one, other):
+    (first, first_radius), (second, second_radius) = parts[one], parts[other]
+    return np.abs(first[:, None] - second).min() - first_radius - second_radius
+
+
+def fixed_to_each_other(one, other):
+    """Tell whether two parts meet by construction, and so cannot come apart or nearer."""
+    (kind, name), (other_kind, other_name) = one.split(' '), other.split(' ')
+    if other_kind == 'member':
+        tube, joints = other_name.split('/')
+        joint = name.split('/')[-1]
+        return joint in joints.split('-') and (kind == 'joint' or name.split('/')[0] == tube)
+    # Rods that share a joint meet there.
+    return other_kind == 'rod' and name.split('/')[-1] == other_name.split('/')[1]
+
+
+@robots.examples(25)
+@given(robots.robots(), robots.generators())
+def test_pairs_are_all_that_are_not_fixed_to_each_other(robot, rng):
+    model = collision_model(robot)
+    names = model.names(np.arange(len(model.distances(robot.home))))
+    points = [n for n in parts_of(robot, robot.home) if n.startswith(('module', 'joint'))]
+    wanted = set()
+    for i, one in enumerate(points):
+        for other in model.part_names():
+            new = not other.startswith('module') or other not in points[: i + 1]
+            if one.startswith('joint') and other.startswith('module'):
+                continue  # the joint is the end of a rod
+            if new and not fixed_to_each_other(one, other):
+                wanted.add(f'{one} and {other}')
+    assert len(names) == len(set(names))
+    assert set(names) == wanted
+
+
+@robots.examples(25)
+@given(robots.robots(), robots.generators())
+def test_distances_are_those_of_points_along_the_parts(robot, rng):
+    config = moved(robot, rng, 0.2)
+    model, parts = collision_model(robot), parts_of(robot, config)
+    distances = model.distances(config)
+    wanted = [gap(parts, *name.split(' and ')) for name in model.names(np.arange(len(distances)))]
+    # The nearest of the points is no nearer than the nearest of all, and not much farther.
+    assert (distances <= np.array(wanted) + 1e-12).all()
+    assert distances == pytest.approx(wanted, abs=3e-4)
+    some = np.flatnonzero(rng.integers(2, size=len(distances)))
+    assert (model.distances(config, some) == distances[some]).all()
+
+
+@robots.examples(25)
+@given(robots.robots(), robots.generators())
+def test_gradients_are_those_of_differences(robot, rng):
+    config = moved(robot, rng, 0.1)
+    model = collision_model(robot)
+    pairs = np.arange(len(model.distances(config)))
+    way = rng.standard_normal(len(robot.roller_names))
+    step = 1e-6
+    ahead, behind = (
+        model.distances(config.moved_to(config.roller_positions + sign * step * way))
+        for sign in (1.0, -1.0)
+    )
+    found = model.gradients(config, pairs) @ config.node_velocities(way).ravel()
+    assert found == pytest.approx((ahead - behind) / (2.0 * step), abs=1e-5)
+
+
+@robots.examples(25)
+@given(robots.robots(('arch', 'ring')), robots.generators())
+def test_members_and_rods_are_no_nearer_to_each_other_than_the_measured_pairs(robot, rng):
+    """It is enough to measure their ends."""
+    config = moved(robot, rng, 0.2)
+    clearance = collision_model(robot).distances(config).min()
+    assume(clearance > 0.0)
+    parts = {
+        name: (points[::80], radius)
+        for name, (points, radius) in parts_of(robot, config).items()
+        if name.startswith(('member', 'rod'))
+    }
+    names = list(parts)
+    for i, one in enumerate(names):
+        for other in names[:i]:
+            ends = [set(name.split('/')[1].split('-')) for name in (one, other)]
+            if not ends[0] & ends[1] and not cross(parts[one][0], parts[other][0]):
+                assert gap(parts, one, other) >= clearance - 1e-9
+
+
+def cross(one, other):
+    """Tell whether two straight lines of points cross."""
+
+    def left(p, q, r):
+        return ((q - p).conjugate() * (r - p)).imag > 0.0
+
+    a, b, c, d = one[0], one[-1], other[0], other[-1]
+    return left(a, b, c) != left(a, b, d) and left(c, d, a) != left(c, d, b)
+
+
+@pytest.mark.parametrize('name', robots.PRESETS)
+def test_nothing_overlaps_at_home(name):
+    robot = load_robot(name)
+    assert collision_model(robot).distances(robot.home).min() > 0.12
+
+
+def test_modules_that_share_a_joint_are_as_far_apart_as_by_hand():
+    # Rods of h at 120 degrees, discs of s/2 + tube radius at their ends.
+    model = collision_model(ROBOT)
+    names = model.names(np.arange(len(model.distances(ROBOT.home))))
+    pair = names.index('module south/P and module north/P')
+    wanted = 0.2032 * np.sqrt(3.0) - 2.0 * (0.06 + 0.051)
+    assert model.distances(ROBOT.home)[pair] == pytest.approx(wanted, abs=1e-12)
+
+
+def test_point_on_a_segment_and_segment_of_no_length_have_directions():
+    near = nearest_on_segment(
+        np.array([1.0 + 0j, 3.0 + 4.0j]), np.array([0j, 0j]), np.array([2, 0])
+    )
+    assert near.distance == pytest.approx([0.0, 5.0])
+    assert near.normal == pytest.approx([1j, 0.6 + 0.8j])
+
+
+@robots.examples(25)
+@given(robots.robots(), robots.generators())
+def test_object_distances_are_those_of_points_along_the_parts(robot, rng):
+    config = moved(robot, rng, 0.1)
+    center = config.points[rng.integers(len(config.points))] + complex(*rng.uniform(-1, 1, 2))
+    cylinder = Cylinder((center.real, center.imag), float(rng.uniform(0.05, 0.5)))
+    model, parts = collision_model(robot), parts_of(robot, config)
+    parts['object'] = np.array([center]), 0.5 * cylinder.diameter
+    wanted = np.array([gap(parts, 'object', name) for name in model.part_names()])
+    assert model.object_distances(config, cylinder) == pytest.approx(wanted, abs=3e-4)
+    grip = str(rng.choice(robot.module_names))
+    tube, joint = grip.split('/')
+    for i, name in enumerate(model.part_names()):
+        kind, part = name.split(' ')
+        own, place = part.split('/')
+        if (kind == 'member' and own == tube and joint in place.split('-')) or (
+            name == f'module {grip}' or (kind == 'rod' and place == joint)
+        ):
+            wanted[i] = np.inf
+    assert model.object_distances(config, cylinder, grip) == pytest.approx(wanted, abs=3e-4)
+
+
+@settings(max_examples=25, deadline=None)
+@given(positions=POSITIONS, center=CENTERS, diameter=st.floats(0.05, 0.6))
+def test_gaps_are_the_object_distances_and_openings(positions, center, diameter):
+    config, cylinder = ROBOT.configuration(positions), Cylinder(center, diameter)
+    gaps = object_gaps(config, cylinder)
+    parts = np.concatenate([gaps.members, gaps.modules, gaps.rods])
+    assert (parts == collision_model(ROBOT).object_distances(config, cylinder)).all()
+    topology, points = ROBOT.topology, config.points
+    along = points[topology.c[topology.following]] - points[topology.b]
+    for i, opening in enumerate(gaps.openings):
+        one, other = along[i], -along[topology.previous[i]]
+        cosine = (one.conjugate() * other).real / abs(one) / abs(other)
+        assert opening == pytest.approx(np.arccos(cosine), abs=1e-7)
+
+
+@settings(max_examples=25, deadline=None)
+@given(positions=POSITIONS, center=CENTERS)
+def test_derivatives_of_gaps_are_those_of_differences(positions, center):
+    config, cylinder, step = ROBOT.configuration(positions), Cylinder(center, 0.3), 1e-6
+    gaps = object_gaps(config, cylinder)
+    # At the end of a rod the direction of the gradient jumps.
+    assume(gaps.rods.min() > -0.149)
+
+    def all_at(move):
+        return np.concatenate(
+            object_gaps(config.moved_to(config.roller_positions + move), cylinder)[:4]
+        )
+
+    moves = step * np.eye(ROLLERS)
+    numeric = np.column_stack([(all_at(m) - all_at(-m)) / (2.0 * step) for m in moves])
+    # Where the nearest point passes from a side to its end the second derivative jumps.
+    assert gaps.by_rollers == pytest.approx(numeric, abs=2e-5)

@@ -1,0 +1,131 @@
+"""How far shapes are from singular and self-colliding ones: rigidity by a full decomposition."""
+
+from hypothesis import assume, given
+from isotruss_ros.core import (
+    ConfigurationError,
+    Cylinder,
+    Grasp,
+    GraspError,
+    load_robot,
+    tangent_center,
+)
+from isotruss_ros.core.safety.barrier_law import BarrierLaw
+from isotruss_ros.core.safety.barriers import EVERYTHING, ObjectBarrier
+from isotruss_ros.core.safety.distances import collision_model
+from isotruss_ros.core.safety.margins import shape_margins
+import numpy as np
+import pytest
+import robots
+
+
+def smallest_singular_value(config):
+    """Return that of (12), bisection rows times the rod length."""
+    m = len(config.robot.member_names)
+    bisection = slice(4 * m, 5 * m)
+    matrix = config.matrix.copy()
+    matrix[bisection] *= config.robot.description.module.rod_length
+    return np.linalg.svd(matrix, compute_uv=False)[-1]
+
+
+def moved(robot, rng, reach):
+    """Return a state, if there is one."""
+    try:
+        return robots.random_state(robot, rng, reach)
+    except ConfigurationError:
+        assume(False)
+
+
+@robots.examples(40)
+@given(robots.robots(), robots.generators())
+def test_rigidity_is_the_smallest_singular_value(robot, rng):
+    config = moved(robot, rng, rng.uniform(0.0, 0.3))
+    expected = smallest_singular_value(config) / smallest_singular_value(robot.home)
+    assert shape_margins(config).rigidity == pytest.approx(expected, rel=2e-3)
+    # Where it matters it is exact.
+    if expected < 0.4:
+        assert shape_margins(config).rigidity == pytest.approx(expected, rel=1e-6)
+
+
+def test_rigidity_does_not_depend_on_the_size_of_the_robot():
+    document = robots.example()
+    small = robots.load(document)
+    for joint, place in document['joints'].items():
+        document['joints'][joint] = [3.0 * x for x in place]
+    for key in ('pinch_separation', 'rod_length', 'guide_ring_distance'):
+        document['module'][key] *= 3.0
+    document['members']['max_length'] *= 3.0
+    large = robots.load(document)
+    travel = np.array([0.15, -0.1])
+    one = smallest_singular_value(small.configuration(travel))
+    assert smallest_singular_value(large.configuration(3.0 * travel)) == pytest.approx(one)
+    assert shape_margins(large.configuration(3.0 * travel)).rigidity == pytest.approx(
+        shape_margins(small.configuration(travel)).rigidity
+    )
+
+
+def test_flat_triangle_is_not_rigid():
+    robot = load_robot('triangle')
+    rigidity = [
+        shape_margins(robot.configuration([travel, -travel])).rigidity
+        for travel in (0.0, 0.1, 0.2, 0.27, 0.285)
+    ]
+    assert (np.diff(rigidity) < 0.0).all()
+    assert rigidity[-1] < 0.25
+
+
+@pytest.mark.parametrize(('name', 'clearance'), [('nine_member', 0.1299), ('triangle', 0.825)])
+def test_presets_are_well_inside_at_home(name, clearance):
+    robot = load_robot(name)
+    margins = shape_margins(robot.home)
+    assert margins.rigidity == pytest.approx(1.0)
+    assert margins.clearance == pytest.approx(clearance, abs=1e-3)
+    assert margins.object_clearance == np.inf
+    assert margins.nearest_to_object == ''
+
+
+def test_object_that_is_free_and_that_is_held():
+    robot = load_robot('nine_member')
+    cylinder = Cylinder(tangent_center(robot.home, 'north/Z', 0.3), 0.3)
+    held = shape_margins(robot.home, cylinder, 'north/Z')
+    free = shape_margins(robot.home, cylinder)
+    # It touches both sides: that is what the grip is for.
+    assert free.object_clearance == pytest.approx(0.0, abs=1e-9)
+    assert free.nearest_to_object.startswith('member north/')
+    assert held.object_clearance > 0.4
+    assert held.nearest_to_object == 'member north/R-P'
+    # A small one overlaps the disc of the module that holds it, which is no nearer to the rest.
+    small = Cylinder(tangent_center(robot.home, 'north/Z', 0.1), 0.1)
+    assert shape_margins(robot.home, small).object_clearance < 0.0
+    assert shape_margins(robot.home, small, 'north/Z').object_clearance > held.object_clearance
+    # At a joint of two tubes the other tube's module and members count.
+    other = Cylinder(tangent_center(robot.home, 'north/R', 0.3), 0.3)
+    assert shape_margins(robot.home, other, 'north/R').nearest_to_object == 'module east/R'
+    # All of a triangle but the side across holds, or is fixed to what holds.
+    triangle = load_robot('triangle')
+    cylinder = Cylinder(tangent_center(triangle.home, 'main/T', 0.1), 0.1)
+    assert shape_margins(triangle.home, cylinder, 'main/T').nearest_to_object == 'member main/L-R'
+    with pytest.raises(GraspError, match='no such module'):
+        shape_margins(robot.home, cylinder, 'north/X')
+
+
+@robots.examples(25)
+@given(robots.robots(), robots.generators())
+def test_margins_are_the_least_distances_and_name_them(robot, rng):
+    config = moved(robot, rng, 0.1)
+    center = config.points[rng.integers(len(config.points))] + complex(*rng.uniform(-1, 1, 2))
+    cylinder = Cylinder((center.real, center.imag), float(rng.uniform(0.05, 0.5)))
+    grip = str(rng.choice(robot.module_names))
+    model = collision_model(robot)
+    distances = model.distances(config)
+    found = shape_margins(config, cylinder, grip)
+    assert found.clearance == distances.min()
+    assert found.nearest == model.names(np.array([distances.argmin()]))[0]
+    for held in (None, grip):
+        distances = model.object_distances(config, cylinder, held)
+        found = shape_margins(config, cylinder, held)
+        assert found.object_clearance == distances.min()
+        assert found.nearest_to_object == model.part_names()[distances.argmin()]
+    # It is what the guard goes by.
+    barrier = ObjectBarrier(robot, BarrierLaw(0.0, 1.0))
+    grasp = Grasp(grip, cylinder.center, cylinder.diameter)
+    assert (barrier.values(config, grasp, EVERYTHING) == distances).all()

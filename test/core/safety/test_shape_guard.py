@@ -1,0 +1,287 @@
+"""The robot stays within good shapes, from sample to sample, and can always leave bad ones."""
+
+from hypothesis import assume, given, strategies
+from isotruss_ros.core import (
+    ConfigurationError,
+    Grasp,
+    GraspError,
+    HeldObject,
+    RollerState,
+    ShapeBounds,
+    ShapeGuard,
+    solve_twist,
+    StampedInput,
+    Status,
+    tangent_center,
+    TwistServo,
+)
+from isotruss_ros.core.safety.barrier_law import BarrierLaw
+from isotruss_ros.core.safety.barriers import SelfCollisionBarrier
+import numpy as np
+import pytest
+import robots
+import walks
+
+BARRIERS = {Status.SLOWED_RIGIDITY, Status.SLOWED_SELF_COLLISION, Status.SLOWED_OBJECT}
+PERIOD = 0.01
+
+
+class Pushed:
+    """A robot whose object is pushed along one twist."""
+
+    def __init__(self, config, grasp, bounds=None, slide=False, period=PERIOD):
+        self.period = period
+        self.config, self.velocities = config, np.zeros(len(config.robot.roller_names))
+        self.held = HeldObject.attach(config, grasp)
+        self.servo = TwistServo(config.robot, grasp.module, grasp.diameter, period, 1.0)
+        self.servo.slide = slide
+        self.now = 0.0
+        if bounds is not None:
+            self.servo.guard = ShapeGuard(config.robot, bounds)
+
+    def step(self, twist):
+        """Go on for one cycle, and return the command."""
+        self.now += self.period
+        state = RollerState(self.config.roller_positions, self.velocities)
+        self.servo.twist = StampedInput(np.asarray(twist), self.now)
+        self.servo.rollers = StampedInput(state, self.now)
+        self.servo.center = StampedInput(self.held.pose(self.config)[:2], self.now)
+        command = self.servo.decide(self.now).command
+        self.velocities = command.roller_velocities
+        way = self.period * self.velocities
+        self.config = self.config.moved_to(self.config.roller_positions + way)
+        return command
+
+    @property
+    def margins(self):
+        return walks.margins(self.config, self.held.grasp_in(self.config))
+
+
+def pushed(seed, slide=False):
+    """Return a robot, and a twist that takes it to a bound."""
+    rng = np.random.default_rng(seed)
+    config, grasp = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
+    return Pushed(config, grasp, slide=slide), 0.2 * rng.standard_normal(3)
+
+
+@pytest.mark.parametrize('seed', [0, 9, 15])
+def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed):
+    robot, twist = pushed(seed)
+    laws = [BarrierLaw(0.0, band) for band in (0.2, 0.1, 0.1)]
+    slowed = 0
+    before = robot.margins
+    for _ in range(700):
+        command = robot.step(twist)
+        if command.status is not Status.UNREACHABLE:
+            assert command.achieved_twist == pytest.approx(command.scale * twist, abs=1e-7)
+        after = robot.margins
+        for law, h, there in zip(laws, before, after, strict=True):
+            least = h - PERIOD * law.class_k_bound(np.array([h]))[0]
+            if np.isfinite(least):
+                # Second order in the step of the rollers of at most 1 mm.
+                assert there >= least - 1e-4
+        before = after
+        slowed += bool(command.limiting) and command.scale < 1.0
+    assert slowed
+    assert before.min() > 0.0
+
+
+def test_statuses_and_names_say_what_is_in_the_way():
+    seen = {}
+    for seed in (0, 9):
+        robot, twist = pushed(seed)
+        for _ in range(600):
+            command = robot.step(twist)
+            if command.status in BARRIERS:
+                assert command.scale < 1.0
+                seen.setdefault(command.status, set()).update(command.limiting)
+    assert any('module' in name and ' and ' in name for name in seen[Status.SLOWED_SELF_COLLISION])
+    assert any('and the object' in name for name in seen[Status.SLOWED_OBJECT])
+
+
+def test_weak_shapes_are_named_and_not_entered():
+    robot = walks.ROBOT
+    grasp = Grasp('north/Z', tangent_center(robot.home, 'north/Z', 0.3), 0.3)
+    for angle in np.linspace(0.0, 2.0 * np.pi, 9):
+        weak = Pushed(robot.home, grasp, ShapeBounds(min_rigidity=0.9))
+        for _ in range(300):
+            command = weak.step([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.0])
+            assert weak.margins[0] + walks.BOUNDS.min_rigidity > 0.9
+            if command.status is Status.SLOWED_RIGIDITY:
+                assert 'the rigidity of the shape' in command.limiting
+                return
+    pytest.fail('no shape was weak')
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_leaving_is_always_allowed(seed):
+    """From beyond all bounds at once the robot may move as long as nothing gets worse."""
+    rng = np.random.default_rng(seed)
+    config, grasp = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
+    own = np.array(walks.LEAST)
+    found = walks.margins(config, grasp) + own
+    bounds = ShapeBounds(min(0.95, found[0] + 0.05), found[1] + 0.01, found[2] + 0.02)
+    robot = Pushed(config, grasp, bounds)
+    least = (
+        np.array([bounds.min_rigidity, bounds.min_clearance, bounds.min_object_clearance]) - own
+    )
+    moved, before = 0, robot.margins
+    for step in range(300):
+        if step % 20 == 0:
+            twist = 0.05 * rng.standard_normal(3)
+        command = robot.step(twist)
+        after = robot.margins
+        # A gain of one is not paid for by another, as long as both are beyond.
+        assert (after >= before - 1e-7)[before < least].all()
+        moved += command.scale > 1e-3
+        before = after
+    assert moved
+
+
+@robots.examples(12)
+@given(robots.robots(), robots.generators(), strategies.booleans())
+def test_any_robot_keeps_its_bounds_and_who_begins_beyond_gets_no_further(robot, rng, slide):
+    module = str(rng.choice(robot.module_names))
+    try:
+        grasp = Grasp(module, tangent_center(robot.home, module, 0.2), 0.2)
+    except GraspError:
+        assume(False)
+    walker = Pushed(robot.home, grasp, slide=slide)
+    least = np.minimum(walker.margins, 0.0) - 1e-6
+    for step in range(150):
+        if step % 50 == 0:
+            twist = 0.2 * rng.standard_normal(3)
+        walker.step(twist)
+        assert (walker.margins > least).all()
+
+
+def test_sliding_gets_further_and_goes_on():
+    gained = []
+    for seed in (2, 9, 18, 22):
+        reached = []
+        for slide in (False, True):
+            robot, twist = pushed(seed, slide)
+            start = robot.held.pose(robot.config)
+            statuses = {robot.step(twist).status for _ in range(600)}
+            end = robot.held.pose(robot.config)
+            reached.append((end.x - start.x) * twist[0] + (end.y - start.y) * twist[1])
+            assert robot.margins.min() > 0.0
+        assert Status.SLIDING in statuses
+        # In each step it is at least as far, but the ways part.
+        gained.append(reached[1] / reached[0])
+    assert min(gained) > 0.99
+    assert max(gained) > 1.1
+
+
+@pytest.mark.parametrize(('seed', 'slide'), [(2, False), (9, False), (13, False), (20, True)])
+def test_rollers_do_not_swing_at_a_bound(seed, slide):
+    """A twist that stays the same does not make rollers turn round from cycle to cycle."""
+    robot, twist = pushed(seed, slide)
+    turns, before = 0, robot.velocities
+    for _ in range(700):
+        robot.step(twist)
+        turns += (robot.velocities * before < -(0.01**2)).any()
+        before = robot.velocities
+    assert robot.margins.min() < 0.01
+    assert turns < 6
+
+
+@pytest.mark.parametrize('guarded', [True, False])
+@pytest.mark.parametrize('period', [0.1, 0.05, 0.02])
+@pytest.mark.parametrize(('seed', 'size'), [(12, 2.0), (13, 0.2)])
+def test_rollers_do_not_swing_in_slow_loops(seed, size, period, guarded):
+    """A step at full speed goes further there than what is the best way of rolling changes in."""
+    rng = np.random.default_rng(seed)
+    config, grasp = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
+    twist = rng.standard_normal(3)
+    twist *= size / np.linalg.norm(twist)
+    robot = Pushed(config, grasp, period=period)
+    if not guarded:
+        robot.servo.guard = None
+    turns, rolled = 0, 0.0
+    for _ in range(round(6.0 / period)):
+        before = robot.velocities
+        robot.step(twist)
+        turns += (robot.velocities * before < -(0.001**2)).any()
+        rolled += period * np.abs(robot.velocities).sum()
+    assert rolled > 0.1
+    assert turns < 6
+
+
+def test_guard_changes_nothing_where_nothing_is_near():
+    rng = np.random.default_rng(5)
+    robot = walks.ROBOT
+    guard = ShapeGuard(robot, ShapeBounds())
+    for _ in range(30):
+        config = robots.random_state(robot, rng, 0.005)
+        grasp = Grasp('north/Z', tangent_center(config, 'north/Z', 0.3), 0.3)
+        watch = guard.watch(config, grasp)
+        assert watch.limits == ()
+        command = solve_twist(config, grasp, rng.standard_normal(3))
+        assert watch.keep(command, command.roller_velocities, PERIOD) is command
+
+
+@pytest.mark.parametrize('duration', [1e-3, 0.05, 0.5, 2.0])
+def test_command_is_cut_where_it_would_lead_too_far(duration):
+    """Whatever is commanded, and for how long, no bound is crossed at the end."""
+    cut = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        config, grasp = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
+        held = HeldObject.attach(config, grasp)
+        watch = ShapeGuard(walks.ROBOT, ShapeBounds()).watch(config, grasp)
+        for _ in range(3):
+            command = solve_twist(config, grasp, rng.standard_normal(3))
+            kept = watch.keep(command, np.zeros(6), duration)
+            share = kept.scale / command.scale
+            assert 0.0 <= share <= 1.0
+            assert kept.roller_velocities == pytest.approx(share * command.roller_velocities)
+            assert kept.achieved_twist == pytest.approx(share * command.achieved_twist)
+            end = config.moved_to(config.roller_positions + duration * kept.roller_velocities)
+            assert walks.margins(end, held.grasp_in(end)).min() > 0.0
+            if share < 1.0:
+                cut += 1
+                assert kept.status in BARRIERS | {Status.UNREACHABLE}
+    assert bool(cut) == (duration >= 0.5)
+
+
+def test_bounds_are_checked():
+    for name, wrong in (
+        ('min_rigidity', 1.0),
+        ('min_rigidity', -0.1),
+        ('min_rigidity', np.nan),
+        ('min_clearance', -0.01),
+        ('min_object_clearance', np.inf),
+        ('rigidity_band', 0.0),
+        ('clearance_band', -0.1),
+        ('rate', np.inf),
+    ):
+        with pytest.raises(ConfigurationError, match=f'{name} .*must be'):
+            ShapeBounds(**{name: wrong})
+
+
+def test_large_robot_is_watched_in_little_time():
+    """Only what could come near is measured again."""
+    robot = robots.random_robot(3, 'ring', 8)
+    barrier = SelfCollisionBarrier(robot, BarrierLaw(0.0, 0.1))
+    config = robot.home
+    module = robot.module_names[0]
+    grasp = Grasp(module, (0.0, 0.0), 0.3)
+    barrier.active(config, grasp)
+    measured = []
+    model = barrier._model
+    original = model.distances
+
+    def count(config, pairs=slice(None)):
+        found = original(config, pairs)
+        measured.append(len(found))
+        return found
+
+    model.distances = count
+    try:
+        for step in range(1, 6):
+            moved = config.moved_to(np.full(len(robot.roller_names), 1e-4 * step))
+            barrier.active(moved, grasp)
+    finally:
+        del model.distances
+    assert sum(measured) < 0.1 * 5 * len(original(config))

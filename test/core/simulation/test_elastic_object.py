@@ -1,0 +1,161 @@
+"""The elastic plant: the object is where the equilibrium puts it, rolls, slips and is dropped."""
+
+from grips import backed_off, gripped
+from isotruss_ros.core import (
+    Cylinder,
+    ElasticObject,
+    GraspError,
+    Hold,
+    RollerFaults,
+    settle_grasp,
+    SimulatedRobot,
+)
+import numpy as np
+import pytest
+
+CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
+ROBOT = CONFIG.robot
+N = len(ROBOT.roller_names)
+FRICTION = 0.5
+
+
+def held(**arguments):
+    """Return an object that the robot holds."""
+    held_object = ElasticObject(CYLINDER, arguments.pop('friction', FRICTION), **arguments)
+    held_object.follow(CONFIG)
+    assert held_object.grasp is not None
+    return held_object
+
+
+def walk(count, seed=0, step=4e-3):
+    """Return roller positions of a random walk from the grip."""
+    steps = np.random.default_rng(seed).uniform(-step, step, (count, N))
+    return CONFIG.roller_positions + np.cumsum(steps, axis=0)
+
+
+def follow(simulated, places):
+    """Lead an object along roller positions."""
+    for place in places:
+        simulated.follow(CONFIG.moved_to(place))
+    return simulated.pose(CONFIG)
+
+
+def test_it_is_held_where_the_settled_grasp_says():
+    settled = settle_grasp(CONFIG, CYLINDER, FRICTION)
+    simulated = held()
+    assert simulated.pose(CONFIG) == pytest.approx(settled.pose, abs=1e-9)
+    assert simulated.slip_margin == pytest.approx(settled.slip_margin, rel=1e-6)
+    forces = dict(
+        zip(simulated.grasp.member_names, simulated.grasp.state.normal_forces, strict=True)
+    )
+    assert forces == pytest.approx(settled.normal_forces, rel=1e-6)
+
+
+@pytest.mark.parametrize('scale', [1.0, 0.7])
+def test_along_a_path_and_back_it_returns(scale):
+    simulated = held(stiffness_scale=scale)
+    start, places = simulated.pose(CONFIG), walk(20)
+    away = follow(simulated, places)
+    assert np.hypot(*np.subtract(away[:2], start[:2])) > 5e-3
+    back = follow(simulated, [*places[::-1], CONFIG.roller_positions])
+    assert back == pytest.approx(start, abs=1e-9)
+
+
+def test_by_another_path_it_comes_to_the_same_pose():
+    places = walk(12, seed=1)
+    by_one = follow(held(), places)
+    corner = CONFIG.roller_positions + np.array([0.01, -0.01, 0.0, 0.01, 0.0, -0.01])
+    by_another = follow(held(), [corner, 0.5 * (corner + places[-1]), places[-1]])
+    assert by_another == pytest.approx(by_one, abs=1e-9)
+
+
+def test_a_softer_plant_presses_less_and_in_proportion():
+    squeezes = [held(stiffness_scale=scale).grasp.squeeze for scale in (1.0, 0.7)]
+    assert squeezes[1] == pytest.approx(0.7 * squeezes[0], rel=0.02)
+
+
+def pull_until_dropped(simulated, direction, step=0.5):
+    """Return the load at which the object is dropped [N]."""
+    for number in range(1, 2000):
+        simulated.external_wrench = number * step * direction
+        simulated.follow(CONFIG)
+        if simulated.grasp is None:
+            return number * step
+    raise AssertionError('not dropped')
+
+
+def test_it_is_dropped_where_the_margin_says_and_says_why():
+    margin = held().slip_margin
+    found = [
+        pull_until_dropped(held(), np.array([np.cos(turn), np.sin(turn), 0.0]))
+        for turn in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+    ]
+    assert min(found) > 0.97 * margin
+    simulated = held()
+    simulated.external_wrench = (200.0, 0.0, 0.0)
+    before = simulated.pose(CONFIG)
+    simulated.follow(CONFIG)
+    assert simulated.dropped in (Hold.SLIPS, Hold.NO_CONTACT, Hold.NO_BALANCE)
+    # It gave way until it slipped, and lies there.
+    assert 0.0 < np.hypot(*np.subtract(simulated.pose(CONFIG)[:2], before[:2])) < 0.1
+
+
+def test_friction_just_above_what_is_required_holds_and_just_below_does_not():
+    required = settle_grasp(CONFIG, CYLINDER, FRICTION).required_friction
+    for share, holds in ((1.001, True), (0.999, False)):
+        simulated = ElasticObject(CYLINDER, share * required)
+        simulated.follow(CONFIG)
+        assert (simulated.grasp is not None) == holds
+
+
+def test_a_load_moves_it_and_lets_it_back():
+    simulated = held()
+    start = simulated.pose(CONFIG)
+    simulated.external_wrench = (0.0, 2.0, 0.1)
+    simulated.follow(CONFIG)
+    assert np.hypot(*np.subtract(simulated.pose(CONFIG)[:2], start[:2])) > 1e-4
+    simulated.external_wrench = (0.0, 0.0, 0.0)
+    simulated.follow(CONFIG)
+    assert simulated.pose(CONFIG) == pytest.approx(start, abs=1e-9)
+
+
+def test_it_lies_until_two_members_press_on_it():
+    simulated = ElasticObject(CYLINDER, FRICTION, angle=0.4)
+    approach = backed_off(CONFIG, CYLINDER, 0.15)[::-1]
+    held_at = []
+    for config in approach:
+        simulated.follow(config)
+        held_at.append(simulated.grasp is not None)
+        if not held_at[-1]:
+            assert simulated.pose(config) == pytest.approx((*CYLINDER.center, 0.4))
+    assert not held_at[0]
+    assert held_at[-1]
+    assert held_at == sorted(held_at)
+
+
+def test_it_is_carried_by_a_simulated_robot():
+    simulated = ElasticObject(CYLINDER, FRICTION)
+    robot = SimulatedRobot(CONFIG, simulated, RollerFaults())
+    robot.advance(0.0)
+    start = robot.object_pose
+    robot.command(np.full(N, 0.01))
+    robot.advance(0.5)
+    assert robot.object_pose != pytest.approx(start, abs=1e-4)
+    robot.command(np.full(N, -0.01))
+    robot.advance(0.5)
+    assert robot.object_pose == pytest.approx(start, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        ({'friction': -0.1}, 'must not be negative'),
+        ({'friction': np.inf}, 'friction'),
+        ({'friction': 0.5, 'stiffness_scale': 0.0}, 'stiffness'),
+    ],
+)
+def test_bad_arguments_are_refused(arguments, words):
+    with pytest.raises(GraspError, match=words):
+        ElasticObject(Cylinder((0.0, 0.0), 0.3), **arguments)
+    with pytest.raises(GraspError, match='external wrench'):
+        held().external_wrench = (1.0, 2.0)

@@ -1,0 +1,145 @@
+"""The simulated robot integrates its rollers exactly, and has the faults that it is given."""
+
+from isotruss_ros.core import (
+    ConfigurationError,
+    Grasp,
+    GraspError,
+    HeldObject,
+    load_robot,
+    RollerFaults,
+    SimulatedRobot,
+    tangent_center,
+)
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+N = len(ROBOT.roller_names)
+GRASP = Grasp('north/Z', tangent_center(ROBOT.home, 'north/Z', 0.3), 0.3)
+SPEEDS = np.linspace(-0.02, 0.03, N)
+
+
+def simulated(**faults):
+    """Return a robot at home with the object in its grip."""
+    held = HeldObject.attach(ROBOT.home, GRASP)
+    return SimulatedRobot(ROBOT.home, held, RollerFaults(**faults), seed=3)
+
+
+def test_travel_is_speed_times_time_however_it_is_cut():
+    whole, cut = simulated(), simulated()
+    for robot, steps in ((whole, 1), (cut, 200)):
+        robot.command(SPEEDS)
+        for _ in range(steps):
+            robot.advance(2.0 / steps)
+    assert whole.config.roller_positions == pytest.approx(2.0 * SPEEDS, abs=1e-12)
+    assert cut.config.roller_positions == pytest.approx(2.0 * SPEEDS, abs=1e-12)
+    assert np.abs(cut.config.residual()).max() < 1e-11
+    assert tuple(cut.object_pose) == pytest.approx(tuple(whole.object_pose), abs=1e-9)
+
+
+def test_stops_when_told():
+    robot = simulated()
+    robot.command(SPEEDS)
+    robot.advance(0.1)
+    robot.stop()
+    robot.advance(1.0)
+    assert robot.config.roller_positions == pytest.approx(0.1 * SPEEDS)
+    assert not robot.roller_velocities.any()
+
+
+def test_faults():
+    robot = simulated(speed_limit=0.01, stuck=frozenset({ROBOT.roller_names[0]}))
+    robot.command(10.0 * SPEEDS)
+    robot.advance(1.0)
+    assert robot.roller_velocities[0] == 0.0
+    assert np.abs(robot.roller_velocities).max() == 0.01
+
+
+def test_noise_has_the_deviation_asked_for_and_moves_nothing_at_rest():
+    robot = simulated(noise=0.004)
+    robot.advance(1.0)
+    assert not robot.config.roller_positions.any()
+    command = np.zeros(N)
+    command[1] = 1e-9
+    drawn = []
+    for _ in range(500):
+        robot.command(command)
+        robot.advance(1e-4)
+        drawn.append(robot.roller_velocities.copy())
+    drawn = np.array(drawn)
+    assert not np.delete(drawn, 1, axis=1).any()
+    # 500 draws: the deviation is known to 3 %, five of these are 16 %.
+    assert drawn[:, 1].std() == pytest.approx(0.004, rel=0.16)
+    assert abs(drawn[:, 1].mean()) < 5 * 0.004 / np.sqrt(500)
+
+
+def test_slip_is_what_the_encoders_do_not_see():
+    robot, perfect = simulated(slip=0.1), simulated()
+    for one in (robot, perfect):
+        one.command(SPEEDS)
+        one.advance(2.0)
+    assert robot.roller_positions == pytest.approx(perfect.roller_positions, abs=1e-15)
+    assert robot.roller_velocities == pytest.approx(SPEEDS)
+    moves = SPEEDS != 0.0
+    shares = 1.0 - robot.config.roller_positions[moves] / robot.roller_positions[moves]
+    assert shares.min() >= 0.05
+    assert shares.max() <= 0.15
+    assert len(set(shares.round(9))) == moves.sum()  # each roller has its own
+    # The object is where the tubes took it, and the way back leads home.
+    assert robot.object_pose == HeldObject.attach(ROBOT.home, GRASP).pose(robot.config)
+    robot.command(-SPEEDS)
+    robot.advance(2.0)
+    assert robot.config.roller_positions == pytest.approx(np.zeros(N), abs=1e-15)
+
+
+def test_slip_is_as_large_as_asked_for_over_many_robots():
+    way = 0.1
+    lost = []
+    for seed in range(200):
+        held = HeldObject.attach(ROBOT.home, GRASP)
+        robot = SimulatedRobot(ROBOT.home, held, RollerFaults(slip=0.06), seed)
+        robot.command(np.full(N, way))
+        robot.advance(0.01)
+        lost.append(1.0 - robot.config.roller_positions / robot.roller_positions)
+    # 1200 draws, even from 0.03 to 0.09: their mean is known to 0.0005; five of these.
+    assert np.mean(lost) == pytest.approx(0.06, abs=0.0025)
+
+
+def test_noise_of_a_seed_does_not_depend_on_the_slip():
+    robots = [simulated(noise=0.004), simulated(noise=0.004, slip=0.1)]
+    for robot in robots:
+        robot.command(SPEEDS)
+        robot.advance(0.01)
+    assert np.array_equal(robots[0].roller_velocities, robots[1].roller_velocities)
+
+
+@pytest.mark.parametrize('slip', [-0.1, 0.6, np.nan])
+def test_slip_that_cannot_be_is_refused(slip):
+    with pytest.raises(ConfigurationError, match=r'must be from 0 to 0\.5'):
+        simulated(slip=slip)
+
+
+@pytest.mark.parametrize('bad', [[0.0] * (N + 1), [np.nan] * N, 'fast', None])
+def test_a_bad_command_changes_nothing(bad):
+    robot = simulated()
+    robot.command(SPEEDS)
+    with pytest.raises(ConfigurationError, match='roller velocities'):
+        robot.command(bad)
+    robot.advance(1.0)
+    assert robot.roller_velocities == pytest.approx(SPEEDS)
+
+
+def test_blocks_rather_than_leaving_the_shapes_it_can_take():
+    robot = simulated()
+    command = np.zeros(N)
+    command[0] = -10.0
+    robot.command(command)
+    with pytest.raises(ConfigurationError):
+        robot.advance(1.0)
+    assert robot.config is ROBOT.home
+    assert not robot.roller_velocities.any()
+
+
+def test_unknown_stuck_rollers_are_named():
+    with pytest.raises(GraspError, match="'north/P'"):
+        simulated(stuck=frozenset({'north/P'}))

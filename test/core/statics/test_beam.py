@@ -1,0 +1,244 @@
+"""Stiffness of single members against closed forms, flexibilities and rigid motion."""
+
+from hypothesis import given
+from isotruss_ros.core.statics.beam import directions, local_stiffness, with_pins
+import numpy as np
+import pytest
+from robots import examples, generators
+
+FREE, FIXED = np.array([True]), np.array([False])
+
+
+def random_members(rng, k=8, shear=True):
+    """Return lengths and rigidities EA, EI, GA over four decades."""
+    length, axial, flexural = 10.0 ** rng.uniform([[-2], [2], [-1]], [[1], [6], [3]], (3, k))
+    stiffness = 10.0 ** rng.uniform(1.0, 6.0, k) if shear else np.full(k, np.inf)
+    return length, axial, flexural, stiffness
+
+
+def member(length, axial, flexural, shear=np.inf, pinned=(False, False)):
+    """Return the (6, 6) matrix of one member."""
+    matrix = local_stiffness(*(np.array([float(x)]) for x in (length, axial, flexural, shear)))
+    return with_pins(matrix, *(np.array([pin]) for pin in pinned))[0]
+
+
+def in_own_units(matrices, length, axial, flexural):
+    """Return matrices in which axial and bending stiffness have the order of one."""
+    along, across = np.sqrt(length / axial), np.sqrt(length**3 / flexural)
+    scale = np.stack([along, across, across / length] * 2, axis=1)
+    return scale[:, :, None] * matrices * scale[:, None, :]
+
+
+def flexibility(length, axial, flexural, shear):
+    """Return how the free end of a cantilever gives: (ux, uy, theta) under unit loads."""
+    return np.array(
+        [
+            [length / axial, 0.0, 0.0],
+            [0.0, length**3 / (3.0 * flexural) + length / shear, length**2 / (2.0 * flexural)],
+            [0.0, length**2 / (2.0 * flexural), length / flexural],
+        ]
+    )
+
+
+@pytest.mark.parametrize('shear', [True, False], ids=['timoshenko', 'euler_bernoulli'])
+@given(rng=generators())
+@examples(20)
+def test_stiffness_is_symmetric_and_lets_exactly_three_motions_be(shear, rng):
+    length, axial, flexural, stiffness = random_members(rng, shear=shear)
+    matrices = local_stiffness(length, axial, flexural, stiffness)
+    np.testing.assert_array_equal(matrices, matrices.transpose(0, 2, 1))
+    # A soft shear lowers the bending modes, never the number of zeros.
+    values = np.linalg.eigvalsh(
+        in_own_units(matrices, length, axial, np.minimum(flexural, stiffness * length**2))
+    )
+    assert np.abs(values[:, :3]).max() < 1e-10
+    assert values[:, 3].min() > 1e-3
+
+
+@pytest.mark.parametrize('shear', [True, False], ids=['timoshenko', 'euler_bernoulli'])
+@given(rng=generators())
+@examples(20)
+def test_rigid_motion_needs_no_force(shear, rng):
+    length, axial, flexural, stiffness = random_members(rng, shear=shear)
+    matrices = local_stiffness(length, axial, flexural, stiffness)
+    for pins in ((FIXED, FIXED), (FREE, FIXED), (FIXED, FREE), (FREE, FREE)):
+        pinned = with_pins(matrices, *(np.repeat(pin, len(length)) for pin in pins))
+        shift = rng.uniform(-1.0, 1.0, 2)
+        turn = rng.uniform(-1.0, 1.0)
+        for i, matrix in enumerate(pinned):
+            motion = np.array([*shift, turn, shift[0], shift[1] + turn * length[i], turn])
+            resisted = np.abs(matrix) @ np.abs(motion)
+            assert np.abs(matrix @ motion).max() <= 1e-14 * resisted.max()
+
+
+@pytest.mark.parametrize('shear', [True, False], ids=['timoshenko', 'euler_bernoulli'])
+@given(rng=generators())
+@examples(20)
+def test_pins_take_one_mode_each_until_only_the_axial_one_is_left(shear, rng):
+    length, axial, flexural, stiffness = random_members(rng, shear=shear)
+    bend = np.minimum(flexural, stiffness * length**2)
+    matrices = local_stiffness(length, axial, flexural, stiffness)
+    for start, end in ((True, False), (False, True), (True, True)):
+        pinned = with_pins(matrices, np.full(8, start), np.full(8, end))
+        np.testing.assert_allclose(pinned, pinned.transpose(0, 2, 1), rtol=1e-12, atol=0.0)
+        values = np.linalg.eigvalsh(in_own_units(pinned, length, axial, bend))
+        zeros = 3 + start + end
+        assert np.abs(values[:, :zeros]).max() < 1e-10
+        assert values[:, zeros].min() > 1e-3
+
+
+@given(generators())
+@examples(20)
+def test_stiffness_inverts_the_flexibility_of_a_cantilever(rng):
+    for length, axial, flexural, shear in zip(*random_members(rng), strict=True):
+        give = flexibility(length, axial, flexural, shear)
+        matrix = member(length, axial, flexural, shear)
+        # What is pushed at the end is carried by the start: rows of equilibrium about it.
+        carry = np.array([[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, -length, -1.0]])
+        end = np.linalg.inv(give)
+        expected = np.block([[carry @ end @ carry.T, carry @ end], [end @ carry.T, end]])
+        scale = np.sqrt(np.diagonal(expected))
+        np.testing.assert_allclose(
+            matrix / scale / scale[:, None], expected / scale / scale[:, None], atol=1e-9
+        )
+
+
+@pytest.mark.parametrize('shear', [1.9e3, np.inf])
+def test_cantilever_bends_and_shears_as_in_the_book(shear):
+    length, axial, flexural, push = 1.3, 1.9e4, 25.0, 7.0
+    matrix = member(length, axial, flexural, shear)
+    along, across, turn = np.linalg.solve(matrix[3:, 3:], [push, 0.0, 0.0])
+    assert along == pytest.approx(push * length / axial)
+    assert across == turn == 0.0
+    along, across, turn = np.linalg.solve(matrix[3:, 3:], [0.0, push, 0.0])
+    assert across == pytest.approx(push * length**3 / (3 * flexural) + push * length / shear)
+    assert turn == pytest.approx(push * length**2 / (2 * flexural))
+    along, across, turn = np.linalg.solve(matrix[3:, 3:], [0.0, 0.0, push])
+    assert across == pytest.approx(push * length**2 / (2 * flexural))
+    assert turn == pytest.approx(push * length / flexural)
+
+
+@pytest.mark.parametrize('shear', [1.9e3, np.inf])
+def test_clamped_beam_settles_as_in_the_book(shear):
+    length, flexural = 1.3, 25.0
+    matrix = member(length, 1.9e4, flexural, shear)
+    give = length**3 / (12.0 * flexural) + length / shear
+    assert matrix[4, 4] == pytest.approx(1.0 / give)
+    assert matrix[5, 4] == pytest.approx(-0.5 * length / give)
+
+
+@pytest.mark.parametrize('shear', [1.9e3, np.inf])
+def test_pinned_fixed_beam_is_the_cantilever_seen_from_its_free_end(shear):
+    length, axial, flexural = 1.3, 1.9e4, 25.0
+    across = 1.0 / (length**3 / (3.0 * flexural) + length / shear)
+    expected = np.zeros((6, 6))
+    expected[np.ix_([0, 3], [0, 3])] = axial / length * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    shape = np.array([1.0, -1.0, length])
+    expected[np.ix_([1, 4, 5], [1, 4, 5])] = across * np.outer(shape, shape)
+    matrix = member(length, axial, flexural, shear, (True, False))
+    np.testing.assert_allclose(matrix, expected, rtol=1e-12, atol=1e-9)
+    # Walked from the other end the same beam is pinned at its end.
+    shape = np.array([1.0, length, -1.0])
+    expected[np.ix_([1, 4, 5], [1, 4, 5])] = 0.0
+    expected[np.ix_([1, 2, 4], [1, 2, 4])] = across * np.outer(shape, shape)
+    matrix = member(length, axial, flexural, shear, (False, True))
+    np.testing.assert_allclose(matrix, expected, rtol=1e-12, atol=1e-9)
+
+
+@given(generators())
+@examples(20)
+def test_a_bar_pinned_at_both_ends_carries_exactly_nothing_across(rng):
+    length, axial, flexural, shear = random_members(rng)
+    bars = with_pins(
+        local_stiffness(length, axial, flexural, shear), np.full(8, True), np.full(8, True)
+    )
+    expected = np.zeros((8, 6, 6))
+    for i, k in enumerate(axial / length):
+        expected[i, 0, 0] = expected[i, 3, 3] = k
+        expected[i, 0, 3] = expected[i, 3, 0] = -k
+    np.testing.assert_array_equal(bars, expected)
+
+
+@given(generators())
+@examples(20)
+def test_pins_agree_in_either_order(rng):
+    length, axial, flexural, shear = random_members(rng)
+    matrices = local_stiffness(length, axial, flexural, shear)
+    free, fixed = np.full(8, True), np.full(8, False)
+    both = with_pins(matrices, free, free)
+    start_first = with_pins(with_pins(matrices, free, fixed), fixed, free)
+    end_first = with_pins(with_pins(matrices, fixed, free), free, fixed)
+    # What bends is the small difference of what shears: the softer the shear, the more is lost.
+    largest = np.abs(matrices).max(axis=(1, 2)) * (1.0 + 12.0 * flexural / (shear * length**2))
+    for one_by_one in (start_first, end_first):
+        assert (np.abs(one_by_one - both).max(axis=(1, 2)) / largest).max() < 1e-14
+
+
+@given(generators())
+@examples(20)
+def test_pins_of_one_member_leave_the_others_and_the_argument_alone(rng):
+    matrices = local_stiffness(*random_members(rng))
+    before = matrices.copy()
+    start, end = rng.random((2, 8)) < 0.5
+    pinned = with_pins(matrices, start, end)
+    np.testing.assert_array_equal(matrices, before)
+    np.testing.assert_array_equal(pinned[~start & ~end], before[~start & ~end])
+    for i in range(8):
+        alone = with_pins(before[[i]], start[[i]], end[[i]])
+        np.testing.assert_array_equal(pinned[i], alone[0])
+
+
+@given(generators())
+@examples(20)
+def test_pins_are_what_an_unloaded_rotation_condenses_to(rng):
+    length, axial, flexural, shear = random_members(rng)
+    flexibilities = 1.0 + 12.0 * flexural / (shear * length**2)
+    matrices = local_stiffness(length, axial, flexural, shear)
+    for matrix, lost in zip(matrices, flexibilities, strict=True):
+        for free in ([2], [5]):
+            kept = [i for i in range(6) if i not in free]
+            expected = matrix[np.ix_(kept, kept)] - matrix[np.ix_(kept, free)] @ np.linalg.solve(
+                matrix[np.ix_(free, free)], matrix[np.ix_(free, kept)]
+            )
+            pinned = with_pins(matrix[None], np.array([2 in free]), np.array([5 in free]))[0]
+            np.testing.assert_array_equal(pinned[free], 0.0)
+            np.testing.assert_array_equal(pinned[:, free], 0.0)
+            largest = np.abs(matrix).max()
+            assert np.abs(pinned[np.ix_(kept, kept)] - expected).max() < 1e-14 * lost * largest
+
+
+def test_a_string_has_axial_stiffness_only():
+    for pins in ((False, False), (True, False), (False, True), (True, True)):
+        matrix = member(2.0, 10.0, 0.0, 5.0, pins)
+        assert np.isfinite(matrix).all()
+        assert matrix[0, 0] == 5.0
+        assert np.abs(matrix).sum() == 20.0
+
+
+def test_more_shear_rigidity_tends_to_euler_bernoulli_as_its_inverse():
+    limit = member(1.3, 1.9e4, 25.0)
+    ratios = []
+    for shear in (1e6, 1e8, 1e10):
+        share = member(1.3, 1.9e4, 25.0, shear)[4, 4] / limit[4, 4]
+        ratios.append((1.0 - share) * shear * 1.3**2 / 25.0)
+    # 1/(1 + 12 EI/(GA L^2)) off the transverse stiffness.
+    assert ratios == pytest.approx([12.0] * 3, rel=1e-3)
+    np.testing.assert_allclose(member(1.3, 1.9e4, 25.0, 1e20), limit, rtol=1e-14)
+
+
+@given(generators())
+@examples(20)
+def test_directions_are_orthogonal_and_turn_like_the_plane(rng):
+    angle, turn = rng.uniform(-np.pi, np.pi, 5), rng.uniform(-np.pi, np.pi)
+    matrices = directions(np.exp(1j * angle))
+    identity = np.broadcast_to(np.eye(6), (5, 6, 6))
+    np.testing.assert_allclose(matrices @ matrices.transpose(0, 2, 1), identity, atol=1e-15)
+    # Turning the member with its displacements changes nothing along and across it.
+    together = directions(np.exp(1j * (angle + turn))) @ directions(np.exp([-1j * turn]))
+    np.testing.assert_allclose(together, matrices, atol=1e-15)
+
+
+def test_directions_measure_along_and_to_the_left_of_the_member():
+    moved = np.array([3.0, 4.0, 0.5, -4.0, 3.0, -0.5])
+    along = directions(np.array([0.6 + 0.8j]))[0] @ moved
+    np.testing.assert_allclose(along, [5.0, 0.0, 0.5, 0.0, 5.0, -0.5], atol=1e-15)

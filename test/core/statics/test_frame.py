@@ -1,0 +1,660 @@
+"""Plane frames against anastruct, PyNiteFEA, an independent model, and what every frame obeys."""
+
+from dataclasses import replace
+from fractions import Fraction
+import itertools
+import re
+
+import frames
+from hypothesis import assume, given
+from isotruss_ros.core.errors import IsotrussError, StructureError
+import isotruss_ros.core.statics.frame
+import numpy as np
+import pytest
+from robots import examples, generators
+from scipy.linalg import null_space
+
+ABOUT = (0.0, 1.7 - 0.4j, -30.0 + 12.0j)
+
+
+def moment(points, forces, about):
+    """Return the sum of moments (n, 3) of forces and moments at points about another."""
+    arms = points - about
+    return np.sum(arms.real * forces[:, 1] - arms.imag * forces[:, 0] + forces[:, 2])
+
+
+def assert_balanced(points, forces, rtol=1e-9):
+    """Check that forces and moments (n, 3) at points cancel, about any point."""
+    size = np.abs(forces).max()
+    assert np.abs(forces[:, :2].sum(axis=0)).max() <= rtol * size
+    for about in ABOUT:
+        arm = np.abs(points - about).max()
+        assert abs(moment(points, forces, about)) <= rtol * size * max(arm, 1.0)
+
+
+def along(points, found, displacements):
+    """Return the displacements of the members' ends (k, 6), along and across them."""
+    span = points[found.end] - points[found.start]
+    parts = []
+    for nodes in (found.start, found.end):
+        moved = displacements[nodes]
+        local = (moved[:, 0] + 1j * moved[:, 1]) * np.abs(span) / span
+        parts += [local.real, local.imag, moved[:, 2]]
+    return np.stack(parts, axis=1)
+
+
+def random_case(rng, **options):
+    """Return points, members, supports and loads of a frame that stands."""
+    points, found, held = frames.random_frame(rng, **options)
+    return points, found, held, frames.random_loads(rng, found, len(points))
+
+
+def random_rows(rng, points, found, held):
+    """Return one or two constraints that leave a frame somewhere to go."""
+    free = ~held
+    free[:, 2] &= frames.turning(found, len(points))
+    count = min(int(rng.integers(1, 3)), np.count_nonzero(free) - 1)
+    rows = rng.uniform(-1.0, 1.0, (count, free.size))
+    # Some displacements count more than others; rotations that are none do not count.
+    rows[:, 2::3] *= frames.turning(found, len(points))
+    return rows * np.where(rng.random(rows.shape) < 0.5, 1.0, 0.1)
+
+
+def divided(points, found, rng):
+    """Return points and members with every member cut into up to five pieces, and its ends."""
+    points, ends, pins, source, outer = list(points), [], [], [], []
+    for i in range(len(found.start)):
+        start, end = int(found.start[i]), int(found.end[i])
+        # No slivers: their stiffness outgrows the others' until rounding eats the difference.
+        pieces = rng.uniform(0.2, 1.0, int(rng.integers(1, 6)))
+        cuts = np.cumsum(pieces[:-1]) / pieces.sum()
+        chain = [start]
+        for cut in cuts:
+            chain.append(len(points))
+            points.append(points[start] + cut * (points[end] - points[start]))
+        chain.append(end)
+        first = len(ends)
+        ends += itertools.pairwise(chain)
+        source += [i] * (len(chain) - 1)
+        outer.append((first, len(ends) - 1))
+        pins += [(first, 0)] * bool(found.pinned_start[i])
+        pins += [(len(ends) - 1, 1)] * bool(found.pinned_end[i])
+    rigidities = (found.axial[source], found.flexural[source], found.shear[source])
+    return np.array(points), frames.members(ends, *rigidities, pins), np.array(outer)
+
+
+# -- Against others --
+
+
+@given(generators())
+@examples(30)
+def test_agrees_with_an_independent_model(rng):
+    points, found, held, loads = random_case(rng)
+    state = frames.frame(points, found, held).solve(loads)
+    frames.assert_states_agree(state, frames.reference(points, found, held, loads), 1e-8)
+
+
+@given(generators())
+@examples(30)
+def test_constraints_agree_with_an_independent_model(rng):
+    points, found, held, loads = random_case(rng)
+    rows = random_rows(rng, points, found, held)
+    state = frames.frame(points, found, held, rows).solve(loads)
+    expected = frames.reference(points, found, held, loads, rows)
+    frames.assert_states_agree(state, expected, 1e-8)
+
+
+@given(generators())
+@examples(30)
+def test_agrees_with_pynite(rng):
+    points, found, held, loads = random_case(rng, shear=False)
+    state = frames.frame(points, found, held).solve(loads)
+    frames.assert_states_agree(state, frames.pynite(points, found, held, loads), 1e-8)
+
+
+@pytest.mark.parametrize('pins', [0.0, 0.6])
+@given(rng=generators())
+@examples(30)
+def test_agrees_with_anastruct(pins, rng):
+    points, found, held = frames.random_frame(rng, shear=False, pins=pins)
+    found = frames.corners_kept(found)
+    loads = frames.random_loads(rng, found, len(points))
+    state = frames.frame(points, found, held).solve(loads)
+    frames.assert_states_agree(state, frames.anastruct(points, found, held, loads), 1e-8)
+
+
+def test_propped_cantilever_gives_as_in_the_book():
+    # Fixed at the left, on a roller at the right, pushed in the middle: R = 5/16 P.
+    length, flexural, push = 2.0, 25.0, 3.0
+    found = frames.members([[0, 1], [1, 2]], 1.9e4, flexural)
+    held = frames.supports(3, {0: 'xyr', 2: 'y'})
+    loads = np.array([[0.0, 0.0, 0.0], [0.0, -push, 0.0], [0.0, 0.0, 0.0]])
+    state = frames.frame([0.0, 1.0, 2.0], found, held).solve(loads)
+    np.testing.assert_allclose(state.reactions[0], [0, 11 / 16 * push, 3 / 16 * push * length])
+    assert state.reactions[2, 1] == pytest.approx(5 / 16 * push)
+    assert state.displacements[1, 1] == pytest.approx(-7 / 768 * push * length**3 / flexural)
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.3, np.pi / 2, 2.5, -1.9])
+def test_inclined_roller_is_a_constraint(angle):
+    # A pinned bar under a load; its other end runs on a rail at 45 degrees to the bar.
+    turn = np.exp(1j * angle)
+    found = frames.members([[0, 1]], 100.0, 1.0, 10.0, [(0, 0), (0, 1)])
+    rail = turn * np.exp(0.25j * np.pi)
+    row = np.array([[0.0, 0.0, 0.0, -rail.imag, rail.real, 0.0]])
+    push = 3.0 * turn
+    state = frames.frame([0.0, 2.0 * turn], found, frames.supports(2, {0: 'xy'}), row).solve(
+        np.array([[0.0, 0.0, 0.0], [push.real, push.imag, 0.0]])
+    )
+    # Along the rail the load has cos(45) of itself and so has the bar's stiffness, twice.
+    moved = 3.0 / (100.0 / 2.0) * np.sqrt(2.0) * rail
+    np.testing.assert_allclose(state.displacements[1], [moved.real, moved.imag, 0.0], atol=1e-15)
+
+
+# -- What every frame obeys --
+
+
+@given(generators())
+@examples(30)
+def test_cutting_members_changes_nothing_at_their_ends(rng):
+    points, found, held, loads = random_case(rng)
+    state = frames.frame(points, found, held).solve(loads)
+    more_points, pieces, outer = divided(points, found, rng)
+    more = len(more_points) - len(points)
+    cut = frames.frame(more_points, pieces, np.pad(held, ((0, more), (0, 0)))).solve(
+        np.pad(loads, ((0, more), (0, 0)))
+    )
+    ends = np.stack([cut.end_forces[outer[:, 0], :3], cut.end_forces[outer[:, 1], 3:]], axis=1)
+    cut = replace(
+        cut,
+        displacements=cut.displacements[: len(points)],
+        reactions=cut.reactions[: len(points)],
+        end_forces=ends.reshape(-1, 6),
+    )
+    expected = (state.displacements, state.reactions, state.end_forces)
+    frames.assert_states_agree(cut, expected, 1e-9)
+
+
+@given(generators())
+@examples(30)
+def test_displacements_are_reciprocal(rng):
+    points, found, held, one = random_case(rng)
+    rows = random_rows(rng, points, found, held) if rng.random() < 0.5 else None
+    other = frames.random_loads(rng, found, len(points))
+    frame = frames.frame(points, found, held, rows)
+    first, second = frame.solve(one), frame.solve(other)
+    works = np.sum(one * second.displacements), np.sum(other * first.displacements)
+    size = np.abs(one * second.displacements).max()
+    assert works[0] == pytest.approx(works[1], abs=1e-9 * size)
+
+
+@given(generators())
+@examples(30)
+def test_reactions_balance_the_loads(rng):
+    points, found, held, loads = random_case(rng)
+    state = frames.frame(points, found, held).solve(loads)
+    assert_balanced(points, loads + state.reactions)
+    np.testing.assert_array_equal(state.reactions[~held], 0.0)
+    np.testing.assert_array_equal(state.displacements[held], 0.0)
+
+
+@given(generators())
+@examples(30)
+def test_members_and_nodes_are_in_equilibrium(rng):
+    points, found, held, loads = random_case(rng)
+    state = frames.frame(points, found, held).solve(loads)
+    rest = loads + state.reactions
+    size = np.abs(state.end_forces).max()
+    for i, force in enumerate(state.end_forces):
+        span = points[found.end[i]] - points[found.start[i]]
+        axial, across, turn = force[:3] + force[3:]
+        assert max(abs(axial), abs(across)) < 1e-9 * size
+        assert abs(turn + abs(span) * force[4]) < 1e-9 * size * max(1.0, abs(span))
+        assert force[2] == 0.0 or not found.pinned_start[i]
+        assert force[5] == 0.0 or not found.pinned_end[i]
+        for at, node in ((0, found.start[i]), (3, found.end[i])):
+            pushed = (force[at] + 1j * force[at + 1]) * span / abs(span)
+            rest[node] -= [pushed.real, pushed.imag, force[at + 2]]
+    assert np.abs(rest).max() < 1e-9 * size
+
+
+@given(generators())
+@examples(30)
+def test_loads_do_the_work_that_members_store(rng):
+    points, found, held, loads = random_case(rng)
+    rows = random_rows(rng, points, found, held) if rng.random() < 0.5 else None
+    state = frames.frame(points, found, held, rows).solve(loads)
+    # A pinned end does no work by its rotation; supports and constraints do none at all.
+    stored = np.sum(along(points, found, state.displacements) * state.end_forces)
+    assert stored > 0.0
+    assert np.sum(loads * state.displacements) == pytest.approx(stored, rel=1e-9)
+
+
+@given(generators())
+@examples(30)
+def test_solutions_add_and_scale_with_the_loads(rng):
+    points, found, held, one = random_case(rng)
+    other, factor = frames.random_loads(rng, found, len(points)), rng.uniform(-3.0, 3.0)
+    frame = frames.frame(points, found, held)
+    first, second = frame.solve(one), frame.solve(other)
+    expected = tuple(
+        getattr(first, name) + factor * getattr(second, name)
+        for name in ('displacements', 'reactions', 'end_forces')
+    )
+    frames.assert_states_agree(frame.solve(one + factor * other), expected, 1e-9)
+
+
+def test_no_loads_no_response():
+    points, found, held, loads = random_case(np.random.default_rng(1))
+    state = frames.frame(points, found, held).solve(np.zeros_like(loads))
+    for values in (state.displacements, state.reactions, state.end_forces):
+        np.testing.assert_array_equal(values, 0.0)
+
+
+@given(generators())
+@examples(30)
+def test_softer_material_gives_more_by_the_same_factor(rng):
+    points, found, held, loads = random_case(rng)
+    state = frames.frame(points, found, held).solve(loads)
+    factor = 10.0 ** rng.uniform(-6.0, 6.0)
+    harder = replace(
+        found,
+        axial=factor * found.axial,
+        flexural=factor * found.flexural,
+        shear=factor * found.shear,
+    )
+    expected = (state.displacements / factor, state.reactions, state.end_forces)
+    frames.assert_states_agree(frames.frame(points, harder, held).solve(loads), expected, 1e-9)
+
+
+@given(generators())
+@examples(30)
+def test_another_unit_of_length_is_the_same_frame(rng):
+    points, found, held, loads = random_case(rng)
+    state = frames.frame(points, found, held).solve(loads)
+    unit = np.array([1e3, 1e3, 1.0])  # metres to millimetres; forces stay
+    in_millimetres = replace(found, flexural=1e6 * found.flexural)
+    other = frames.frame(1e3 * points, in_millimetres, held).solve(loads * [1.0, 1.0, 1e3])
+    moments = np.array([1.0, 1.0, 1e3])
+    expected = (
+        state.displacements * unit,
+        state.reactions * moments,
+        state.end_forces * np.tile(moments, 2),
+    )
+    frames.assert_states_agree(other, expected, 1e-9)
+
+
+@given(generators())
+@examples(30)
+def test_frames_turn_with_the_plane(rng):
+    points, found, held, loads = random_case(rng)
+    # Supports along x or y would not turn along: clamp or pin instead.
+    held[:, :2] |= held[:, :2].any(axis=1, keepdims=True)
+    assume(np.count_nonzero(~held) > 2)
+    state = frames.frame(points, found, held).solve(loads)
+    angle, shift = rng.uniform(-np.pi, np.pi), complex(*rng.uniform(-10.0, 10.0, 2))
+    turn = np.array(
+        [[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    )
+    other = frames.frame(points * np.exp(1j * angle) + shift, found, held).solve(loads @ turn)
+    expected = (state.displacements @ turn, state.reactions @ turn, state.end_forces)
+    frames.assert_states_agree(other, expected, 1e-8)
+
+
+@given(generators())
+@examples(30)
+def test_the_order_of_nodes_and_members_does_not_matter(rng):
+    points, found, held, loads = random_case(rng)
+    state = frames.frame(points, found, held).solve(loads)
+    nodes, order = rng.permutation(len(points)), rng.permutation(len(found.start))
+    place = np.argsort(nodes)
+    values = {name: getattr(found, name)[order] for name in found.__dataclass_fields__}
+    values['start'], values['end'] = place[values['start']], place[values['end']]
+    other = frames.frame(points[nodes], type(found)(**values), held[nodes]).solve(loads[nodes])
+    expected = (state.displacements[nodes], state.reactions[nodes], state.end_forces[order])
+    frames.assert_states_agree(other, expected, 1e-9)
+
+
+@given(generators())
+@examples(30)
+def test_stiffness_is_symmetric_and_rigid_motion_needs_no_force(rng):
+    points, found, held = frames.random_frame(rng)
+    stiffness = frames.frame(points, found, held).stiffness.toarray()
+    largest = np.abs(stiffness).max()
+    assert np.abs(stiffness - stiffness.T).max() < 1e-12 * largest
+    assert np.linalg.eigvalsh(stiffness)[0] > -1e-12 * largest
+    shift, turn = rng.uniform(-1.0, 1.0, 2), rng.uniform(-1.0, 1.0)
+    moved = shift[0] + 1j * shift[1] + 1j * turn * points
+    motion = np.stack([moved.real, moved.imag, np.full(len(points), turn)], axis=1).ravel()
+    assert np.abs(stiffness @ motion).max() < 1e-12 * largest
+
+
+# -- Constraints --
+
+
+@given(generators())
+@examples(30)
+def test_constraints_hold_and_do_no_work(rng):
+    points, found, held, loads = random_case(rng)
+    rows = random_rows(rng, points, found, held)
+    frame = frames.frame(points, found, held, rows)
+    state = frame.solve(loads)
+    moved = state.displacements.ravel()
+    assert np.abs(rows @ moved).max() < 1e-10 * np.abs(moved).max()
+    # What is out of balance is the constraints' force: no motion that they allow meets it.
+    rest = frame.stiffness @ moved - (loads + state.reactions).ravel()
+    allowed = null_space(rows)
+    assert np.abs(allowed.T @ rest).max() < 1e-8 * np.abs(rest).max()
+
+
+@given(generators())
+@examples(30)
+def test_the_length_of_a_constraint_row_means_nothing(rng):
+    points, found, held, loads = random_case(rng)
+    rows = random_rows(rng, points, found, held)
+    state = frames.frame(points, found, held, rows).solve(loads)
+    factors = 10.0 ** rng.uniform(-6.0, 6.0, (len(rows), 1))
+    other = frames.frame(points, found, held, factors * rows).solve(loads)
+    expected = (state.displacements, state.reactions, state.end_forces)
+    frames.assert_states_agree(other, expected, 1e-9)
+
+
+@given(generators())
+@examples(30)
+def test_constraints_between_nodes_leave_the_balance_of_reactions(rng):
+    points, found, held, loads = random_case(rng)
+    # Two nodes keep their distance: a motion that no rigid motion changes.
+    a, b = rng.choice(len(points), 2, replace=False)
+    if held[[a, b], :2].all():
+        return
+    unit = (points[b] - points[a]) / abs(points[b] - points[a])
+    row = np.zeros((len(points), 3))
+    row[b, :2], row[a, :2] = [unit.real, unit.imag], [-unit.real, -unit.imag]
+    if np.abs(row[~held]).max() < 0.1:
+        return
+    state = frames.frame(points, found, held, row.reshape(1, -1)).solve(loads)
+    assert_balanced(points, loads + state.reactions)
+
+
+def test_a_constraint_stands_in_for_a_support():
+    points, found, held, loads = random_case(np.random.default_rng(5), pins=0.0)
+    state = frames.frame(points, found, held).solve(loads)
+    node, axis = np.argwhere(held)[0]
+    fewer, row = held.copy(), np.zeros(held.shape)
+    fewer[node, axis] = False
+    row[node, axis] = 2.0
+    other = frames.frame(points, found, fewer, row.reshape(1, -1)).solve(loads)
+    for name in ('displacements', 'end_forces'):
+        expected = getattr(state, name)
+        np.testing.assert_allclose(
+            getattr(other, name), expected, atol=1e-9 * np.abs(expected).max()
+        )
+
+
+# -- Mechanisms --
+
+
+def moving(points, found, held, rows=None, names=None):
+    """Return the names of what moves according to the refusal of a frame."""
+    frame = frames.frame(points, found, held, rows, names)
+    with pytest.raises(StructureError) as caught:
+        frame.solve(np.ones((len(points), 3)))
+    assert isinstance(caught.value, IsotrussError)
+    said = re.search(r'mechanism: (.*) can move without resistance', str(caught.value))
+    assert said, str(caught.value)
+    return set(said.group(1).split(', '))
+
+
+@pytest.fixture(params=['dense', 'sparse'])
+def path(request, monkeypatch):
+    """Solve with dense or with sparse factors, whatever the size."""
+    limit = 10**6 if request.param == 'dense' else 0
+    monkeypatch.setattr(isotruss_ros.core.statics.frame, 'DENSE_UP_TO', limit)
+
+
+SQUARE = [0.0, 1.0, 1.0 + 1.0j, 1.0j]
+RING = [[0, 1], [1, 2], [2, 3], [3, 0]]
+PINNED = [(member, end) for member in range(4) for end in (0, 1)]
+
+
+@pytest.mark.usefixtures('path')
+@pytest.mark.parametrize('angle', [0.0, 0.4, np.pi / 2, 2.0])
+def test_a_pinned_square_names_its_upper_corners(angle):
+    points = np.array(SQUARE) * np.exp(1j * angle)
+    held = frames.supports(4, {0: 'xy', 1: 'xy'})
+    assert moving(points, frames.members(RING, 1e4, 25.0, 1e3, PINNED), held) == {'n2', 'n3'}
+    # One stiff corner, or a diagonal, and it stands.
+    stiff = frames.members(RING, 1e4, 25.0, 1e3, PINNED[:3] + PINNED[5:])
+    frames.frame(points, stiff, held).solve(np.zeros((4, 3)))
+    braced = frames.members([*RING, [0, 2]], 1e4, 25.0, 1e3, [*PINNED, (4, 0), (4, 1)])
+    frames.frame(points, braced, held).solve(np.zeros((4, 3)))
+
+
+@pytest.mark.usefixtures('path')
+@pytest.mark.parametrize('held', [{}, {0: 'x'}, {0: 'xy'}, {0: 'y', 1: 'y'}, {2: 'xr'}])
+def test_missing_supports_name_all_that_they_would_hold(held):
+    found = frames.members(RING, 1e4, 25.0, 1e3)
+    names = moving(SQUARE, found, frames.supports(4, held))
+    still = {f'n{i}' for i, axes in held.items() if axes == 'xy'}
+    # A pinned support stays where it is, but turns.
+    assert names | still == {'n0', 'n1', 'n2', 'n3'}
+
+
+@pytest.mark.usefixtures('path')
+def test_a_node_that_nothing_is_connected_to_is_named():
+    found = frames.members(RING, 1e4, 25.0, 1e3)
+    held = frames.supports(5, {0: 'xy', 1: 'xy'})
+    names = ['P', 'Q', 't/P/B', 't/P/C', 'lost']
+    assert moving([*SQUARE, 0.5 + 3.0j], found, held, names=names) == {'lost'}
+
+
+@pytest.mark.usefixtures('path')
+@given(generators())
+@examples(30)
+def test_a_bar_that_hangs_from_one_pin_is_named_at_its_free_end(rng):
+    points, found, held, _ = random_case(rng)
+    n, k = len(points), len(found.start)
+    ends = np.stack([found.start, found.end], axis=1)
+    pins = np.stack([found.pinned_start, found.pinned_end], axis=1)
+    hung = frames.members(
+        [*ends, [int(rng.integers(n)), n]],
+        [*found.axial, 1e4],
+        [*found.flexural, 25.0],
+        [*found.shear, 1e3],
+        [*np.argwhere(pins), (k, 0), (k, 1)],
+    )
+    points = np.append(points, complex(*rng.uniform(3.0, 5.0, 2)))
+    assert moving(points, hung, np.pad(held, ((0, 1), (0, 0)))) == {f'n{n}'}
+
+
+@pytest.mark.usefixtures('path')
+@pytest.mark.parametrize('angle', [0.0, np.pi / 2, np.pi, -np.pi / 2, 0.3])
+@given(rng=generators())
+@examples(10)
+def test_a_node_between_two_bars_in_line_is_named(angle, rng):
+    # Rounding across the bars once held it up.
+    first, last = rng.uniform(0.1, 3.0, 2)
+    unit = {0.0: 1.0, np.pi / 2: 1j, np.pi: -1.0, -np.pi / 2: -1j}.get(angle, np.exp(1j * angle))
+    rigidities = 10.0 ** rng.uniform([[2.0], [-1.0], [1.0]], [[6.0], [4.0], [6.0]], (3, 2))
+    shear = np.inf if rng.random() < 0.5 else rigidities[2]
+    found = frames.members([[0, 1], [1, 2]], *rigidities[:2], shear, PINNED[:4])
+    points = np.array([0.0, first, first + last]) * unit
+    assert moving(points, found, frames.supports(3, {0: 'xy', 2: 'xy'})) == {'n1'}
+
+
+@pytest.mark.usefixtures('path')
+@pytest.mark.parametrize('wobble', [0.0, 1e-16, -1e-13])
+def test_a_bar_that_is_nearly_upright_holds_nothing_sideways(wobble):
+    # Sideways there is only what rounding leaves. The cantilever beside it stands.
+    found = frames.members([[0, 1], [0, 2]], 1e4, 25.0, 1e3, PINNED[:2])
+    points = [0.0, 1.0j + wobble, 1.0]
+    assert moving(points, found, frames.supports(3, {0: 'xyr', 1: 'y'})) == {'n1'}
+    assert moving(points, found, frames.supports(3, {0: 'xyr'})) == {'n1'}
+
+
+@pytest.mark.usefixtures('path')
+def test_three_hinges_in_line_are_named_and_an_arch_stands():
+    pins = [(0, 0), (0, 1), (1, 0), (1, 1)]
+    found = frames.members([[0, 1], [1, 2]], 1e4, 25.0, 1e3, pins)
+    held = frames.supports(3, {0: 'xy', 2: 'xy'})
+    assert moving([0.0, 1.0 + 0.5j, 2.0 + 1.0j], found, held) == {'n1'}
+    state = frames.frame([0.0, 1.0 + 0.1j, 2.0], found, held).solve(
+        np.array([[0.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 0.0]])
+    )
+    # Each bar carries half the load at a slope of one in ten.
+    assert state.reactions[0, 0] == pytest.approx(5.0)
+
+
+@pytest.mark.usefixtures('path')
+def test_a_constraint_can_hold_a_mechanism():
+    held = frames.supports(4, {0: 'xy', 1: 'xy'})
+    found = frames.members(RING, 1e4, 25.0, 1e3, PINNED)
+    row = np.zeros((4, 3))
+    row[2, 0] = row[3, 0] = 1.0
+    loads = np.zeros((4, 3))
+    loads[2, 0] = 1.0
+    state = frames.frame(SQUARE, found, held, row.reshape(1, -1)).solve(loads)
+    # Half goes through the upper bar, which gives 0.5/EA; its ends share that.
+    np.testing.assert_allclose(state.displacements[2:, 0], [0.25e-4, -0.25e-4])
+
+
+# -- Numbers --
+
+
+@given(generators())
+@examples(30)
+def test_dense_and_sparse_factors_agree(rng):
+    points, found, held, loads = random_case(rng)
+    rows = random_rows(rng, points, found, held)
+    states = []
+    for limit in (10**6, 0):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(isotruss_ros.core.statics.frame, 'DENSE_UP_TO', limit)
+            states.append(frames.frame(points, found, held, rows).solve(loads))
+    dense, sparse = states
+    expected = (dense.displacements, dense.reactions, dense.end_forces)
+    frames.assert_states_agree(sparse, expected, 1e-9)
+
+
+def exact_stiffness(start, end, length, axial, flexural, shear):
+    """Return the (6, 6) stiffness in the plane, in fractions; Przemieniecki, section 5.6."""
+    c, s = (end[0] - start[0]) / length, (end[1] - start[1]) / length
+    ratio = 12 * flexural / (shear * length**2)
+    bend = flexural / ((1 + ratio) * length**3)
+    near, far = (4 + ratio) * length**2 * bend, (2 - ratio) * length**2 * bend
+    x, v, m = axial / length, 12 * bend, 6 * length * bend
+    local = [
+        [x, 0, 0, -x, 0, 0],
+        [0, v, m, 0, -v, m],
+        [0, m, near, 0, -m, far],
+        [-x, 0, 0, x, 0, 0],
+        [0, -v, -m, 0, v, -m],
+        [0, m, far, 0, -m, near],
+    ]
+    turn = [[0] * 6 for _ in range(6)]
+    for at in (0, 3):
+        turn[at][at] = turn[at + 1][at + 1] = c
+        turn[at][at + 1], turn[at + 1][at], turn[at + 2][at + 2] = s, -s, 1
+    half = [[sum(local[i][k] * turn[k][j] for k in range(6)) for j in range(6)] for i in range(6)]
+    return [[sum(turn[k][i] * half[k][j] for k in range(6)) for j in range(6)] for i in range(6)]
+
+
+def exact_solve(matrix, right):
+    """Return the solution of a linear system in fractions, by elimination."""
+    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
+    for i in range(len(rows)):
+        pivot = next(k for k in range(i, len(rows)) if rows[k][i] != 0)
+        rows[i], rows[pivot] = rows[pivot], rows[i]
+        rows[i] = [value / rows[i][i] for value in rows[i]]
+        for k in range(len(rows)):
+            if k != i and rows[k][i] != 0:
+                rows[k] = [a - rows[k][i] * b for a, b in zip(rows[k], rows[i], strict=True)]
+    return [row[-1] for row in rows]
+
+
+@pytest.mark.usefixtures('path')
+@pytest.mark.parametrize('contrast', [1.0, 1e3, 1e6])
+@pytest.mark.parametrize('hard', [[1], [0, 2], [3, 4], [0, 1, 2, 3]])
+def test_hard_and_soft_parts_together_keep_their_accuracy(contrast, hard):
+    # All lengths are whole numbers, so that the solution is a fraction.
+    nodes = [(0, 0), (0, 4), (3, 4), (3, 0), (6, 4)]
+    ends = [[0, 1], [1, 2], [2, 3], [0, 2], [2, 4]]
+    lengths = [4, 3, 4, 5, 3]
+    rigidities = np.array([1.9e4, 25.0, 1.9e3]) * np.ones((5, 1))
+    rigidities[hard] *= contrast
+    size = 3 * len(nodes)
+    matrix = [[Fraction(0)] * size for _ in range(size)]
+    for (a, b), length, values in zip(ends, lengths, rigidities.tolist(), strict=True):
+        part = exact_stiffness(nodes[a], nodes[b], Fraction(length), *map(Fraction, values))
+        place = [*range(3 * a, 3 * a + 3), *range(3 * b, 3 * b + 3)]
+        for i in range(6):
+            for j in range(6):
+                matrix[place[i]][place[j]] += part[i][j]
+    held = frames.supports(5, {0: 'xyr', 3: 'xy'})
+    loads = np.random.default_rng(2).integers(-9, 10, (5, 3)).astype(float)
+    free = np.flatnonzero(~held.ravel())
+    expected = np.zeros(size)
+    expected[free] = exact_solve(
+        [[matrix[i][j] for j in free] for i in free],
+        [Fraction(loads.ravel()[i]) for i in free],
+    )
+    found = frames.members(ends, *rigidities.T)
+    state = frames.frame([complex(*node) for node in nodes], found, held).solve(loads)
+    moved = state.displacements.ravel()
+    for part in (np.arange(size) % 3 == 2, np.arange(size) % 3 != 2):
+        error = np.abs(moved - expected)[part].max() / np.abs(expected[part]).max()
+        assert error < 1e-9
+    pulled = np.array([sum(row[j] * Fraction(moved[j]) for j in free) for row in matrix])
+    reactions = pulled.astype(float) - loads.ravel()
+    np.testing.assert_allclose(
+        state.reactions.ravel()[held.ravel()],
+        reactions[held.ravel()],
+        atol=1e-8 * np.abs(reactions).max(),
+    )
+
+
+def test_a_tube_cut_every_5_mm_bends_as_in_the_book():
+    pieces, length = 600, 3.0
+    points = np.linspace(0.0, length, pieces + 1)
+    ends = np.stack([np.arange(pieces), np.arange(pieces) + 1], axis=1)
+    found = frames.members(ends, 1.9e4, 25.0, 1.9e3)
+    loads = np.zeros((pieces + 1, 3))
+    loads[-1] = [5.0, 7.0, 0.0]
+    state = frames.frame(points, found, frames.supports(pieces + 1, {0: 'xyr'})).solve(loads)
+    expected = 7.0 * (length**3 / (3.0 * 25.0) + length / 1.9e3)
+    assert state.displacements[-1, 1] == pytest.approx(expected, rel=1e-7)
+    assert state.displacements[-1, 0] == pytest.approx(5.0 * length / 1.9e4, rel=1e-9)
+    np.testing.assert_allclose(state.reactions[0], [-5.0, -7.0, -7.0 * length], rtol=1e-7)
+
+
+# -- Corners of the interface --
+
+
+def test_where_all_is_pinned_there_is_no_rotation():
+    pins = [(0, 1), (1, 1)]
+    found = frames.members([[0, 1], [2, 1]], 1e4, 25.0, 1e3, pins)
+    held = frames.supports(3, {0: 'xyr', 2: 'xyr'})
+    loads = np.zeros((3, 3))
+    loads[1, :2] = 1.0, -2.0
+    state = frames.frame([0.0, 1.0, 1.0 + 1.0j], found, held).solve(loads)
+    assert state.displacements[1, 2] == 0.0
+    np.testing.assert_array_equal(state.end_forces[:, 5], 0.0)
+
+
+def test_loads_on_supports_go_straight_into_them():
+    points, found, held, _ = random_case(np.random.default_rng(3))
+    loads = np.where(held, 5.0, 0.0)
+    state = frames.frame(points, found, held).solve(loads)
+    np.testing.assert_array_equal(state.reactions, -loads)
+    np.testing.assert_array_equal(state.displacements, 0.0)
+
+
+def test_solving_changes_no_argument_and_repeats():
+    points, found, held, loads = random_case(np.random.default_rng(4))
+    before = loads.copy(), held.copy(), points.copy()
+    frame = frames.frame(points, found, held)
+    first, second = frame.solve(loads), frame.solve(loads)
+    for now, then in zip((loads, held, points), before, strict=True):
+        np.testing.assert_array_equal(now, then)
+    np.testing.assert_array_equal(first.displacements, second.displacements)
+    np.testing.assert_array_equal(first.reactions, second.reactions)

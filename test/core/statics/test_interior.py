@@ -1,0 +1,165 @@
+"""Points inside members: against members that are cut there, and against what is known."""
+
+from hypothesis import given, strategies
+from isotruss_ros.core.statics.interior import InteriorPoints
+import numpy as np
+import pytest
+import robots
+import tubes
+
+PINS = ((False, False), (True, False), (False, True))
+
+generators = robots.generators()
+pins = strategies.sampled_from(PINS)
+
+
+def random_points(rng, members, points, pinned=None):
+    """Return points on members of any rigidities, one of three without shear deformation."""
+    length = rng.uniform(0.1, 3.0, members)
+    member = rng.integers(members, size=points)
+    return InteriorPoints(
+        member,
+        length[member] * rng.uniform(0.0, 1.0, points),
+        length,
+        10.0 ** rng.uniform(2.0, 6.0, members),
+        10.0 ** rng.uniform(0.0, 4.0, members),
+        np.where(rng.random(members) < 1 / 3, np.inf, 10.0 ** rng.uniform(2.0, 6.0, members)),
+        np.array([PINS[i] for i in rng.integers(len(PINS), size=members)])
+        if pinned is None
+        else np.tile(pinned, (members, 1)),
+    )
+
+
+def cut(inside, member):
+    """Return the places of the points of a member, and its stiffness with nodes there."""
+    here = np.flatnonzero(inside.member == member)
+    here = here[np.argsort(inside.place[here])]
+    matrix = tubes.cut_member(
+        inside.length[member],
+        inside.axial[member],
+        inside.flexural[member],
+        inside.shear[member],
+        inside.pinned[member],
+        inside.place[here],
+    )
+    return here, matrix
+
+
+def parts(matrix):
+    """Return the coupling of inner nodes to the ends, and their own stiffness."""
+    size = len(matrix)
+    inner = np.arange(3, size - 3)
+    ends = np.setdiff1d(np.arange(size), inner)
+    return matrix[np.ix_(inner, ends)], matrix[np.ix_(inner, inner)]
+
+
+@robots.examples(100)
+@given(generators, pins)
+def test_shapes_are_those_of_a_member_cut_at_the_points(rng, pinned):
+    inside = random_points(rng, 3, 12, pinned)
+    shapes = inside.shapes()
+    assert shapes.shape == (12, 2, 6)
+    for member in range(3):
+        here, matrix = cut(inside, member)
+        coupling, own = parts(matrix)
+        if len(here) == 0:
+            continue
+        expected = -np.linalg.solve(own, coupling).reshape(-1, 3, 6)[:, :2]
+        assert shapes[here] == pytest.approx(expected, rel=1e-8, abs=1e-8)
+
+
+@robots.examples(100)
+@given(generators, pins)
+def test_compliance_is_that_of_a_member_cut_at_the_points(rng, pinned):
+    inside = random_points(rng, 3, 12, pinned)
+    compliance = inside.compliance()
+    assert compliance.shape == (2, 12, 12)
+    for member in range(3):
+        here, matrix = cut(inside, member)
+        if len(here) == 0:
+            continue
+        own = np.linalg.inv(parts(matrix)[1])
+        own = own.reshape(len(here), 3, len(here), 3)
+        for axis in range(2):
+            expected = own[:, axis, :, axis]
+            found = compliance[axis][np.ix_(here, here)]
+            assert found == pytest.approx(expected, rel=1e-7, abs=1e-9 * expected.max())
+
+
+@robots.examples(60)
+@given(generators)
+def test_members_give_alike_both_ways_and_apart_not_at_all(rng):
+    inside = random_points(rng, 4, 15)
+    compliance = inside.compliance()
+    # Maxwell and Betti: what one point gives under a force at another is what that gives there.
+    scale = compliance.max(axis=(1, 2), keepdims=True)
+    assert (np.abs(compliance - compliance.transpose(0, 2, 1)) <= 1e-12 * scale).all()
+    apart = inside.member[:, None] != inside.member
+    assert (compliance[:, apart] == 0.0).all()
+    assert np.linalg.eigvalsh(compliance).min() >= -1e-12 * scale.max()
+
+
+@robots.examples(60)
+@given(generators)
+def test_rigid_motions_of_the_ends_are_those_of_the_points(rng):
+    inside = random_points(rng, 5, 20)
+    length, shapes = inside.length[inside.member], inside.shapes()
+    along, across, turn = rng.normal(size=3)
+    ends = np.zeros((20, 6))
+    ends[:, [0, 3]], ends[:, [1, 4]], ends[:, [2, 5]] = along, across, turn
+    ends[:, 4] += turn * length
+    moved = np.einsum('cai,ci->ca', shapes, ends)
+    assert moved[:, 0] == pytest.approx(np.full(20, along), rel=1e-12)
+    assert moved[:, 1] == pytest.approx(across + turn * inside.place, rel=1e-12, abs=1e-12)
+
+
+@robots.examples(30)
+@given(generators)
+def test_the_ends_themselves_move_as_they_do_and_do_not_give(rng):
+    inside = random_points(rng, 6, 6)
+    for end in (0, 1):
+        at = InteriorPoints(
+            np.arange(6),
+            end * inside.length,
+            inside.length,
+            inside.axial,
+            inside.flexural,
+            inside.shear,
+            inside.pinned,
+        )
+        expected = np.zeros((6, 2, 6))
+        expected[:, 0, 3 * end] = expected[:, 1, 3 * end + 1] = 1.0
+        assert at.shapes() == pytest.approx(expected, abs=1e-12)
+        softest = inside.length**3 / inside.flexural + inside.length / inside.shear
+        assert np.abs(at.compliance()).max() <= 1e-12 * softest.max()
+
+
+def test_midspan_of_clamped_and_propped_beams_is_as_in_the_tables():
+    one = np.ones(1)
+    length, flexural, shear = 1.7, 25.0, 1.9e3
+    for pinned, bending in (
+        ((False, False), length**3 / (192.0 * flexural)),
+        ((True, False), 7.0 * length**3 / (768.0 * flexural)),
+        ((False, True), 7.0 * length**3 / (768.0 * flexural)),
+    ):
+        slender = InteriorPoints(
+            np.zeros(1, dtype=int),
+            0.5 * length * one,
+            length * one,
+            1e4 * one,
+            flexural * one,
+            np.inf * one,
+            np.array([pinned]),
+        )
+        assert slender.compliance().ravel() == pytest.approx([length / 4e4, bending], rel=1e-12)
+    sheared = InteriorPoints(
+        np.zeros(1, dtype=int),
+        0.5 * length * one,
+        length * one,
+        1e4 * one,
+        flexural * one,
+        shear * one,
+        np.zeros((1, 2), dtype=bool),
+    )
+    expected = length**3 / (192.0 * flexural) + length / (4.0 * shear)
+    assert sheared.compliance()[1, 0, 0] == pytest.approx(expected, rel=1e-12)

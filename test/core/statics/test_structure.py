@@ -1,0 +1,690 @@
+"""The robot as a frame against the system of equation (4), written down here from the paper."""
+
+from dataclasses import replace
+
+import frames
+from hypothesis import given, strategies
+from isotruss_ros.core import deform, load_robot, Robot
+from isotruss_ros.core.errors import IsotrussError, StructureError
+from isotruss_ros.core.statics.beam import local_stiffness
+import isotruss_ros.core.statics.frame
+from isotruss_ros.core.statics.structure import Structure, structure_of, tube_pieces
+from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
+import numpy as np
+import pytest
+import robots
+from robots import examples, generators, PRESETS
+
+
+def visits(description):
+    """Return (tube, joint, next joint, joint before) of each module, in order."""
+    return [
+        (tube.name, joint, tube.joints[(i + 1) % len(tube.joints)], tube.joints[i - 1])
+        for tube in description.tubes
+        for i, joint in enumerate(tube.joints)
+    ]
+
+
+def places(config):
+    """Return the positions of all nodes by name: those of the configuration, and D and E."""
+    description = config.robot.description
+    points = dict(zip(config.robot.node_names, config.points.tolist(), strict=True))
+    ring = description.module.guide_ring_distance
+    for tube, joint, ahead, behind in visits(description):
+        b, c = points[f'{tube}/{joint}/B'], points[f'{tube}/{joint}/C']
+        to_next, to_previous = points[f'{tube}/{ahead}/C'] - b, points[f'{tube}/{behind}/B'] - c
+        points[f'{tube}/{joint}/D'] = b + ring * to_next / abs(to_next)
+        points[f'{tube}/{joint}/E'] = c + ring * to_previous / abs(to_previous)
+    return points
+
+
+def bisection(a, b, c, d, e):
+    """Return the difference of the angles of (3)."""
+    rod = 0.5 * (b + c) - a
+
+    def angle(v):
+        cross = rod.real * v.imag - rod.imag * v.real
+        return np.arctan2(abs(cross), rod.real * v.real + rod.imag * v.imag)
+
+    return angle(d - b) - angle(e - c)
+
+
+def gradient(points):
+    """Return the derivative (5, 2) of the bisection by x and y of A, B, C, D and E."""
+    found = np.zeros((5, 2))
+    for i in range(5):
+        for axis, unit in enumerate((1.0, 1j)):
+            slopes = []
+            for step in (1e-4, 2e-4):
+                moved = np.array([points, points])
+                moved[:, i] += [step * unit, -step * unit]
+                slopes.append((bisection(*moved[0]) - bisection(*moved[1])) / (2.0 * step))
+            found[i, axis] = (4.0 * slopes[0] - slopes[1]) / 3.0
+    return found
+
+
+def from_scratch(config):
+    """
+    Return names, points, members, supports and constraint rows of the robot, as in Fig. 1b.
+
+    Members are in the order of the modules here: AB, AC, BC, the pieces BD and CE, DE'. The guide
+    arms act by the constraint rows alone: they hold nothing along the tube.
+    """
+    description = config.robot.description
+    points = places(config)
+    names = list(points)
+    number = {name: i for i, name in enumerate(names)}
+    lengths = dict(zip(config.robot.member_names, config.member_lengths, strict=True))
+    ends, rigidities, pins, rows = [], [], [], []
+
+    def add(start, end, values, pinned):
+        pins.extend((len(ends), at) for at in pinned)
+        ends.append((number[start], number[end]))
+        rigidities.append(values)
+
+    def tube_values(member):
+        found = tube_stiffness(description).section_stiffness(
+            [lengths[member]], description.pressures[member.split('/')[0]]
+        )
+        return found.axial[0], found.flexural[0], found.shear[0]
+
+    hard = (description.module.axial_rigidity, description.module.flexural_rigidity, np.inf)
+    for tube, joint, ahead, behind in visits(description):
+        module = f'{tube}/{joint}'
+        b, c, d, e = (f'{module}/{node}' for node in 'BCDE')
+        leaving, entering = f'{module}-{ahead}', f'{tube}/{behind}-{joint}'
+        add(joint, b, hard, (0,))
+        add(joint, c, hard, (0,))
+        add(b, c, hard, ())
+        add(b, d, tube_values(leaving), (0,))
+        add(c, e, tube_values(entering), (0,))
+        add(d, f'{tube}/{ahead}/E', tube_values(leaving), ())
+        row = np.zeros((len(names), 3))
+        nodes = [joint, b, c, d, e]
+        row[[number[node] for node in nodes], :2] = gradient([points[node] for node in nodes])
+        rows.append(row.ravel())
+    held = frames.supports(
+        len(names), {number[joint]: axes for joint, axes in description.supports.items()}
+    )
+    found = frames.members(ends, *np.array(rigidities).T, pins)
+    return names, np.array(list(points.values())), found, held, np.array(rows)
+
+
+def random_loads(rng, robot):
+    """Return loads on some of the joints; at least one of these can move."""
+    joints = list(robot.description.joints)
+    chosen = set(rng.choice(joints, int(rng.integers(0, len(joints))), replace=False).tolist())
+    held = robot.description.supports
+    chosen.add(rng.choice([joint for joint in joints if len(held.get(joint, ())) < 2]).item())
+    return {joint: rng.uniform(-20.0, 20.0, 2) for joint in joints if joint in chosen}
+
+
+def cases():
+    """Return a strategy of configurations of presets and random robots, with loads."""
+
+    def case(robot, rng):
+        return robots.random_state(robot, rng), random_loads(rng, robot)
+
+    return strategies.builds(
+        case,
+        strategies.one_of(strategies.sampled_from(PRESETS).map(load_robot), robots.robots()),
+        generators(),
+    )
+
+
+def displacements(deformation):
+    """Return how all nodes move, (n, 3)."""
+    names = deformation.structure.node_names
+    return np.array([deformation.displacement(name) for name in names])
+
+
+def size(deformation):
+    """Return the largest translation [m]."""
+    return np.abs(displacements(deformation)[:, :2]).max()
+
+
+# -- Against equation (4) --
+
+
+@given(cases())
+@examples(30)
+def test_agrees_with_the_system_of_the_paper(case):
+    config, joint_loads = case
+    names, points, found, held, rows = from_scratch(config)
+    loads = np.zeros((len(names), 3))
+    for joint, force in joint_loads.items():
+        loads[names.index(joint), :2] = force
+    moved, reactions, forces = frames.reference(points, found, held, loads, rows)
+    deformation = deform(config, joint_loads)
+    actual = np.array([deformation.displacement(name) for name in names])
+    for columns in ([0, 1], [2]):
+        difference = np.abs(actual - moved)[:, columns].max()
+        assert difference < 1e-7 * np.abs(moved[:, columns]).max()
+    largest = max(np.abs(reactions).max(), np.abs(forces).max())
+    assert set(deformation.reactions) == set(config.robot.description.supports)
+    for joint, reaction in deformation.reactions.items():
+        expected = reactions[names.index(joint)]
+        np.testing.assert_allclose([*reaction, 0.0], expected, atol=1e-7 * largest)
+    # Every sixth member is a long piece DE'.
+    assert tuple(deformation.end_forces) == config.robot.member_names
+    for pushed, expected in zip(deformation.end_forces.values(), forces[5::6], strict=True):
+        np.testing.assert_allclose(pushed.ravel(), expected, atol=1e-7 * largest)
+
+
+@pytest.mark.parametrize('name', PRESETS)
+def test_dense_and_sparse_factors_agree(name, monkeypatch):
+    robot = load_robot(name)
+    config = robots.random_state(robot, np.random.default_rng(1))
+    loads = random_loads(np.random.default_rng(2), robot)
+    found = []
+    for limit in (10**6, 0):
+        monkeypatch.setattr(isotruss_ros.core.statics.frame, 'DENSE_UP_TO', limit)
+        found.append(deform(config, loads))
+    dense, sparse = (displacements(deformation) for deformation in found)
+    np.testing.assert_allclose(sparse, dense, atol=1e-9 * np.abs(dense).max())
+
+
+def test_nodes_are_those_of_the_configuration_with_the_guide_rings():
+    config = load_robot('nine_member').configuration(np.zeros(6))
+    structure = Structure(config)
+    expected = places(config)
+    assert set(structure.node_names) == set(expected)
+    for name, point in zip(structure.node_names, structure.frame.points, strict=True):
+        assert point == pytest.approx(expected[name], abs=1e-14)
+        assert structure.node_names[structure.node(name)] == name
+
+
+@pytest.mark.parametrize('name', PRESETS)
+def test_cutting_members_changes_nothing_at_the_nodes(name):
+    robot = load_robot(name)
+    config = robots.random_state(robot, np.random.default_rng(3))
+    names, points, found, held, rows = from_scratch(config)
+    n, k = len(points), len(found.start)
+    middles = n + np.arange(k)
+    cut = frames.members(
+        np.stack([[found.start, middles], [middles, found.end]]).transpose(0, 2, 1),
+        *(np.tile(x, 2) for x in (found.axial, found.flexural, found.shear)),
+    )
+    cut = replace(cut, pinned_start=np.concatenate([found.pinned_start, np.zeros(k, dtype=bool)]))
+    loads = np.zeros((n, 3))
+    loads[names.index('T' if name == 'triangle' else 'Z'), :2] = 3.0, -20.0
+    expected = frames.frame(points, found, held, rows).solve(loads).displacements
+    more = frames.frame(
+        [*points, *(0.3 * points[found.start] + 0.7 * points[found.end])],
+        cut,
+        np.pad(held, ((0, k), (0, 0))),
+        np.pad(rows, ((0, 0), (0, 3 * k))),
+    )
+    moved = more.solve(np.pad(loads, ((0, k), (0, 0)))).displacements[:n]
+    np.testing.assert_allclose(moved, expected, atol=1e-9 * np.abs(expected).max())
+
+
+# -- Members cut into pieces, guide rings included --
+
+STIFFNESSES = {
+    'inflatable_beam': {'model': 'inflatable_beam'},
+    'section': {
+        'model': 'section',
+        'axial_rigidity': 1.9e4,
+        'flexural_rigidity': 25.0,
+        'shear_rigidity': 1.9e3,
+    },
+    'power_law': {
+        'model': 'power_law',
+        'axial': {'C': 8.0, 'a': 0.6, 'b': -0.1},
+        'transverse': {'C': 1.0, 'a': 0.6, 'b': -2.4},
+        'rotary': {'C': 0.6, 'a': 0.6, 'b': -0.3},
+    },
+}
+
+
+def equilateral(length, stiffness):
+    """Return the preset `triangle` with members of a length, and one of the stiffness models."""
+    file = load_robot('triangle').description
+    side = length + abs(complex(*file.joints['R'])) - 1.02
+    corners = {'L': 0j, 'R': side + 0j, 'T': side * np.exp(1j * np.pi / 3.0)}
+    joints = {name: (z.real, z.imag) for name, z in corners.items()}
+    return Robot(
+        replace(file, joints=joints, stiffness=stiffness, min_length=0.24, max_length=3.1)
+    )
+
+
+@pytest.mark.parametrize('model', STIFFNESSES)
+def test_pieces_have_together_the_end_stiffnesses_of_their_member(model):
+    """Pinch to pinch, cut at both guide rings, in all three modes."""
+    for length in np.linspace(0.25, 3.0, 12):
+        robot = equilateral(length, STIFFNESSES[model])
+        (pressure,) = robot.description.pressures.values()
+        assert robot.home.member_lengths == pytest.approx([length] * 3, rel=1e-9)
+        structure = Structure(robot.home)
+        frame, members = structure.frame, structure.frame.members
+        first, last, middle = tube_pieces(3)
+        chain = np.array([first[0], middle[0], last[robot.topology.following[0]]])
+        pieces = np.abs(frame.points[members.end[chain]] - frame.points[members.start[chain]])
+        assert pieces == pytest.approx([0.08, length - 0.16, 0.08], rel=1e-9)
+        matrices = local_stiffness(
+            pieces, members.axial[chain], members.flexural[chain], members.shear[chain]
+        )
+        # C' E' runs backward along the member; turned about, a beam is itself.
+        together = np.zeros((12, 12))
+        for i, matrix in enumerate(matrices):
+            place = np.arange(3 * i, 3 * i + 6)
+            together[np.ix_(place, place)] += matrix
+        ends, rings = [0, 1, 2, 9, 10, 11], list(range(3, 9))
+        coupling = together[np.ix_(ends, rings)]
+        together = together[np.ix_(ends, ends)] - coupling @ np.linalg.solve(
+            together[np.ix_(rings, rings)], coupling.T
+        )
+        section = structure.tube.section_stiffness([length], pressure)
+        (whole,) = local_stiffness(np.array([length]), *section)
+        for mode in range(3):
+            assert together[mode, mode] == pytest.approx(whole[mode, mode], rel=1e-9)
+        np.testing.assert_allclose(together, whole, atol=1e-9 * np.abs(whole).max())
+
+
+@pytest.mark.parametrize('model', STIFFNESSES)
+@pytest.mark.parametrize('length', [0.25, 1.13, 3.0])
+def test_guide_rings_leave_the_axial_stiffness_of_a_member_as_it_is(model, length):
+    """A module that moves along a member meets the member's axial stiffness and no more."""
+    robot = equilateral(length, STIFFNESSES[model])
+    (pressure,) = robot.description.pressures.values()
+    structure = Structure(robot.home)
+    frame, topology = structure.frame, robot.topology
+    member, ahead = 1, int(topology.following[1])
+    module, next_module = topology.module_names[member], topology.module_names[ahead]
+    joint = topology.joint_names[topology.joint[member]]
+    moving = [structure.node(name) for name in (joint, *(f'{module}/{n}' for n in 'BCE'))]
+    rings = [structure.node(f'{module}/D'), structure.node(f'{next_module}/E')]
+    free = np.concatenate([3 * node + np.arange(3) for node in rings])
+    piece = tube_pieces(3)[2][member]
+    span = frame.points[frame.members.end[piece]] - frame.points[frame.members.start[piece]]
+    along = np.array([span.real, span.imag]) / abs(span)
+    moved = np.zeros(3 * len(structure.node_names))
+    for node in moving:
+        moved[[3 * node, 3 * node + 1]] = along
+    # The rings go where the tube, and the bisection of both modules, let them.
+    matrix, rows = frame.stiffness.toarray(), frame._rows.toarray()[[member, ahead]]
+    size = len(free)
+    system = np.zeros((size + 2, size + 2))
+    system[:size, :size] = matrix[np.ix_(free, free)]
+    system[size:, :size], system[:size, size:] = rows[:, free], rows[:, free].T
+    right = -np.concatenate([matrix[free] @ moved, rows @ moved])
+    moved[free] = np.linalg.solve(system, right)[:size]
+    start, end = ([3 * node, 3 * node + 1] for node in rings)
+    shorter = (moved[start] - moved[end]) @ along
+    force = frame.members.axial[piece] / abs(span) * shorter
+    section = structure.tube.section_stiffness([length], pressure)
+    assert force == pytest.approx(section.axial[0] / length, rel=1e-9)
+    if model == 'power_law':
+        law = STIFFNESSES[model]['axial']
+        assert force == pytest.approx(law['C'] * pressure ** law['a'] * length ** law['b'])
+
+
+# -- Pressures --
+
+
+def test_pressure_may_be_one_for_all_one_for_each_or_by_tube():
+    config = load_robot('nine_member').home
+    loads = {'Z': (0.0, -10.0)}
+    sink = {
+        name: deform(config, loads, pressure).displacement('Z')[1]
+        for name, pressure in {
+            'file': None,
+            'same': 34.5e3,
+            'each': np.array([34.5e3] * 3),
+            'mapping': {'north': 34500},
+            'north': {'north': 17e3},
+            'order': [34.5e3, 34.5e3, 17e3],
+            'low': 17e3,
+        }.items()
+    }
+    assert sink['file'] == sink['same'] == sink['each'] == sink['mapping']
+    assert sink['north'] == sink['order']
+    assert sink['low'] < sink['north'] < sink['file'] < 0.0
+
+
+def test_structures_are_kept_by_configuration_and_pressure():
+    config = load_robot('nine_member').home
+    assert structure_of(config) is structure_of(config, 34.5e3)
+    assert structure_of(config, [1e4, 2e4, 3e4]).pressures == (1e4, 2e4, 3e4)
+    low = dict.fromkeys(('south', 'east', 'north'), 2e4)
+    assert structure_of(config, 2e4) is structure_of(config, low)
+    assert structure_of(config, 2e4) is not structure_of(config)
+
+
+def test_pressures_of_a_file_may_differ_by_tube():
+    document = robots.preset_document('nine_member')
+    document['tube']['pressure'] = {'north': 20e3, 'south': 30e3, 'east': 40e3}
+    robot = robots.load(document)
+    # In the order of the tubes, whatever the order of the mapping.
+    assert list(robot.description.pressures.items()) == [
+        ('south', 30e3),
+        ('east', 40e3),
+        ('north', 20e3),
+    ]
+    expected = deform(load_robot('nine_member').home, {'Z': (0.0, -10.0)}, [30e3, 40e3, 20e3])
+    found = deform(robot.home, {'Z': (0.0, -10.0)})
+    np.testing.assert_array_equal(displacements(found), displacements(expected))
+
+
+@pytest.mark.parametrize(
+    ('pressure', 'complaint'),
+    [
+        ({'west': 2e4}, "tube 'west': robot nine_member has no such tube; its tubes are south"),
+        ([2e4, 2e4], 'pressure: 2 values: must be one for all tubes, or one for each of south'),
+        ([[2e4] * 3], 'pressure: 3 values: must be'),
+        ([2e4, 0.0, 2e4], 'gauge pressure of tube east .*: 0.0: must be a positive number'),
+        ({'north': -1}, 'gauge pressure of tube north'),
+        (np.nan, 'gauge pressure of tube south .*must be 1 finite numbers'),
+        ('high', 'gauge pressure of tube south'),
+        ({'north': None}, 'gauge pressure of tube north'),
+    ],
+)
+def test_pressures_that_are_not_usable_are_refused(pressure, complaint):
+    with pytest.raises(StructureError, match=complaint):
+        deform(load_robot('nine_member').home, {}, pressure)
+
+
+# -- What every robot obeys --
+
+
+@given(cases())
+@examples(30)
+def test_reactions_balance_the_loads(case):
+    config, joint_loads = case
+    deformation = deform(config, joint_loads)
+    points = places(config)
+    acting = [(points[joint], complex(*force)) for joint, force in joint_loads.items()]
+    acting += [(points[joint], complex(*force)) for joint, force in deformation.reactions.items()]
+    largest = max(abs(force) for _, force in acting)
+    assert abs(sum(force for _, force in acting)) < 1e-9 * largest
+    for about in (0.0, 3.0 - 1.0j):
+        arm = max(1.0, *(abs(point - about) for point, _ in acting))
+        moment = sum(((point - about).conjugate() * force).imag for point, force in acting)
+        assert abs(moment) < 1e-9 * largest * arm
+
+
+@given(cases())
+@examples(30)
+def test_displacements_of_joints_are_reciprocal(case):
+    config, one = case
+    other = random_loads(np.random.default_rng(7), config.robot)
+    first, second = deform(config, one), deform(config, other)
+    forth = sum(np.dot(force, second.displacement(joint)[:2]) for joint, force in one.items())
+    back = sum(np.dot(force, first.displacement(joint)[:2]) for joint, force in other.items())
+    scale = np.sqrt(
+        sum(np.dot(force, first.displacement(joint)[:2]) for joint, force in one.items())
+        * sum(np.dot(force, second.displacement(joint)[:2]) for joint, force in other.items())
+    )
+    assert forth == pytest.approx(back, abs=1e-9 * scale)
+
+
+@given(cases())
+@examples(30)
+def test_loads_add_and_give_way_in_their_direction(case):
+    config, one = case
+    other = random_loads(np.random.default_rng(8), config.robot)
+    both = {
+        joint: np.asarray(one.get(joint, (0, 0))) - 2.0 * np.asarray(other.get(joint, (0, 0)))
+        for joint in config.robot.description.joints
+    }
+    first, second = deform(config, one), deform(config, other)
+    expected = displacements(first) - 2.0 * displacements(second)
+    scale = np.abs(displacements(first)).max() + np.abs(displacements(second)).max()
+    np.testing.assert_allclose(displacements(deform(config, both)), expected, atol=1e-9 * scale)
+    work = sum(np.dot(force, first.displacement(joint)[:2]) for joint, force in one.items())
+    assert work >= 0.0
+
+
+@given(cases())
+@examples(30)
+def test_bisection_holds_to_first_order(case):
+    config, joint_loads = case
+    deformation = deform(config, joint_loads)
+    points = places(config)
+    ring = config.robot.description.module.guide_ring_distance
+    for tube, joint, _, _ in visits(config.robot.description):
+        nodes = [joint, *(f'{tube}/{joint}/{node}' for node in 'BCDE')]
+        at = np.array([points[node] for node in nodes])
+        moved = np.array([complex(*deformation.displacement(node)[:2]) for node in nodes])
+        step = 1e-4 * ring / size(deformation)
+        change = bisection(*(at + step * moved)) - bisection(*(at - step * moved))
+        # The guide rings may not turn by a millionth of what the module gets around.
+        assert abs(change) < 1e-6 * 1e-4
+
+
+@given(cases())
+@examples(30)
+def test_supports_stay_and_joints_do_not_turn(case):
+    config, joint_loads = case
+    deformation = deform(config, joint_loads)
+    for joint in config.robot.description.joints:
+        assert deformation.displacement(joint)[2] == 0.0
+    for joint, axes in config.robot.description.supports.items():
+        for axis, (moved, pushed) in enumerate(
+            zip(deformation.displacement(joint)[:2], deformation.reactions[joint], strict=True)
+        ):
+            if 'xy'[axis] in axes:
+                assert moved == 0.0
+            else:
+                assert pushed == 0.0
+
+
+@given(cases())
+@examples(30)
+def test_members_change_their_length_by_their_own_strain_only(case):
+    config, joint_loads = case
+    deformation = deform(config, joint_loads)
+    frame, state = deformation.structure.frame, deformation.state
+    span = frame.points[frame.members.end] - frame.points[frame.members.start]
+    moved = state.displacements[:, 0] + 1j * state.displacements[:, 1]
+    longer = ((moved[frame.members.end] - moved[frame.members.start]) * span.conj()).real
+    longer /= np.abs(span)
+    strained = state.end_forces[:, 3] * np.abs(span) / frame.members.axial
+    np.testing.assert_allclose(longer, strained, atol=1e-9 * np.abs(moved).max())
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_hard_modules_keep_their_shape(seed):
+    document = robots.random_document(seed)
+    document['module'].update(axial_rigidity=5.0e9, flexural_rigidity=2.0e6)
+    robot = robots.load(document)
+    config = robot.configuration(np.zeros(len(robot.roller_names)))
+    rng = np.random.default_rng(seed)
+    deformation = deform(config, random_loads(rng, robot))
+    points = places(config)
+    moved = {n: complex(*deformation.displacement(n)[:2]) for n in points}
+    for tube, joint, _, _ in visits(robot.description):
+        b, c = (f'{tube}/{joint}/{node}' for node in 'BC')
+        for start, end in ((joint, b), (joint, c), (b, c)):
+            span = points[end] - points[start]
+            longer = ((moved[end] - moved[start]) * span.conjugate()).real / abs(span)
+            assert abs(longer) < 1e-5 * size(deformation)
+        # The rod runs from A to the middle of BC.
+        rod = 0.5 * (points[b] + points[c]) - points[joint]
+        longer = ((0.5 * (moved[b] + moved[c]) - moved[joint]) * rod.conjugate()).real / abs(rod)
+        assert abs(longer) < 1e-5 * size(deformation)
+
+
+@pytest.mark.parametrize('seed', range(6))
+@pytest.mark.parametrize('factor', [1e-3, 7.0, 1e4])
+def test_harder_robots_move_less_by_the_same_factor(seed, factor):
+    document = robots.random_document(seed)
+    soft = robots.load(document)
+    for part in (document['module'], document['tube']['stiffness']):
+        for key in part:
+            if key.endswith('_rigidity'):
+                part[key] *= factor
+    hard = robots.load(document)
+    loads = random_loads(np.random.default_rng(seed), soft)
+    rollers = np.zeros(len(soft.roller_names))
+    one = deform(soft.configuration(rollers), loads)
+    other = deform(hard.configuration(rollers), loads)
+    expected = displacements(one) / factor
+    np.testing.assert_allclose(displacements(other), expected, atol=1e-8 * np.abs(expected).max())
+    for joint, reaction in one.reactions.items():
+        np.testing.assert_allclose(other.reactions[joint], reaction, atol=1e-8 * 20.0)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_robots_may_stand_anywhere(seed):
+    document = robots.random_document(seed)
+    here = robots.load(document)
+    for joint, (x, y) in document['joints'].items():
+        document['joints'][joint] = [x + 40.0, y - 25.0]
+    there = robots.load(document)
+    loads = random_loads(np.random.default_rng(seed), here)
+    rollers = np.zeros(len(here.roller_names))
+    expected = displacements(deform(here.configuration(rollers), loads))
+    found = displacements(deform(there.configuration(rollers), loads))
+    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
+
+
+# -- The triangle --
+
+
+def test_a_symmetric_load_on_the_symmetric_triangle_gives_symmetric_displacements():
+    config = load_robot('triangle').configuration(np.zeros(2))
+    deformation = deform(config, {'T': (0.0, -30.0)})
+    # L is held in x, R slides: seen from the middle they part equally.
+    shift = 0.5 * deformation.displacement('R')[0]
+    mirrored = {
+        'L': 'R',
+        'T': 'T',
+        'R': 'L',
+        **{
+            f'main/{joint}/{node}': f'main/{image}/{other}'
+            for joint, image in (('L', 'R'), ('R', 'L'), ('T', 'T'))
+            for node, other in ('BC', 'CB', 'DE', 'ED')
+        },
+    }
+    assert set(mirrored) == set(deformation.structure.node_names)
+    for node, image in mirrored.items():
+        x, y, turn = deformation.displacement(node)
+        there = deformation.displacement(image)
+        expected = [shift - (x - shift), y, -turn]
+        np.testing.assert_allclose(there, expected, atol=1e-10 * size(deformation))
+    assert deformation.displacement('T')[1] < 0.0
+    assert shift > 0.0
+    np.testing.assert_allclose(deformation.reactions['L'], [0.0, 15.0], atol=1e-9)
+    np.testing.assert_allclose(deformation.reactions['R'], [0.0, 15.0], atol=1e-9)
+
+
+def test_the_loaded_triangle_carries_its_load_mostly_as_a_truss():
+    # Pin-jointed, of its sides from joint to joint: thrust P/(2 sin 60) in the legs, half that
+    # times cos 60 in the base. Stiff corners only take from it.
+    config = load_robot('triangle').configuration(np.zeros(2))
+    forces = deform(config, {'T': (0.0, -30.0)}).end_forces
+    legs = 15.0 / np.sin(np.pi / 3.0)
+    assert forces['main/R-T'][0, 0] == pytest.approx(legs, rel=0.1)
+    assert forces['main/T-L'][0, 0] == pytest.approx(legs, rel=0.1)
+    assert forces['main/L-R'][0, 0] == pytest.approx(-0.5 * legs, rel=0.2)
+
+
+def test_the_end_forces_of_a_long_piece_balance():
+    config = load_robot('nine_member').configuration(np.zeros(6))
+    deformation = deform(config, {'Z': (4.0, -30.0)})
+    ring = config.robot.description.module.guide_ring_distance
+    for name, length in zip(config.robot.member_names, config.member_lengths, strict=True):
+        start, end = deformation.end_forces[name]
+        np.testing.assert_allclose(start[:2], -end[:2], atol=1e-9 * 30.0)
+        moment = start[2] + end[2] + (length - 2.0 * ring) * end[1]
+        assert abs(moment) < 1e-9 * 30.0
+
+
+@pytest.mark.parametrize('name', PRESETS)
+def test_more_pressure_makes_the_robot_stiffer(name):
+    robot = load_robot(name)
+    loaded = 'T' if name == 'triangle' else 'Z'
+    sinks = []
+    for pressure in (2e4, 4e4, 8e4):
+        deformation = deform(robot.home, {loaded: (0.0, -30.0)}, pressure)
+        sinks.append(-deformation.displacement(loaded)[1])
+    assert sinks[0] > sinks[1] > sinks[2] > 0.0
+
+
+def test_no_loads_move_nothing():
+    config = load_robot('nine_member').configuration(np.zeros(6))
+    for loads in ({}, {'Z': (0, 0)}, {'Z': (0.0, 0.0), 'X': (0.0, -0.0)}):
+        deformation = deform(config, loads)
+        np.testing.assert_array_equal(displacements(deformation), 0.0)
+        assert deformation.reactions == {'X': (0.0, 0.0), 'Y': (0.0, 0.0)}
+
+
+def test_loads_on_supports_go_straight_into_the_ground():
+    config = load_robot('nine_member').configuration(np.zeros(6))
+    deformation = deform(config, {'X': (3.0, -4.0), 'Y': (0.0, 5.0)})
+    assert np.abs(displacements(deformation)).max() == 0.0
+    assert deformation.reactions == {'X': (-3.0, 4.0), 'Y': (0.0, -5.0)}
+
+
+@pytest.mark.parametrize(
+    'force', [(1, 2), [1.0, 2.0], np.array([1.0, 2.0]), np.array([1, 2], dtype=np.float32)]
+)
+def test_loads_may_be_any_pair_of_numbers(force):
+    config = load_robot('triangle').configuration(np.zeros(2))
+    expected = displacements(deform(config, {'T': (1.0, 2.0)}))
+    np.testing.assert_array_equal(displacements(deform(config, {'T': force})), expected)
+
+
+# -- Refusals --
+
+
+@pytest.mark.parametrize('joint', ['W', '', 'main', 'main/T', 'main/T/B', 't', ('T',), 3, None])
+def test_loads_on_what_is_no_joint_are_refused_by_name(joint):
+    config = load_robot('triangle').configuration(np.zeros(2))
+    with pytest.raises(StructureError) as caught:
+        deform(config, {'T': (0.0, -1.0), joint: (0.0, -1.0)})
+    assert isinstance(caught.value, IsotrussError)
+    assert isinstance(caught.value, ValueError)
+    for part in (repr(joint), 'triangle', 'L, R, T'):
+        assert part in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    'force',
+    [
+        (np.nan, 0.0),
+        (0.0, np.inf),
+        (0.0, -np.inf),
+        (1.0,),
+        (1.0, 2.0, 3.0),
+        [[1.0, 2.0]],
+        1.0,
+        None,
+        'up',
+        ('1', '2'),
+        (1j, 0.0),
+        (True, False),
+        (None, 1.0),
+        {},
+    ],
+)
+def test_loads_that_are_no_two_finite_numbers_are_refused_with_their_joint(force):
+    config = load_robot('triangle').configuration(np.zeros(2))
+    with pytest.raises(StructureError, match=r'joint T.*must be 2 finite numbers'):
+        deform(config, {'T': force})
+
+
+@pytest.mark.parametrize('node', ['W', '', 'main/T', 'main/T/A', 'T/B', 'main/T/b', 3, None])
+def test_displacements_of_what_is_no_node_are_refused_by_name(node):
+    config = load_robot('triangle').configuration(np.zeros(2))
+    deformation = deform(config, {'T': (0.0, -1.0)})
+    with pytest.raises(StructureError) as caught:
+        deformation.displacement(node)
+    assert repr(node) in str(caught.value)
+    assert 't/j/D' in str(caught.value)
+
+
+@pytest.mark.parametrize('name', PRESETS)
+def test_a_robot_that_lost_a_support_is_refused_by_all_that_moves(name):
+    robot = load_robot(name)
+    config = robot.configuration(np.zeros(len(robot.roller_names)))
+    names, points, found, held, rows = from_scratch(config)
+    # It turns about the joint that is held both ways.
+    fixed = np.flatnonzero(held[:, :2].all(axis=1))
+    held = frames.supports(len(names), {int(fixed[0]): 'xy'})
+    with pytest.raises(StructureError, match='mechanism') as caught:
+        frames.frame(points, found, held, rows, names).solve(np.zeros((len(names), 3)))
+    said = str(caught.value).split(': ')[1].split(' can move')[0].split(', ')
+    assert {*said, names[fixed[0]]} == set(names)

@@ -1,0 +1,287 @@
+"""The tube's stiffness: each model against its own definition, its limits and its refusals."""
+
+import re
+
+from hypothesis import given, strategies
+from isotruss_ros.core.errors import RobotFileError, StructureError
+from isotruss_ros.core.model.robot_file import read_robot_file
+from isotruss_ros.core.model.stiffness_law import Law
+from isotruss_ros.core.statics.beam import local_stiffness
+from isotruss_ros.core.statics.power_law import PowerLaw
+from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, Section, tube_stiffness
+import numpy as np
+import pytest
+import robots
+
+PRESSURE = 34.5e3
+RADIUS = 0.051
+LENGTHS = np.array([0.254, 0.508, 0.762])
+SECTION = {'axial_rigidity': 1.9e4, 'flexural_rigidity': 25.0, 'shear_rigidity': 1.9e3}
+
+
+def end_stiffnesses(rigidities, lengths):
+    """Return the axial, transverse and rotary stiffnesses that a load at one end meets."""
+    matrices = local_stiffness(lengths, *rigidities)
+    return matrices[:, 3, 3], matrices[:, 4, 4], matrices[:, 5, 5]
+
+
+def chain(rigidities, length, pieces):
+    """Return the (6, 6) stiffness at the ends of a member that is cut into equal pieces."""
+    size = 3 * (pieces + 1)
+    whole = np.zeros((size, size))
+    piece = local_stiffness(np.full(1, length / pieces), *rigidities)[0]
+    for start in range(0, size - 3, 3):
+        both = np.arange(start, start + 6)
+        whole[np.ix_(both, both)] += piece
+    inner = np.arange(3, size - 3)
+    ends = np.setdiff1d(np.arange(size), inner)
+    coupling = whole[np.ix_(ends, inner)]
+    return whole[np.ix_(ends, ends)] - coupling @ np.linalg.solve(
+        whole[np.ix_(inner, inner)], coupling.T
+    )
+
+
+def model_of(block):
+    """Return the model of a robot file with this stiffness block; none if None."""
+    document = robots.example()
+    document['tube']['stiffness'] = block
+    if block is None:
+        del document['tube']['stiffness']
+    return tube_stiffness(read_robot_file(robots.write(document)))
+
+
+laws = strategies.builds(
+    Law,
+    strategies.floats(1e-3, 1e3),
+    strategies.floats(-2.0, 2.0),
+    strategies.floats(-4.0, 1.0),
+)
+lengths = strategies.floats(0.05, 5.0)
+pressures = strategies.floats(1e3, 1e5)
+
+
+def test_section_is_as_given_for_any_length():
+    rigidities = model_of({'model': 'section', **SECTION}).section_stiffness(LENGTHS, PRESSURE)
+    for value, expected in zip(rigidities, SECTION.values(), strict=True):
+        assert value.tolist() == [expected] * 3
+
+
+def test_inflatable_beam_is_the_default_and_of_the_expected_order():
+    model = model_of(None)
+    assert model == model_of({'model': 'inflatable_beam'}) == InflatableBeam(RADIUS)
+    rigidities = model.section_stiffness(LENGTHS, PRESSURE)
+    assert rigidities.flexural == pytest.approx([25.4] * 3, rel=0.01)
+    assert rigidities.shear == pytest.approx([1.88e3] * 3, rel=0.01)
+    # The wall alone has 1.92e4 N; the ends take most of it from members of the paper's lengths.
+    assert rigidities.axial == pytest.approx([1.51e3, 2.80e3, 3.91e3], rel=0.01)
+    assert model.section_stiffness([1e6], PRESSURE).axial == pytest.approx([1.92e4], rel=0.01)
+
+
+def test_inflatable_beam_against_the_formulas_with_a_thickness():
+    t, E, G = 2e-4, 3e8, 0.5e8
+    S0, I0 = 2.0 * np.pi * RADIUS * t, np.pi * RADIUS**3 * t
+    P = PRESSURE * np.pi * RADIUS**2
+    rigidities = InflatableBeam(RADIUS, E * t, G * t).section_stiffness(LENGTHS, PRESSURE)
+    assert rigidities.flexural == pytest.approx([(E + P / S0) * I0] * 3, rel=1e-12)
+    assert rigidities.shear == pytest.approx([P + 0.5 * G * S0] * 3, rel=1e-12)
+
+
+def test_ends_and_wall_are_springs_in_series():
+    model = InflatableBeam(RADIUS, 5e4, 1e4, end_softening=3.0)
+    axial, _, _ = end_stiffnesses(model.section_stiffness(LENGTHS, PRESSURE), LENGTHS)
+    wall = 5e4 * 2.0 * np.pi * RADIUS / LENGTHS
+    end = 3.0 * PRESSURE * RADIUS
+    assert 1.0 / axial == pytest.approx(1.0 / wall + 2.0 / end, rel=1e-12)
+
+
+def test_end_softening_is_the_slope_of_the_pillow():
+    def lengthening(force):
+        radius = RADIUS + force / (np.pi * RADIUS * PRESSURE)
+        angle = np.arccos(1.0 - RADIUS / radius)
+        return radius * (np.sin(angle) - angle)
+
+    step = 1e-3
+    slope = (lengthening(step) - lengthening(-step)) / (2.0 * step)
+    assert InflatableBeam(RADIUS).end_softening == pytest.approx(
+        1.0 / (slope * PRESSURE * RADIUS), rel=1e-6
+    )
+
+
+@robots.examples(50)
+@given(lengths, pressures, strategies.floats(1.01, 3.0))
+def test_inflatable_beam_stiffens_with_pressure(length, pressure, factor):
+    model = InflatableBeam(RADIUS)
+    less = model.section_stiffness([length], pressure)
+    more = model.section_stiffness([length], factor * pressure)
+    assert (np.ravel(more) > np.ravel(less)).all()
+
+
+def test_optional_keys_of_the_inflatable_beam():
+    model = model_of(
+        {
+            'model': 'inflatable_beam',
+            'membrane_modulus': 40000,
+            'membrane_shear_modulus': 5e3,
+            'end_softening': 2,
+        }
+    )
+    assert model == InflatableBeam(RADIUS, 4e4, 5e3, 2.0)
+    assert isinstance(model.membrane_modulus, float)
+
+
+@pytest.mark.parametrize('key', ['membrane_modulus', 'membrane_shear_modulus', 'end_softening'])
+@pytest.mark.parametrize('value', [0, -1.0, True, 'soft', None])
+def test_optional_key_that_is_not_positive_is_refused(key, value):
+    with pytest.raises(RobotFileError, match=rf'tube\.stiffness\.{key}: .* a positive number'):
+        model_of({'model': 'inflatable_beam', key: value})
+
+
+def test_misspelt_optional_key_is_refused_with_the_right_one():
+    with pytest.raises(RobotFileError, match='did you mean membrane_modulus'):
+        model_of({'model': 'inflatable_beam', 'membrane_moduls': 1.0})
+
+
+@robots.examples(200)
+@given(laws, laws, strategies.floats(1e-6, 1e3), lengths, pressures)
+def test_power_law_gives_the_beam_with_the_measured_stiffnesses(
+    axial, transverse, phi, length, pressure
+):
+    # The rotary law that a beam with this phi has, at this pressure and length.
+    k = transverse.stiffness(np.array(length), np.array(pressure))
+    rotary = Law(float(k) * length**2 * (4.0 + phi) / 12.0, 0.0, 0.0)
+    rigidities = PowerLaw(axial, transverse, rotary, 0.0).section_stiffness([length], pressure)
+    measured = end_stiffnesses(rigidities, np.array([length]))
+    for mode, law in enumerate((axial, transverse, rotary)):
+        expected = law.C * pressure**law.a * length**law.b
+        assert measured[mode] == pytest.approx([expected], rel=1e-9)
+    assert 12.0 * rigidities.flexural / (rigidities.shear * length**2) == pytest.approx(
+        [phi], rel=1e-6
+    )
+
+
+@robots.examples(50)
+@given(strategies.floats(1.0, 1e3), strategies.floats(10.0, 1e4), lengths, pressures)
+def test_power_law_returns_the_beam_that_the_stiffnesses_come_from(EI, GA, length, pressure):
+    span = np.array([length])
+    k = end_stiffnesses((np.array([1e4]), np.array([EI]), np.array([GA])), span)
+    model = PowerLaw(*(Law(float(value[0]), 0.0, 0.0) for value in k), 0.0)
+    rigidities = model.section_stiffness(span, pressure)
+    assert rigidities.axial == pytest.approx([1e4], rel=1e-9)
+    # EI and GA are what is left of a difference when the member hardly shears.
+    phi = 12.0 * EI / (GA * length**2)
+    assert rigidities.flexural == pytest.approx([EI], rel=1e-12 + 1e-14 / phi)
+    assert rigidities.shear == pytest.approx([GA], rel=1e-12 + 1e-13 / phi)
+
+
+@pytest.mark.parametrize('rounding', [-1e-12, 0.0, 1e-12])
+def test_power_law_of_a_slender_beam_has_infinite_shear_rigidity(rounding):
+    EI = 25.0 * (1.0 + rounding)
+    model = PowerLaw(Law(1.0, 0.0, -1.0), Law(300.0, 0.0, -3.0), Law(4.0 * EI, 0.0, -1.0), 0.0)
+    rigidities = model.section_stiffness(LENGTHS, PRESSURE)
+    assert rigidities.shear.tolist() == [np.inf] * 3
+    assert rigidities.flexural == pytest.approx([25.0] * 3, rel=1e-9)
+    _, transverse, rotary = end_stiffnesses(rigidities, LENGTHS)
+    assert transverse == pytest.approx(300.0 / LENGTHS**3, rel=1e-9)
+    assert rotary == pytest.approx(100.0 / LENGTHS, rel=1e-9)
+
+
+def test_power_law_that_no_beam_has_is_refused_with_what_would_be_right():
+    # Right at 0.254 m (phi > 0) and wrong from where L^2 passes 3 k_rotary / k_transverse.
+    model = PowerLaw(Law(1e3, 0.0, 0.0), Law(1e3, 0.0, 0.0), Law(50.0, 0.0, 0.0), 0.0)
+    model.section_stiffness([0.254], PRESSURE)
+    with pytest.raises(StructureError) as caught:
+        model.section_stiffness(LENGTHS, PRESSURE)
+    message = str(caught.value)
+    for part in ('0.508 m', '34500 Pa', '1000 N/m', '50 N m/rad', 'at least L^2/3'):
+        assert part in message, message
+    needed = float(re.findall(r'([\d.]+) N m/rad', message)[-1])
+    mended = PowerLaw(Law(1e3, 0.0, 0.0), Law(1e3, 0.0, 0.0), Law(1.001 * needed, 0.0, 0.0), 0.0)
+    mended.section_stiffness([0.508], PRESSURE)
+
+
+@pytest.mark.parametrize('exponent', [1e12, -1e12, 40.0])
+def test_law_that_leaves_the_range_of_numbers_is_refused(exponent):
+    bent = Law(1.0, exponent, 0.0)
+    model = PowerLaw(Law(1e3, 0.0, 0.0), bent, Law(1e3, 0.0, 0.0), 0.0)
+    with pytest.raises(StructureError, match=r'law transverse: .* 0\.254 m at 34500 Pa: must be'):
+        model.section_stiffness(LENGTHS, PRESSURE)
+
+
+MODELS = [
+    InflatableBeam(RADIUS),
+    Section(**SECTION, radius=0.051, pressure=34500.0),
+    PowerLaw(Law(8.0, 0.6, 0.0), Law(0.5, 0.6, -1.0), Law(0.3, 0.6, 0.5), 0.08),
+]
+
+
+def test_section_at_another_pressure_changes_by_the_pull_of_the_pressure():
+    model = model_of({'model': 'section', **SECTION, 'pressure': 20e3})
+    pull = 10e3 * np.pi * RADIUS**2
+    EA, EI, GA = model.section_stiffness([0.5], 30e3)
+    assert (EA[0], EI[0], GA[0]) == pytest.approx(
+        (1.9e4, 25.0 + pull * RADIUS**2 / 2, 1.9e3 + pull)
+    )
+
+
+def test_section_of_which_too_little_pressure_leaves_nothing_is_refused():
+    model = Section(1.9e4, 25.0, 200.0, RADIUS, 34.5e3)
+    with pytest.raises(
+        StructureError, match=r'hold at 34500 Pa; at 5000 Pa they leave .* GA = -41'
+    ):
+        model.section_stiffness([0.5], 5e3)
+
+
+def test_transverse_and_rotary_laws_are_those_between_guide_rings():
+    ring, length = 0.08, 0.9
+    model = PowerLaw(Law(1e3, 0.0, -0.3), Law(50.0, 0.0, -2.5), Law(40.0, 0.0, -0.4), ring)
+    section = model.section_stiffness([length], PRESSURE)
+    between = np.array([length - 2.0 * ring])
+    _, transverse, rotary = end_stiffnesses(section, between)
+    axial, _, _ = end_stiffnesses(section, np.array([length]))
+    assert axial == pytest.approx([1e3 * length**-0.3])
+    assert transverse == pytest.approx(50.0 * between**-2.5)
+    assert rotary == pytest.approx(40.0 * between**-0.4)
+    with pytest.raises(StructureError, match=r'a member of 0\.15 m does not hold its guide rings'):
+        model.section_stiffness([0.15], PRESSURE)
+
+
+def test_fabric_is_that_of_the_theory_alone():
+    assert InflatableBeam(RADIUS, 5e4, 9e3).fabric == (5e4, 9e3)
+    assert [model.fabric for model in MODELS[1:]] == [None, None]
+
+
+@pytest.mark.parametrize('model', MODELS, ids=lambda model: type(model).__name__)
+@pytest.mark.parametrize('pieces', [2, 7])
+def test_cutting_a_member_changes_nothing_at_its_ends(model, pieces):
+    rigidities = model.section_stiffness([0.508], PRESSURE)
+    whole = local_stiffness(np.array([0.508]), *rigidities)[0]
+    assert chain(rigidities, 0.508, pieces) == pytest.approx(whole, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize('model', MODELS, ids=lambda model: type(model).__name__)
+def test_members_at_once_are_members_one_by_one(model):
+    pressure = np.array([17.2e3, 34.5e3, 51.7e3])
+    together = model.section_stiffness(LENGTHS, pressure)
+    for i in range(3):
+        alone = model.section_stiffness(LENGTHS[[i]], float(pressure[i]))
+        assert [value[i] for value in together] == [value[0] for value in alone]
+    assert all(value.shape == (0,) for value in model.section_stiffness([], PRESSURE))
+
+
+@pytest.mark.parametrize('model', MODELS, ids=lambda model: type(model).__name__)
+@pytest.mark.parametrize('value', [0.0, -1.0, np.nan, np.inf])
+def test_length_and_pressure_must_be_positive_numbers(model, value):
+    with pytest.raises(StructureError, match=r'length of a tube member: .* m: must be a positive'):
+        model.section_stiffness([0.5, value], PRESSURE)
+    with pytest.raises(StructureError, match=r'gauge pressure .* Pa: must be a positive'):
+        model.section_stiffness([0.5], value)
+
+
+def test_power_law_of_a_robot_file():
+    block = {
+        'model': 'power_law',
+        'axial': {'C': 8, 'a': 0.6, 'b': 0},
+        'transverse': {'C': 0.5, 'a': 0.6, 'b': -1.0},
+        'rotary': {'C': 0.3, 'a': 0.6, 'b': 0.5},
+    }
+    assert model_of(block) == MODELS[2]

@@ -1,0 +1,305 @@
+"""
+Random plane frames for the tests of statics, and other programs and models that solve them.
+
+`reference` shares nothing with the package: members come from the flexibility of a cantilever,
+pinned ends have rotations of their own, constraints are met by a basis of what they allow.
+"""
+
+from dataclasses import replace
+
+from isotruss_ros.core.statics.frame import Frame, Members
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+from scipy.sparse import csr_matrix
+
+
+def members(ends, axial, flexural, shear=np.inf, pins=()):
+    """
+    Return members between pairs of nodes; rigidities are one for all or one for each.
+
+    :param pins: pairs (member, 0 for its start or 1 for its end) that transmit no moment.
+    """
+    ends = np.array(ends, dtype=np.intp).reshape(-1, 2)
+    pinned = np.zeros(ends.shape, dtype=bool)
+    for member, end in pins:
+        pinned[member, end] = True
+    rigidities = [np.broadcast_to(float_array(x), len(ends)) for x in (axial, flexural, shear)]
+    return Members(ends[:, 0], ends[:, 1], *rigidities, pinned[:, 0], pinned[:, 1])
+
+
+def float_array(values):
+    """Return an array of floats."""
+    return np.asarray(values, dtype=float)
+
+
+def supports(n, held):
+    """Return the (n, 3) flags of what is held: {node: 'xy'}, with r for the rotation."""
+    flags = np.zeros((n, 3), dtype=bool)
+    for node, axes in held.items():
+        flags[node, ['xyr'.index(axis) for axis in axes]] = True
+    return flags
+
+
+def frame(points, members_, held, rows=None, names=None):
+    """Return the package's frame; nodes are called n0, n1, ... ."""
+    names = [f'n{i}' for i in range(len(points))] if names is None else names
+    rows = None if rows is None else csr_matrix(rows)
+    return Frame(np.asarray(points, dtype=complex), members_, held, names, rows)
+
+
+def random_frame(rng, shear=True, pins=0.3, spread=1.5):
+    """
+    Return points, members and supports of a frame that stands.
+
+    :param shear: whether members give in shear.
+    :param pins: the share of the member ends that are pinned.
+    :param spread: decades over which rigidities are spread.
+    """
+    while True:
+        n = int(rng.integers(3, 8))
+        points = rng.uniform(-2.0, 2.0, n) + 1j * rng.uniform(-2.0, 2.0, n)
+        apart = np.abs(points[:, None] - points)[np.triu_indices(n, 1)]
+        if apart.min() < 0.4:
+            continue
+        pairs = {(int(rng.integers(i)), i) for i in range(1, n)}
+        for _ in range(int(rng.integers(1, n + 1))):
+            pairs.add(tuple(sorted(map(int, rng.choice(n, 2, replace=False)))))
+        ends = [pair[:: rng.choice([-1, 1])] for pair in sorted(pairs)]
+        k = len(ends)
+        found = members(
+            ends,
+            10.0 ** (4.0 + rng.uniform(-spread, spread, k)),
+            10.0 ** (1.5 + rng.uniform(-spread, spread, k)),
+            10.0 ** (3.0 + rng.uniform(-spread, spread, k)) if shear else np.inf,
+            np.argwhere(rng.random((k, 2)) < pins),
+        )
+        held = np.zeros((n, 3), dtype=bool)
+        for node in rng.choice(n, int(rng.integers(1, 4)), replace=False):
+            held[node] = rng.random(3) < 0.6
+        moving = ~held
+        moving[:, 2] &= turning(found, n)
+        if moving.sum() > 2 and stands(points, found, held):
+            return points, found, held
+
+
+def corners_kept(found):
+    """Return members without the pins that would leave fewer than two fixed ends at a node."""
+    ends = np.concatenate([found.start, found.end])
+    pinned = np.concatenate([found.pinned_start, found.pinned_end])
+    for i in np.flatnonzero(pinned):
+        pinned[i] = np.count_nonzero((ends == ends[i]) & ~pinned) >= 2
+    start, end = np.split(pinned, 2)
+    return replace(found, pinned_start=start, pinned_end=end)
+
+
+def random_loads(rng, found, n):
+    """Return loads (n, 3) on all nodes, without moments where nothing turns."""
+    loads = rng.uniform(-10.0, 10.0, (n, 3))
+    loads[~turning(found, n), 2] = 0.0
+    return loads
+
+
+def turning(found, n):
+    """Return which of the nodes have a rotation: those where an end is not pinned."""
+    turns = np.zeros(n, dtype=bool)
+    turns[found.start[~found.pinned_start]] = True
+    turns[found.end[~found.pinned_end]] = True
+    return turns
+
+
+def member_stiffness(span, axial, flexural, shear):
+    """Return the (6, 6) stiffness in the plane of a member fixed at both ends, and its turn."""
+    length, unit = abs(span), span / abs(span)
+    give = np.diag([length / axial, length**3 / (3.0 * flexural) + length / shear, 0.0])
+    give[1, 2] = give[2, 1] = length**2 / (2.0 * flexural)
+    give[2, 2] = length / flexural
+    carry = np.array(
+        [[-1, 0, 0, 1, 0, 0], [0, -1, -length, 0, 1, 0], [0, 0, -1, 0, 0, 1]], dtype=float
+    )
+    block = np.array([[unit.real, unit.imag, 0], [-unit.imag, unit.real, 0], [0, 0, 1]])
+    turn = np.kron(np.eye(2), block)
+    local = carry.T @ np.linalg.inv(give) @ carry
+    return turn.T @ local @ turn, turn
+
+
+def _assembled(points, found):
+    """Return the stiffness with rotations of their own for pinned ends, and who uses which."""
+    n, k = len(points), len(found.start)
+    places, free_rotation = [], 3 * n
+    for i in range(k):
+        start, end = int(found.start[i]), int(found.end[i])
+        place = [3 * start, 3 * start + 1, 3 * start + 2, 3 * end, 3 * end + 1, 3 * end + 2]
+        for at, pinned in ((2, found.pinned_start[i]), (5, found.pinned_end[i])):
+            if pinned:
+                place[at] = free_rotation
+                free_rotation += 1
+        places.append(place)
+    matrix = np.zeros((free_rotation, free_rotation))
+    parts = []
+    for i, place in enumerate(places):
+        span = points[found.end[i]] - points[found.start[i]]
+        part, turn = member_stiffness(span, found.axial[i], found.flexural[i], found.shear[i])
+        matrix[np.ix_(place, place)] += part
+        parts.append((place, part, turn))
+    return matrix, parts
+
+
+def _free(matrix, found, held):
+    free = np.ones(len(matrix), dtype=bool)
+    free[np.arange(held.size)] = ~held.ravel()
+    free[np.arange(2, held.size, 3)] &= turning(found, len(held))
+    return np.flatnonzero(free)
+
+
+def stands(points, found, held):
+    """Tell whether a frame is no mechanism, and far from being one."""
+    matrix, _ = _assembled(points, found)
+    free = _free(matrix, found, held)
+    part = matrix[np.ix_(free, free)]
+    diagonal = np.diagonal(part)
+    if not len(free) or diagonal.min() <= 0.0:
+        return False
+    scale = 1.0 / np.sqrt(diagonal)
+    return np.linalg.eigvalsh(scale[:, None] * part * scale)[0] > 1e-5
+
+
+def reference(points, found, held, loads, rows=None):
+    """Return displacements (n, 3), reactions (n, 3) and end forces (k, 6)."""
+    matrix, parts = _assembled(points, found)
+    free, size = _free(matrix, found, held), held.size
+    pushed = np.zeros(len(matrix))
+    pushed[:size] = loads.ravel()
+    bound = np.zeros((0 if rows is None else len(rows), len(matrix)))
+    if rows is not None:
+        bound[:, :size] = rows
+    scale = 1.0 / np.sqrt(np.diagonal(matrix)[free])
+    basis = np.eye(len(free)) if rows is None else null_space(bound[:, free] * scale)
+    part = scale[:, None] * matrix[np.ix_(free, free)] * scale
+    moved = np.zeros(len(matrix))
+    moved[free] = scale * (
+        basis @ np.linalg.solve(basis.T @ part @ basis, basis.T @ (scale * pushed[free]))
+    )
+    rest = matrix @ moved - pushed
+    if rows is not None:
+        tied = scale[:, None] * bound[:, free].T
+        rest += bound.T @ np.linalg.lstsq(tied, -scale * rest[free], rcond=None)[0]
+    reactions = np.where(held, rest[:size].reshape(-1, 3), 0.0)
+    forces = np.array([turn @ part @ moved[place] for place, part, turn in parts])
+    return moved[:size].reshape(-1, 3), reactions, forces
+
+
+def anastruct(points, found, held, loads):
+    """
+    Return what anastruct says; it knows no shear.
+
+    Its member with one hinge keeps 4 EI/L at the other end instead of 3 EI/L: such members are
+    given 3/4 of their EI. It pins the last fixed end of a node too: see `corners_kept`.
+    """
+    package = pytest.importorskip('anastruct', reason='compares with it: pip install anastruct')
+    assert np.isinf(found.shear).all()
+    system = package.SystemElements()
+    elements, k = [], len(found.start)
+    pins = np.stack([found.pinned_start, found.pinned_end], axis=1)
+    for i in range(k):
+        ends = [points[found.start[i]], points[found.end[i]]]
+        number = system.add_element(
+            location=[[z.real, z.imag] for z in ends],
+            EA=found.axial[i],
+            EI=found.flexural[i] * (0.75 if pins[i].sum() == 1 else 1.0),
+        )
+        elements.append(system.element_map[number])
+    # Pins come now: on adding, it looks for nodes that turn freely before all members are there.
+    for i, element in enumerate(elements):
+        start = points[found.start[i]]
+        span = points[found.end[i]] - start
+        forward = system.find_node_id([start.real, start.imag]) == element.node_id1
+        first, last = pins[i] if forward else pins[i, ::-1]
+        element.springs = {number: 0 for number, pin in ((1, first), (2, last)) if pin}
+        # It keeps coordinates in single precision; length and angle follow in double.
+        element.l, angle = abs(span), float(np.angle(span if forward else -span))
+        element.angle = element.a1 = element.a2 = angle
+        element.compile_kinematic_matrix()
+        element.compile_constitutive_matrix(initial=True)
+        element.compile_stiffness_matrix()
+    numbers = [int(system.find_node_id([z.real, z.imag])) for z in points]
+    for number, (x, y, turn) in zip(numbers, held.tolist(), strict=True):
+        if x and y and turn:
+            system.add_support_fixed(number)
+        elif x and y:
+            system.add_support_hinged(number)
+        elif x or y:
+            system.add_support_roll(number, 'y' if x else 'x', rotate=not turn)
+        elif turn:
+            system.add_support_rotational(number)
+    for number, (x, y, moment) in zip(numbers, loads.tolist(), strict=True):
+        system.point_load(number, Fx=x, Fy=y)
+        system.moment_load(number, moment)
+    system.solve()
+    # Inside, y points down and moments stay counter-clockwise.
+    moved = system.system_displacement_vector.reshape(-1, 3)[np.array(numbers) - 1] * [1, -1, 1]
+    reactions = np.zeros_like(moved)
+    for at, number in enumerate(numbers):
+        if number in system.reaction_forces:
+            node = system.reaction_forces[number]
+            reactions[at] = node.Fx, -node.Fy, node.Tz
+    forces = []
+    for i, element in enumerate(elements):
+        pushed = element.element_force_vector.reshape(2, 3) * [1, -1, 1]
+        if element.node_id1 != numbers[found.start[i]]:
+            pushed = pushed[::-1]
+        forces.append(_along(points, found, i, pushed))
+    return moved, reactions, np.array(forces)
+
+
+def pynite(points, found, held, loads):
+    """Return what PyNiteFEA says of the frame in space, held in the plane; it knows no shear."""
+    package = pytest.importorskip('Pynite', reason='compares with it: pip install PyNiteFEA')
+    assert np.isinf(found.shear).all()
+    model, n = package.FEModel3D(), len(points)
+    model.add_material('unit', 1.0, 1.0, 0.3, 1.0)
+    still = ~turning(found, n)
+    for i, point in enumerate(points):
+        model.add_node(f'N{i}', point.real, point.imag, 0.0)
+        x, y, turn = held[i].tolist()
+        model.def_support(f'N{i}', x, y, True, True, True, bool(turn or still[i]))
+        for axis, load in zip(('FX', 'FY', 'MZ'), loads[i].tolist(), strict=True):
+            model.add_node_load(f'N{i}', axis, load)
+    for i in range(len(found.start)):
+        # Out of the plane nothing moves; any Iy and J will do.
+        model.add_section(f'S{i}', found.axial[i], 1.0, found.flexural[i], 1.0)
+        model.add_member(f'M{i}', f'N{found.start[i]}', f'N{found.end[i]}', 'unit', f'S{i}')
+        model.def_releases(f'M{i}', Rzi=bool(found.pinned_start[i]), Rzj=bool(found.pinned_end[i]))
+    model.analyze_linear()
+    combo, nodes = 'Combo 1', [model.nodes[f'N{i}'] for i in range(n)]
+    moved = np.array([[node.DX[combo], node.DY[combo], node.RZ[combo]] for node in nodes])
+    reactions = np.array(
+        [[node.RxnFX[combo], node.RxnFY[combo], node.RxnMZ[combo]] for node in nodes]
+    )
+    forces = []
+    for i in range(len(found.start)):
+        pushed = model.members[f'M{i}'].F(combo).reshape(2, 6)[:, [0, 1, 5]]
+        forces.append(_along(points, found, i, pushed))
+    return moved, reactions, np.array(forces)
+
+
+def _along(points, found, i, pushed):
+    """Return end forces (6,) along and across a member from those in the plane (2, 3)."""
+    span = points[found.end[i]] - points[found.start[i]]
+    local = (pushed[:, 0] + 1j * pushed[:, 1]) * abs(span) / span
+    return np.stack([local.real, local.imag, pushed[:, 2]], axis=1).ravel()
+
+
+def assert_states_agree(state, expected, rtol):
+    """Compare displacements, reactions and end forces; lengths, angles, forces, moments apart."""
+    pairs = (
+        (state.displacements, expected[0]),
+        (state.reactions, expected[1]),
+        (state.end_forces.reshape(-1, 3), expected[2].reshape(-1, 3)),
+    )
+    forces = max(np.abs(expected[2]).max(), np.abs(expected[1]).max())
+    for (actual, wanted), least in zip(pairs, (0.0, forces, forces), strict=True):
+        for columns in ([0, 1], [2]):
+            difference = np.abs(actual[:, columns] - wanted[:, columns]).max()
+            size = max(np.abs(wanted[:, columns]).max(), least)
+            assert difference <= rtol * size, f'{difference} of {size}'

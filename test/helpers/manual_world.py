@@ -1,0 +1,384 @@
+"""
+Nodes whose callbacks and timers the test calls, by a clock of its own: no executor and no DDS.
+
+A publication is copied to the subscriptions that match it, by topic, type and quality of service;
+time goes from one timer to the next. So a test has the same course however busy the machine is.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+import contextlib
+import math
+import time
+from typing import Any
+import uuid
+
+from action_msgs.msg import GoalInfo
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Twist
+from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+import numpy as np
+from probe import N, Probe
+import pytest
+import rclpy
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import GoalEvent, ServerGoalHandle
+from rclpy.clock import Clock, ClockType, ROSClock
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.subscription import Subscription
+from rclpy.time import Time
+from rclpy.timer import Timer
+
+#: In which everything here comes about [s of the test's clock].
+DEADLINE = 20.0
+#: The system's clock at the beginning [s].
+EPOCH = 1.7e9
+
+TRANSIENT, BEST_EFFORT = DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.BEST_EFFORT
+
+
+def match(offered: QoSProfile, requested: QoSProfile) -> bool:
+    """Return whether the middleware connects a publisher to a subscription."""
+    durable = offered.durability == TRANSIENT or requested.durability != TRANSIENT
+    reliable = offered.reliability != BEST_EFFORT or requested.reliability == BEST_EFFORT
+    return durable and reliable
+
+
+class Goal:
+    """
+    A goal of an action, as its client has it.
+
+    :ivar accepted: whether the server accepted it.
+    :ivar feedback: all messages so far.
+    """
+
+    def __init__(self, server: ActionServer, request: Any) -> None:
+        self._server = server
+        self.feedback: list[Any] = []
+        self._course: Any = None
+        self.accepted = server._goal_callback(request) is GoalResponse.ACCEPT
+        if not self.accepted:
+            return
+        info = GoalInfo()
+        info.goal_id.uuid = list(uuid.uuid4().bytes)
+        self._handle = ServerGoalHandle(server, info, request)
+        self._handle.publish_feedback = self.feedback.append
+        self._handle.execute = self._execute
+        self._result = rclpy.task.Future()
+        server._result_futures[bytes(info.goal_id.uuid)] = self._result
+        server._handle_accepted_callback(self._handle)
+
+    def _execute(self) -> None:
+        self._handle._update_state(GoalEvent.EXECUTE)
+        self._course = self._server._execute_goal(self._server._execute_callback, self._handle)
+
+    def advance(self) -> None:
+        """Resume the server's coroutine, as an executor does in every turn."""
+        if self._course is not None:
+            try:
+                self._course.send(None)
+            except StopIteration:
+                self._course = None
+
+    def cancel(self) -> bool:
+        """Ask for the end; return whether the server agrees."""
+        if not self._handle.is_active:
+            return False
+        agreed = self._server._cancel_callback(self._handle) is CancelResponse.ACCEPT
+        if agreed:
+            self._handle._update_state(GoalEvent.CANCEL_GOAL)
+        return agreed
+
+    @property
+    def ended(self) -> bool:
+        """Return whether there is a result."""
+        return self.accepted and self._result.done()
+
+    def result(self) -> tuple[int, Any]:
+        """Return status of the action and result."""
+        response = self._result.result()
+        return response.status, response.result
+
+
+class World:
+    """
+    Nodes and a probe, driven by hand.
+
+    :ivar now: the test's clock, which all clocks but simulated ones read, from zero [s].
+    :ivar shift: by which the system's clock was set [s].
+    :param nodes: made by the test; destroyed at the end.
+    :param remaps: other topics by node's name and topic.
+    """
+
+    def __init__(self, remaps: dict[tuple[str, str], str]) -> None:
+        self.now = self.shift = 0.0
+        self.nodes: list[Node] = []
+        self._remaps = remaps
+        self._queue: deque[tuple[str, Any, QoSProfile]] = deque()
+        self._latched: dict[tuple[Publisher, str], tuple[str, Any, QoSProfile]] = {}
+        self._served: set[Subscription] = set()
+        self._due: dict[Timer, float] = {}
+        self._goals: list[Goal] = []
+        self._owners: dict[Any, str] = {}
+
+    def begin(
+        self, makers: Sequence[Callable[[], Node]], twist_type: type, sim_time: bool
+    ) -> None:
+        """Make the probe and the nodes."""
+        self.probe = Probe(twist_type, sim_time)
+        self.nodes.append(self.probe)
+        for make in makers:
+            self.add(make())
+
+    def add(self, node: Node) -> Node:
+        """Take one more node in."""
+        self.nodes.append(node)
+        return node
+
+    # -- What stands in for rclpy --
+
+    def read(self, clock: Clock) -> Time:
+        """Return the time of a clock."""
+        if isinstance(clock, ROSClock) and clock.ros_time_is_active:
+            return READ_CLOCK(clock)
+        steady = clock.clock_type == ClockType.STEADY_TIME
+        seconds = self.now if steady else EPOCH + self.now + self.shift
+        return Time(nanoseconds=round(1e9 * seconds), clock_type=clock.clock_type)
+
+    def publish(self, publisher: Publisher, message: Any) -> None:
+        """Take a publication; it is delivered in the next turn."""
+        if not isinstance(message, publisher.msg_type):
+            raise TypeError(f'{message!r} is no {publisher.msg_type}')
+        copied = deserialize_message(serialize_message(message), publisher.msg_type)
+        topic = self._resolve(publisher)
+        sent = (topic, copied, publisher.qos_profile)
+        self._queue.append(sent)
+        if publisher.qos_profile.durability == TRANSIENT:
+            self._latched[publisher, topic] = sent
+
+    def count_subscriptions(self, publisher: Publisher) -> int:
+        """Return how many subscriptions a publisher is connected to."""
+        topic, offered = self._resolve(publisher), publisher.qos_profile
+        return sum(
+            self._resolve(s) == topic and match(offered, s.qos_profile)
+            for node in self.nodes
+            for s in node.subscriptions
+        )
+
+    def _resolve(self, entity: Publisher | Subscription) -> str:
+        topic = entity.topic_name
+        if not self._remaps:
+            return topic
+        if entity not in self._owners:
+            for node in self.nodes:
+                for mine in (*node.publishers, *node.subscriptions):
+                    self._owners[mine] = node.get_name()
+        return self._remaps.get((self._owners.get(entity, ''), topic), topic)
+
+    # -- One turn --
+
+    def turn(self, until: float = math.inf) -> None:
+        """Go to the next timer that is due, call it, and deliver what it published."""
+        timers = [timer for node in self.nodes for timer in node.timers]
+        self._due = {timer: self._due[timer] for timer in timers if timer in self._due}
+        waits = []
+        for timer in timers:
+            now, period = 1e-9 * timer.clock.now().nanoseconds, 1e-9 * timer.timer_period_ns
+            due = min(self._due.get(timer, now + period), now + period)
+            self._due[timer] = due
+            simulated = isinstance(timer.clock, ROSClock) and timer.clock.ros_time_is_active
+            waits.append(due - now if not simulated or due <= now else math.inf)
+        wait = max(0.0, min(waits, default=math.inf))
+        if self.now + wait > until:
+            self.now = until
+        else:
+            self.now += wait
+            timer = timers[waits.index(min(waits))]
+            # As rcl does it: periods that have passed already are left out.
+            now, period = 1e-9 * timer.clock.now().nanoseconds, 1e-9 * timer.timer_period_ns
+            late = max(0.0, now - self._due[timer])
+            self._due[timer] += (1 + math.floor(late / period)) * period
+            timer.callback()
+        self.deliver()
+
+    def deliver(self) -> None:
+        """Deliver all that was published, and resume the goals."""
+        while True:
+            self._serve_late_joiners()
+            if not self._queue:
+                break
+            topic, message, offered = self._queue.popleft()
+            for subscription in self._subscribers(topic, type(message), offered):
+                subscription.callback(message)
+        for goal in self._goals:
+            goal.advance()
+
+    def _subscribers(self, topic: str, kind: type, offered: QoSProfile) -> list[Subscription]:
+        return [
+            subscription
+            for node in self.nodes
+            for subscription in node.subscriptions
+            if self._resolve(subscription) == topic
+            and subscription.msg_type is kind
+            and match(offered, subscription.qos_profile)
+        ]
+
+    def _serve_late_joiners(self) -> None:
+        """Deliver what was latched before a subscription was made."""
+        for node in self.nodes:
+            for subscription in node.subscriptions:
+                if subscription in self._served:
+                    continue
+                self._served.add(subscription)
+                if subscription.qos_profile.durability != TRANSIENT:
+                    continue
+                waiting = {id(message) for _, message, _ in self._queue}
+                for topic, message, _ in self._latched.values():
+                    if topic == subscription.topic_name and id(message) not in waiting:
+                        subscription.callback(message)
+
+    # -- What tests ask for --
+
+    def until(
+        self,
+        what: Callable[[], bool],
+        each: Callable[[], None] = lambda: None,
+        period: float = 0.01,
+    ) -> None:
+        """
+        Let time go on until something holds; fail at the deadline.
+
+        :param each: called every `period` seconds meanwhile.
+        """
+        deadline = self.now + DEADLINE
+        due = self.now
+        while True:
+            if self.now >= due:
+                if what():
+                    return
+                each()
+                self.deliver()
+                due += period
+            elif what():
+                return
+            assert self.now < deadline, f'not within {DEADLINE} s'
+            self.turn(due)
+
+    def until_code(self, code: int, each: Callable[[], None], key: str = 'status') -> Any:
+        """Let time go on until a node reports a code; return the report."""
+        self.until(lambda: self.code(key) == code, each)
+        return self.probe.last(key)
+
+    def spin(self, duration: float, each: Callable[[], None] = lambda: None) -> None:
+        """Let some time pass."""
+        end = self.now + duration - 1e-9
+        self.until(lambda: self.now >= end, each)
+
+    def code(self, key: str = 'status') -> int | None:
+        """Return the last code of a node."""
+        report = self.probe.last(key)
+        return None if report is None else report.code
+
+    def command(self) -> np.ndarray:
+        """Return the last roller command."""
+        message = self.probe.last('command')
+        return np.full(N, math.nan) if message is None else np.array(message.data)
+
+    def report(self, name: str) -> DiagnosticStatus:
+        """Return the last diagnostics of a node, stale before the first."""
+        for _, array in reversed(self.probe.seen['diagnostics']):
+            if array.status[0].name == name:
+                return array.status[0]
+        return DiagnosticStatus(level=DiagnosticStatus.STALE)
+
+    def call(self, name: str, request: Any) -> Any:
+        """Return the response of a service, named relative to the root."""
+        for node in self.nodes:
+            for service in node.services:
+                if service.service_name == f'/{name}':
+                    response = service.callback(request, service.srv_type.Response())
+                    self.deliver()
+                    return response
+        raise AssertionError(f'no service {name}')
+
+    def send_goal(self, request: Any) -> Goal:
+        """Send a goal to the only server of its action."""
+        (server,) = (
+            waitable
+            for node in self.nodes
+            for waitable in node.waitables
+            if isinstance(waitable, ActionServer) and type(request) is waitable._action_type.Goal
+        )
+        goal = Goal(server, request)
+        self._goals.append(goal)
+        self.deliver()
+        return goal
+
+
+class Manager:
+    """
+    Requests transitions of a managed node.
+
+    :param name: of the node.
+    """
+
+    def __init__(self, w: World, name: str) -> None:
+        self._world, self._name = w, name
+
+    def ask(self, transition: int, label: str = '') -> bool:
+        """Request a transition; return whether it came about."""
+        wanted = ChangeState.Request(transition=Transition(id=transition, label=label))
+        return self._world.call(f'{self._name}/change_state', wanted).success
+
+    def state(self) -> str:
+        """Return the label of the state."""
+        state = self._world.call(f'{self._name}/get_state', GetState.Request())
+        return state.current_state.label
+
+
+READ_CLOCK = Clock.now
+
+
+@contextlib.contextmanager
+def world(
+    *makers: Callable[[], ManagedNode],
+    twist_type: type = Twist,
+    sim_time: bool = False,
+    remaps: dict[tuple[str, str], str] | None = None,
+) -> Iterator[World]:
+    """
+    Make nodes and a probe, and destroy them at the end.
+
+    :param remaps: other topics by node's name and topic.
+    """
+    if not rclpy.ok():
+        rclpy.init()
+    made = World(remaps or {})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Clock, 'now', lambda clock: made.read(clock))
+        patch.setattr(time, 'monotonic', lambda: made.now)
+        patch.setattr(Publisher, 'publish', lambda pub, message: made.publish(pub, message))
+        patch.setattr(
+            Publisher, 'get_subscription_count', lambda pub: made.count_subscriptions(pub)
+        )
+        try:
+            made.begin(makers, twist_type, sim_time)
+            made.deliver()
+            yield made
+        finally:
+            for node in made.nodes:
+                node.destroy_node()
+
+
+def check_refused(make_node: Callable[[], ManagedNode], words: str) -> None:
+    """Check that a node does not start, and names the reason."""
+    with world(), pytest.raises(IsotrussError, match=words):
+        make_node()

@@ -1,0 +1,281 @@
+"""A node that stands in for the rest of the world, and nodes under one executor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+import contextlib
+import math
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, WrenchStamped
+from isotruss_msgs.msg import GraspState, ManipulationStatus
+from isotruss_ros.core import load_robot, Pose, tangent_center
+from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
+from isotruss_ros.nodes.conversions.messages import stamp_header, to_pose_message, to_twist_message
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+import numpy as np
+import rclpy
+from rclpy.client import Client
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float64MultiArray
+
+#: Far more than anything needs here; a busy machine must not fail a test [s].
+DEADLINE = 60.0
+#: What is said once is kept for late joiners.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+ROBOT = load_robot('nine_member')
+MODULE = 'north/Z'
+DIAMETER = 0.3
+CENTER = tangent_center(ROBOT.home, MODULE, DIAMETER)
+UP = (0.0, 0.02, 0.0)
+N = len(ROBOT.roller_names)
+
+
+def overrides(**values: object) -> list[Parameter]:
+    """Return parameters by name."""
+    return [Parameter(name, value=value) for name, value in values.items()]
+
+
+class Probe(Node):
+    """
+    Publishes every input of our nodes and keeps every output with the time of its arrival.
+
+    :param sim_time: go by `/clock`, which the test publishes by `tick`.
+    """
+
+    def __init__(self, twist_type: type, sim_time: bool = False) -> None:
+        super().__init__('probe', parameter_overrides=overrides(use_sim_time=sim_time))
+        self.twists = self.create_publisher(twist_type, 'cmd_vel', 1)
+        self.joint_states = self.create_publisher(JointState, 'joint_states', 1)
+        self.object_poses = self.create_publisher(PoseStamped, 'object_pose', 1)
+        self.commands = self.create_publisher(
+            Float64MultiArray, 'roller_velocity_controller/commands', 1
+        )
+        self.wrenches = self.create_publisher(WrenchStamped, 'external_wrench', 1)
+        self.stops = self.create_publisher(Bool, 'emergency_stop', LATCHED)
+        self.clock = self.create_publisher(Clock, '/clock', 1)
+        self.seen: dict[str, list] = {}
+        for kind, key, topic in (
+            (Float64MultiArray, 'command', 'roller_velocity_controller/commands'),
+            (ManipulationStatus, 'status', 'manipulation/status'),
+            (JointState, 'joints', 'joint_states'),
+            (PoseStamped, 'pose', 'object_pose'),
+            (GraspState, 'state', 'grasp/state'),
+            (Bool, 'closure', 'grasp/force_closure'),
+            (WrenchStamped, 'wrench', 'grasp/wrench'),
+            (DiagnosticArray, 'diagnostics', '/diagnostics'),
+        ):
+            self.listen(kind, key, topic)
+
+    def listen(self, kind: type, key: str, topic: str) -> None:
+        """Keep the messages of a topic in `seen`."""
+        self.seen[key] = []
+        self.create_subscription(kind, topic, lambda message: self._take(key, message), 100)
+
+    def _take(self, key: str, message: object) -> None:
+        self.seen[key].append((time.monotonic(), message))
+
+    def last(self, key: str) -> object | None:
+        """Return the last message of an output."""
+        return self.seen[key][-1][1] if self.seen[key] else None
+
+    def past(self, age: float) -> Time:
+        """Return the time `age` seconds ago (in the future if negative)."""
+        now = self.get_clock().now().nanoseconds
+        then = max(0, now - int(age * 1e9))
+        return Time(nanoseconds=then, clock_type=self.get_clock().clock_type)
+
+    def tick(self, time_of: float) -> None:
+        """Publish simulated time [s]."""
+        self.clock.publish(Clock(clock=Time(nanoseconds=round(1e9 * time_of)).to_msg()))
+
+    def send_twist(self, twist: tuple[float, float, float] = UP) -> None:
+        """Publish a twist."""
+        self.twists.publish(to_twist_message(twist))
+
+    def send_joints(self, age: float = 0.0, **changes: object) -> None:
+        """Publish joint states at home, changed as given."""
+        fields = {'name': list(ROBOT.roller_names), 'position': [0.0] * N} | changes
+        message = JointState(**fields)
+        stamp_header(message.header, self.past(age))
+        self.joint_states.publish(message)
+
+    def send_pose(
+        self, age: float = 0.0, frame: str = 'truss', center: tuple[float, float] = CENTER
+    ) -> None:
+        """Publish the object's pose, in the grip unless told otherwise."""
+        message = PoseStamped(pose=to_pose_message(Pose(center[0], center[1], 0.3)))
+        stamp_header(message.header, self.past(age), frame)
+        self.object_poses.publish(message)
+
+    def send_wrench(
+        self, wrench: tuple[float, float, float], age: float = 0.0, frame: str = 'truss'
+    ) -> None:
+        """Publish an external wrench on the object."""
+        message = WrenchStamped(wrench=to_wrench_message(wrench))
+        stamp_header(message.header, self.past(age), frame)
+        self.wrenches.publish(message)
+
+    def send_all(self) -> None:
+        """Publish good inputs of the manipulation node."""
+        self.send_joints()
+        self.send_pose()
+        self.send_twist()
+
+
+class World:
+    """
+    Nodes under one executor.
+
+    :param nodes: made by the test; destroyed at the end.
+    :param sim_time: for the probe.
+    """
+
+    def __init__(
+        self, *nodes: ManagedNode, twist_type: type = Twist, sim_time: bool = False
+    ) -> None:
+        self.probe = Probe(twist_type, sim_time)
+        self.nodes = [self.probe, *nodes]
+        self.executor = SingleThreadedExecutor()
+        for node in self.nodes:
+            self.executor.add_node(node)
+
+    def add(self, node: ManagedNode) -> ManagedNode:
+        """Take one more node in."""
+        self.nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def call(self, client: Client, request: object) -> object:
+        """Return what a service answers."""
+        self.until(client.service_is_ready)
+        future = client.call_async(request)
+        self.until(future.done)
+        return future.result()
+
+    def report(self, name: str) -> DiagnosticStatus:
+        """Return the last diagnostics of a node, stale before the first."""
+        for _, array in reversed(self.probe.seen['diagnostics']):
+            if array.status[0].name == name:
+                return array.status[0]
+        return DiagnosticStatus(level=DiagnosticStatus.STALE)
+
+    def until(
+        self,
+        what: Callable[[], bool],
+        each: Callable[[], None] = lambda: None,
+        period: float = 0.01,
+    ) -> None:
+        """
+        Spin until something holds; fail at the deadline.
+
+        :param each: called every `period` seconds meanwhile.
+        """
+        deadline = time.monotonic() + DEADLINE
+        due = 0.0
+        while not what():
+            assert time.monotonic() < deadline, f'not within {DEADLINE} s'
+            if time.monotonic() >= due:
+                each()
+                due = time.monotonic() + period
+            self.executor.spin_once(timeout_sec=min(period, 0.005))
+
+    def until_code(
+        self, code: int, each: Callable[[], None], key: str = 'status'
+    ) -> ManipulationStatus | GraspState:
+        """
+        Spin until a node reports a code; return the report.
+
+        :param key: `status` of the manipulation node or `state` of the grasp.
+        """
+        self.until(lambda: self.code(key) == code, each)
+        return self.probe.last(key)
+
+    def code(self, key: str = 'status') -> int | None:
+        """Return the last code of a node."""
+        report = self.probe.last(key)
+        return None if report is None else report.code
+
+    def command(self) -> np.ndarray:
+        """Return the last roller command."""
+        message = self.probe.last('command')
+        return np.full(N, math.nan) if message is None else np.array(message.data)
+
+    def spin(self, duration: float, each: Callable[[], None] = lambda: None) -> None:
+        """Spin for a while."""
+        end = time.monotonic() + duration
+        self.until(lambda: time.monotonic() >= end, each)
+
+    def close(self) -> None:
+        """Take everything down."""
+        self.executor.shutdown()
+        for node in self.nodes:
+            node.destroy_node()
+
+
+class Manager:
+    """
+    Asks for transitions as any tool does.
+
+    :param name: of the managed node.
+    """
+
+    def __init__(self, w: World, name: str) -> None:
+        self._world = w
+        self._change = w.probe.create_client(ChangeState, f'{name}/change_state')
+        self._get = w.probe.create_client(GetState, f'{name}/get_state')
+
+    def ask(self, transition: int, label: str = '') -> bool:
+        """Ask for a transition; return whether it came about."""
+        wanted = Transition(id=transition, label=label)
+        return self._world.call(self._change, ChangeState.Request(transition=wanted)).success
+
+    def state(self) -> str:
+        """Return the label of the state."""
+        return self._world.call(self._get, GetState.Request()).current_state.label
+
+
+def stamped(twist: tuple[float, float, float], time_of: Time, frame: str = '') -> TwistStamped:
+    """Return a stamped twist."""
+    message = TwistStamped(twist=to_twist_message(twist))
+    stamp_header(message.header, time_of, frame)
+    return message
+
+
+def begin_context(args: Sequence[str] = ()) -> None:
+    """Bring up rclpy; tests that need no middleware may have left it up."""
+    if rclpy.ok():
+        rclpy.shutdown()
+    rclpy.init(args=list(args))
+
+
+@contextlib.contextmanager
+def world(
+    *make_nodes: Callable[[], ManagedNode],
+    twist_type: type = Twist,
+    sim_time: bool = False,
+    remaps: Sequence[str] = (),
+) -> Iterator[World]:
+    """
+    Bring up a context with nodes in it, and take it down.
+
+    :param remaps: rules such as `node:from:=to`.
+    """
+    begin_context(['--ros-args', *(part for rule in remaps for part in ('-r', rule))])
+    made = None
+    try:
+        made = World(*(make() for make in make_nodes), twist_type=twist_type, sim_time=sim_time)
+        yield made
+    finally:
+        if made is not None:
+            made.close()
+        rclpy.shutdown()

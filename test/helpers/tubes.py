@@ -1,0 +1,161 @@
+"""Tubes without a robot, and frames in which points inside members are nodes, to compare with."""
+
+from types import SimpleNamespace
+
+from isotruss_ros.core.statics.beam import local_stiffness
+from isotruss_ros.core.statics.frame import Frame, Members
+import numpy as np
+from scipy.sparse import hstack
+
+
+def bare(starts, ends, axial, flexural, shear, held=None):
+    """
+    Return what `find_contact_points` needs of a structure: clamped tubes, and nothing else.
+
+    :param starts: (m,) x + iy of each tube.
+    :param ends: (m,) the same.
+    :param axial: EA, `flexural` and `shear` likewise; one for all tubes, or (m,).
+    :param held: (m, 2, 3) which of ux, uy, theta are held at starts and ends; all if None.
+    """
+    m = len(starts)
+    # A robot has six members per module, of which the last kind are the long pieces of tube.
+    # The others are stubs, far away; one end of each is free, so that something is.
+    stubs = 1e3 + np.arange(5 * m) * 1j
+    points = np.concatenate([starts, ends, stubs, stubs + 1.0])
+    fixed = np.ones((2 * m, 3), dtype=bool)
+    if held is not None:
+        fixed = np.concatenate([held[:, 0], held[:, 1]])
+    fixed = np.concatenate(
+        [fixed, np.ones((5 * m, 3), dtype=bool), np.zeros((5 * m, 3), dtype=bool)]
+    )
+    number = np.arange(5 * m)
+    section_stiffness = (
+        np.concatenate([np.ones(5 * m), np.broadcast_to(value, m)])
+        for value in (axial, flexural, shear)
+    )
+    members = Members(
+        np.concatenate([2 * m + number, np.arange(m)]),
+        np.concatenate([7 * m + number, m + np.arange(m)]),
+        *section_stiffness,
+        np.zeros(6 * m, dtype=bool),
+        np.zeros(6 * m, dtype=bool),
+    )
+    frame = Frame(points, members, fixed, [str(i) for i in range(len(points))])
+    topology = SimpleNamespace(n_modules=m, previous=np.roll(np.arange(m), 1))
+    return SimpleNamespace(
+        frame=frame, config=SimpleNamespace(robot=SimpleNamespace(topology=topology))
+    )
+
+
+def with_nodes(frame, held, rows, points):
+    """
+    Return a frame with nodes at points on its members, and their numbers.
+
+    :param held: (n, 3) of the frame.
+    :param rows: its constraints, or None.
+    :param points: (c,) x + iy, each on a member.
+    """
+    old = frame.members
+    start, end = frame.points[old.start], frame.points[old.end]
+    length = np.abs(end - start)
+    along = (points[:, None] - start) * ((end - start) / length).conj()
+    # The tubes come last and may lie along stiff parts: the last member that fits.
+    fits = (np.abs(along.imag) < 1e-9) & (along.real > -1e-9) & (along.real < length + 1e-9)
+    on = fits.shape[1] - 1 - fits[:, ::-1].argmax(axis=1)
+    assert fits.any(axis=1).all()
+    place = along.real[np.arange(len(points)), on]
+    numbers = np.empty(len(points), dtype=int)
+    new_points, pieces = list(frame.points), []
+    for member in range(len(length)):
+        node, last = old.start[member], False
+        here = np.flatnonzero(on == member)
+        chain = [node]
+        for c in here[np.argsort(place[here])]:
+            if place[c] < 1e-9:
+                numbers[c] = node
+            elif place[c] > length[member] - 1e-9:
+                numbers[c] = old.end[member]
+            else:
+                numbers[c] = len(new_points)
+                new_points.append(points[c])
+                chain.append(numbers[c])
+        chain.append(old.end[member])
+        for i in range(len(chain) - 1):
+            first, last = i == 0, i == len(chain) - 2
+            pieces.append((chain[i], chain[i + 1], member, first, last))
+    start, end, member, first, last = map(np.array, zip(*pieces, strict=True))
+    members = Members(
+        start,
+        end,
+        old.axial[member],
+        old.flexural[member],
+        old.shear[member],
+        old.pinned_start[member] & first,
+        old.pinned_end[member] & last,
+    )
+    extra = len(new_points) - len(frame.points)
+    held = np.concatenate([held, np.zeros((extra, 3), dtype=bool)])
+    if rows is not None:
+        rows = hstack([rows, np.zeros((rows.shape[0], 3 * extra))]).tocsr()
+    names = [str(i) for i in range(len(new_points))]
+    return Frame(np.array(new_points), members, held, names, rows), numbers
+
+
+def robot_with_nodes(structure, points):
+    """Return the frame of a robot with nodes at points on its tubes, and their numbers."""
+    return with_nodes(structure.frame, structure._held(), structure._bisection(), points)
+
+
+def node_compliance(frame, nodes):
+    """Return (c, 2, c, 2): displacements of nodes under unit forces at nodes, solve by solve."""
+    answer = np.empty((len(nodes), 2, len(nodes), 2))
+    for c, node in enumerate(nodes):
+        for axis in range(2):
+            loads = np.zeros((len(frame.points), 3))
+            loads[node, axis] = 1.0
+            answer[:, :, c, axis] = frame.solve(loads).displacements[nodes, :2]
+    return answer
+
+
+def cut_member(length, axial, flexural, shear, pinned, places):
+    """
+    Return the stiffness of one member that has nodes at places, by its own element matrices.
+
+    :param pinned: whether start and end turn freely.
+    :return: (3 n, 3 n), nodes in order along the member, start and end included.
+    """
+    cuts = np.concatenate([[0.0], places, [length]])
+    matrix = np.zeros((3 * len(cuts), 3 * len(cuts)))
+    for i, piece in enumerate(np.diff(cuts)):
+        both = slice(3 * i, 3 * i + 6)
+        values = (np.full(1, value) for value in (piece, axial, flexural, shear))
+        matrix[both, both] += local_stiffness(*values)[0]
+    for rotation, free in ((2, pinned[0]), (len(matrix) - 1, pinned[1])):
+        if free:
+            column = matrix[:, rotation].copy()
+            matrix -= np.outer(column, column) / column[rotation]
+            matrix[rotation] = matrix[:, rotation] = 0.0
+    return matrix
+
+
+def joined(structure, first, second):
+    """Return tubes of which the end of one and the start of the other are one node."""
+    frame, m = structure.frame, structure.config.robot.topology.n_modules
+    members = frame.members
+    number = np.arange(len(frame.points))
+    number[second] = m + first
+    held = frame._held.reshape(-1, 3).copy()
+    held[second] = True
+    members = Members(
+        number[members.start],
+        number[members.end],
+        members.axial,
+        members.flexural,
+        members.shear,
+        members.pinned_start,
+        members.pinned_end,
+    )
+    names = [str(i) for i in number]
+    return SimpleNamespace(
+        frame=Frame(frame.points, members, held, names), config=structure.config
+    )

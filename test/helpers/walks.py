@@ -1,0 +1,181 @@
+"""
+Random walks of a held object under the twist servo, and how near to its bounds each came.
+
+For a soak:  python test/helpers/walks.py --walks 1000 --steps 1000
+"""
+
+import argparse
+from collections import Counter, deque
+from dataclasses import dataclass
+import sys
+
+from isotruss_ros.core import (
+    ConfigurationError,
+    Cylinder,
+    Grasp,
+    HeldObject,
+    IsotrussError,
+    load_robot,
+    RollerState,
+    ShapeBounds,
+    StampedInput,
+    Status,
+    tangent_center,
+    TwistServo,
+)
+from isotruss_ros.core.safety.margins import shape_margins
+import numpy as np
+
+ROBOT = load_robot('nine_member')
+BOUNDS = ShapeBounds()
+LEAST = (BOUNDS.min_rigidity, BOUNDS.min_clearance, BOUNDS.min_object_clearance)
+#: Grips that can move the object in every direction.
+GRIPS = ('north/Z', 'north/R', 'north/P', 'east/Q', 'east/R')
+PERIODS = (0.05, 0.01, 0.005, 0.002, 0.001)
+#: Inputs are this old at most [s].
+LATE = 0.15
+
+
+@dataclass
+class Walk:
+    """
+    What became of a walk.
+
+    `lowest` has the smallest margins met, of rigidity [-], clearance [m] and clearance of the
+    object [m], at and between the samples: negative where the walk crossed a bound.
+    """
+
+    lowest: np.ndarray
+    statuses: Counter
+    limiting: Counter
+
+    @property
+    def crossed(self):
+        return bool((self.lowest < 0.0).any())
+
+
+def margins(config, grasp):
+    """Return what is left above the bounds."""
+    found = shape_margins(config, Cylinder(grasp.center, grasp.diameter), grasp.module)
+    return np.array(found[:3]) - LEAST
+
+
+def begin(rng, module):
+    """Return a configuration and a grasp, anywhere within the bounds."""
+    file = ROBOT.description
+    while True:
+        try:
+            config = ROBOT.configuration(rng.uniform(-0.35, 0.35, len(ROBOT.roller_names)))
+            diameter = float(rng.uniform(0.1, 0.4))
+            grasp = Grasp(module, tangent_center(config, module, diameter), diameter)
+        except IsotrussError:
+            continue
+        lengths = config.member_lengths
+        fits = lengths.min() > file.min_length and lengths.max() < file.max_length
+        if fits and margins(config, grasp).min() > 0.002:
+            return config, grasp
+
+
+@dataclass
+class Sensors:
+    """
+    How late the servo sees the robot and the object, in cycles, and whether it is told speeds.
+
+    Speeds are those with which the robot came to where it is seen.
+    """
+
+    rollers: int
+    pose: int
+    speeds: bool
+
+    @classmethod
+    def of(cls, seed, period):
+        """Return prompt ones, ones that are a cycle late, and twice as many up to 150 ms late."""
+        rng = np.random.default_rng([seed, 1])
+        speeds = bool(rng.integers(2))
+        kind = seed // 2 % 4
+        if kind < 2:
+            return cls(kind, kind, speeds)
+        rollers, pose = (round(late / period) for late in rng.uniform(0.0, LATE, 2))
+        if kind == 2:
+            rollers = pose = round(LATE / period)
+        return cls(rollers, pose, speeds)
+
+
+def walk(seed, steps, slide=False, guarded=True, sensors=None):
+    """
+    Command one twist after another, far more than the robot can do, at 20 Hz to 1 kHz.
+
+    What the servo sees is true, but late; see `Sensors`.
+    """
+    rng = np.random.default_rng(seed)
+    config, grasp = begin(rng, GRIPS[seed % len(GRIPS)])
+    held = HeldObject.attach(config, grasp)
+    period = float(rng.choice(PERIODS, p=[0.15, 0.35, 0.3, 0.1, 0.1]))
+    sensors = Sensors.of(seed, period) if sensors is None else sensors
+    servo = TwistServo(ROBOT, grasp.module, grasp.diameter, period, timeout=0.2)
+    servo.slide = slide
+    if not guarded:
+        servo.guard = None
+    result = Walk(np.full(3, np.inf), Counter(), Counter())
+    length = 1 + max(sensors.rollers, sensors.pose)
+    seen = deque([(config, np.zeros(len(ROBOT.roller_names)))] * length, length)
+    left, twist = 0, np.zeros(3)
+    for step in range(steps):
+        if left == 0:
+            left, twist = int(rng.integers(20, 800)), rng.standard_normal(3) * 0.2
+        left -= 1
+        now = 1.0 + step * period
+        (state, speeds), (place, _) = seen[-1 - sensors.rollers], seen[-1 - sensors.pose]
+        measured = RollerState(state.roller_positions, speeds if sensors.speeds else 0.0 * speeds)
+        servo.twist = StampedInput(twist, now)
+        servo.rollers = StampedInput(measured, now - period * sensors.rollers)
+        servo.center = StampedInput(held.pose(place)[:2], now - period * sensors.pose)
+        decision = servo.decide(now)
+        command = decision.command
+        assert command.status < Status.HALT_NO_TWIST, decision.message
+        result.statuses[command.status] += 1
+        result.limiting.update(command.limiting)
+        velocities = command.roller_velocities
+        try:
+            end = config.moved_to(config.roller_positions + period * velocities)
+        except ConfigurationError:
+            assert not guarded
+            return result
+        lowest = margins(end, held.grasp_in(end))
+        if lowest.min() < 0.01:
+            half = config.moved_to(config.roller_positions + 0.5 * period * velocities)
+            lowest = np.minimum(lowest, margins(half, held.grasp_in(half)))
+        config = end
+        seen.append((config, velocities))
+        result.lowest = np.minimum(result.lowest, lowest)
+    return result
+
+
+def main():
+    """Walk, and tell how many crossed a bound; the exit code is 1 if any did."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument('--walks', type=int, default=1000)
+    parser.add_argument('--steps', type=int, default=1000)
+    parser.add_argument('--first', type=int, default=0, help='seed of the first walk')
+    arguments = parser.parse_args()
+    lowest, statuses, crossed = np.full(3, np.inf), Counter(), []
+    for number in range(arguments.walks):
+        seed = arguments.first + number
+        found = walk(seed, arguments.steps, slide=bool(seed % 3 == 2))
+        lowest = np.minimum(lowest, found.lowest)
+        statuses += found.statuses
+        if found.crossed:
+            crossed.append(seed)
+            print(f'walk {seed} crossed a bound: {found.lowest}', flush=True)
+        if sys.stdout.isatty() or number % 100 == 99:
+            print(f'{number + 1} walks, {len(crossed)} crossed a bound', flush=True)
+    print(f'smallest margins: rigidity {lowest[0]:.5f}, clearance {lowest[1]:.5f} m,', end=' ')
+    print(f'clearance of the object {lowest[2]:.5f} m')
+    for status, count in statuses.most_common():
+        print(f'{count:9d} steps {status}')
+    return 1 if crossed else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

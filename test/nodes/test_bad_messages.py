@@ -1,0 +1,431 @@
+"""
+Unusable messages and parameters on every input of every node.
+
+The node keeps running, the rollers are at rest while an input is unusable, no command is faster
+than the rollers' limit, and good inputs move the object again.
+"""
+
+import math
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import (
+    Point,
+    PoseStamped,
+    Quaternion,
+    Twist,
+    TwistStamped,
+    Vector3,
+    WrenchStamped,
+)
+from geometry_msgs.msg import Pose as PoseMessage
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from isotruss_msgs.msg import GraspState
+from isotruss_msgs.srv import AnalyzeGrasp
+from isotruss_ros.core import RejectedInput, StampedInput, Status, TwistServo
+from isotruss_ros.nodes.conversions.messages import MessageError, RollerStateReader, stamp_header
+from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.grasp_planner import GraspPlanner
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.path_follower import PathFollower
+from isotruss_ros.nodes.roller_trajectory import RollerTrajectory
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import world
+import numpy as np
+from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT
+import pytest
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import SetParameters
+from sensor_msgs.msg import JointState
+from std_msgs.msg import (
+    Float64MultiArray,
+    Header,
+    MultiArrayDimension,
+    MultiArrayLayout,
+)
+
+NAMES = list(ROBOT.roller_names)
+MAX_SPEED = ROBOT.description.max_speed
+BAD = (math.nan, math.inf, -math.inf)
+HUGE = (1e308, -1e308, 1e100)
+FOREVER = 10**5
+
+
+def manipulation(**values):
+    """Return what makes a manipulation node; the joint states here are made up."""
+    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
+
+
+def record(node):
+    """Return the list that will hold every command with the status that belongs to it."""
+    pairs = []
+    commands, statuses = node._commands, node._report._publisher
+    send, tell = commands.publish, statuses.publish
+
+    def publish(message):
+        pairs.append((np.array(message.data), None))
+        send(message)
+
+    def report(message):
+        pairs[-1] = (pairs[-1][0], Status(message.code))
+        tell(message)
+
+    commands.publish, statuses.publish = publish, report
+    return pairs
+
+
+def check(pairs):
+    """Check what holds for every command whatever came in."""
+    assert pairs
+    for command, status in pairs:
+        assert command.shape == (N,)
+        assert np.isfinite(command).all()
+        assert np.abs(command).max() <= MAX_SPEED + 1e-9
+        if status is None or status >= Status.HALT_NO_TWIST:
+            assert not command.any()
+
+
+#: For each input of the manipulation: a message that its reader rejects, and those of bad times or
+#: places; the tables of all that readers reject are in test_conversions.py.
+TIMES = {
+    'long ago': {'age': 1e3},
+    'in the future': {'age': -1e3},
+    'before all time': {'sec': -(2**31)},
+    'after all time': {'sec': 2**31 - 1},
+    'odd nanoseconds': {'sec': 0, 'nanosec': 2**32 - 1},
+}
+JOINT_STATES = TIMES | {
+    'rejected': {'position': [math.nan] * N},
+    'out of reach': {'position': [1e3] * N},
+}
+POSES = TIMES | {
+    'rejected': {'frame': 'map'},
+    'far away': {'position': Point(x=100.0, y=100.0)},
+    'on the other side': {'position': Point(x=CENTER[0], y=CENTER[1] + 1.0)},
+}
+TWISTS = {'rejected': Twist(linear=Vector3(x=math.nan))}
+WRENCHES = TIMES | {'rejected': {'x': math.inf}, 'of another frame': {'frame': 'map'}}
+
+
+def header(w, frame='truss', age=0.0, sec=None, nanosec=0):
+    """Return a header, for once with any stamp."""
+    made = stamp_header(Header(), w.probe.past(age), frame)
+    if sec is not None:
+        made.stamp = Time(sec=sec, nanosec=nanosec)
+    return made
+
+
+def send_bad_joints(w, case):
+    """Publish joint states that cannot be."""
+    about = {k: case[k] for k in ('age', 'sec', 'nanosec') if k in case}
+    fields = {'name': NAMES, 'position': [0.0] * N} | case
+    fields = {k: v for k, v in fields.items() if k not in about}
+    w.probe.joint_states.publish(JointState(header=header(w, '', **about), **fields))
+
+
+def send_bad_pose(w, case):
+    """Publish a pose that cannot be."""
+    about = {k: case[k] for k in ('age', 'sec', 'nanosec', 'frame') if k in case}
+    pose = PoseMessage(position=Point(x=CENTER[0], y=CENTER[1]), orientation=Quaternion(w=1.0))
+    for part in ('position', 'orientation'):
+        setattr(pose, part, case.get(part, getattr(pose, part)))
+    w.probe.object_poses.publish(PoseStamped(header=header(w, **about), pose=pose))
+
+
+@pytest.mark.parametrize('topic', ['joint_states', 'object_pose', 'cmd_vel'])
+def test_manipulation_halts_on_every_invalid_input_and_resumes(topic):
+    cases = {'joint_states': JOINT_STATES, 'object_pose': POSES, 'cmd_vel': TWISTS}[topic]
+    with world(manipulation()) as w:
+        pairs = record(w.nodes[1])
+        good = {
+            'joint_states': w.probe.send_joints,
+            'object_pose': w.probe.send_pose,
+            'cmd_vel': w.probe.send_twist,
+        }
+        bad = {
+            'joint_states': lambda case: send_bad_joints(w, case),
+            'object_pose': lambda case: send_bad_pose(w, case),
+            'cmd_vel': w.probe.twists.publish,
+        }[topic]
+        others = [send for name, send in good.items() if name != topic]
+        for name, case in cases.items():
+            w.until_code(Status.OK, w.probe.send_all)
+
+            def send(case=case):
+                for other in others:
+                    other()
+                bad(case)
+
+            w.until(lambda: w.code() >= Status.HALT_NO_TWIST, send)
+            assert w.probe.last('status').message, name
+            check(pairs)
+            pairs.clear()
+        w.until_code(Status.OK, w.probe.send_all)
+
+
+@pytest.mark.parametrize('value', HUGE)
+def test_a_twist_of_any_finite_size_is_carried_out_as_slowly_as_needed(value):
+    with world(manipulation()) as w:
+        pairs = record(w.nodes[1])
+        for twist in ((value, 0.0, 0.0), (0.0, value, -value), (0.0, 0.0, value)):
+
+            def send(twist=twist):
+                w.probe.send_joints()
+                w.probe.send_pose()
+                w.probe.send_twist(twist)
+
+            w.until_code(Status.SLOWED_ROLLER_SPEED, send)
+            assert w.command().any()
+        check(pairs)
+
+
+def test_halts_on_invalid_stamps_of_twists():
+    node = manipulation(use_stamped_twist=True)
+    with world(node, twist_type=TwistStamped) as w:
+        pairs = record(w.nodes[1])
+        twist = Twist(linear=Vector3(y=0.02))
+
+        def send(**about):
+            w.probe.send_joints()
+            w.probe.send_pose()
+            w.probe.twists.publish(TwistStamped(header=header(w, **about), twist=twist))
+
+        for about in (
+            {'age': 1e3},
+            {'age': -1e3},
+            {'sec': -(2**31)},
+            {'sec': 2**31 - 1},
+            {'frame': 'map'},
+        ):
+            w.until_code(Status.OK, send)
+            w.until(lambda: w.code() >= Status.HALT_NO_TWIST, lambda a=about: send(**a))
+        w.until_code(Status.OK, send)
+        check(pairs)
+
+
+values = st.one_of(
+    st.floats(-0.3, 0.3), st.floats(), st.sampled_from((*BAD, *HUGE, 1e6, 5e-324, -0.0))
+)
+rows = st.lists(values, max_size=N + 2)
+
+
+@given(
+    names=st.one_of(
+        st.just(NAMES), st.permutations(NAMES), st.lists(st.text(max_size=9), max_size=8)
+    ),
+    positions=st.one_of(st.lists(values, min_size=N, max_size=N), rows),
+    speeds=st.one_of(st.just([]), st.lists(values, min_size=N, max_size=N), rows),
+    center=st.tuples(values, values),
+    twist=st.tuples(values, values, values),
+)
+@settings(max_examples=150, deadline=None)
+def test_any_numbers_move_the_rollers_within_their_limits_or_not_at_all(
+    names, positions, speeds, center, twist
+):
+    servo = TwistServo(ROBOT, MODULE, DIAMETER, period=0.005, timeout=0.2)
+    message = JointState(name=list(names), position=positions, velocity=speeds)
+    try:
+        servo.rollers = StampedInput(RollerStateReader(NAMES).read(message), 0.0)
+    except MessageError as error:
+        servo.rollers = RejectedInput(str(error))
+    for x, y in (CENTER, center):
+        servo.center = StampedInput((x, y), 0.0)
+        for given_twist in ((0.0, 0.02, 0.0), twist):
+            if not all(map(math.isfinite, (x, y, *given_twist))):
+                continue  # refused by the readers of messages
+            servo.twist = StampedInput(given_twist, 0.0)
+            decision = servo.decide(0.0)
+            check([(decision.command.roller_velocities, decision.command.status)])
+            assert 0.0 <= decision.command.scale <= 1.0
+
+
+def test_the_simulated_robot_stops_on_invalid_commands():
+    huge = MultiArrayLayout(
+        dim=[MultiArrayDimension(label='x' * 1000, size=2**32 - 1, stride=2**32 - 1)] * 50,
+        data_offset=2**32 - 1,
+    )
+    cases = [
+        *([v] * N for v in BAD),
+        [],
+        [0.01],
+        [0.01] * (N - 1),
+        [0.01] * FOREVER,
+        [math.nan] * FOREVER,
+    ]
+    with world(lambda: Simulator(overrides(command_timeout=5.0))) as w:
+        good = Float64MultiArray(data=[0.0, 0.01, *[0.0] * (N - 2)])
+
+        def moving():
+            joints = w.probe.last('joints')
+            return joints is not None and joints.velocity[1] > 0.0
+
+        for data in cases:
+            w.until(moving, lambda: w.probe.commands.publish(good))
+            bad = Float64MultiArray(layout=huge, data=data)
+            w.until(lambda: not moving(), lambda b=bad: w.probe.commands.publish(b))
+        # A layout says nothing that the names do not: it is not read.
+        odd = Float64MultiArray(layout=huge, data=good.data)
+        w.until(moving, lambda: w.probe.commands.publish(odd))
+        for speed in HUGE:
+            push = Float64MultiArray(data=[0.0, speed, *[0.0] * (N - 2)])
+            w.spin(0.05, lambda p=push: w.probe.commands.publish(p))
+        joints = w.probe.last('joints')
+        assert np.isfinite([*joints.position, *joints.velocity]).all()
+        assert np.abs(joints.velocity).max() <= 1.0  # the simulated rollers' limit
+
+
+@pytest.mark.parametrize('topic', ['joint_states', 'object_pose', 'external_wrench'])
+def test_the_analysis_has_no_result_for_invalid_inputs(topic):
+    with world(lambda: GraspAnalysisNode()) as w:
+
+        def wrench(case):
+            about = {k: case[k] for k in ('age', 'sec', 'nanosec', 'frame') if k in case}
+            message = WrenchStamped(header=header(w, **about))
+            message.wrench.force.x = case.get('x', 0.0)
+            w.probe.wrenches.publish(message)
+
+        cases = {
+            'joint_states': JOINT_STATES,
+            # It is no error that an object touches nothing.
+            'object_pose': {name: case for name, case in POSES.items() if 'position' not in case},
+            'external_wrench': WRENCHES,
+        }[topic].values()
+        bad = {
+            'joint_states': lambda case: send_bad_joints(w, case),
+            'object_pose': lambda case: send_bad_pose(w, case),
+            'external_wrench': wrench,
+        }[topic]
+
+        def good():
+            w.probe.send_joints()
+            w.probe.send_pose()
+            if topic == 'external_wrench':
+                wrench({})
+
+        for case in cases:
+            w.until_code(GraspState.OK, good, 'state')
+
+            def send(case=case):
+                if topic != 'joint_states':
+                    w.probe.send_joints()
+                if topic != 'object_pose':
+                    w.probe.send_pose()
+                bad(case)
+
+            w.until(lambda: w.code('state') != GraspState.OK, send)
+            assert not w.probe.last('state').force_closure
+            assert w.probe.last('state').message
+        w.until_code(GraspState.OK, good, 'state')
+
+
+def test_invalid_requests_of_an_analysis_get_the_reason():
+    with world(lambda: GraspAnalysisNode()) as w:
+        good = {'x': CENTER[0], 'y': CENTER[1], 'diameter': 0.3, 'friction': 0.5}
+        cases = [
+            *({key: v} for key in ('x', 'y', 'diameter', 'friction', 'force') for v in BAD),
+            *({'friction': v} for v in (-1.0, -1e308)),
+            *({'diameter': v} for v in (-1.0, -1e308, 1e308)),
+            *({'rollers': [v] + [0.0] * (N - 1)} for v in (*BAD, *HUGE)),
+            {'rollers': [0.0]},
+            {'rollers': [0.0] * FOREVER},
+            {'diameter': 0.0},
+        ]
+        for case in cases:
+            numbers = good | {'force': 0.0, 'rollers': [0.0] * N} | case
+            request = AnalyzeGrasp.Request(
+                center=Point(x=numbers['x'], y=numbers['y']),
+                diameter=numbers['diameter'],
+                friction=numbers['friction'],
+                roller_positions=numbers['rollers'],
+            )
+            request.external_wrench.force.x = numbers['force']
+            answer = w.call('analyze_grasp', request)
+            assert not answer.success, case
+            assert answer.message, case
+            assert not answer.state.force_closure
+        w.until_code(GraspState.OK, lambda: (w.probe.send_joints(), w.probe.send_pose()), 'state')
+
+
+def parameter_values():
+    """Return one value of every type of parameter, and numbers that cannot be."""
+    return [
+        ParameterValue(),
+        ParameterValue(type=1, bool_value=True),
+        ParameterValue(type=2, integer_value=-(2**63)),
+        *(ParameterValue(type=3, double_value=v) for v in (*BAD, *HUGE, -1.0)),
+        ParameterValue(type=4, string_value='nobody' * 1000),
+        ParameterValue(type=5, byte_array_value=[b'\xff'] * 1000),
+        ParameterValue(type=6, bool_array_value=[True]),
+        ParameterValue(type=7, integer_array_value=[2**63 - 1]),
+        ParameterValue(type=8, double_array_value=list(BAD)),
+        ParameterValue(type=9, string_array_value=['nobody', '']),
+    ]
+
+
+@pytest.mark.parametrize(
+    'kind',
+    [
+        Manipulation,
+        Simulator,
+        GraspAnalysisNode,
+        RollerTrajectory,
+        PathFollower,
+        GraspPlanner,
+    ],
+)
+def test_invalid_parameters_are_rejected_at_run_time(kind):
+    with world(lambda: kind()) as w:
+        node = w.nodes[1]
+        names = list(node.get_parameters_by_prefix(''))
+        before = {name: node.get_parameter(name).value for name in names}
+        may = {
+            'require_emergency_stop',
+            'slide_along_limits',
+            'smooth_path',
+        }  # true is a good value of these
+        for value in parameter_values():
+            changes = [ParameterMessage(name=name, value=value) for name in [*names, 'nobody']]
+            if value.type == 1:
+                changes = [change for change in changes if change.name not in may]
+            request = SetParameters.Request(parameters=changes)
+            answer = w.call(f'{node.get_name()}/set_parameters', request)
+            assert not any(result.successful for result in answer.results), value
+            assert all(result.reason for result in answer.results)
+        assert {name: node.get_parameter(name).value for name in names} == before
+        if kind is Manipulation:
+            w.until_code(Status.OK, w.probe.send_all)
+
+
+def test_parameters_that_change_all_the_time_do_no_harm():
+    """Good and bad ones by turns while the object moves; the last good ones count."""
+    with world(manipulation()) as w:
+        node, pairs = w.nodes[1], record(w.nodes[1])
+        service = 'manipulation/set_parameters'
+        w.until_code(Status.OK, w.probe.send_all)
+        random = np.random.default_rng(5)
+        choices = {
+            'grip_module': ['north/Z', 'south/P', 'nobody', ''],
+            'object_diameter': [0.3, 0.05, 2.0, math.nan, -1.0],
+            'rate': [50.0, 200.0, 1000.0, 0.0, math.inf],
+            'command_timeout': [0.05, 0.2, 10.0, -1.0],
+        }
+        for _ in range(150):
+            name = str(random.choice(list(choices)))
+            value = choices[name][random.integers(len(choices[name]))]
+            kind = {'string_value': value, 'type': 4} if isinstance(value, str) else {}
+            kind = kind or {'double_value': value, 'type': 3}
+            change = ParameterMessage(name=name, value=ParameterValue(**kind))
+            w.call(service, SetParameters.Request(parameters=[change]))
+            w.probe.send_all()
+            w.turn()
+        for name, good in choices.items():
+            value = good[1] if name == 'rate' else good[0]
+            kind = {'string_value': value, 'type': 4} if isinstance(value, str) else {}
+            kind = kind or {'double_value': value, 'type': 3}
+            change = ParameterMessage(name=name, value=ParameterValue(**kind))
+            answer = w.call(service, SetParameters.Request(parameters=[change]))
+            assert answer.results[0].successful
+        assert node.get_parameter('rate').value == 200.0
+        w.until_code(Status.OK, w.probe.send_all)
+        check(pairs)

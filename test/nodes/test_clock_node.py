@@ -1,0 +1,266 @@
+"""Simulated time, and clocks that jump, stand still or say what cannot be."""
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.msg import GraspState
+from isotruss_ros.core import Pose, Status
+from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
+from isotruss_ros.nodes.framework.managed import ignore_negative_time
+from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.simulator import Simulator
+from lifecycle_msgs.msg import Transition
+from manual_world import EPOCH, Manager, world
+import numpy as np
+from probe import CENTER, N, overrides, ROBOT
+import pytest
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, Header
+
+SIM = {'use_sim_time': True}
+START = 1000.0
+STEP = 0.004
+
+
+class SimulatedTime:
+    """A clock that goes on as the test spins, not before everybody has heard what it says."""
+
+    def __init__(self, w, now=START):
+        self.w, self.now = w, now
+
+    def heard(self):
+        """Return whether everybody's clock reads the present time."""
+        clocks = [node.get_clock() for node in self.w.nodes]
+        return all(abs(1e-9 * c.now().nanoseconds - self.now) < 1e-6 for c in clocks)
+
+    def run(self, send=lambda: None):
+        """Return a call that lets time go on and sends."""
+
+        def each():
+            if self.heard():
+                send()
+                self.now += STEP
+            self.w.probe.tick(self.now)
+
+        return each
+
+    def jump(self, to):
+        """Set the clock, and wait until all have heard it."""
+        self.now = to
+        self.w.until(self.heard, lambda: self.w.probe.tick(to))
+
+
+def made(kind, **values):
+    """Return a node; the joint states that manipulation gets here may be made up."""
+    extra = {'failure_time': 0.0} if kind is Manipulation else {}
+    return kind(overrides(**extra, **values))
+
+
+def simulated(*kinds, **values):
+    """Return a world of nodes that go by simulated time."""
+    makers = [lambda kind=kind: made(kind, **SIM, **values) for kind in kinds]
+    return world(*makers, sim_time=True)
+
+
+def moved(w):
+    """Return the indices of the commands that move anything."""
+    return [i for i, (_, m) in enumerate(w.probe.seen['command']) if any(m.data)]
+
+
+def test_runs_by_simulated_time():
+    with simulated(Simulator, Manipulation) as w:
+        time = SimulatedTime(w)
+        w.until_code(Status.OK, time.run(w.probe.send_twist))
+        w.probe.seen['status'].clear()
+        w.probe.seen['joints'].clear()
+        begin = time.now
+        w.until(lambda: len(w.probe.seen['status']) > 100, time.run(w.probe.send_twist))
+        elapsed = time.now - begin
+        # By its own clock the loop has its rate.
+        assert len(w.probe.seen['status']) == pytest.approx(200.0 * elapsed, rel=0.05)
+        # And so has the motion.
+        moving = [m for _, m in w.probe.seen['joints'] if any(m.velocity)]
+        first, last = moving[0], moving[-1]
+        passed = read_stamp(last.header) - read_stamp(first.header)
+        way = np.abs(np.subtract(last.position, first.position)).max()
+        speed = np.abs([m.velocity for m in moving]).max(axis=0).max()
+        assert passed > 0.3
+        assert way == pytest.approx(speed * passed, rel=0.1)
+
+
+def test_without_any_time_nothing_moves():
+    with simulated(Manipulation) as w:
+        status = w.until_code(Status.HALT_CLOCK, w.probe.send_all)
+        assert 'simulated time' in status.message
+        assert not moved(w)
+
+
+def test_halts_while_the_clock_is_stopped_and_resumes_with_new_inputs():
+    with simulated(Manipulation) as w:
+        time = SimulatedTime(w)
+        w.until_code(Status.OK, time.run(w.probe.send_all))
+        # Inputs go on, with the stamp of the last time there was.
+        w.until_code(Status.HALT_CLOCK, w.probe.send_all)
+        assert not w.command().any()
+        before = len(w.probe.seen['status'])
+        w.until(lambda: len(w.probe.seen['status']) > before + 3, w.probe.send_all)
+        assert {m.code for _, m in w.probe.seen['status'][before:]} == {Status.HALT_CLOCK}
+        w.until_code(Status.OK, time.run(w.probe.send_all))
+
+
+@pytest.mark.parametrize('by', [-0.05, -1.0, -900.0, 0.5, 1e6])
+def test_halts_when_the_clock_jumps_until_inputs_are_new(by):
+    with simulated(Manipulation) as w:
+        time = SimulatedTime(w)
+        w.until_code(Status.OK, time.run(w.probe.send_all))
+        del w.probe.seen['status'][:-1]
+        begin = time.now + by
+        time.jump(begin)
+
+        def since():
+            """Return the statuses since the jump: those before may still be on their way."""
+            statuses = [m for _, m in w.probe.seen['status']]
+            steps = np.diff([read_stamp(m.header) for m in statuses])
+            jumps = 1 + np.flatnonzero(steps < 0.0 if by < 0.0 else steps > 0.5 * by)
+            first = jumps[0] if len(jumps) else len(statuses)
+            return statuses[first:]
+
+        w.until(lambda: since() and read_stamp(since()[-1].header) >= begin + 0.1, time.run())
+        assert all(m.code >= Status.HALT_NO_TWIST for m in since())
+        assert not w.command().any()
+        w.until_code(Status.OK, time.run(w.probe.send_all))
+
+
+@pytest.mark.parametrize('by', [-0.1, -900.0])
+def test_the_simulated_robot_stops_when_the_clock_jumps_back(by):
+    with simulated(Simulator, command_timeout=10.0) as w:
+        time = SimulatedTime(w)
+        command = Float64MultiArray(data=[0.0, 0.02, *[0.0] * (N - 2)])
+
+        def moving():
+            last = w.probe.last('joints')
+            return last is not None and last.velocity[1] > 0.0
+
+        w.until(moving, time.run(lambda: w.probe.commands.publish(command)))
+        begin = time.now + by
+        time.jump(begin)
+        w.probe.seen['joints'].clear()
+        # Longer than a cycle, shorter than the time-out of the command.
+        w.until(lambda: len(w.probe.seen['joints']) > 20, time.run())
+        joints = [m for _, m in w.probe.seen['joints'] if read_stamp(m.header) < begin + 1.0][2:]
+        assert not any(any(m.velocity) for m in joints)
+        assert len({tuple(m.position) for m in joints}) == 1
+        travel = joints[-1].position[1]
+        assert travel > 0.0
+        w.until(
+            lambda: w.probe.last('joints').position[1] > travel,
+            time.run(lambda: w.probe.commands.publish(command)),
+        )
+
+
+def test_the_analysis_discards_inputs_from_before_a_jump_back():
+    with simulated(GraspAnalysisNode) as w:
+        time = SimulatedTime(w)
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_pose()
+
+        w.until_code(GraspState.OK, time.run(send), 'state')
+        time.jump(time.now - 0.05)
+        w.until_code(GraspState.NO_JOINT_STATES, time.run(), 'state')
+        w.until_code(GraspState.OK, time.run(send), 'state')
+
+
+def test_answers_at_the_very_beginning_of_time():
+    """Inputs within the time-out of zero, stamped before zero: as fresh as any."""
+    early = Header(stamp=Time(sec=-1, nanosec=950_000_000), frame_id='truss')
+    pose = PoseStamped(header=early, pose=to_pose_message(Pose(*CENTER, 0.0)))
+    joints = JointState(header=early, name=list(ROBOT.roller_names), position=[0.0] * N)
+    with simulated(GraspAnalysisNode, Manipulation, command_timeout=10.0) as w:
+        time = SimulatedTime(w, 0.0)
+
+        def send():
+            w.probe.send_twist()
+            w.probe.object_poses.publish(pose)
+            w.probe.joint_states.publish(joints)
+
+        w.until(lambda: w.code() == Status.OK and w.code('state') == GraspState.OK, time.run(send))
+        assert read_stamp(w.probe.last('state').header) == 0.0
+
+
+def test_time_before_zero_is_not_taken():
+    with simulated(Manipulation) as w:
+        time = SimulatedTime(w)
+        ignore_negative_time(w.probe)
+        w.until_code(Status.OK, time.run(w.probe.send_all))
+        for sec, nanosec in ((-1, 0), (-(2**31), 0), (-1, 2**32 - 1)):
+            w.probe.clock.publish(Clock(clock=Time(sec=sec, nanosec=nanosec)))
+            w.spin(0.05)  # the next one would take its place
+        w.until_code(Status.OK, time.run(w.probe.send_all))
+        assert read_stamp(w.probe.last('status').header) >= START
+
+
+def test_use_sim_time_changes_while_unconfigured_only():
+    with world(lambda: made(Manipulation)) as w:
+        node, manager = w.nodes[1], Manager(w, 'manipulation')
+        refused = node.set_parameters([Parameter('use_sim_time', value=True)])[0]
+        assert not refused.successful
+        assert 'unconfigured' in refused.reason
+        w.until_code(Status.OK, w.probe.send_all)
+        assert manager.ask(Transition.TRANSITION_DEACTIVATE)
+        assert manager.ask(Transition.TRANSITION_CLEANUP)
+        assert node.set_parameters([Parameter('use_sim_time', value=True)])[0].successful
+        for _ in range(2):  # the second time with the subscription to the clock from before
+            assert manager.ask(Transition.TRANSITION_CONFIGURE)
+            assert manager.ask(Transition.TRANSITION_ACTIVATE)
+            w.until_code(Status.HALT_CLOCK, w.probe.send_all)
+            assert manager.ask(Transition.TRANSITION_DEACTIVATE)
+            assert manager.ask(Transition.TRANSITION_CLEANUP)
+        w.probe.tick(START)
+        w.until(lambda: node.get_clock().now().nanoseconds > 0, lambda: w.probe.tick(START))
+
+
+@pytest.mark.parametrize('by', [-0.1, -3.0, -3600.0])
+def test_stamps_of_the_system_clock_that_jumps_back_are_not_relied_on(by):
+    """No simulated time here: the loop goes on, and stops in the cycle that sees the clock."""
+    with world(lambda: made(Manipulation)) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        del w.probe.seen['status'][:-1]
+        w.shift = by
+
+        def since():
+            """Return the statuses since the clock was set."""
+            statuses = [m for _, m in w.probe.seen['status']]
+            back = 1 + np.flatnonzero(np.diff([read_stamp(m.header) for m in statuses]) < 0.0)
+            first = back[0] if len(back) else len(statuses)
+            return statuses[first:]
+
+        w.until(lambda: len(since()) > 3, w.probe.send_twist)
+        assert all(m.code >= Status.HALT_NO_TWIST for m in since())
+        assert not np.any(w.command())
+        w.until_code(Status.OK, w.probe.send_all)
+
+
+@pytest.mark.parametrize('by', [-3600.0, 3600.0])
+def test_the_simulated_robot_stops_when_the_system_clock_is_set(by):
+    with world(lambda: made(Simulator, command_timeout=0.5)) as w:
+        command = Float64MultiArray(data=[0.0, 0.02, *[0.0] * (N - 2)])
+
+        def moving():
+            last = w.probe.last('joints')
+            return last is not None and last.velocity[1] > 0.0
+
+        w.until(moving, lambda: w.probe.commands.publish(command))
+        travel = w.probe.last('joints').position[1]
+        w.shift = by
+        w.probe.seen['joints'].clear()
+        w.until(lambda: len(w.probe.seen['joints']) > 20 and not moving())
+        assert w.probe.last('joints').position[1] < travel + 0.02 * (0.5 + 0.02)
+        stamp = read_stamp(w.probe.last('joints').header)
+        assert stamp == pytest.approx(EPOCH + w.now + by, abs=0.02)
+        # Commands move it again, and end again.
+        w.until(moving, lambda: w.probe.commands.publish(command))
+        w.until(lambda: not moving())

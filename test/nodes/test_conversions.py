@@ -1,0 +1,243 @@
+"""Every reader of messages: what it reads, and a table of the messages that it rejects."""
+
+import math
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import (
+    Point,
+    PoseStamped,
+    Quaternion,
+    Twist,
+    Vector3,
+    WrenchStamped,
+)
+from geometry_msgs.msg import Pose as PoseMessage
+from hypothesis import given
+from hypothesis import strategies as st
+from isotruss_ros.core import Pose, tangent_center
+from isotruss_ros.nodes.conversions.grasp_messages import (
+    MAX_WRENCH,
+    read_external_wrench,
+    to_wrench_message,
+)
+from isotruss_ros.nodes.conversions.messages import (
+    MessageError,
+    read_object_center,
+    read_stamp,
+    read_twist,
+    RollerStateReader,
+    to_command_message,
+    to_pose_message,
+    to_time,
+    to_twist_message,
+)
+from isotruss_ros.nodes.conversions.path_messages import read_angle, read_object_pose
+from isotruss_ros.nodes.conversions.plan_messages import to_duration
+import numpy as np
+from probe import DIAMETER, MODULE, N, ROBOT
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+NAMES = list(ROBOT.roller_names)
+FRAME = ROBOT.frame
+CENTER = tangent_center(ROBOT.home, MODULE, DIAMETER)
+BAD = (math.nan, math.inf, -math.inf)
+HUGE = (1e308, -1e308, 1e100)
+MANY = 10**5
+
+numbers = st.floats(-1e3, 1e3)
+
+# Joint states
+
+
+def joint_states(**changes):
+    """Return joint states at home, changed as given."""
+    return JointState(**({'name': NAMES, 'position': [0.0] * N} | changes))
+
+
+JOINT_STATES = (
+    {
+        f'position {v}': ({'position': [v] + [0.0] * (N - 1)}, 'finite, at most')
+        for v in (*BAD, *HUGE)
+    }
+    | {f'velocity {v}': ({'velocity': [v] * N}, 'must be at most') for v in (math.inf, *HUGE)}
+    | {
+        'empty': ({'name': [], 'position': []}, 'are missing'),
+        'no names': ({'name': []}, 'are missing'),
+        'no positions': ({'position': []}, '0 positions for 6 names'),
+        'renamed': ({'name': [f'{name}_joint' for name in NAMES]}, 'are missing'),
+        'one renamed': ({'name': ['', *NAMES[1:]]}, f'{NAMES[0]} are missing'),
+        'twice': ({'name': [*NAMES, NAMES[0]], 'position': [0.0] * (N + 1)}, 'named twice'),
+        'a name too few': ({'name': NAMES[:-1], 'position': [0.0] * (N - 1)}, 'are missing'),
+        'a position too few': ({'position': [0.0] * (N - 1)}, '5 positions for 6 names'),
+        'a velocity too few': ({'velocity': [0.0] * (N - 1)}, '5 velocities for 6 names'),
+        'other joints': (
+            {'name': [str(i) for i in range(MANY)], 'position': [0.0] * MANY},
+            'are missing',
+        ),
+        'many positions': ({'position': [0.0] * MANY}, f'{MANY} positions for 6 names'),
+        'strange names': ({'name': ['', '/', '\x01', 'ü' * 1000, NAMES[0], ' ']}, 'are missing'),
+        'subnormal and huge': ({'position': [5e-324, 1e300, *[0.0] * (N - 2)]}, 'finite'),
+    }
+)
+
+
+@pytest.mark.parametrize('case', JOINT_STATES)
+def test_rejects_joint_states(case):
+    changes, words = JOINT_STATES[case]
+    reader = RollerStateReader(NAMES)
+    reader.read(joint_states())  # names are compared with those of the message before
+    with pytest.raises(MessageError, match=words) as error:
+        reader.read(joint_states(**changes))
+    assert len(str(error.value)) < 1000
+
+
+@given(
+    st.permutations(range(N)),
+    st.lists(numbers, min_size=N, max_size=N),
+    st.lists(st.floats(-10.0, 10.0), min_size=N, max_size=N),
+)
+def test_selects_the_rollers_in_any_order_among_other_joints(order, travel, speeds):
+    message = JointState(
+        name=['gripper', *(NAMES[i] for i in order)],
+        position=[math.nan, *(travel[i] for i in order)],
+        velocity=[math.inf, *(speeds[i] for i in order)],
+    )
+    state = RollerStateReader(NAMES).read(message)
+    assert state.positions.tolist() == travel
+    assert state.velocities.tolist() == speeds
+
+
+@pytest.mark.parametrize('velocity', [[], [math.nan] * N])
+def test_velocities_that_are_not_measured_are_zero(velocity):
+    state = RollerStateReader(NAMES).read(joint_states(velocity=velocity))
+    assert state.velocities.tolist() == [0.0] * N
+
+
+# Poses of the object
+
+
+def object_pose(frame=FRAME, **changes):
+    """Return a pose, changed as given."""
+    pose = PoseMessage(position=Point(x=CENTER[0], y=CENTER[1]), orientation=Quaternion(w=1.0))
+    for name, value in changes.items():
+        setattr(pose, name, value)
+    return PoseStamped(header=Header(frame_id=frame), pose=pose)
+
+
+POSES = (
+    {f'x {v}': ({'position': Point(x=v)}, 'must be finite, at most') for v in (*BAD, *HUGE)}
+    | {f'y {v}': ({'position': Point(y=v)}, 'must be finite, at most') for v in (*BAD, *HUGE)}
+    | {
+        f'w {v}': ({'orientation': Quaternion(w=v)}, 'norm')
+        for v in (*BAD, *HUGE, 0.0, 0.5, 5e-324)
+    }
+    | {
+        'z nan': ({'orientation': Quaternion(z=math.nan, w=1.0)}, 'norm'),
+        'norm 2': ({'orientation': Quaternion(x=1.0, y=1.0, z=1.0, w=1.0)}, 'norm 2'),
+        'frame': ({'frame': 'map'}, "in frame 'map': must be 'truss'"),
+        'long frame': ({'frame': 'x' * MANY}, "must be 'truss'"),
+        'no frame': ({'frame': ''}, "in frame '': must be 'truss'"),
+    }
+)
+
+
+@pytest.mark.parametrize('case', POSES)
+@pytest.mark.parametrize('read', [read_object_center, read_object_pose])
+def test_rejects_object_poses(read, case):
+    changes, words = POSES[case]
+    with pytest.raises(MessageError, match=words) as error:
+        read(object_pose(**changes), FRAME)
+    assert len(str(error.value)) < 1000
+
+
+@given(numbers, numbers, st.floats(-3.0, 3.0))
+def test_poses_there_and_back(x, y, angle):
+    message = PoseStamped(header=Header(frame_id=FRAME), pose=to_pose_message(Pose(x, y, angle)))
+    assert read_object_center(message, FRAME) == (x, y)
+    assert read_object_pose(message, FRAME) == pytest.approx((x, y, angle), abs=1e-12)
+    assert read_angle(message.pose) == pytest.approx(angle, abs=1e-12)
+
+
+# Twists
+
+TWISTS = (
+    {f'x {v}': (Twist(linear=Vector3(x=v)), 'finite') for v in BAD}
+    | {f'y {v}': (Twist(linear=Vector3(y=v)), 'finite') for v in BAD}
+    | {f'omega {v}': (Twist(angular=Vector3(z=v)), 'finite') for v in BAD}
+    | {f'z {v}': (Twist(linear=Vector3(z=v)), 'planar') for v in (*BAD, *HUGE, 5e-324)}
+    | {f'roll {v}': (Twist(angular=Vector3(x=v)), 'planar') for v in (*BAD, *HUGE)}
+    | {f'pitch {v}': (Twist(angular=Vector3(y=v)), 'planar') for v in (*BAD, *HUGE)}
+)
+
+
+@pytest.mark.parametrize('case', TWISTS)
+def test_rejects_twists(case):
+    message, words = TWISTS[case]
+    with pytest.raises(MessageError, match=words):
+        read_twist(message)
+
+
+@given(st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3))
+def test_twists_there_and_back(twist):
+    assert read_twist(to_twist_message(twist)) == twist
+    kept = Twist()
+    assert to_twist_message(np.array(twist), kept) is kept
+    assert read_twist(kept) == twist
+
+
+# External wrenches
+
+
+def wrench(frame=FRAME, **components):
+    """Return a wrench with components fx, fy, m."""
+    values = [components.get(name, 0.0) for name in ('fx', 'fy', 'm')]
+    return WrenchStamped(header=Header(frame_id=frame), wrench=to_wrench_message(values))
+
+
+WRENCHES = {
+    f'{name} {v}': ({name: v}, 'must be finite, at most')
+    for name in ('fx', 'fy', 'm')
+    for v in (*BAD, *HUGE, 1.01 * MAX_WRENCH, -1.01 * MAX_WRENCH)
+} | {'frame': ({'frame': 'map'}, "in frame 'map': must be in 'truss'")}
+
+
+@pytest.mark.parametrize('case', WRENCHES)
+def test_rejects_external_wrenches(case):
+    changes, words = WRENCHES[case]
+    with pytest.raises(MessageError, match=words):
+        read_external_wrench(wrench(**changes), FRAME)
+
+
+@pytest.mark.parametrize('frame', ['', FRAME])
+def test_reads_external_wrenches(frame):
+    assert read_external_wrench(wrench(frame, fx=1.0, fy=-2.0, m=MAX_WRENCH), FRAME) == (
+        1.0,
+        -2.0,
+        MAX_WRENCH,
+    )
+    out_of_plane = wrench()
+    out_of_plane.wrench.force.z = out_of_plane.wrench.torque.x = math.nan
+    assert read_external_wrench(out_of_plane, FRAME) == (0.0, 0.0, 0.0)
+
+
+# Times and commands
+
+
+@given(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1))
+def test_stamps_there_and_back(sec, nanosec):
+    when = read_stamp(Header(stamp=Time(sec=sec, nanosec=nanosec)))
+    assert to_time(when).nanoseconds == pytest.approx(sec * 10**9 + nanosec, abs=300)
+    assert read_stamp(Header(stamp=to_time(-when).to_msg())) == 0.0
+
+
+@given(st.floats(0.0, 1e6))
+def test_durations(seconds):
+    message = to_duration(seconds)
+    assert 0 <= message.nanosec < 10**9
+    assert message.sec + 1e-9 * message.nanosec == pytest.approx(seconds, abs=1e-9)
+
+
+def test_commands_are_the_velocities():
+    assert to_command_message(np.array([0.1, -0.2])).data.tolist() == [0.1, -0.2]

@@ -1,0 +1,57 @@
+"""The simulator with the elastic plant: held from the start, pulled at, dropped."""
+
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import check_refused, world
+import numpy as np
+from probe import CENTER, overrides
+import pytest
+
+
+def node(**values):
+    """Return a simulator node with the elastic plant and an object in its grip."""
+    settings = {'plant': 'elastic', 'friction': 0.8, 'indentation': 0.05, 'rate': 50.0} | values
+    return lambda: Simulator(overrides(**settings))
+
+
+def place(w):
+    """Return where the object was published last; None before."""
+    message = w.probe.last('pose')
+    return None if message is None else (message.pose.position.x, message.pose.position.y)
+
+
+def test_a_load_moves_the_object_and_lets_it_back():
+    with world(node()) as w:
+        w.until(lambda: place(w) is not None)
+        start = place(w)
+        assert start == pytest.approx(CENTER, abs=0.06)
+        w.until(
+            lambda: np.hypot(*np.subtract(place(w), start)) > 1e-4,
+            lambda: w.probe.send_wrench((0.0, 1.0, 0.0)),
+        )
+        w.until(
+            lambda: np.hypot(*np.subtract(place(w), start)) < 1e-9,
+            lambda: w.probe.send_wrench((0.0, 0.0, 0.0)),
+        )
+
+
+def test_too_large_a_load_drops_the_object():
+    with world(node()) as w:
+        w.until(lambda: place(w) is not None)
+        _, simulator = w.nodes
+        assert simulator._elastic.grasp is not None
+        w.until(
+            lambda: simulator._elastic.dropped is not None,
+            lambda: w.probe.send_wrench((0.0, -100.0, 0.0)),
+        )
+        lies = place(w)
+        w.probe.send_wrench((0.0, 0.0, 0.0))
+        w.until(lambda: len(w.probe.seen['pose']) > 20)
+        assert place(w) == pytest.approx(lies, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [({'plant': 'soft'}, 'kinematic or elastic'), ({'stiffness_scale': 0.0}, 'stiffness_scale')],
+)
+def test_unusable_parameters_are_refused(values, words):
+    check_refused(node(**values), words)

@@ -1,0 +1,226 @@
+"""The emergency stop: heard, obeyed, kept, and released on purpose only."""
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from isotruss_ros.core import Status
+from isotruss_ros.nodes.manipulation import Manipulation
+from lifecycle_msgs.msg import Transition
+from manual_world import Manager, world
+import numpy as np
+from probe import overrides
+import pytest
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+
+def node(**values):
+    """Return a manipulation node with parameters; the joint states here are made up."""
+    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
+
+
+def press(w, pressed=True):
+    """Say on the topic that the stop is pressed, or is not any more."""
+    w.probe.stops.publish(Bool(data=pressed))
+
+
+def release(w):
+    """Call the service; return its answer."""
+    return w.call('release_emergency_stop', Trigger.Request())
+
+
+def until_stopped(w):
+    """Stop the moving robot; return the status."""
+    w.until_code(Status.OK, w.probe.send_all)
+    press(w)
+    return w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+
+
+def assert_stays_stopped(w, cycles=20):
+    """Check that many cycles of good inputs move nothing."""
+    w.probe.seen['command'].clear()
+    w.probe.seen['status'].clear()
+    w.until(lambda: len(w.probe.seen['status']) >= cycles, w.probe.send_all)
+    assert {s.code for _, s in w.probe.seen['status']} == {Status.HALT_EMERGENCY_STOP}
+    assert not any(any(m.data) for _, m in w.probe.seen['command'])
+
+
+def test_stops_within_a_cycle_and_stays_stopped():
+    with world(node(rate=10.0)) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        # Right after a command: it is a long way to the next cycle.
+        heard = len(w.probe.seen['command'])
+        w.until(lambda: len(w.probe.seen['command']) > heard, w.probe.send_all)
+        assert w.command().any()
+        heard = len(w.probe.seen['command'])
+        press(w)
+        w.until(lambda: w.code() == Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+        since = [np.array(m.data) for _, m in w.probe.seen['command'][heard:]]
+        # One at most that was on its way.
+        assert sum(command.any() for command in since) <= 1
+        assert w.probe.last('status').scale == 0.0
+        assert 'release_emergency_stop' in w.probe.last('status').message
+        assert_stays_stopped(w, 5)
+
+
+def test_stops_during_a_flood_of_other_messages():
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+
+        def flood():
+            for _ in range(50):
+                w.probe.send_all()
+
+        press(w)
+        w.until(lambda: w.code() == Status.HALT_EMERGENCY_STOP, flood)
+
+
+def test_false_does_not_release():
+    with world(node()) as w:
+        until_stopped(w)
+        press(w, False)
+        w.until(lambda: 'message is false' in w.probe.last('status').message, w.probe.send_all)
+        assert_stays_stopped(w)
+
+
+def test_is_released_by_the_service_unless_the_last_message_is_true():
+    with world(node(command_timeout=1.0)) as w:
+        until_stopped(w)
+        refused = release(w)
+        assert not refused.success
+        assert 'is true' in refused.message
+        assert_stays_stopped(w)
+        press(w, False)
+        w.until(lambda: 'message is false' in w.probe.last('status').message, w.probe.send_all)
+        assert release(w).success
+        # What was commanded before the release is no reason to move.
+        w.until_code(Status.HALT_NO_TWIST, lambda: (w.probe.send_joints(), w.probe.send_pose()))
+        assert 'none received yet' in w.probe.last('status').message
+        w.until_code(Status.OK, w.probe.send_all)
+        assert w.command().any()
+
+
+def test_a_short_press_in_one_batch_stops():
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        w.nodes[1]._stop._receive([Bool(data=True), Bool(data=False)])
+        w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+
+
+def test_nothing_to_release_is_no_error():
+    with world(node()) as w:
+        answer = release(w)
+        assert answer.success
+        assert 'nothing was stopped' in answer.message
+
+
+def test_a_short_press_stops():
+    with world(node(rate=10.0)) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        press(w, True)
+        press(w, False)
+        w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+        assert_stays_stopped(w, 3)
+
+
+def burst(publisher, count):
+    """Say true once, and then that often false, without a pause."""
+    publisher.publish(Bool(data=True))
+    for _ in range(count):
+        publisher.publish(Bool(data=False))
+
+
+LONG = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+PLAIN = QoSProfile(depth=1000)
+HASTY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+@pytest.mark.parametrize('profile', [LONG, PLAIN, HASTY], ids=['latched', 'reliable', 'hasty'])
+@pytest.mark.parametrize('count', [1, 100, 101, 500])
+def test_a_stop_counts_however_many_messages_follow(count, profile):
+    """All of it is received before the next cycle."""
+    with world(node()) as w:
+        publisher = w.probe.create_publisher(Bool, 'emergency_stop', profile)
+        w.until_code(Status.OK, w.probe.send_all)
+        burst(publisher, count)
+        status = w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+        assert 'stopped by the topic' in status.message
+        assert_stays_stopped(w, 5)
+
+
+def test_a_late_joiner_receives_a_latched_stop():
+    with world() as w:
+        press(w)
+        w.add(node()())
+        w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+        assert_stays_stopped(w)
+
+
+@pytest.mark.parametrize(
+    'reliability', [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT]
+)
+def test_receives_publishers_that_do_not_latch(reliability):
+    with world(node()) as w:
+        plain = w.probe.create_publisher(
+            Bool, 'emergency_stop', QoSProfile(depth=1, reliability=reliability)
+        )
+        w.until_code(Status.OK, w.probe.send_all)
+
+        def again():
+            w.probe.send_all()
+            plain.publish(Bool(data=True))
+
+        w.until_code(Status.HALT_EMERGENCY_STOP, again)
+
+
+def test_moves_nothing_before_the_first_message_where_that_is_required():
+    with world(node(require_emergency_stop=True)) as w:
+        status = w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+        assert 'no message of emergency_stop received yet' in status.message
+        assert_stays_stopped(w)
+        press(w, False)
+        w.until_code(Status.OK, w.probe.send_all)
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        w.nodes[1].set_parameters([Parameter('require_emergency_stop', value=True)])
+        w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+
+
+def test_persists_when_configured_again():
+    with world(node()) as w:
+        manager = Manager(w, 'manipulation')
+        until_stopped(w)
+        press(w, False)
+        for transition in (
+            Transition.TRANSITION_DEACTIVATE,
+            Transition.TRANSITION_CLEANUP,
+            Transition.TRANSITION_CONFIGURE,
+            Transition.TRANSITION_ACTIVATE,
+        ):
+            assert manager.ask(transition)
+        assert_stays_stopped(w)
+
+
+def test_is_received_while_the_node_is_not_active():
+    with world(node(autostart=False)) as w:
+        manager = Manager(w, 'manipulation')
+        press(w)
+        w.until(lambda: 'emergency_stop' in reported(w, 'emergency stop'))
+        assert manager.ask(Transition.TRANSITION_CONFIGURE)
+        assert manager.ask(Transition.TRANSITION_ACTIVATE)
+        assert_stays_stopped(w)
+
+
+def reported(w, key):
+    """Return a value of the node's diagnostics."""
+    values = {value.key: value.value for value in w.report('manipulation').values}
+    return values.get(key, '')
+
+
+def test_is_in_the_diagnostics():
+    with world(node()) as w:
+        until_stopped(w)
+        w.until(lambda: w.report('manipulation').level == DiagnosticStatus.ERROR)
+        assert 'release_emergency_stop' in w.report('manipulation').message
+        assert 'last message is true' in reported(w, 'emergency stop')
+        assert reported(w, 'status') == 'HALT_EMERGENCY_STOP'

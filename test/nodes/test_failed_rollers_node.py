@@ -1,0 +1,313 @@
+"""Rollers that fail, and the edge of the good shapes, as the manipulation node deals with them."""
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from isotruss_ros.core import Grasp, reachable_twists, solve_twist, Status
+from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.simulator import Simulator
+from lifecycle_msgs.msg import Transition
+from manual_world import check_refused, Manager, world
+import numpy as np
+from probe import CENTER, DIAMETER, LATCHED, MODULE, overrides, ROBOT
+import pytest
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+FIRST, SECOND = ROBOT.roller_names[:2]
+
+
+def node(**values):
+    """Return a manipulation node with parameters."""
+    return lambda: Manipulation(overrides(**values))
+
+
+def until_failed(w, *names, send=None):
+    """Spin until the status names exactly these rollers."""
+    w.until(
+        lambda: (
+            w.probe.last('status') is not None
+            and list(w.probe.last('status').failed_rollers) == list(names)
+        ),
+        send or w.probe.send_all,
+    )
+    return w.probe.last('status')
+
+
+def say(w, names):
+    """Return a publisher that has said which rollers have failed."""
+    publisher = w.probe.create_publisher(String, 'failed_rollers', LATCHED)
+    publisher.publish(String(data=names))
+    return publisher
+
+
+def assert_held(w, *names):
+    """Check that some cycles of commands hold these rollers at zero, and move others."""
+    w.probe.seen['command'].clear()
+    w.until(lambda: len(w.probe.seen['command']) > 10, w.probe.send_all)
+    commands = np.array([m.data for _, m in w.probe.seen['command']])
+    places = [ROBOT.roller_names.index(name) for name in names]
+    assert not commands[:, places].any()
+    assert commands.any()
+
+
+def test_a_roller_that_failed_by_parameter_is_held_and_the_rest_goes_on():
+    expected = reachable_twists(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER), {FIRST})
+    with world(node(failed_rollers=[FIRST])) as w:
+        status = until_failed(w, FIRST)
+        w.until(lambda: w.code() < Status.HALT_NO_TWIST, w.probe.send_all)
+        assert w.probe.last('status').reachable_dof == len(expected)
+        assert_held(w, FIRST)
+        assert status.code < Status.HALT_NO_TWIST or not status.reachable_dof
+        change = [Parameter('failed_rollers', value=[FIRST, SECOND])]
+        assert w.nodes[1].set_parameters(change)[0].successful
+        until_failed(w, FIRST, SECOND)
+        assert_held(w, FIRST, SECOND)
+        assert w.nodes[1].set_parameters([Parameter('failed_rollers', value=[''])])[0].successful
+        until_failed(w)
+        w.until_code(Status.OK, w.probe.send_all)
+
+
+def test_diagnostics_list_failed_rollers_and_reachable_twists():
+    with world(node(failed_rollers=[FIRST])) as w:
+
+        def told():
+            values = {v.key: v.value for v in w.report('manipulation').values}
+            return values.get('failed rollers') == FIRST and 'of 3' in values.get(
+                'reachable twists', ''
+            )
+
+        w.until(told, w.probe.send_all)
+        w.until(lambda: w.report('manipulation').level == DiagnosticStatus.WARN, w.probe.send_all)
+        assert FIRST in w.report('manipulation').message
+
+
+def test_names_that_the_robot_does_not_have_are_refused():
+    check_refused(node(failed_rollers=['nobody']), 'no such roller')
+    with world(node()) as w:
+        change = [Parameter('failed_rollers', value=[FIRST, 'nobody'])]
+        result = w.nodes[1].set_parameters(change)[0]
+        assert not result.successful
+        assert 'nobody' in result.reason
+        until_failed(w)
+
+
+def test_the_topic_names_failed_rollers_to_late_joiners_too():
+    with world() as w:
+        publisher = say(w, f' {SECOND} ,{FIRST},')
+        w.add(Manipulation())
+        until_failed(w, FIRST, SECOND)
+        assert_held(w, FIRST, SECOND)
+        publisher.publish(String(data=SECOND))
+        until_failed(w, SECOND)
+        publisher.publish(String())
+        until_failed(w)
+        w.until_code(Status.OK, w.probe.send_all)
+
+
+@pytest.mark.parametrize(
+    'names',
+    ['nobody', f'{FIRST},nobody', 'x' * 10**5, 'x,' * 10**5 + 'ü'],
+    ids=['other', 'one of two', 'long', 'many'],
+)
+def test_halts_on_unknown_names_of_failed_rollers(names):
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        publisher = say(w, names)
+        status = w.until_code(Status.HALT_INVALID_FAILED_ROLLERS, w.probe.send_all)
+        assert 'no such roller' in status.message
+        assert len(status.message) < 1000
+        assert not w.command().any()
+        publisher.publish(String(data=FIRST))
+        until_failed(w, FIRST)
+        w.until(lambda: w.code() < Status.HALT_NO_TWIST, w.probe.send_all)
+
+
+def test_named_rollers_persist_when_configured_again():
+    with world(node()) as w:
+        say(w, FIRST)
+        until_failed(w, FIRST)
+        manager = Manager(w, 'manipulation')
+        for transition in (
+            Transition.TRANSITION_DEACTIVATE,
+            Transition.TRANSITION_CLEANUP,
+            Transition.TRANSITION_CONFIGURE,
+            Transition.TRANSITION_ACTIVATE,
+        ):
+            assert manager.ask(transition)
+        w.probe.seen['status'].clear()
+        until_failed(w, FIRST)
+        assert {tuple(m.failed_rollers) for _, m in w.probe.seen['status']} == {(FIRST,)}
+
+
+def test_a_roller_that_does_not_move_is_detected_and_held_until_reset():
+    patient = {'command_timeout': 5.0}
+    stuck = ROBOT.roller_names[1]
+    with world(
+        lambda: Simulator(overrides(stuck_roller=stuck, **patient)),
+        node(failure_time=0.3, **patient),
+    ) as w:
+        twist = (0.0, 0.03, 0.0)
+
+        def send():
+            w.probe.send_twist(twist)
+
+        until_failed(w, stuck, send=send)
+        w.probe.seen['command'].clear()
+        w.until(lambda: len(w.probe.seen['command']) > 20, send)
+        late = np.array([m.data for _, m in w.probe.seen['command']])
+        assert not late[:, 1].any()
+        assert late.any()
+        answer = w.call('reset_failed_rollers', Trigger.Request())
+        assert answer.success
+        assert stuck in answer.message
+        until_failed(w, send=send)
+        # Nothing has been repaired.
+        until_failed(w, stuck, send=send)
+
+
+def until_found(w):
+    """Let encoders stand still until rollers are found not to move; return which."""
+    w.until(lambda: bool(w.nodes[1]._servo.failed), w.probe.send_all)
+    return w.nodes[1]._servo.failed
+
+
+def found(w):
+    """Return which rollers the next status names."""
+    w.probe.seen['status'].clear()
+    w.until(lambda: bool(w.probe.seen['status']), w.probe.send_all)
+    return set(w.probe.last('status').failed_rollers)
+
+
+def reset(w):
+    """Call the service; return its answer."""
+    return w.call('reset_failed_rollers', Trigger.Request())
+
+
+def test_detected_rollers_persist_while_detection_is_off():
+    with world(node(failure_time=0.3)) as w:
+        names = until_found(w)
+        for time in (0.0, 0.3, 5.0):
+            change = [Parameter('failure_time', value=time)]
+            assert w.nodes[1].set_parameters(change)[0].successful
+            assert found(w) >= names
+        w.nodes[1].set_parameters([Parameter('failure_time', value=0.0)])
+        assert reset(w).success
+        assert found(w) == set()
+
+
+def test_observations_while_detection_was_off_do_not_count():
+    """Drives that were off for a while, on purpose."""
+    with world(node(failure_time=0.0)) as w:
+        w.until(lambda: len(w.probe.seen['status']) > 400, w.probe.send_all)
+        w.nodes[1].set_parameters([Parameter('failure_time', value=60.0)])
+        assert found(w) == set()
+        w.nodes[1].set_parameters([Parameter('failure_time', value=0.1)])
+        begin = len(w.probe.seen['status'])
+        until_found(w)
+        assert len(w.probe.seen['status']) > begin + 5
+
+
+UP = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
+DOWN = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
+
+
+@pytest.mark.parametrize('how', ['asked', 'mistaken'])
+def test_detected_rollers_persist_when_configured_again(how):
+    with world(node(failure_time=0.3)) as w:
+        names, manager = until_found(w), Manager(w, 'manipulation')
+        if how == 'asked':
+            assert all(manager.ask(transition) for transition in DOWN)
+        else:
+            w.nodes[1].fail(RuntimeError('a mistake of ours'))
+        assert manager.state() == 'unconfigured'
+        # A robot that there is not changes nothing.
+        w.nodes[1].set_parameters(overrides(robot='/nowhere.yaml'))
+        assert not manager.ask(Transition.TRANSITION_CONFIGURE)
+        w.nodes[1].set_parameters(overrides(robot='nine_member'))
+        assert all(manager.ask(transition) for transition in UP)
+        assert found(w) >= names
+
+
+def test_detected_rollers_are_reset_while_unconfigured_too():
+    with world(node(failure_time=0.3)) as w:
+        names, manager = until_found(w), Manager(w, 'manipulation')
+        assert all(manager.ask(transition) for transition in DOWN)
+        message = reset(w).message
+        assert all(name in message for name in names)
+        assert all(manager.ask(transition) for transition in UP)
+        assert found(w) == set()
+
+
+def test_detected_rollers_are_dropped_by_a_robot_without_them():
+    with world(node(failure_time=0.3)) as w:
+        until_found(w)
+        manager = Manager(w, 'manipulation')
+        for robot, module in (('triangle', 'main/T'), ('nine_member', MODULE)):
+            assert all(manager.ask(transition) for transition in DOWN)
+            w.nodes[1].set_parameters(overrides(robot=robot, grip_module=module))
+            assert all(manager.ask(transition) for transition in UP)
+            assert found(w) == set()
+
+
+def test_nothing_is_detected_while_detection_is_off():
+    with world(node(failure_time=0.0)) as w:
+        # Encoders that stand still whatever is commanded.
+        w.until(lambda: len(w.probe.seen['status']) > 400, w.probe.send_all)
+        assert not any(m.failed_rollers for _, m in w.probe.seen['status'])
+        assert w.call('reset_failed_rollers', Trigger.Request()).success
+
+
+def test_encoders_that_stand_still_stop_the_rollers():
+    """Fresh stamps, old places: no time-out finds that, but rollers that do not move."""
+    with world(node(failure_time=0.3)) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+
+        def given_up():
+            latest = [m.data for _, m in w.probe.seen['command'][-20:]]
+            return bool(w.probe.last('status').failed_rollers) and not np.any(latest)
+
+        w.until(given_up, w.probe.send_all)
+        assert w.code() == Status.UNREACHABLE
+
+
+def test_slows_near_singular_configurations_and_slides_on_request():
+    """With two rollers less nothing is left over to keep the shape while the object moves."""
+    failed = ['east/Q', 'east/R']
+    grasp = Grasp(MODULE, CENTER, DIAMETER)
+    lifted = solve_twist(ROBOT.home, grasp, (0.0, 0.02, 0.0), failed).roller_velocities
+    least = shape_margins(ROBOT.configuration(lifted)).rigidity - 0.001
+    assert least < shape_margins(ROBOT.home).rigidity
+    values = {'min_rigidity': least, 'failed_rollers': failed, 'failure_time': 0.0}
+    with world(node(**values)) as w:
+
+        def send(speed):
+            w.probe.send_joints(position=lifted.tolist())
+            w.probe.send_pose(center=(CENTER[0], CENTER[1] + 0.02))
+            w.probe.send_twist((0.0, speed, 0.0))
+
+        status = w.until_code(Status.SLOWED_RIGIDITY, lambda: send(0.02))
+        assert status.scale < 0.5
+        assert 'rigidity' in status.message
+        # Back to where it came from is free.
+        w.until_code(Status.OK, lambda: send(-0.02))
+        assert (
+            w.nodes[1].set_parameters([Parameter('slide_along_limits', value=True)])[0].successful
+        )
+        w.until_code(Status.SLIDING, lambda: send(0.02))
+        assert w.nodes[1].set_parameters([Parameter('min_rigidity', value=0.2)])[0].successful
+        w.until_code(Status.OK, lambda: send(0.02))
+
+
+@pytest.mark.parametrize(
+    'values',
+    [
+        {'min_rigidity': 1.0},
+        {'min_rigidity': -0.1},
+        {'min_clearance': -0.1},
+        {'min_object_clearance': float('nan')},
+        {'failure_time': -1.0},
+    ],
+)
+def test_invalid_bounds_are_rejected(values):
+    check_refused(node(**values), 'range')

@@ -1,0 +1,467 @@
+"""The grasp analysis node, under an executor in this process, with the rest of the world faked."""
+
+import math
+
+from geometry_msgs.msg import Wrench
+from isotruss_msgs.msg import GraspState
+from isotruss_msgs.srv import AnalyzeGrasp
+from isotruss_ros.core import analyze_grasp, Cylinder, GraspCode, settle_grasp, tangent_center
+from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
+from isotruss_ros.nodes.conversions.messages import read_stamp
+from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from manual_world import check_refused, world
+import numpy as np
+from probe import DIAMETER, MODULE, N, overrides, ROBOT
+import pytest
+from rclpy.parameter import Parameter
+from visualization_msgs.msg import Marker, MarkerArray
+
+NAMES = list(ROBOT.roller_names)
+SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, indentation=0.01)
+#: In the middle of the triangle south, so wide that all three sides press on it.
+CAUGHT = {'center': (0.0, -0.8267), 'diameter': 0.65}
+
+
+def node(**values):
+    """Return a grasp analysis node with parameters."""
+    return lambda: GraspAnalysisNode(overrides(**values))
+
+
+def feed(w, **pose):
+    """Return a call that sends good joint states and a pose, changed as given."""
+
+    def send():
+        w.probe.send_joints()
+        w.probe.send_pose(**({'center': SQUEEZED} | pose))
+
+    return send
+
+
+def until_ok(w):
+    """Bring the node to an answer and return it."""
+    return w.until_code(GraspCode.OK, feed(w), 'state')
+
+
+def assert_no_answer(w, state):
+    """Check that a state holds nothing but the reason, and that the flag is false."""
+    assert state.message
+    assert not state.force_closure
+    assert not state.contacts
+    assert state.closure_residual == math.inf
+    assert state.required_friction == math.inf
+    w.until(lambda: len(w.probe.seen['closure']) >= len(w.probe.seen['state']))
+    assert not w.probe.last('closure').data
+
+
+def test_codes_are_those_of_the_message():
+    for code in GraspCode:
+        assert getattr(GraspState, code.name) == int(code)
+    constants = [n for n in dir(GraspState) if n.isupper() and n != 'SLOT_TYPES']
+    assert sorted(constants) == sorted(code.name for code in GraspCode)
+
+
+def test_publishes_the_result_of_the_analysis():
+    expected = analyze_grasp(ROBOT.home, Cylinder(SQUEEZED, DIAMETER), 0.5)
+    touching = expected.normal_forces > 0.0
+    with world(node()) as w:
+        state = until_ok(w)
+        assert state.header.frame_id == 'truss'
+        assert state.message == ''
+        assert state.force_closure == expected.force_closure
+        assert state.closure_residual == pytest.approx(expected.closure_residual)
+        assert state.closure_tolerance == pytest.approx(expected.closure_tolerance)
+        assert state.required_friction == pytest.approx(expected.required_friction)
+        assert state.closure_margin == pytest.approx(expected.closure_margin)
+        assert np.reshape(state.stiffness, (3, 3)) == pytest.approx(expected.stiffness)
+        wrench = state.normal_wrench
+        assert (wrench.force.x, wrench.force.y, wrench.torque.z) == pytest.approx(
+            expected.normal_wrench
+        )
+        lengths = dict(zip(state.contact_members, state.contact_lengths, strict=True))
+        assert lengths == expected.contact_lengths
+        assert len(state.contacts) == touching.sum()
+        for key, array in (
+            ('normal_force', expected.normal_forces),
+            ('friction_force', expected.friction_forces),
+        ):
+            assert [getattr(c, key) for c in state.contacts] == pytest.approx(array[touching])
+        places = [(c.position.x, c.position.y) for c in state.contacts]
+        assert np.array(places) == pytest.approx(expected.points[touching])
+        assert all(abs(c.gap) < 1e-8 for c in state.contacts)
+        assert 0.0 < state.computing_time < 1.0
+        w.until(lambda: w.probe.last('wrench') is not None, feed(w))
+        published = w.probe.last('wrench')
+        assert published.header.frame_id == 'truss'
+        assert published.wrench == wrench
+
+
+def test_a_grasp_of_three_members_is_closed_and_its_answer_ends_with_the_inputs():
+    with world(node(object_diameter=CAUGHT['diameter'])) as w:
+        state = w.until_code(GraspCode.OK, feed(w, center=CAUGHT['center']), 'state')
+        assert len(state.contact_members) >= 3
+        assert state.force_closure
+        assert state.closure_margin > 0.0
+        assert state.required_friction < 0.5
+        # It falls silent: no old answer.
+        state = w.until_code(GraspCode.STALE_JOINT_STATES, lambda: None, 'state')
+        assert_no_answer(w, state)
+
+
+@pytest.mark.parametrize(
+    ('silent', 'missing', 'stale'),
+    [
+        ('send_joints', GraspCode.NO_JOINT_STATES, GraspCode.STALE_JOINT_STATES),
+        ('send_pose', GraspCode.NO_OBJECT_POSE, GraspCode.STALE_OBJECT_POSE),
+    ],
+)
+def test_a_missing_or_stale_input_gives_no_result(silent, missing, stale):
+    timeout = 0.2
+    with world(node(command_timeout=timeout)) as w:
+        rest = {'send_joints': w.probe.send_pose, 'send_pose': w.probe.send_joints}[silent]
+        state = w.until_code(missing, rest, 'state')
+        assert 'none received yet' in state.message
+        assert_no_answer(w, state)
+        until_ok(w)
+        fell_silent = w.now
+        state = w.until_code(stale, rest, 'state')
+        answered = [t for t, m in w.probe.seen['state'] if m.code == GraspCode.OK]
+        # The last good input was sent before; what is left is transport and this busy process.
+        assert answered[-1] - fell_silent < timeout + 0.1
+        assert_no_answer(w, state)
+        wrenches = len(w.probe.seen['wrench'])
+        w.spin(0.1, rest)
+        assert len(w.probe.seen['wrench']) == wrenches
+        until_ok(w)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'code', 'words'),
+    [
+        ({'position': [math.nan] * N}, GraspCode.INVALID_JOINT_STATES, 'finite'),
+        ({'age': 1.0}, GraspCode.STALE_JOINT_STATES, 'old'),
+        ({'age': -1.0}, GraspCode.INVALID_JOINT_STATES, 'future'),
+        ({'position': [9.0] + [0.0] * (N - 1)}, GraspCode.NO_CONFIGURATION, 'long'),
+    ],
+)
+def test_invalid_joint_states_give_no_result(changes, code, words):
+    with world(node()) as w:
+        until_ok(w)
+
+        def send():
+            w.probe.send_pose()
+            w.probe.send_joints(**changes)
+
+        state = w.until_code(code, send, 'state')
+        assert words in state.message
+        assert_no_answer(w, state)
+        until_ok(w)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'code', 'words'),
+    [
+        ({'center': (math.nan, 0.0)}, GraspCode.INVALID_OBJECT_POSE, 'finite'),
+        ({'frame': 'map'}, GraspCode.INVALID_OBJECT_POSE, "must be 'truss'"),
+        ({'age': 1.0}, GraspCode.STALE_OBJECT_POSE, 'old'),
+        ({'age': -1.0}, GraspCode.INVALID_OBJECT_POSE, 'future'),
+    ],
+)
+def test_invalid_object_poses_give_no_result(changes, code, words):
+    with world(node()) as w:
+        until_ok(w)
+        state = w.until_code(code, feed(w, **changes), 'state')
+        assert words in state.message
+        assert_no_answer(w, state)
+        until_ok(w)
+
+
+def test_an_object_without_contact_is_reported():
+    with world(node()) as w:
+        until_ok(w)
+        w.until(
+            lambda: not w.probe.last('state').contacts and w.code('state') == GraspCode.OK,
+            feed(w, center=(5.0, 1e5)),
+        )
+        state = w.probe.last('state')
+        assert 'touches nothing' in state.message
+        assert not state.force_closure
+        w.until(lambda: w.probe.last('closure') is not None, feed(w))
+        assert not any(m.data for _, m in w.probe.seen['closure'])
+
+
+def test_an_external_wrench_counts_until_it_is_stale():
+    load = (-3.0, 2.0, 0.1)
+    expected = analyze_grasp(ROBOT.home, Cylinder(SQUEEZED, DIAMETER), 0.5, load)
+    with world(node()) as w:
+        free = until_ok(w).closure_residual
+        assert free != pytest.approx(expected.closure_residual, rel=0.01)
+
+        def send(**changes):
+            feed(w)()
+            w.probe.send_wrench(**({'wrench': load} | changes))
+
+        def balanced():
+            state = w.probe.last('state')
+            return state.closure_residual == pytest.approx(expected.closure_residual)
+
+        w.until(balanced, send)
+        state = w.until_code(GraspCode.STALE_EXTERNAL_WRENCH, feed(w), 'state')
+        assert_no_answer(w, state)
+        for changes, words in (
+            ({'wrench': (math.nan, 0.0, 0.0)}, 'finite'),
+            ({'frame': 'gripper'}, "must be in 'truss'"),
+            ({'age': -1.0}, 'future'),
+        ):
+            state = w.until_code(
+                GraspCode.INVALID_EXTERNAL_WRENCH, lambda changes=changes: send(**changes), 'state'
+            )
+            assert words in state.message
+            assert_no_answer(w, state)
+            w.until_code(GraspCode.OK, lambda: send(frame=''), 'state')
+
+
+def test_runs_at_its_rate_at_most_and_computes_only_what_changes():
+    with world(node(rate=50.0)) as w:
+        until_ok(w)
+        w.probe.seen['state'].clear()
+        w.until(lambda: len(w.probe.seen['state']) >= 30, feed(w), 0.002)
+        states = [m for _, m in w.probe.seen['state']]
+        arrivals = [t for t, _ in w.probe.seen['state']]
+        assert np.median(np.diff(arrivals)) == pytest.approx(0.02, rel=0.3)
+        # The very same computation, for ever newer stamps.
+        assert len({m.computing_time for m in states}) == 1
+        stamps = [read_stamp(m.header) for m in states]
+        assert stamps[-1] > stamps[0]
+        w.until(
+            lambda: w.probe.last('state').computing_time != states[0].computing_time,
+            feed(w, center=(SQUEEZED[0], SQUEEZED[1] + 1e-4)),
+        )
+
+
+def test_markers_show_the_grasp_and_leave_nothing_behind():
+    with world(node()) as w:
+        w.probe.listen(MarkerArray, 'markers', 'grasp/markers')
+        shown = {}
+
+        def update():
+            for _, array in w.probe.seen['markers']:
+                for marker in array.markers:
+                    assert marker.header.frame_id == 'truss'
+                    assert marker.action in (Marker.ADD, Marker.DELETE)
+                    if marker.action == Marker.ADD:
+                        shown[marker.ns, marker.id] = marker
+                    else:
+                        del shown[marker.ns, marker.id]
+            w.probe.seen['markers'].clear()
+            return {name for name, _ in shown}
+
+        everything = {'members', 'deformed', 'contact_forces', 'contact_regions', 'object'}
+        w.until(lambda: update() == everything, feed(w))
+        members = len(ROBOT.member_names)
+        for name in ('members', 'deformed'):
+            assert {(name, i) for i in range(members)} <= shown.keys()
+        contacts = w.probe.last('state').contacts
+        assert sum(name == 'contact_forces' for name, _ in shown) == len(contacts)
+        thing = shown['object', 0]
+        assert (thing.pose.position.x, thing.pose.position.y) == pytest.approx(SQUEEZED)
+        assert thing.scale.x == thing.scale.y == DIAMETER
+        assert thing.color.r > thing.color.g  # open
+        # Just out of touch: the arrows and regions go.
+        away = tangent_center(ROBOT.home, MODULE, DIAMETER, indentation=-0.01)
+        w.until(lambda: update() == {'members', 'deformed', 'object'}, feed(w, center=away))
+        # Nothing is known: nothing is shown.
+        w.until(lambda: update() == set())
+
+
+def test_the_object_is_green_when_held():
+    with world(node(friction=0.8)) as w:
+        w.probe.listen(MarkerArray, 'markers', 'grasp/markers')
+
+        def green():
+            arrays = [m for _, m in w.probe.seen['markers']]
+            things = [m for a in arrays[-1:] for m in a.markers if m.ns == 'object']
+            return bool(things) and things[0].color.g > things[0].color.r
+
+        w.until(green, feed(w, center=tangent_center(ROBOT.home, MODULE, DIAMETER, 0.05)))
+
+
+def ask(w, **fields):
+    """Call the service and return the response."""
+    request = AnalyzeGrasp.Request(diameter=DIAMETER, friction=0.5)
+    request.center.x, request.center.y = fields.pop('center', SQUEEZED)
+    for name, value in fields.items():
+        setattr(request, name, value)
+    return w.call('analyze_grasp', request)
+
+
+def test_the_service_answers_without_changing_the_state():
+    with world(node()) as w:
+        live = until_ok(w)
+        answer = ask(w, diameter=0.31, friction=0.8, external_wrench=to_wrench_message((0, -1, 0)))
+        expected = analyze_grasp(ROBOT.home, Cylinder(SQUEEZED, 0.31), 0.8, (0.0, -1.0, 0.0))
+        assert answer.success
+        assert answer.message == ''
+        assert answer.state.code == GraspState.OK
+        assert answer.state.closure_residual == pytest.approx(expected.closure_residual)
+        assert len(answer.state.contacts) == (expected.normal_forces > 0.0).sum()
+        there = np.linspace(-0.05, 0.05, N)
+        moved = ask(w, roller_positions=there.tolist())
+        expected = analyze_grasp(ROBOT.configuration(there), Cylinder(SQUEEZED, DIAMETER), 0.5)
+        assert moved.state.closure_residual == pytest.approx(expected.closure_residual)
+        after = until_ok(w)
+        assert after.computing_time == live.computing_time
+        assert after.contacts == live.contacts
+
+
+@pytest.mark.parametrize(
+    ('fields', 'code', 'words'),
+    [
+        ({'diameter': 0.0}, GraspState.INVALID_REQUEST, 'positive'),
+        ({'friction': -1.0}, GraspState.INVALID_REQUEST, 'negative'),
+        ({'center': (math.nan, 0.0)}, GraspState.INVALID_REQUEST, 'finite'),
+        (
+            {'external_wrench': Wrench(force=to_wrench_message((math.nan, 0, 0)).force)},
+            GraspState.INVALID_REQUEST,
+            'finite',
+        ),
+        ({'roller_positions': [0.0]}, GraspState.NO_CONFIGURATION, 'finite'),
+        ({'roller_positions': [math.inf] * N}, GraspState.NO_CONFIGURATION, 'finite'),
+        ({'roller_positions': [9.0] + [0.0] * (N - 1)}, GraspState.NO_CONFIGURATION, 'long'),
+    ],
+)
+def test_the_service_rejects_invalid_requests(fields, code, words):
+    with world(node()) as w:
+        until_ok(w)
+        answer = ask(w, **fields)
+        assert not answer.success
+        assert answer.state.code == code
+        assert words in answer.message
+        assert not answer.state.force_closure
+        until_ok(w)
+
+
+def test_the_service_needs_fresh_joint_states_or_roller_positions():
+    with world(node()) as w:
+        request = AnalyzeGrasp.Request(diameter=DIAMETER, friction=0.5)
+        request.center.x, request.center.y = SQUEEZED
+        for positions, code in (
+            ([], GraspState.NO_JOINT_STATES),
+            ([0.0] * N, GraspState.OK),
+        ):
+            request.roller_positions = positions
+            answer = w.call('analyze_grasp', request)
+            assert answer.state.code == code
+            assert answer.success == (code == GraspState.OK)
+
+
+def test_parameters_change_at_run_time_or_are_rejected_with_the_reason():
+    with world(node()) as w:
+        analysis = w.nodes[1]
+
+        def change(name, value):
+            return analysis.set_parameters([Parameter(name, value=value)])[0]
+
+        for name, value, word in (
+            ('rate', 0.0, 'range'),
+            ('rate', 'fast', 'type'),
+            ('friction', -0.1, 'range'),
+            ('friction', math.nan, 'range'),
+            ('spacing', 0.0, 'range'),
+            ('command_timeout', -1.0, 'range'),
+            ('object_diameter', math.inf, 'range'),
+            ('robot', 'triangle', 'read-only'),
+        ):
+            result = change(name, value)
+            assert not result.successful, name
+            assert word in result.reason, result.reason
+        before = until_ok(w)
+        force = sum(c.normal_force for c in before.contacts)
+        assert change('object_diameter', 0.31).successful
+        w.until(
+            lambda: sum(c.normal_force for c in w.probe.last('state').contacts) > 1.5 * force,
+            feed(w),
+        )
+        assert change('friction', 0.0).successful
+        w.until(
+            lambda: (
+                w.code('state') == GraspCode.OK
+                and not any(c.friction_force for c in w.probe.last('state').contacts)
+            ),
+            feed(w),
+        )
+        assert change('rate', 20.0).successful
+        w.probe.seen['state'].clear()
+        w.until(lambda: len(w.probe.seen['state']) >= 10, feed(w))
+        arrivals = [t for t, _ in w.probe.seen['state']]
+        assert np.median(np.diff(arrivals)) == pytest.approx(0.05, rel=0.3)
+
+
+def test_parameters_are_described():
+    with world(node()) as w:
+        names = ['robot', 'object_diameter', 'friction', 'rate', 'command_timeout', 'spacing']
+        for descriptor in w.nodes[1].describe_parameters(names):
+            assert descriptor.description
+            if descriptor.type == Parameter.Type.DOUBLE.value:
+                assert len(descriptor.floating_point_range) == 1
+        assert w.nodes[1].get_parameter('rate').value == 100.0
+        assert w.nodes[1].get_parameter('friction').value == 0.5
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'robot': 'nobody'}, 'no such preset'),
+        ({'rate': 0.0}, 'range'),
+        ({'friction': -1.0}, 'range'),
+        ({'friction': 'rough'}, 'friction'),
+        ({'spacing': math.nan}, 'range'),
+        ({'object_diameter': -0.1}, 'range'),
+        ({'command_timeout': math.nan}, 'range'),
+    ],
+)
+def test_bad_parameters_are_refused_at_start(values, words):
+    check_refused(lambda: GraspAnalysisNode(overrides(**values)), words)
+
+
+def test_topic_names_are_relative():
+    with world(node()) as w:
+        for topic in (
+            'joint_states',
+            'object_pose',
+            'external_wrench',
+            'grasp/state',
+            'grasp/force_closure',
+            'grasp/wrench',
+            'grasp/markers',
+        ):
+            assert w.nodes[1].resolve_topic_name(topic) == f'/{topic}'
+        names = {service.service_name for service in w.nodes[1].services}
+        assert '/analyze_grasp' in names
+
+
+# Held or not
+
+
+def test_what_is_held_is_published_beside_the_analysis():
+    friction = 0.8
+    center = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.05)
+    expected = settle_grasp(ROBOT.home, Cylinder(center, DIAMETER), friction)
+    assert expected.held
+    with world(node(friction=friction)) as w:
+        state = w.until_code(GraspCode.OK, feed(w, center=center), 'state')
+        assert state.held
+        assert state.hold_message == ''
+        assert state.slip_margin == pytest.approx(expected.slip_margin)
+        assert state.displacement == pytest.approx(expected.displacement)
+        squeeze = dict(zip(state.grasping_members, state.squeeze, strict=True))
+        assert squeeze == pytest.approx(expected.normal_forces)
+        assert state.friction_used == pytest.approx(list(expected.friction_used.values()))
+        w.until(lambda: any(m.data for _, m in w.probe.seen['closure']), feed(w, center=center))
+
+
+def test_what_slips_is_not_held_and_the_message_says_why():
+    with world(node(friction=0.3)) as w:
+        state = until_ok(w)
+        assert not state.held
+        assert 'friction' in state.hold_message
+        assert not any(m.data for _, m in w.probe.seen['closure'])

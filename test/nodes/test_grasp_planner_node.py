@@ -1,0 +1,301 @@
+"""The planner node: its goals, feedback and results; the search is a stand-in, but for one."""
+
+import math
+import re
+
+from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseStamped, Wrench
+from isotruss_msgs.action import PlanGrasp
+from isotruss_ros.core import (
+    Cylinder,
+    GraspRequirements,
+    IsotrussError,
+    plan_grasps,
+    Progress,
+)
+from isotruss_ros.core.planning.searcher import Answer, Outcome
+from isotruss_ros.nodes import grasp_planner
+from isotruss_ros.nodes.conversions.plan_messages import read_goal, to_result_message
+from isotruss_ros.nodes.conversions.trajectory_messages import read_roller_trajectory
+from lifecycle_msgs.msg import Transition
+from manual_world import check_refused, Manager, world
+import numpy as np
+from planning import assert_same, CENTER, DIAMETER, goal, NO_MARGIN, node
+from probe import N, ROBOT
+import pytest
+
+Result = PlanGrasp.Result
+
+
+def test_codes_are_those_of_the_action():
+    for outcome in Outcome:
+        assert getattr(Result, outcome.name) == int(outcome)
+    constants = [name for name in dir(Result) if name.isupper() and name != 'SLOT_TYPES']
+    assert sorted(constants) == sorted(outcome.name for outcome in Outcome)
+
+
+# Goals and results
+
+
+def torque(z):
+    """Return a wrench."""
+    message = Wrench()
+    message.torque.z = z
+    return message
+
+
+@pytest.mark.parametrize(
+    ('fields', 'words'),
+    [
+        ({'frame': 'map'}, "object pose in frame 'map': must be in 'truss'"),
+        ({'center': (math.nan, 0.0)}, 'x nan m: must be finite'),
+        ({'center': (0.0, -math.inf)}, 'y -inf m: must be finite'),
+        ({'center': (1e300, 0.0)}, 'x 1e[+]300 m: must be finite, at most'),
+        ({'object_diameter': 0.0}, 'diameter 0.0 m: must be positive'),
+        ({'object_diameter': -0.3}, 'diameter -0.3 m: must be positive'),
+        ({'object_diameter': math.nan}, 'diameter nan m: must be finite'),
+        ({'friction': -0.1}, 'friction: -0.1: must be a number, not negative'),
+        ({'friction': math.inf}, 'friction: inf'),
+        ({'external_wrench': torque(math.nan)}, 'torque.z must be finite'),
+        ({'module': 'north/Q'}, "module 'north/Q': robot nine_member has no such module"),
+        ({'module': 'x' * 10_000}, 'module .{1,90}: robot nine_member has no such module'),
+        ({'min_margin': math.nan}, 'min_margin: nan'),
+        ({'max_contact_force': -1.0}, 'max_contact_force: -1.0'),
+        ({'max_total_force': math.nan}, 'max_total_force: nan'),
+        ({'min_rigidity': -1.0}, 'min_rigidity: -1.0'),
+        ({'measure': 'beauty' * 1000}, 'measure .{1,90}: must be one of closure_margin'),
+        ({'measure': 'stiffness'}, 'direction: .0, 0, 0.: must say along what'),
+        ({'direction': np.array([math.nan, 0.0, 0.0])}, 'direction'),
+        ({'count': 0}, 'count 0: must be from 1 to 1000'),
+        ({'count': 2**32 - 1}, 'count 4294967295: must be from 1'),
+        ({'time_limit': -1.0}, 'time_limit -1.0 s: must be a number, not negative'),
+        ({'time_limit': math.nan}, 'time_limit nan s'),
+    ],
+)
+def test_rejects_goals(fields, words):
+    with pytest.raises(IsotrussError, match=words) as error:
+        read_goal(goal(**fields), ROBOT)
+    assert len(str(error.value)) < 1000
+
+
+def test_reads_every_requirement():
+    wrench = Wrench()
+    wrench.force.x, wrench.torque.z = 0.01, 0.001
+    arguments = read_goal(
+        goal(
+            center=(0.52, 0.31),
+            object_diameter=0.25,
+            friction=0.7,
+            external_wrench=wrench,
+            module='north/R',
+            min_margin=1e-4,
+            max_contact_force=19.0,
+            max_total_force=37.0,
+            min_rigidity=0.2,
+            measure='stiffness',
+            direction=np.array([1.0, 0.0, 0.5]),
+            count=2,
+            seed=5,
+            time_limit=3.0,
+        ),
+        ROBOT,
+    )
+    assert arguments.cylinder == Cylinder((0.52, 0.31), 0.25)
+    assert arguments.requirements == GraspRequirements(
+        friction=0.7,
+        external_wrench=(0.01, 0.0, 0.001),
+        module='north/R',
+        min_margin=1e-4,
+        max_contact_force=19.0,
+        max_total_force=37.0,
+        min_rigidity=0.2,
+        measure='stiffness',
+        direction=(1.0, 0.0, 0.5),
+        count=2,
+    )
+    assert (arguments.seed, arguments.time_limit) == (5, 3.0)
+    assert read_goal(goal(), ROBOT).requirements == GraspRequirements(count=3)
+
+
+def seconds(duration):
+    """Return a duration in seconds."""
+    return duration.sec + 1e-9 * duration.nanosec
+
+
+def test_the_result_has_the_grasps_and_trajectories_that_can_be_followed():
+    plan = plan_grasps(ROBOT.home, Cylinder(CENTER, DIAMETER), thorough=False)
+    assert plan.grasps
+    result = to_result_message(Answer(Outcome.FOUND, 'found', plan), ROBOT)
+    assert (result.code, result.message) == (Result.FOUND, 'found')
+    assert result.violated_requirement == ''
+    assert_same(result, plan)
+    fastest = ROBOT.description.max_speed
+    for grasp, expected in zip(result.grasps, plan.grasps, strict=True):
+        assert read_roller_trajectory(grasp.path, ROBOT).duration > 0.0
+        times = np.array([seconds(point.time_from_start) for point in grasp.path.points])
+        assert times[0] == 0.0
+        speeds = np.abs(np.diff(expected.path, axis=0)).max(axis=1) / np.diff(times)
+        assert speeds.max() == pytest.approx(fastest, rel=1e-6)
+        assert speeds[np.diff(times) > 0.0101] == pytest.approx(fastest, rel=1e-6)
+        assert seconds(grasp.touch) == times[expected.touch]
+
+
+def test_the_result_names_the_closest_violation():
+    plan = plan_grasps(ROBOT.home, Cylinder((9.0, 9.0), DIAMETER))
+    result = to_result_message(Answer(Outcome.NONE_FOUND, 'none', plan), ROBOT)
+    assert not result.grasps
+    violation = (result.violated_requirement, result.violation_value, result.violation_bound)
+    assert violation == ('enclosed', 0.0, 1.0)
+
+
+# The node
+
+
+class StandIn:
+    """
+    In place of the searcher: begins, and ends when the test says so.
+
+    :ivar begun: arguments of the last search.
+    """
+
+    def __init__(self, workers):
+        self.workers, self.begun, self.reply, self.closed = workers, None, None, False
+        self.found = Progress(7, 2, 0.5, 0.25, 1.5)
+
+    def begin(self, *arguments):
+        self.begun, self.closed = arguments, False
+
+    def answer(self):
+        reply, self.reply = self.reply, None
+        if reply is not None:
+            self.begun = None
+        return reply
+
+    def progress(self):
+        return None if self.begun is None else self.found
+
+    def cancel(self):
+        self.reply = Answer(Outcome.CANCELLED, 'cancelled')
+
+    def close(self):
+        self.begun, self.closed = None, True
+
+
+@pytest.fixture
+def planner(monkeypatch):
+    """Return a world with a planner that has received joint states."""
+    monkeypatch.setattr(grasp_planner, 'Searcher', StandIn)
+    with world(node(workers=2)) as w:
+        w.spin(0.05, w.probe.send_joints)
+        w.searcher = w.nodes[1]._searcher
+        yield w
+
+
+def ended(w, handle):
+    """Return how a goal ended."""
+    w.until(lambda: handle.ended)
+    return handle.result()
+
+
+@pytest.mark.parametrize(
+    ('outcome', 'status'),
+    [
+        (Outcome.FOUND, GoalStatus.STATUS_SUCCEEDED),
+        (Outcome.NONE_FOUND, GoalStatus.STATUS_ABORTED),
+        (Outcome.TIME_OUT, GoalStatus.STATUS_ABORTED),
+        (Outcome.FAILED, GoalStatus.STATUS_ABORTED),
+    ],
+)
+def test_passes_the_goal_on_and_ends_with_the_answer(planner, outcome, status):
+    handle = planner.send_goal(goal(seed=3, count=2))
+    config, *arguments = planner.searcher.begun
+    assert np.array_equal(config.roller_positions, np.zeros(N))
+    assert tuple(arguments) == read_goal(goal(seed=3, count=2), ROBOT)
+    planner.spin(1.0)
+    assert len(handle.feedback) == pytest.approx(10, abs=2)
+    told = handle.feedback[-1]
+    assert (told.evaluations, told.found, told.best) == (7, 2, 0.5)
+    assert (told.progress, told.time_left) == (0.25, 1.5)
+    planner.searcher.reply = Answer(outcome, 'the end')
+    given, result = ended(planner, handle)
+    assert (given, result.code, result.message) == (status, int(outcome), 'the end')
+    assert planner.nodes[1].details()['searching'] is False
+
+
+def test_a_cancelled_goal_ends_with_what_was_found(planner):
+    handle = planner.send_goal(goal())
+    assert handle.cancel()
+    status, result = ended(planner, handle)
+    assert (status, result.code) == (GoalStatus.STATUS_CANCELED, Result.CANCELLED)
+    assert not handle.cancel()
+
+
+def test_feedback_without_a_grasp_is_not_a_number(planner):
+    planner.searcher.found = Progress(0, 0, None, 0.0, None)
+    handle = planner.send_goal(goal())
+    planner.until(lambda: bool(handle.feedback))
+    assert math.isnan(handle.feedback[0].best)
+    assert math.isnan(handle.feedback[0].time_left)
+
+
+def test_rejects_a_goal_while_it_searches(planner):
+    handle = planner.send_goal(goal(min_margin=NO_MARGIN))
+    assert not planner.send_goal(goal()).accepted
+    assert Manager(planner, 'grasp_planner').state() == 'active'
+    planner.searcher.reply = Answer(Outcome.FOUND, '')
+    ended(planner, handle)
+    assert planner.send_goal(goal()).accepted
+
+
+def test_a_bad_goal_is_aborted_with_the_reason(planner):
+    status, result = ended(planner, planner.send_goal(goal(object_diameter=-0.3)))
+    assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.BAD_GOAL)
+    assert 'diameter -0.3 m: must be positive' in result.message
+    assert planner.searcher.begun is None
+
+
+def test_needs_fresh_joint_states(monkeypatch):
+    monkeypatch.setattr(grasp_planner, 'Searcher', StandIn)
+    with world(node()) as w:
+        for send, words in (
+            (lambda: None, 'joint states: none received yet'),
+            (lambda: w.probe.send_joints(name=['nobody'] * 6), 'rollers south/P, .* are missing'),
+            (lambda: w.probe.send_joints(age=100.0), 's old; must be at most 5.0 s'),
+            (lambda: w.probe.send_joints(age=-100.0), 's in the future'),
+            (lambda: w.probe.send_joints(position=[5.0] * 6), 'member|length|shape|straight'),
+        ):
+            w.spin(0.05, send)
+            status, result = ended(w, w.send_goal(goal()))
+            assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.NO_JOINT_STATES)
+            assert re.search(words, result.message)
+        assert w.nodes[1]._searcher.begun is None
+
+
+def test_searches_from_where_the_robot_is(planner):
+    positions = [0.01, -0.02, 0.015, 0.0, -0.01, 0.02]
+    planner.spin(0.05, lambda: planner.probe.send_joints(position=positions))
+    planner.send_goal(goal())
+    assert planner.searcher.begun[0].roller_positions.tolist() == positions
+
+
+def test_an_inactive_node_ends_the_search_and_accepts_no_goals(planner):
+    manager = Manager(planner, 'grasp_planner')
+    handle = planner.send_goal(goal())
+    assert manager.ask(Transition.TRANSITION_DEACTIVATE)
+    status, result = ended(planner, handle)
+    assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.FAILED)
+    assert result.message == 'the node was deactivated'
+    assert planner.searcher.closed
+    assert not planner.send_goal(goal()).accepted
+    assert manager.ask(Transition.TRANSITION_ACTIVATE)
+    assert planner.send_goal(goal()).accepted
+
+
+@pytest.mark.parametrize('count', [-1, 257])
+def test_rejects_a_number_of_workers_out_of_range(count):
+    check_refused(node(workers=count), f'workers: {count}: must be from 0 .* to 256')
+
+
+def test_the_pose_may_have_no_frame():
+    assert read_goal(goal(frame=''), ROBOT).cylinder.center == CENTER
+    assert PoseStamped().header.frame_id == ''

@@ -1,0 +1,189 @@
+"""The nodes as managed nodes: silent while inactive, configured anew, and what they report."""
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from isotruss_msgs.msg import GraspState
+from isotruss_ros.core import load_robot, Status, tangent_center
+from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.simulator import Simulator
+from lifecycle_msgs.msg import Transition
+from manual_world import Manager, world
+import numpy as np
+from probe import N, overrides, ROBOT
+import pytest
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+UP = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
+DOWN = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
+OUTPUTS = {
+    Manipulation: ('command', 'status'),
+    Simulator: ('joints', 'pose'),
+    GraspAnalysisNode: ('state', 'closure'),
+}
+
+
+def manipulation(**values):
+    """Return what makes a manipulation node; the joint states here are made up."""
+    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
+
+
+def counts(w, keys):
+    """Return how many messages came of each."""
+    return [len(w.probe.seen[key]) for key in keys]
+
+
+def value(w, name, key):
+    """Return a value of a node's diagnostics."""
+    return {item.key: item.value for item in w.report(name).values}.get(key, '')
+
+
+@pytest.mark.parametrize('kind', OUTPUTS)
+def test_waits_unconfigured_without_autostart_and_publishes_only_while_active(kind):
+    keys = OUTPUTS[kind]
+    with world(lambda: kind(overrides(autostart=False))) as w:
+        manager = Manager(w, w.nodes[1].get_name())
+        assert manager.state() == 'unconfigured'
+        for transition, speaks in zip((*UP, *DOWN), (False, True, False, False), strict=True):
+            assert manager.ask(transition)
+            w.spin(0.1)  # what was on its way
+            before = counts(w, keys)
+            if speaks:
+                w.until(lambda b=before: min(np.subtract(counts(w, keys), b)) > 5)
+            else:
+                w.spin(0.1, w.probe.send_joints)
+                mine = 1 if keys[0] == 'joints' else 0
+                assert counts(w, keys[mine:]) == before[mine:]
+
+
+def test_manipulation_goes_down_with_a_zero_command():
+    with world(manipulation()) as w:
+        manager = Manager(w, 'manipulation')
+        for transition in (
+            Transition.TRANSITION_DEACTIVATE,
+            Transition.TRANSITION_ACTIVE_SHUTDOWN,
+        ):
+            w.probe.seen['command'].clear()
+            w.until(lambda: np.nan_to_num(w.command()).any(), w.probe.send_all)
+            assert manager.ask(transition)
+            w.until(lambda: not w.command().any())
+            before = len(w.probe.seen['command'])
+            w.spin(0.1, w.probe.send_all)
+            assert len(w.probe.seen['command']) == before
+            if manager.state() == 'inactive':
+                assert manager.ask(Transition.TRANSITION_ACTIVATE)
+        assert manager.state() == 'finalized'
+
+
+def test_manipulation_is_configured_for_another_robot():
+    with world(manipulation()) as w:
+        node, manager = w.nodes[1], Manager(w, 'manipulation')
+        w.until_code(Status.OK, w.probe.send_all)
+        assert all(manager.ask(transition) for transition in DOWN)
+        assert node.set_parameters([Parameter('robot', value='triangle')])[0].successful
+        # The grip module is still that of the robot before.
+        assert not manager.ask(Transition.TRANSITION_CONFIGURE)
+        assert manager.state() == 'unconfigured'
+        w.until(lambda: w.report('manipulation').level == DiagnosticStatus.ERROR)
+        assert 'must be one of' in w.report('manipulation').message
+        assert node.set_parameters([Parameter('grip_module', value='main/T')])[0].successful
+        assert all(manager.ask(transition) for transition in UP)
+        triangle = load_robot('triangle')
+        center = tangent_center(triangle.home, 'main/T', 0.3)
+
+        def send():
+            w.probe.send_joints(
+                name=list(triangle.roller_names), position=[0.0] * len(triangle.roller_names)
+            )
+            w.probe.send_pose(center=center, frame=triangle.frame)
+            w.probe.send_twist((0.01, 0.0, 0.0))
+
+        w.until(lambda: w.code() is not None and w.code() < Status.HALT_NO_TWIST, send)
+        w.until(lambda: len(w.probe.last('command').data) == len(triangle.roller_names), send)
+        w.until(lambda: w.report('manipulation').hardware_id == 'triangle', send)
+
+
+def test_the_simulated_robot_is_at_home_when_configured_again():
+    with world(lambda: Simulator(overrides(command_timeout=5.0))) as w:
+        manager = Manager(w, 'simulator')
+        command = Float64MultiArray(data=[0.0, 0.02, *[0.0] * (N - 2)])
+
+        def travel():
+            joints = w.probe.last('joints')
+            return 0.0 if joints is None else joints.position[1]
+
+        w.until(lambda: travel() > 0.001, lambda: w.probe.commands.publish(command))
+        assert manager.ask(Transition.TRANSITION_DEACTIVATE)
+        assert manager.ask(Transition.TRANSITION_ACTIVATE)
+        w.probe.seen['joints'].clear()
+        w.until(lambda: len(w.probe.seen['joints']) > 10)
+        # Where it was, and still: what was commanded before is not in force any more.
+        places = {tuple(m.position) for _, m in w.probe.seen['joints']}
+        assert len(places) == 1
+        assert travel() > 0.001
+        assert all(manager.ask(transition) for transition in (*DOWN, *UP))
+        w.until(lambda: travel() == 0.0)
+
+
+def test_manipulation_reports_its_loop_and_its_inputs():
+    with world(manipulation()) as w:
+        w.until(lambda: w.report('manipulation').level == DiagnosticStatus.OK)
+        assert value(w, 'manipulation', 'age of joint states [s]') == 'none received'
+
+        def moving():
+            return (
+                value(w, 'manipulation', 'status') == 'OK'
+                and int(value(w, 'manipulation', 'cycles')) > 10
+            )
+
+        w.until(moving, w.probe.send_all)
+        assert w.report('manipulation').hardware_id == ROBOT.name
+        assert value(w, 'manipulation', 'emergency stop') == 'no'
+        for name in ('twist', 'joint states', 'object pose'):
+            assert float(value(w, 'manipulation', f'age of {name} [s]')) < 0.2
+        median = float(value(w, 'manipulation', 'cycle time, median [s]'))
+        assert 0.0 < median <= float(value(w, 'manipulation', 'cycle time, longest [s]'))
+        assert int(value(w, 'manipulation', 'overruns')) >= 0
+        bad = JointState(name=['nobody'], position=[0.0])
+        w.until(
+            lambda: w.report('manipulation').level == DiagnosticStatus.ERROR,
+            lambda: (w.probe.send_all(), w.probe.joint_states.publish(bad)),
+        )
+
+
+def test_a_slowed_command_is_a_warning():
+    with world(manipulation()) as w:
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_pose()
+            w.probe.send_twist((0.0, 5.0, 0.0))
+
+        w.until(
+            lambda: (
+                w.report('manipulation').level == DiagnosticStatus.WARN
+                and 'limits of' in w.report('manipulation').message
+            ),
+            send,
+        )
+
+
+def test_the_analysis_reports_what_it_lacks():
+    with world(lambda: GraspAnalysisNode()) as w:
+        w.until(lambda: w.report('grasp_analysis').level == DiagnosticStatus.ERROR)
+        assert 'none received' in w.report('grasp_analysis').message
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_pose()
+
+        w.until_code(GraspState.OK, send, 'state')
+        w.until(lambda: w.report('grasp_analysis').level == DiagnosticStatus.OK, send)
+        w.until(lambda: int(value(w, 'grasp_analysis', 'cycles')) > 10, send)
+
+
+def test_the_simulator_reports_that_it_is_active():
+    with world(lambda: Simulator()) as w:
+        w.until(lambda: w.report('simulator').message == 'active')
+        assert w.report('simulator').level == DiagnosticStatus.OK

@@ -1,0 +1,263 @@
+"""Managed nodes: their states, what they do in each, and what becomes of errors in between."""
+
+import gc
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from isotruss_msgs.action import FollowObjectPath
+from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.parameters import Spec
+from lifecycle_msgs.msg import Transition
+from manual_world import check_refused, Manager, world
+from probe import overrides
+import pytest
+from rclpy.action import ActionServer
+from rclpy.parameter import Parameter
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+PLACE = Spec('place', 'here', 'Where', read_only=True)
+SPEED = Spec('speed', 1.0, 'How quick', bounds=(0.0, 2.0))
+
+#: What a step of the node raises: one of ours, one that nobody thought of.
+REFUSAL = IsotrussError('the place is taken')
+ACCIDENT = ZeroDivisionError('an accident')
+
+
+class Toy(ManagedNode):
+    """Does a bit of everything; fails where it is told to."""
+
+    def __init__(self, failures=None, **values):
+        self.steps = []
+        self.failures = failures or {}
+        super().__init__('toy', (PLACE, SPEED), overrides(**values))
+        self.start()
+
+    def _step(self, name):
+        self.steps.append(name)
+        if name in self.failures:
+            raise self.failures[name]
+
+    def configure(self):
+        self.heard = self.create_subscription(Bool, 'heard', lambda message: None, 1)
+        self.said = self.create_lifecycle_publisher(Bool, 'said', 1)
+        self.asked = self.create_service(Trigger, 'asked', lambda request, response: response)
+        self.server = ActionServer(self, FollowObjectPath, 'act', lambda goal: None)
+        self.place = self.values[PLACE]
+        self.values.on_change(self._check, lambda: self.steps.append('changed'))
+        self._step('configure')
+
+    def _check(self, new):
+        if new.get('speed') == 1.5:
+            raise IsotrussError('not this speed')
+
+    def activate(self):
+        self.timer = self.create_timer(0.01, lambda: self.said.publish(Bool()))
+        self._step('activate')
+
+    def deactivate(self):
+        self.said.publish(Bool(data=True))
+        self._step('deactivate')
+
+    def cleanup(self):
+        self._step('cleanup')
+
+    def details(self):
+        return {'steps': len(self.steps)}
+
+    def entities(self):
+        """Count what rclpy holds."""
+        kinds = (self.timers, self.subscriptions, self.services, self.publishers, self.waitables)
+        return sum(len(list(kind)) for kind in kinds)
+
+
+@pytest.fixture
+def waiting():
+    """Bring up a node that waits unconfigured."""
+    with world(lambda: Toy(autostart=False)) as w:
+        yield w.nodes[1], Manager(w, 'toy'), w
+
+
+def test_starts_by_itself_with_autostart():
+    with world(Toy) as w:
+        assert Manager(w, 'toy').state() == 'active'
+        assert w.nodes[1].steps == ['configure', 'activate']
+
+
+def test_goes_through_the_life_cycle_repeatedly(waiting):
+    node, manager, _ = waiting
+    assert manager.state() == 'unconfigured'
+    assert node.steps == []
+    bare = node.entities()
+    for _ in range(3):
+        node.steps.clear()
+        assert manager.ask(Transition.TRANSITION_CONFIGURE)
+        configured = node.entities()
+        assert configured > bare
+        assert manager.ask(Transition.TRANSITION_ACTIVATE)
+        assert node.entities() == configured + 1
+        assert manager.ask(Transition.TRANSITION_DEACTIVATE)
+        assert node.entities() == configured
+        assert manager.ask(Transition.TRANSITION_CLEANUP)
+        assert node.entities() == bare
+        assert node.steps == ['configure', 'activate', 'deactivate', 'cleanup']
+    assert manager.ask(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+    assert manager.state() == 'finalized'
+
+
+def test_the_life_cycle_leaves_nothing_behind(waiting):
+    node, _, _ = waiting
+    known = []
+    for _ in range(6):
+        for step in ('configure', 'activate', 'deactivate', 'cleanup'):
+            getattr(node, f'trigger_{step}')()
+        gc.collect()
+        known.append((node.entities(), len(node.default_callback_group.entities)))
+    assert known[-1] == known[1]
+
+
+def test_publishes_only_while_active_and_a_last_message_on_the_transition(waiting):
+    _, manager, w = waiting
+    w.probe.listen(Bool, 'said', 'said')
+    manager.ask(Transition.TRANSITION_CONFIGURE)
+    w.spin(0.1)
+    assert not w.probe.seen['said']
+    manager.ask(Transition.TRANSITION_ACTIVATE)
+    w.until(lambda: bool(w.probe.seen['said']))
+    manager.ask(Transition.TRANSITION_DEACTIVATE)
+    w.until(lambda: w.probe.last('said').data)
+    w.spin(0.1)
+    assert w.probe.last('said').data
+    manager.ask(Transition.TRANSITION_ACTIVATE)
+    w.until(lambda: not w.probe.last('said').data)
+    assert manager.ask(Transition.TRANSITION_ACTIVE_SHUTDOWN)
+    w.until(lambda: w.probe.last('said').data)
+    assert manager.state() == 'finalized'
+
+
+@pytest.mark.parametrize(
+    ('transition', 'label'),
+    [
+        (Transition.TRANSITION_CONFIGURE, ''),
+        (Transition.TRANSITION_ACTIVATE, ''),
+        (Transition.TRANSITION_CLEANUP, ''),
+        (Transition.TRANSITION_DESTROY, ''),
+        (Transition.TRANSITION_CALLBACK_SUCCESS, ''),
+        (255, ''),
+        (0, 'fly'),
+        (0, 'activate'),
+    ],
+)
+def test_an_unknown_transition_is_rejected(transition, label):
+    with world(Toy) as w:
+        manager = Manager(w, 'toy')
+        assert not manager.ask(transition, label)
+        assert manager.state() == 'active'
+
+
+def test_read_only_parameters_change_while_unconfigured_only(waiting):
+    node, manager, _ = waiting
+
+    def change(name, value):
+        return node.set_parameters([Parameter(name, value=value)])[0]
+
+    assert change('place', 'there').successful
+    manager.ask(Transition.TRANSITION_CONFIGURE)
+    assert node.place == 'there'
+    refused = change('place', 'elsewhere')
+    assert not refused.successful
+    assert 'read-only unless the node is unconfigured' in refused.reason
+    assert change('speed', 0.5).successful
+    assert node.steps == ['configure', 'changed']
+    assert 'not this speed' in change('speed', 1.5).reason
+    manager.ask(Transition.TRANSITION_CLEANUP)
+    assert change('place', 'elsewhere').successful
+    assert change('speed', 1.5).successful  # for `configure` to judge
+    assert not manager.ask(Transition.TRANSITION_CONFIGURE)
+    assert manager.state() == 'unconfigured'
+    assert change('speed', 1.0).successful
+    assert manager.ask(Transition.TRANSITION_CONFIGURE)
+    assert node.place == 'elsewhere'
+
+
+@pytest.mark.parametrize(
+    ('step', 'error', 'after'),
+    [
+        ('configure', REFUSAL, 'unconfigured'),
+        ('configure', ACCIDENT, 'unconfigured'),
+        ('activate', REFUSAL, 'inactive'),
+        ('activate', ACCIDENT, 'unconfigured'),
+        ('deactivate', REFUSAL, 'unconfigured'),
+        ('deactivate', ACCIDENT, 'unconfigured'),
+        ('cleanup', REFUSAL, 'finalized'),
+        ('cleanup', ACCIDENT, 'finalized'),
+    ],
+)
+def test_an_error_in_a_step_is_reported_and_the_services_remain(waiting, step, error, after):
+    node, manager, w = waiting
+    bare = node.entities()
+    node.failures[step] = error
+    steps = {
+        'configure': Transition.TRANSITION_CONFIGURE,
+        'activate': Transition.TRANSITION_ACTIVATE,
+        'deactivate': Transition.TRANSITION_DEACTIVATE,
+        'cleanup': Transition.TRANSITION_CLEANUP,
+    }
+    outcomes = {}
+    for name, transition in steps.items():
+        outcomes[name] = manager.ask(transition)
+        if name == step:
+            break
+    assert outcomes == {name: name != step for name in outcomes}
+    assert manager.state() == after
+    w.until(
+        lambda: any(
+            report.level == DiagnosticStatus.ERROR and str(error) in report.message
+            for _, array in w.probe.seen['diagnostics']
+            for report in array.status
+        )
+    )
+    node.failures.clear()
+    if after == 'finalized':
+        return
+    if after == 'unconfigured':
+        assert node.entities() == bare
+        assert manager.ask(Transition.TRANSITION_CONFIGURE)
+    assert manager.ask(Transition.TRANSITION_ACTIVATE)
+    assert manager.state() == 'active'
+
+
+def test_an_error_out_of_a_callback_stops_the_node_and_it_can_be_brought_up_again():
+    with world(Toy) as w:
+        node, manager = w.nodes[1], Manager(w, 'toy')
+        w.probe.listen(Bool, 'said', 'said')
+        w.until(lambda: bool(w.probe.seen['said']))
+        node.fail(ACCIDENT)
+        w.until(lambda: w.probe.last('said').data)
+        assert manager.state() == 'unconfigured'
+        w.until(lambda: 'an accident' in w.report('toy').message)
+        assert manager.ask(Transition.TRANSITION_CONFIGURE)
+        assert manager.ask(Transition.TRANSITION_ACTIVATE)
+
+
+@pytest.mark.parametrize('step', ['configure', 'activate'])
+@pytest.mark.parametrize('error', [REFUSAL, ACCIDENT])
+def test_a_node_that_fails_to_start_raises_the_reason(step, error):
+    check_refused(lambda: Toy({step: error}), str(error))
+
+
+def test_reports_every_second_and_at_once_when_the_level_changes():
+    with world(lambda: Toy(autostart=False)) as w:
+        reports = w.probe.seen['diagnostics']
+        w.until(lambda: len(reports) >= 2)
+        report = w.report('toy')
+        assert report.level == DiagnosticStatus.WARN
+        assert report.message == 'unconfigured'
+        assert report.values[0].key == 'steps'
+        node, heard = w.nodes[1], len(reports)
+        for timer in list(node.timers):
+            node.destroy_timer(timer)  # what comes now is not the report of every second
+        node.failures['configure'] = REFUSAL
+        Manager(w, 'toy').ask(Transition.TRANSITION_CONFIGURE)
+        w.until(lambda: len(reports) > heard)
+        assert reports[-1][1].status[0].level == DiagnosticStatus.ERROR

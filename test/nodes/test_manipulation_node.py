@@ -1,0 +1,368 @@
+"""The manipulation node, under an executor in this process, with the rest of the world faked."""
+
+import math
+
+from geometry_msgs.msg import Pose, PoseStamped, Quaternion, TwistStamped
+from isotruss_msgs.msg import ManipulationStatus
+from isotruss_ros.core import Status, tangent_center
+from isotruss_ros.nodes.conversions.messages import read_stamp, stamp_header
+from isotruss_ros.nodes.manipulation import Manipulation
+from manual_world import check_refused, world
+import numpy as np
+from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT, stamped, UP
+import pytest
+from rclpy.parameter import Parameter
+
+NAMES = list(ROBOT.roller_names)
+TIMEOUT = 0.2
+
+
+def node(**values):
+    """Return a manipulation node with parameters; the joint states here are made up."""
+    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
+
+
+def test_codes_are_those_of_the_message():
+    for status in Status:
+        assert getattr(ManipulationStatus, status.name) == int(status)
+    constants = [n for n in dir(ManipulationStatus) if n.isupper() and n != 'SLOT_TYPES']
+    assert sorted(constants) == sorted(status.name for status in Status)
+
+
+def test_moves_the_object_as_commanded():
+    with world(node()) as w:
+        status = w.until_code(Status.OK, w.probe.send_all)
+        assert status.message == ''
+        assert status.scale == 1.0
+        assert status.commanded.linear.y == UP[1]
+        assert status.achieved.linear.x == pytest.approx(0.0, abs=1e-9)
+        assert status.achieved.linear.y == pytest.approx(UP[1], abs=1e-9)
+        assert status.achieved.angular.z == pytest.approx(0.0, abs=1e-9)
+        assert status.header.frame_id == 'truss'
+        assert np.abs(w.command()).max() > 0.001
+        assert len(w.command()) == N
+
+
+def test_reports_every_cycle():
+    with world(node(rate=50.0)) as w:
+        w.until(lambda: len(w.probe.seen['status']) >= 25)
+        times = [read_stamp(status.header) for _, status in w.probe.seen['status']]
+        assert np.median(np.diff(times)) == pytest.approx(0.02, rel=0.3)
+        assert abs(len(w.probe.seen['status']) - len(w.probe.seen['command'])) <= 1
+
+
+def test_zero_twist_is_idle():
+    with world(node()) as w:
+
+        def still():
+            w.probe.send_joints()
+            w.probe.send_pose()
+            w.probe.send_twist((0.0, 0.0, 0.0))
+
+        w.until_code(Status.IDLE, still)
+        assert not w.command().any()
+
+
+@pytest.mark.parametrize(
+    ('missing', 'code'),
+    [
+        ('send_twist', Status.HALT_NO_TWIST),
+        ('send_joints', Status.HALT_NO_JOINT_STATES),
+        ('send_pose', Status.HALT_NO_OBJECT_POSE),
+    ],
+)
+def test_halts_until_every_input_has_come(missing, code):
+    with world(node()) as w:
+        senders = [w.probe.send_twist, w.probe.send_joints, w.probe.send_pose]
+        given = [send for send in senders if send.__name__ != missing]
+        status = w.until_code(code, lambda: [send() for send in given])
+        assert 'none received yet' in status.message
+        assert not w.command().any()
+        assert status.scale == 0.0
+
+
+@pytest.mark.parametrize(
+    ('silent', 'code'),
+    [
+        ('send_twist', Status.HALT_NO_TWIST),
+        ('send_joints', Status.HALT_STALE_JOINT_STATES),
+        ('send_pose', Status.HALT_STALE_OBJECT_POSE),
+    ],
+)
+def test_halts_within_the_timeout_of_the_last_input_and_resumes(silent, code):
+    with world(node(command_timeout=TIMEOUT)) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        senders = [w.probe.send_twist, w.probe.send_joints, w.probe.send_pose]
+        given = [send for send in senders if send.__name__ != silent]
+        fell_silent = w.now
+        w.until_code(code, lambda: [send() for send in given])
+        moved = [t for t, message in w.probe.seen['command'] if any(message.data)]
+        # The last good input was sent before; what is left is transport and this busy process.
+        assert moved[-1] - fell_silent < TIMEOUT + 0.1
+        assert not w.command().any()
+        w.until_code(Status.OK, w.probe.send_all)
+
+
+def test_halts_on_a_twist_that_is_rejected():
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_pose()
+            w.probe.send_twist((math.nan, 0.0, 0.0))
+
+        status = w.until_code(Status.HALT_INVALID_TWIST, send)
+        assert 'finite' in status.message
+        assert not w.command().any()
+        w.until_code(Status.OK, w.probe.send_all)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'code', 'words'),
+    [
+        ({'position': [math.nan] + [0.0] * (N - 1)}, Status.HALT_INVALID_JOINT_STATES, 'finite'),
+        ({'age': 1.0}, Status.HALT_STALE_JOINT_STATES, 'old'),
+        ({'age': -1.0}, Status.HALT_INVALID_JOINT_STATES, 'future'),
+        ({'position': [9.0] + [0.0] * (N - 1)}, Status.HALT_KINEMATICS, 'long'),
+    ],
+)
+def test_halts_on_invalid_joint_states(changes, code, words):
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+
+        def send():
+            w.probe.send_joints(**changes)
+            w.probe.send_pose()
+            w.probe.send_twist()
+
+        status = w.until_code(code, send)
+        assert words in status.message
+        assert not w.command().any()
+        w.until_code(Status.OK, w.probe.send_all)
+
+
+def test_picks_the_rollers_out_of_any_order_and_company():
+    travel = np.linspace(-0.02, 0.02, N)
+    order = np.random.default_rng(1).permutation(N)
+    with world(node()) as w:
+
+        def send(**changes):
+            w.probe.send_pose()
+            w.probe.send_twist()
+            w.probe.send_joints(**changes)
+
+        w.until_code(Status.OK, lambda: send(position=travel.tolist()))
+        w.spin(0.1, lambda: send(position=travel.tolist()))
+        straight = w.command()
+        shuffled = {
+            'name': ['gripper', *(NAMES[i] for i in order)],
+            'position': [math.nan, *travel[order].tolist()],
+        }
+        w.spin(0.3, lambda: send(**shuffled))
+        assert w.code() == Status.OK
+        assert w.command() == pytest.approx(straight, abs=1e-4)
+
+
+def test_speeds_that_are_not_measured_are_no_reason_to_stop():
+    with world(node()) as w:
+
+        def send():
+            w.probe.send_pose()
+            w.probe.send_twist()
+            w.probe.send_joints(velocity=[math.nan] * N)
+
+        w.until_code(Status.OK, send)
+
+
+def pose_with(**changes):
+    """Return a pose at the grip, changed."""
+    pose = Pose(orientation=Quaternion(w=1.0))
+    pose.position.x, pose.position.y = CENTER
+    for name, value in changes.items():
+        part, field = name.split('_')
+        setattr(getattr(pose, part), field, value)
+    return pose
+
+
+@pytest.mark.parametrize(
+    ('frame', 'age', 'changes', 'code', 'words'),
+    [
+        ('truss', 0.0, {'position_x': math.nan}, Status.HALT_INVALID_OBJECT_POSE, 'finite'),
+        ('truss', 0.5, {}, Status.HALT_STALE_OBJECT_POSE, 'old'),
+        ('truss', -0.5, {}, Status.HALT_INVALID_OBJECT_POSE, 'future'),
+        ('truss', 0.0, {'position_x': 3.0}, Status.HALT_NO_GRASP, 'not between'),
+    ],
+)
+def test_halts_on_an_invalid_object_pose(frame, age, changes, code, words):
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_twist()
+            message = PoseStamped(pose=pose_with(**changes))
+            stamp_header(message.header, w.probe.past(age), frame)
+            w.probe.object_poses.publish(message)
+
+        status = w.until_code(code, send)
+        assert words in status.message
+        assert not w.command().any()
+        w.until_code(Status.OK, w.probe.send_all)
+
+
+def test_an_unstamped_joint_state_is_stale():
+    with world(node()) as w:
+
+        def send():
+            w.probe.send_pose()
+            w.probe.send_twist()
+            w.probe.send_joints(age=w.probe.get_clock().now().nanoseconds * 1e-9)
+
+        w.until_code(Status.HALT_STALE_JOINT_STATES, send)
+        assert not w.command().any()
+
+
+def test_goes_on_from_where_the_robot_is_now():
+    """A teleported robot and object are commanded from their new places, at once."""
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        elsewhere = ROBOT.configuration(np.linspace(-0.15, 0.1, N))
+
+        def send():
+            w.probe.send_joints(position=elsewhere.roller_positions.tolist())
+            w.probe.send_pose(center=tuple(0.5 * (np.array(CENTER) + elsewhere.nodes[5])))
+            w.probe.send_twist()
+
+        before = w.command()
+        w.spin(0.5, send)
+        assert w.code() == Status.OK
+        assert np.abs(w.command() - before).max() > 1e-4
+
+
+def test_slows_along_the_twist_with_the_reason():
+    with world(node()) as w:
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_pose()
+            w.probe.send_twist((0.0, 5.0, 0.0))
+
+        status = w.until_code(Status.SLOWED_ROLLER_SPEED, send)
+        assert 0.0 < status.scale < 0.1
+        assert status.achieved.linear.y == pytest.approx(5.0 * status.scale, rel=1e-6)
+        assert status.achieved.linear.x == pytest.approx(0.0, abs=1e-7)
+        assert np.abs(w.command()).max() == pytest.approx(ROBOT.description.max_speed, abs=1e-7)
+        assert 'limits of' in status.message
+
+
+def test_carries_out_the_closest_reachable_twist():
+    module = 'south/X'
+    center = tangent_center(ROBOT.home, module, DIAMETER)
+    with world(node(grip_module=module)) as w:
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_pose(center=center)
+            w.probe.send_twist((0.01, 0.0, 0.0))
+
+        status = w.until_code(Status.UNREACHABLE, send)
+        assert 'closest' in status.message
+        assert np.isfinite(w.command()).all()
+
+
+def test_subscribes_to_stamped_twists_on_request():
+    with world(node(use_stamped_twist=True), twist_type=TwistStamped) as w:
+
+        def send(age=0.0, frame=''):
+            w.probe.send_joints()
+            w.probe.send_pose()
+            w.probe.twists.publish(stamped(UP, w.probe.past(age), frame))
+
+        w.until_code(Status.OK, send)
+        w.until_code(Status.HALT_NO_TWIST, lambda: send(age=1.0))
+        w.until_code(Status.OK, lambda: send(frame='truss'))
+        status = w.until_code(Status.HALT_INVALID_TWIST, lambda: send(frame='base_link'))
+        assert "must be in 'truss'" in status.message
+        w.until_code(Status.OK, send)
+        w.until_code(Status.HALT_INVALID_TWIST, lambda: send(age=-1.0))
+        assert not w.command().any()
+
+
+def test_parameters_change_at_run_time_or_are_rejected_with_the_reason():
+    with world(node()) as w:
+        manipulation = w.nodes[1]
+
+        def change(name, value):
+            return manipulation.set_parameters([Parameter(name, value=value)])[0]
+
+        for name, value, word in (
+            ('rate', 0.0, 'range'),
+            ('rate', math.nan, 'range'),
+            ('rate', 'fast', 'type'),
+            ('command_timeout', -1.0, 'range'),
+            ('object_diameter', math.inf, 'range'),
+            ('grip_module', 'north/Nobody', 'must be one of'),
+            ('robot', 'triangle', 'read-only'),
+            ('use_stamped_twist', True, 'read-only'),
+        ):
+            result = change(name, value)
+            assert not result.successful, name
+            assert word in result.reason, result.reason
+        assert change('rate', 50.0).successful
+        w.probe.seen['status'].clear()
+        w.until(lambda: len(w.probe.seen['status']) >= 20)
+        arrivals = [t for t, _ in w.probe.seen['status']]
+        assert np.median(np.diff(arrivals)) == pytest.approx(0.02, rel=0.3)
+        assert change('grip_module', 'south/P').successful
+        w.until_code(Status.HALT_NO_GRASP, w.probe.send_all)
+        assert change('grip_module', MODULE).successful
+        assert change('object_diameter', DIAMETER / 2).successful
+        w.until_code(Status.OK, w.probe.send_all)
+
+
+def test_parameters_are_described():
+    with world(node()) as w:
+        names = ['robot', 'object_diameter', 'grip_module', 'rate', 'command_timeout']
+        for descriptor in w.nodes[1].describe_parameters([*names, 'use_stamped_twist']):
+            assert descriptor.description
+            if descriptor.type == Parameter.Type.DOUBLE.value:
+                assert len(descriptor.floating_point_range) == 1
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'robot': 'nobody'}, 'no such preset'),
+        ({'grip_module': 'north/Nobody'}, 'must be one of'),
+        ({'grip_module': ''}, 'must be one of'),
+        ({'rate': 0.0}, 'range'),
+        ({'rate': 'fast'}, 'rate'),
+        ({'object_diameter': -0.1}, 'range'),
+        ({'command_timeout': math.nan}, 'range'),
+    ],
+)
+def test_bad_parameters_are_refused_at_start(values, words):
+    check_refused(lambda: Manipulation(overrides(**values)), words)
+
+
+def test_topic_names_are_relative():
+    with world(node()) as w:
+        for topic in (
+            'roller_velocity_controller/commands',
+            'manipulation/status',
+            'cmd_vel',
+            'object_pose',
+            'joint_states',
+        ):
+            assert w.nodes[1].resolve_topic_name(topic) == f'/{topic}'
+
+
+def test_stop_leaves_the_rollers_at_zero():
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        w.probe.seen['command'].clear()
+        w.nodes[1].stop()
+        w.deliver()
+        assert len(w.probe.seen['command']) == 1
+        assert not w.command().any()

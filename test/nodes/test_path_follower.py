@@ -1,0 +1,479 @@
+"""The path follower: with simulator and manipulation, and with a world that misbehaves."""
+
+import itertools
+import math
+
+from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseStamped, Quaternion, Twist, TwistStamped
+from isotruss_msgs.action import FollowObjectPath
+from isotruss_msgs.msg import ManipulationStatus
+from isotruss_ros.core import Pose, Status
+from isotruss_ros.core.control.path_servo import Outcome
+from isotruss_ros.nodes.conversions.messages import read_stamp, stamp_header, to_pose_message
+from isotruss_ros.nodes.conversions.path_messages import read_angle
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.path_follower import PathFollower
+from isotruss_ros.nodes.simulator import Simulator
+from lifecycle_msgs.msg import Transition
+from manual_world import check_refused, Manager, world
+from nav_msgs.msg import Path
+import numpy as np
+from probe import CENTER, overrides
+import pytest
+
+Result = FollowObjectPath.Result
+#: In the grip at home, as the simulator puts it, and as the probe puts it.
+HOME = (*CENTER, 0.0)
+PROBED = (*CENTER, 0.3)
+
+
+#: For machines so busy that nodes wait for their turn: the follower goes on, the robot waits too.
+PATIENT = {'command_timeout': 5.0, 'rate': 50.0}
+ROBOT_SETTINGS = {'command_timeout': 0.5, 'rate': 50.0}
+
+
+def node(**values):
+    """Return a path follower with parameters."""
+    return lambda: PathFollower(overrides(**(PATIENT | {'progress_timeout': 15.0} | values)))
+
+
+def real(slip=0.0, stamped=False, **values):
+    """Return the three nodes that it takes."""
+    return (
+        lambda: Simulator(overrides(roller_slip=slip, **ROBOT_SETTINGS)),
+        lambda: Manipulation(overrides(use_stamped_twist=stamped, **ROBOT_SETTINGS)),
+        node(use_stamped_twist=stamped, **values),
+    )
+
+
+def goal(*steps, begin=HOME, frame='truss', **fields):
+    """Return a goal: a path from `begin` by steps (dx, dy, dangle)."""
+    path = Path()
+    path.header.frame_id = frame
+    poses = np.cumsum([begin, *steps], axis=0)
+    path.poses = [PoseStamped(pose=to_pose_message(Pose(*pose))) for pose in poses.tolist()]
+    return FollowObjectPath.Goal(path=path, **({'speed': 0.03, 'turn_rate': 0.3} | fields))
+
+
+class Client:
+    """
+    Sends goals, and looks at the twists.
+
+    :param w: the world.
+    :param kind: of the twists.
+    """
+
+    def __init__(self, w, kind=Twist):
+        self._world = w
+        w.probe.listen(kind, 'twist', 'cmd_vel')
+
+    def send(self, asked, each=lambda: None):
+        """Send a goal and return its handle."""
+        each()
+        return self._world.send_goal(asked)
+
+    def result(self, handle, each=lambda: None):
+        """Return how it ended: status of the action, result."""
+        self._world.until(lambda: handle.ended, each)
+        return handle.result()
+
+    def follow(self, asked, each=lambda: None):
+        """Send a goal and wait for its end."""
+        handle = self.send(asked, each)
+        assert handle.accepted
+        return self.result(handle, each)
+
+    def twists(self):
+        """Return all twists so far (k, 3)."""
+        found = [planar(message) for _, message in self._world.probe.seen['twist']]
+        return np.array(found).reshape(-1, 3)
+
+    def moves(self):
+        """Tell whether the last twist moves the object."""
+        return bool(self.twists()[-1:].any())
+
+
+def planar(twist):
+    return twist.linear.x, twist.linear.y, twist.angular.z
+
+
+def object_at(w):
+    """Return where the object is."""
+    pose = w.probe.last('pose').pose
+    return np.array([pose.position.x, pose.position.y, read_angle(pose)])
+
+
+def test_codes_are_those_of_the_action():
+    for outcome in Outcome:
+        assert getattr(Result, outcome.name) == int(outcome)
+    constants = [name for name in dir(Result) if name.isupper() and name != 'SLOT_TYPES']
+    assert sorted(constants) == sorted(outcome.name for outcome in Outcome)
+
+
+def test_carries_the_object_to_the_end_of_the_path():
+    steps = (0.0, 0.04, 0.0), (0.02, 0.0, 0.3)
+    with world(*real(slip=0.05)) as w:
+        client = Client(w)
+        w.until(lambda: w.probe.last('pose') is not None)
+        handle = client.send(goal(*steps, position_tolerance=0.02))
+        status, result = client.result(handle)
+        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
+        assert 'off the end of the path' in result.message
+        wanted = np.sum([HOME, *steps], axis=0)
+        assert np.hypot(*(object_at(w) - wanted)[:2]) < 0.01
+        assert abs((object_at(w) - wanted)[2]) < 0.1
+        assert 0.0 < result.rms_position_error < result.max_position_error < 0.02
+        assert result.position_error <= result.max_position_error
+        # Feedback: about 10 Hz, forward, and the time it takes.
+        progress = [message.progress for message in handle.feedback]
+        assert len(progress) > 10
+        assert (np.diff(progress) >= 0.0).all()
+        left = [message.time_left for message in handle.feedback]
+        assert left[0] == pytest.approx(0.04 / 0.03 + 1.0 + 0.5, abs=0.2)
+        assert left[-1] < 0.5
+        # At rest at the end, and silent from then on.
+        assert not client.moves()
+        count = len(client.twists())
+        w.spin(0.3)
+        assert len(client.twists()) == count
+
+
+def test_feedback_reduces_the_error_of_slip():
+    errors = {}
+    for gain in (0.0, 2.0):
+        wide = {'position_tolerance': 0.1, 'angle_tolerance': 1.0}
+        with world(*real(slip=0.2, position_gain=gain, angle_gain=gain)) as w:
+            client = Client(w)
+            w.until(lambda: w.probe.last('pose') is not None)
+            status, result = client.follow(goal((0.0, 0.06, 0.0), **wide))
+            assert status == GoalStatus.STATUS_SUCCEEDED
+            errors[gain] = result.rms_position_error, result.position_error
+    assert errors[0.0][0] > 0.004
+    assert errors[2.0][0] < 0.5 * errors[0.0][0]
+    assert errors[2.0][1] < 0.5 * errors[0.0][1]
+
+
+def test_stops_at_once_when_cancelled():
+    with world(*real()) as w:
+        client = Client(w)
+        w.until(lambda: w.probe.last('pose') is not None)
+        handle = client.send(goal((0.0, 0.2, 0.0)))
+        w.until(lambda: object_at(w)[1] > HOME[1] + 0.01)
+        assert handle.cancel()
+        status, result = client.result(handle)
+        assert (status, result.code) == (GoalStatus.STATUS_CANCELED, Result.CANCELLED)
+        assert result.max_position_error > 0.0
+        w.until(lambda: not client.moves())
+        w.until(lambda: not np.any(w.probe.last('joints').velocity))
+        there = w.probe.last('joints').position
+        w.spin(0.2)
+        assert w.probe.last('joints').position == there
+        assert object_at(w)[1] < HOME[1] + 0.1
+
+
+def test_a_new_goal_preempts_the_old_one():
+    with world(*real()) as w:
+        client = Client(w)
+        w.until(lambda: w.probe.last('pose') is not None)
+        first = client.send(goal((0.0, 0.2, 0.0)))
+        w.until(lambda: object_at(w)[1] > HOME[1] + 0.01)
+        second = client.send(goal((0.02, 0.0, 0.0), begin=object_at(w)))
+        status, result = client.result(first)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.PREEMPTED)
+        status, result = client.result(second)
+        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
+        assert object_at(w)[0] == pytest.approx(HOME[0] + 0.02, abs=0.005)
+        # Who is too late to cancel is told so.
+        assert not second.cancel()
+
+
+def test_takes_stamped_twists():
+    with world(*real(stamped=True), twist_type=TwistStamped) as w:
+        client = Client(w, TwistStamped)
+        w.until(lambda: w.probe.last('pose') is not None)
+        status, _ = client.follow(goal((0.0, 0.01, 0.0)))
+        assert status == GoalStatus.STATUS_SUCCEEDED
+        assert w.probe.last('twist').header.frame_id == 'truss'
+        times = [read_stamp(message.header) for _, message in w.probe.seen['twist']]
+        assert (np.diff(times) > 0.0).all()
+
+
+BROKEN = Quaternion(w=2.0)
+TILTED = Quaternion(x=math.sqrt(0.5), w=math.sqrt(0.5))
+
+
+def bend(asked, place=1, **changes):
+    """Return a goal with another pose."""
+    for name, value in changes.items():
+        setattr(asked.path.poses[place].pose, name, value)
+    return asked
+
+
+def elsewhere(asked, frame):
+    """Return a goal of which one pose is in another frame."""
+    asked.path.poses[1].header.frame_id = frame
+    return asked
+
+
+def endless(asked, count=10_001):
+    """Return a goal of very many poses."""
+    asked.path.poses = [asked.path.poses[i % 2] for i in range(count)]
+    return asked
+
+
+UP = (0.0, 0.02, 0.0)
+BAD_GOALS = {
+    'no poses': (FollowObjectPath.Goal(), 'two or more'),
+    'one pose': (goal(begin=PROBED), 'two or more'),
+    'nowhere': (goal((0.0, 0.0, 0.0), begin=PROBED), 'must lead somewhere else'),
+    'frame': (goal(UP, begin=PROBED, frame='world'), "path in frame 'world': must be in 'truss'"),
+    'frame of a pose': (elsewhere(goal(UP, begin=PROBED), 'map'), 'pose 1 of the path in frame'),
+    'far': (goal(UP, begin=(0.0, 0.0, 0.3)), 'the path begins'),
+    'turned': (goal(UP, begin=(*CENTER, -2.0)), 'the path begins'),
+    'not finite': (goal((0.0, math.nan, 0.0), begin=PROBED), 'pose 1 of the path'),
+    'no rotation': (bend(goal(UP, begin=PROBED), orientation=BROKEN), 'quaternion has norm 2'),
+    'tilted': (bend(goal(UP, begin=PROBED), orientation=TILTED), 'the robot is planar'),
+    'half a turn': (goal((0.0, 0.0, math.pi), begin=PROBED), 'pose in between'),
+    'endless': (endless(goal(UP, begin=PROBED)), 'has 10001 poses; must be at most 10000'),
+    'backward': (goal(UP, begin=PROBED, speed=-0.02), 'speed -0.02 m/s: must be positive'),
+    'speed nan': (goal(UP, begin=PROBED, speed=math.nan), 'speed nan'),
+    'no turn rate': (goal(UP, begin=PROBED, turn_rate=0.0), 'turn rate 0.0'),
+    'no tolerance': (goal(UP, begin=PROBED, position_tolerance=0.0), 'position_tolerance 0.0'),
+    'tolerance inf': (goal(UP, begin=PROBED, angle_tolerance=math.inf), 'angle_tolerance inf'),
+}
+
+
+def fake(w, code=Status.OK, scale=1.0, center=CENTER, ages=(0.0, 0.0)):
+    """Return a call that publishes the pose of an object at rest, and a status."""
+    statuses = w.probe.create_publisher(ManipulationStatus, 'manipulation/status', 1)
+
+    def send():
+        w.probe.send_pose(age=ages[0], center=center)
+        status = ManipulationStatus(code=int(code), scale=scale, message=str(code))
+        stamp_header(status.header, w.probe.past(ages[1]))
+        statuses.publish(status)
+
+    return send
+
+
+def test_bad_goals_are_aborted_with_the_reason_and_move_nothing():
+    with world(node()) as w:
+        client = Client(w)
+        tell = fake(w)
+        w.spin(0.2, tell)
+        for name, (asked, words) in BAD_GOALS.items():
+            status, result = client.follow(asked, tell)
+            assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.BAD_GOAL), name
+            assert words in result.message, name
+            assert math.isnan(result.max_position_error)
+        assert not client.twists().any()
+
+
+def test_does_not_move_without_the_object_pose():
+    with world(node()) as w:
+        client = Client(w)
+        status, result = client.follow(goal(UP, begin=PROBED))
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+        assert result.message == 'object pose: none received yet'
+        assert not client.twists().any()
+
+
+def test_does_not_move_without_manipulation():
+    with world(node(progress_timeout=0.5)) as w:
+        client = Client(w)
+        w.spin(0.2, w.probe.send_pose)
+        status, result = client.follow(goal(UP, begin=PROBED), w.probe.send_pose)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+        assert 'no progress' in result.message
+        assert 'status: none received yet' in result.message
+        assert len(client.twists()) > 10
+        assert not client.twists().any()
+
+
+@pytest.mark.parametrize(
+    ('code', 'scale'),
+    [
+        (Status.HALT_EMERGENCY_STOP, 0.0),
+        (255, 1.0),
+        (Status.OK, math.nan),
+    ],
+)
+def test_waits_while_manipulation_halts_and_aborts_after_the_timeout(code, scale):
+    with world(node(progress_timeout=2.0)) as w:
+        client = Client(w)
+        fine, halted = fake(w), fake(w, code, scale)
+        w.spin(0.2, fine)
+        handle = client.send(goal(UP, begin=PROBED), fine)
+        w.until(client.moves, fine)
+        w.until(lambda: not client.moves(), halted)
+        w.until(client.moves, fine)  # goes on by itself
+        w.until(lambda: not client.moves(), halted)
+        status, result = client.result(handle, halted)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+        assert 'no progress' in result.message
+        assert 'manipulation: ' in result.message
+        assert not client.moves()
+
+
+@pytest.mark.parametrize('ages', [(9.0, 0.0), (-9.0, 0.0)])
+def test_aborts_on_a_pose_of_another_time(ages):
+    with world(node()) as w:
+        client = Client(w)
+        fine, late = fake(w), fake(w, ages=ages)
+        w.spin(0.2, fine)
+        handle = client.send(goal(UP, begin=PROBED), fine)
+        w.until(client.moves, fine)
+        status, result = client.result(handle, late)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+        assert result.message.startswith('object pose: ')
+        assert not client.moves()
+
+
+def test_aborts_when_the_pose_is_stale():
+    with world(node(command_timeout=1.0)) as w:
+        client = Client(w)
+        tell = fake(w)
+        w.spin(0.2, tell)
+        handle = client.send(goal(UP, begin=PROBED), tell)
+        w.until(client.moves, tell)
+        status, result = client.result(handle)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+        assert 'must be at most 1.0 s' in result.message
+        assert not client.moves()
+
+
+def test_aborts_when_the_object_is_off_the_path():
+    with world(node()) as w:
+        client = Client(w)
+        fine, away = fake(w), fake(w, center=(CENTER[0] + 0.02, CENTER[1]))
+        w.spin(0.2, fine)
+        handle = client.send(goal(UP, begin=PROBED), fine)
+        w.until(client.moves, fine)
+        status, result = client.result(handle, away)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.OFF_PATH)
+        assert result.max_position_error == pytest.approx(0.02, abs=0.011)
+        assert not client.moves()
+
+
+def test_aborts_on_an_object_that_does_not_follow_with_bounded_twists():
+    with world(node(progress_timeout=1.0)) as w:
+        client = Client(w)
+        tell = fake(w)
+        w.spin(0.2, tell)
+        status, result = client.follow(goal((0.0, 0.2, 0.0), begin=PROBED), tell)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+        assert result.max_position_error < 0.01
+        assert np.hypot(*client.twists()[:, :2].T).max() < 1.5 * 0.03 + 1e-9
+        assert not client.moves()
+
+
+def test_an_inactive_node_accepts_no_goals_and_ends_the_active_one():
+    with world(node()) as w:
+        client, manager = Client(w), Manager(w, 'path_follower')
+        tell = fake(w)
+        w.spin(0.2, tell)
+        handle = client.send(goal(UP, begin=PROBED), tell)
+        w.until(client.moves, tell)
+        assert manager.ask(Transition.TRANSITION_DEACTIVATE)
+        status, result = client.result(handle)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+        assert 'deactivated' in result.message
+        w.until(lambda: not client.moves())
+        assert not client.send(goal(UP, begin=PROBED), tell).accepted
+        assert manager.ask(Transition.TRANSITION_ACTIVATE)
+        w.spin(0.2, tell)
+        assert client.send(goal(UP, begin=PROBED), tell).accepted
+        # Everything at once, with a goal under way.
+        w.until(client.moves, tell)
+        assert manager.ask(Transition.TRANSITION_ACTIVE_SHUTDOWN)
+        w.until(lambda: not client.moves())
+        w.spin(0.2)
+
+
+def test_can_be_configured_again():
+    with world(node()) as w:
+        client, manager = Client(w), Manager(w, 'path_follower')
+        tell = fake(w)
+        for _ in range(2):
+            for transition in (
+                Transition.TRANSITION_DEACTIVATE,
+                Transition.TRANSITION_CLEANUP,
+                Transition.TRANSITION_CONFIGURE,
+                Transition.TRANSITION_ACTIVATE,
+            ):
+                assert manager.ask(transition)
+        w.spin(0.3, tell)
+        handle = client.send(goal(UP, begin=PROBED), tell)
+        assert handle.accepted
+        w.until(client.moves, tell)
+
+
+def test_aborts_when_simulated_time_stops_or_jumps_back():
+    with world(node(use_sim_time=True, command_timeout=1.0), sim_time=True) as w:
+        client = Client(w)
+        tell = fake(w)
+        times = itertools.count(100.0, 0.01)
+
+        def run():
+            w.probe.tick(next(times))
+            tell()
+
+        w.spin(0.3, run)
+        handle = client.send(goal(UP, begin=PROBED), run)
+        w.until(client.moves, run)
+        status, result = client.result(handle, tell)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+        assert 'time stopped' in result.message
+        assert not client.moves()
+
+        w.spin(0.3, run)
+        handle = client.send(goal(UP, begin=PROBED), run)
+        w.until(client.moves, run)
+        times = itertools.count(50.0, 0.01)
+        w.until(lambda: not client.moves(), lambda: w.probe.tick(next(times)))
+        status, result = client.result(handle, lambda: w.probe.tick(next(times)))
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+
+
+def test_gains_can_be_changed_while_it_runs_and_count_from_the_next_goal():
+    with world(node()) as w:
+        client = Client(w)
+        off = fake(w, center=(CENTER[0] + 0.004, CENTER[1]))
+        w.spin(0.2, off)
+        for gain in (1.0, 3.0):
+            w.nodes[1].set_parameters(overrides(position_gain=gain))
+            before = len(client.twists())
+            handle = client.send(goal(UP, begin=PROBED), off)
+            w.until(lambda first=before: len(client.twists()) > first + 3, off)
+            assert client.twists()[-1, 0] == pytest.approx(-0.004 * gain)
+            assert handle.cancel()
+            client.result(handle, off)
+
+
+def test_diagnostics_report_the_state():
+    with world(node()) as w:
+        client = Client(w)
+        tell = fake(w)
+        w.spin(0.2, tell)
+        assert w.nodes[1].details()['following'] is False
+        client.send(goal(UP, begin=PROBED), tell)
+        w.until(client.moves, tell)
+        details = w.nodes[1].details()
+        assert details['following'] is True
+        assert details['phase'] == 'FOLLOWING'
+        w.until(lambda: w.report('path_follower').message == 'following', tell)
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'robot': '/nowhere.yaml'}, 'no such file'),
+        ({'rate': 1.0}, 'range'),
+        ({'position_gain': -1.0}, 'range'),
+        ({'angle_gain': math.nan}, 'range'),
+        ({'ramp_time': 0.0}, 'range'),
+        ({'progress_timeout': 0.0}, 'range'),
+    ],
+)
+def test_bad_parameters_are_refused_at_start(values, words):
+    check_refused(node(**values), words)

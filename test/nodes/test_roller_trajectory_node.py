@@ -1,0 +1,512 @@
+"""The node that follows trajectories of the rollers: alone, and with the simulator."""
+
+import itertools
+import math
+import time
+
+from builtin_interfaces.msg import Duration, Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from isotruss_ros.core.control.roller_trajectory import DEFAULT
+from isotruss_ros.nodes.conversions.trajectory_messages import MAX_POINTS
+from isotruss_ros.nodes.roller_trajectory import RollerTrajectory
+from isotruss_ros.nodes.simulator import Simulator
+from lifecycle_msgs.msg import Transition
+from manual_world import check_refused, Manager, world
+import numpy as np
+from probe import N, overrides, ROBOT
+import pytest
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+PATIENCE, TOLERANCE = DEFAULT.progress_timeout, DEFAULT.tolerance
+NAMES = list(ROBOT.roller_names)
+MAX_SPEED = ROBOT.description.max_speed
+HOME = np.zeros(N)
+AWAY = np.array([0.02, -0.01, 0.0, 0.015, 0.01, -0.02])
+TOPIC = 'joint_trajectory_controller/joint_trajectory'
+#: Long: a busy machine delays, and most tests are not about that.
+TIMEOUT = 5.0
+STOPPED = 'stopped by the topic emergency_stop'
+#: Some cycles of the node [s].
+SILENCE = 0.08
+
+
+def node(**values):
+    """Return what makes the node."""
+    return lambda: RollerTrajectory(overrides(**({'command_timeout': TIMEOUT} | values)))
+
+
+def simulator(**values):
+    """Return what makes a simulator."""
+    return lambda: Simulator(overrides(**({'command_timeout': TIMEOUT} | values)))
+
+
+def release(w):
+    """Release the emergency stop of the node; return the response."""
+    return w.call('roller_trajectory/release_emergency_stop', Trigger.Request())
+
+
+def lasting(seconds):
+    """Return a duration."""
+    sec = math.floor(seconds)
+    return Duration(sec=sec, nanosec=round(1e9 * (seconds - sec)))
+
+
+def trajectory(*rows, times=None, names=NAMES):
+    """Return a trajectory; 0.4 s from row to row unless told otherwise."""
+    times = 0.4 * np.arange(len(rows)) if times is None else times
+    points = [
+        JointTrajectoryPoint(positions=[float(v) for v in row], time_from_start=lasting(when))
+        for row, when in zip(rows, times, strict=True)
+    ]
+    return JointTrajectory(joint_names=list(names), points=points)
+
+
+class Rollers:
+    """
+    Sends trajectories, and looks at what the rollers are told.
+
+    :param still: whether the probe tells joint states, of rollers that stand still at home.
+    """
+
+    def __init__(self, w, still=False):
+        self.w = w
+        self._publisher = w.probe.create_publisher(JointTrajectory, TOPIC, QoSProfile(depth=10))
+        self._tell = w.probe.send_joints if still else (lambda: None)
+        self.until(lambda: self._publisher.get_subscription_count() > 0)
+        self.until(lambda: w.probe.last('joints') is not None)
+        # A node that has not heard of the rollers refuses every trajectory.
+        self.until(lambda: w.nodes[1].details()['age of joint states [s]'] != 'none received')
+
+    def until(self, what):
+        """Spin until something holds."""
+        self.w.until(what, self._tell)
+
+    def spin(self, duration):
+        """Spin for a while."""
+        self.w.spin(duration, self._tell)
+
+    def send(self, message):
+        """Send a trajectory; forget what the rollers were told before."""
+        self.w.probe.seen['command'].clear()
+        self._publisher.publish(message)
+
+    def commands(self):
+        """Return all that the rollers were told since then, (k, r)."""
+        told = [m.data for _, m in self.w.probe.seen['command']]
+        return np.array(told).reshape(len(told), N)
+
+    def moves(self):
+        """Return whether the rollers were told to move last."""
+        return bool(len(self.commands())) and self.commands()[-1].any()
+
+    def places(self):
+        """Return where the rollers were in all joint states (k, r) [m]."""
+        return np.array([m.position for _, m in self.w.probe.seen['joints']])
+
+    def until_moving(self, message):
+        """Send a trajectory and wait until it moves the rollers."""
+        self.send(message)
+        self.until(self.moves)
+
+    def until_still(self):
+        """Wait until no trajectory is followed; check that a zero command was the last word."""
+        self.until(lambda: not self.w.nodes[1].details()['following'])
+        self.until(lambda: len(self.commands()) and not self.moves())
+        self.listen()  # for what was on its way
+        count = len(self.commands())
+        self.listen()
+        assert len(self.commands()) == count
+        assert not self.moves()
+        assert np.abs(self.commands()).max() <= MAX_SPEED
+
+    def listen(self):
+        """Spin for many cycles of the node, on a busy machine too."""
+        rounds = itertools.count()
+        end = time.monotonic() + SILENCE
+        self.until(lambda: next(rounds) > 50 and time.monotonic() > end)
+
+    def said(self):
+        """Return what the node says of itself now."""
+        self.w.probe.seen['diagnostics'].clear()
+        self.w.nodes[1].diagnostics.report()
+        self.until(lambda: self.w.report('roller_trajectory').name)
+        return self.w.report('roller_trajectory').message
+
+
+# With the simulator
+
+
+def test_follows_a_trajectory_and_rests_at_its_end():
+    with world(node(), simulator()) as w:
+        rollers = Rollers(w)
+        rollers.until_moving(trajectory(HOME, AWAY, 0.5 * AWAY, times=[0.0, 0.5, 0.8]))
+        rollers.until_still()
+        assert rollers.said() == 'the rollers have arrived'
+        rollers.until(lambda: not any(w.probe.last('joints').velocity))
+        assert np.abs(rollers.places()[-1] - 0.5 * AWAY).max() <= TOLERANCE
+        # The way leads over the point between.
+        assert np.abs(rollers.places() - AWAY).max(axis=1).min() < 5e-3
+        # It takes the time that it should, and what the last 20 um take.
+        moving = [t for t, m in w.probe.seen['command'] if any(m.data)]
+        assert moving[-1] - moving[0] > 0.7
+
+
+def test_follows_names_in_any_order():
+    order = np.random.default_rng(0).permutation(N)
+    with world(node(), simulator()) as w:
+        rollers = Rollers(w)
+        names = [NAMES[i] for i in order]
+        rollers.until_moving(trajectory(HOME[order], AWAY[order], names=names))
+        rollers.until_still()
+        assert np.abs(rollers.places()[-1] - AWAY).max() <= TOLERANCE
+
+
+def test_arrives_with_uneven_rollers_that_slip():
+    """As the encoders tell it: nobody else knows better."""
+    with world(node(), simulator(roller_noise=0.002, roller_slip=0.05, seed=1)) as w:
+        rollers = Rollers(w)
+        rollers.until_moving(trajectory(HOME, AWAY))
+        rollers.until_still()
+        assert rollers.said() == 'the rollers have arrived'
+        assert np.abs(rollers.places()[-1] - AWAY).max() <= TOLERANCE
+
+
+def test_aborts_on_a_stuck_roller():
+    with world(node(), simulator(stuck_roller=NAMES[3])) as w:
+        rollers = Rollers(w)
+        rollers.until_moving(trajectory(HOME, 3.0 * AWAY, times=[0.0, 1.2]))
+        rollers.until_still()
+        assert f'trajectory aborted: roller {NAMES[3]} stays 0.00' in rollers.said()
+        began, ended = (w.probe.seen['command'][i][0] for i in (0, -1))
+        assert PATIENCE < ended - began < PATIENCE + 3.0
+        # The others wait for it.
+        assert np.abs(rollers.places()[-1]).max() < 0.01
+
+
+def test_a_new_trajectory_replaces_the_old_one():
+    with world(node(), simulator()) as w:
+        rollers = Rollers(w)
+        rollers.until_moving(trajectory(HOME, 5.0 * AWAY, times=[0.0, 2.0]))
+        rollers.until(lambda: np.abs(rollers.places()[-1]).max() > 0.01)
+        here = rollers.places()[-1]
+        rollers.send(trajectory(here, HOME))
+        rollers.until_still()
+        assert rollers.said() == 'the rollers have arrived'
+        assert np.abs(rollers.places()[-1]).max() <= TOLERANCE
+        assert np.abs(rollers.places()).max() < 0.08
+        # Without a halt in between.
+        assert rollers.commands()[:10].any(axis=1).all()
+
+
+def test_an_empty_trajectory_ends_it():
+    with world(node(), simulator()) as w:
+        rollers = Rollers(w)
+        for empty in (JointTrajectory(), JointTrajectory(joint_names=NAMES)):
+            here = rollers.places()[-1]
+            rollers.until_moving(trajectory(here, here + 3.0 * AWAY, times=[0.0, 1.0]))
+            rollers.send(empty)
+            rollers.until_still()
+            assert rollers.said() == 'trajectory aborted: an empty trajectory was received'
+            rollers.until(lambda: not any(w.probe.last('joints').velocity))
+            assert np.abs(rollers.places()[-1] - here).max() < 0.06
+        rollers.send(JointTrajectory())  # nothing to end
+        rollers.spin(0.1)
+        assert not len(rollers.commands())
+
+
+# What ends it
+
+
+def test_publishes_nothing_without_a_trajectory():
+    with world(node()) as w:
+        rollers = Rollers(w, still=True)
+        w.probe.seen['command'].clear()
+        rollers.spin(0.4)
+        assert not len(rollers.commands())
+        assert rollers.said() == 'no trajectory to follow'
+
+
+def test_an_emergency_stop_ends_the_trajectory_and_rejects_new_ones():
+    with world(node()) as w:
+        rollers = Rollers(w, still=True)
+        rollers.until_moving(trajectory(HOME, AWAY))
+        w.probe.stops.publish(Bool(data=True))
+        rollers.until_still()
+        assert rollers.said() == 'trajectory aborted: emergency stop'
+        for said in (True, False):
+            w.probe.stops.publish(Bool(data=said))
+            still = 'its last message is true' if said else 'its last message is false'
+            rollers.until(lambda words=still: words in w.nodes[1].details()['emergency stop'])
+            rollers.send(trajectory(HOME, AWAY))
+            rollers.until(lambda words=still: f'rejected: {STOPPED}; {words}' in rollers.said())
+            rollers.spin(0.1)
+            assert not len(rollers.commands())
+            assert release(w).success is not said
+        assert w.nodes[1].details()['emergency stop'] == 'no'
+        rollers.spin(0.1)
+        assert not len(rollers.commands())  # nothing goes on by itself
+        rollers.until_moving(trajectory(HOME, AWAY))
+
+
+def test_no_trajectory_begins_before_the_first_message_where_that_is_required():
+    with world(node(require_emergency_stop=True)) as w:
+        rollers = Rollers(w, still=True)
+        rollers.send(trajectory(HOME, AWAY))
+        rollers.until(lambda: 'received yet' in rollers.said())
+        assert not len(rollers.commands())
+        w.probe.stops.publish(Bool(data=False))
+        rollers.until(lambda: w.nodes[1].details()['emergency stop'] == 'no')
+        rollers.until_moving(trajectory(HOME, AWAY))
+    with world(node()) as w:
+        rollers = Rollers(w, still=True)
+        rollers.until_moving(trajectory(HOME, AWAY))
+        w.nodes[1].set_parameters([Parameter('require_emergency_stop', value=True)])
+        rollers.until_still()
+        assert rollers.said() == 'trajectory aborted: emergency stop'
+
+
+def test_a_latched_emergency_stop_from_before_counts():
+    with world() as w:
+        w.probe.stops.publish(Bool(data=True))
+        w.add(node()())
+        rollers = Rollers(w, still=True)
+        rollers.until(lambda: w.nodes[1].details()['emergency stop'] != 'no')
+        rollers.send(trajectory(HOME, AWAY))
+        rollers.until(lambda: f'trajectory rejected: {STOPPED}' in rollers.said())
+        assert not len(rollers.commands())
+
+
+def test_deactivation_stops_the_rollers():
+    with world(node()) as w:
+        rollers, manager = Rollers(w, still=True), Manager(w, 'roller_trajectory')
+        for _ in range(2):
+            rollers.until_moving(trajectory(HOME, AWAY))
+            assert manager.ask(Transition.TRANSITION_DEACTIVATE)
+            rollers.until_still()
+            w.probe.seen['command'].clear()
+            rollers.spin(0.1)
+            assert manager.ask(Transition.TRANSITION_CLEANUP)
+            w.probe.stops.publish(Bool(data=True))  # heard in every state
+            rollers.until(lambda: w.nodes[1]._stop.reason is not None)
+            w.probe.stops.publish(Bool(data=False))
+            rollers.until(lambda: 'message is false' in w.nodes[1]._stop.reason)
+            assert release(w).success
+            assert manager.ask(Transition.TRANSITION_CONFIGURE)
+            assert manager.ask(Transition.TRANSITION_ACTIVATE)
+            rollers.spin(0.1)
+            assert not len(rollers.commands())
+        rollers.until_moving(trajectory(HOME, AWAY))
+        assert manager.ask(Transition.TRANSITION_ACTIVE_SHUTDOWN)
+        rollers.until_still()
+
+
+def test_stops_in_time_when_the_joint_states_are_stale():
+    with world(node(command_timeout=0.4)) as w:
+        rollers = Rollers(w, still=True)
+        rollers.until_moving(trajectory(HOME, AWAY))
+        last = w.probe.seen['joints'][-1][0]
+        w.until(lambda: not rollers.moves())  # and tell nothing meanwhile
+        stopped = w.probe.seen['command'][-1][0]
+        assert 0.2 < stopped - last < 0.4 + 0.5
+        rollers.until_still()
+        assert 'must be at most 0.4 s' in rollers.said()
+
+
+BAD_STATES = {
+    'nan': {'position': [math.nan] * N},
+    'huge': {'position': [1e308] * N},
+    'none': {'name': [], 'position': []},
+    'too few': {'position': [0.0] * (N - 1)},
+    'renamed': {'name': [f'{name}_' for name in NAMES]},
+    'old': {'age': 9.0},
+    'in the future': {'age': -9.0},
+}
+
+
+@pytest.mark.parametrize('case', BAD_STATES)
+def test_stops_on_invalid_joint_states_and_does_not_begin_on_them(case):
+    with world(node(command_timeout=2.0)) as w:
+        rollers = Rollers(w, still=True)
+        rollers.until_moving(trajectory(HOME, AWAY))
+        w.until(lambda: not rollers.moves(), lambda: w.probe.send_joints(**BAD_STATES[case]))
+        rollers._tell = lambda: w.probe.send_joints(**BAD_STATES[case])
+        rollers.until_still()
+        assert 'trajectory aborted: joint states' in rollers.said()
+        rollers.send(trajectory(HOME, AWAY))
+        rollers.until(lambda: 'trajectory rejected: joint states' in rollers.said())
+        assert not len(rollers.commands())
+
+
+def bent(**changes):
+    """Return a trajectory of which the second point is changed."""
+    made = trajectory(HOME, AWAY, 0.5 * AWAY)
+    for name, value in changes.items():
+        setattr(made.points[1], name, value)
+    return made
+
+
+def stamped(seconds, nanosec=0):
+    """Return a trajectory that says for when it is meant."""
+    made = trajectory(HOME, AWAY)
+    made.header.stamp = Time(sec=seconds, nanosec=nanosec)
+    return made
+
+
+ROW = [0.0] * N
+HOSTILE = {
+    'nan': (bent(positions=[math.nan] * N), 'point 1: must have 6 positions'),
+    'inf': (bent(positions=[math.inf] * N), 'point 1: must have 6 positions'),
+    '1e308': (bent(positions=[1e308] * N), 'at most 1e+06 m'),
+    '-1e308': (bent(positions=[*ROW[:-1], -1e308]), 'at most 1e+06 m'),
+    'far': (bent(positions=[1e5] * N), 'm/s; must be at most 0.1'),
+    'too quick': (bent(time_from_start=lasting(0.1)), '0.2 m/s; must be at most 0.1'),
+    'at once': (bent(time_from_start=Duration(sec=0, nanosec=1)), 'm/s; must be at most 0.1'),
+    'no positions': (bent(positions=[]), 'point 1: must have 6 positions'),
+    'too few': (bent(positions=ROW[:-1]), 'point 1: must have 6 positions'),
+    'too many': (bent(positions=[0.0] * 10_000), 'point 1: must have 6 positions'),
+    'only speeds': (bent(positions=[], velocities=ROW), 'point 1: must have 6 positions'),
+    'the same time': (trajectory(HOME, AWAY, times=[0.5, 0.5]), 'time 0.5 s of point 1'),
+    'times back': (trajectory(HOME, AWAY, AWAY, times=[0.0, 1.0, 0.5]), 'time 0.5 s of point 2'),
+    'negative': (trajectory(HOME, AWAY, times=[-1.0, 0.0]), 'time -1 s of point 0'),
+    'before all time': (bent(time_from_start=Duration(sec=-(2**31))), 'of point 1'),
+    'after all time': (bent(time_from_start=Duration(sec=2**31 - 1)), 'of point 1'),
+    'no names': (trajectory(HOME, AWAY, names=[]), 'joint_names: none; must be each of south/P'),
+    'too few names': (trajectory(HOME, AWAY, names=NAMES[:-1]), 'joint_names: '),
+    'too many names': (trajectory(HOME, AWAY, names=[*NAMES, 'north/P']), "'north/P'; must be"),
+    'twice': (trajectory(HOME, AWAY, names=[*NAMES[:-1], NAMES[0]]), 'joint_names: '),
+    'and twice': (trajectory(HOME, AWAY, names=[*NAMES, NAMES[0]]), 'joint_names: '),
+    'renamed': (trajectory(HOME, AWAY, names=['a', *NAMES[1:]]), "joint_names: 'a', "),
+    'endless names': (trajectory(HOME, AWAY, names=['x' * 10**6] * N), 'joint_names: '),
+    'names without end': (trajectory(HOME, names=map(str, range(10**5))), 'joint_names: '),
+    'points without end': (
+        trajectory(*[ROW] * (MAX_POINTS + 1), times=0.01 * np.arange(MAX_POINTS + 1)),
+        f'{MAX_POINTS + 1} points; must be at most {MAX_POINTS}',
+    ),
+    'elsewhere': (trajectory(AWAY, HOME), 'the path begins 0.02 m from where roller'),
+    'long ago': (stamped(0, 1), 's old; must be at most'),
+    'before time': (stamped(-(2**31)), 's old; must be at most'),
+    'in the future': (stamped(2**31 - 1), 'in the future'),
+}
+
+
+@pytest.mark.parametrize('moving', [False, True])
+def test_invalid_trajectories_are_rejected_and_end_the_active_one(moving):
+    with world(node()) as w:
+        rollers = Rollers(w, still=True)
+        for name, (message, words) in HOSTILE.items():
+            if moving:
+                rollers.until_moving(trajectory(HOME, AWAY))
+            rollers.send(message)
+
+            def refused(words=words):
+                return all(part in rollers.said() for part in ('trajectory rejected: ', words))
+
+            rollers.until(refused)
+            assert len(rollers.said()) < 3000, name
+            if moving:
+                rollers.until(lambda: not rollers.moves())
+                assert not w.nodes[1].details()['following'], name
+            assert moving or not len(rollers.commands()), name
+        if moving:
+            rollers.until_still()
+        # No harm done.
+        rollers.until_moving(trajectory(HOME, AWAY))
+
+
+def test_other_fields_of_a_trajectory_are_ignored():
+    with world(node()) as w:
+        rollers = Rollers(w, still=True)
+        odd = trajectory(HOME, AWAY)
+        odd.header.frame_id = 'x' * 1000
+        now = w.probe.get_clock().now().to_msg()
+        odd.header.stamp = now
+        for point in odd.points:
+            point.velocities, point.accelerations, point.effort = [math.nan] * N, [1e308], [0.0]
+        rollers.until_moving(odd)
+
+
+# Clocks, parameters, diagnostics
+
+
+def test_aborts_when_simulated_time_stops_or_jumps_back():
+    with world(node(use_sim_time=True, command_timeout=0.5), sim_time=True) as w:
+        times = itertools.count(100.0, 0.01)
+
+        def run():
+            w.probe.tick(next(times))
+            w.probe.send_joints()
+
+        w.spin(0.3, run)
+        rollers = Rollers(w, still=True)
+        rollers._tell = run
+        rollers.until_moving(trajectory(HOME, AWAY))
+        w.until(lambda: not rollers.moves(), w.probe.send_joints)
+        rollers._tell = w.probe.send_joints
+        rollers.until_still()
+        assert 'simulated time stopped' in rollers.said()
+
+        rollers._tell = run
+        rollers.spin(0.2)
+        rollers.until_moving(trajectory(HOME, AWAY))
+        times = itertools.count(50.0, 0.01)
+        rollers._tell = lambda: w.probe.tick(next(times))
+        rollers.until(lambda: not rollers.moves())
+        rollers.until_still()
+        assert rollers.said() == 'trajectory aborted: the clock jumped back'
+        # What was measured before says nothing about now.
+        rollers.send(trajectory(HOME, AWAY))
+        rollers.until(lambda: 'joint states: none received yet' in rollers.said())
+        assert not len(rollers.commands())
+
+
+def test_rate_and_timeout_can_be_changed_at_run_time():
+    with world(node(rate=20.0)) as w:
+        rollers = Rollers(w, still=True)
+        rollers.until_moving(trajectory(HOME, AWAY, times=[0.0, 60.0]))
+        w.nodes[1].set_parameters(overrides(rate=200.0, command_timeout=0.3))
+        w.probe.seen['command'].clear()
+        rollers.until(lambda: len(rollers.commands()) > 50)
+        told = [t for t, _ in w.probe.seen['command']]
+        assert np.median(np.diff(told)) < 0.04
+        w.until(lambda: not rollers.moves())
+        assert 'must be at most 0.3 s' in rollers.said()
+
+
+def test_diagnostics_report_the_state():
+    with world(node()) as w:
+        rollers = Rollers(w, still=True)
+        assert w.nodes[1].details()['following'] is False
+        rollers.until_moving(trajectory(HOME, AWAY, times=[0.0, 2.0]))
+        assert rollers.said() == 'following a trajectory of 2.0 s'
+        details = {value.key: value.value for value in w.report('roller_trajectory').values}
+        assert details['following'] == 'True'
+        assert 0.0 < float(details['time on the trajectory [s]']) < 2.0
+        assert w.report('roller_trajectory').level == DiagnosticStatus.OK
+        rollers.send(bent(positions=[]))
+        rollers.until_still()
+        assert w.report('roller_trajectory').level == DiagnosticStatus.WARN
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'robot': '/nowhere.yaml'}, 'no such file'),
+        ({'rate': 1.0}, 'range'),
+        ({'rate': math.nan}, 'range'),
+        ({'command_timeout': 0.0}, 'range'),
+    ],
+)
+def test_bad_parameters_are_refused_at_start(values, words):
+    check_refused(node(**values), words)
+
+
+@pytest.mark.parametrize(
+    'values',
+    [{'object_x': math.inf}, {'object_y': -1e4}, {'friction': -0.1}, {'friction': math.nan}],
+)
+def test_invalid_free_objects_are_rejected(values):
+    check_refused(simulator(object_is_free=True, **values), 'range')

@@ -1,0 +1,209 @@
+"""The simulator node, and both nodes together, under an executor in this process."""
+
+import math
+import time
+
+from isotruss_ros.core import Grasp, HeldObject, Status
+from isotruss_ros.nodes.conversions.messages import read_stamp
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import check_refused, world
+import numpy as np
+from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT
+import pytest
+from std_msgs.msg import Float64MultiArray
+
+SPEED = 0.02
+
+
+def node(**values):
+    """Return a simulator node with parameters."""
+    return lambda: Simulator(overrides(**values))
+
+
+def travel(w):
+    """Return the last roller travel."""
+    message = w.probe.last('joints')
+    return np.zeros(N) if message is None else np.array(message.position)
+
+
+def send(w, velocities):
+    """Return a call that sends a command."""
+    return lambda: w.probe.commands.publish(Float64MultiArray(data=[float(v) for v in velocities]))
+
+
+def only(roller, speed=SPEED):
+    """Return a command in which one roller moves."""
+    velocities = np.zeros(N)
+    velocities[roller] = speed
+    return velocities
+
+
+def test_publishes_state_and_pose_of_home():
+    with world(node(rate=50.0)) as w:
+        w.until(lambda: len(w.probe.seen['pose']) > 20)
+        joints, pose = w.probe.last('joints'), w.probe.last('pose')
+        assert tuple(joints.name) == ROBOT.roller_names
+        assert list(joints.position) == [0.0] * N
+        assert list(joints.velocity) == [0.0] * N
+        assert pose.header.frame_id == 'truss'
+        assert (pose.pose.position.x, pose.pose.position.y) == pytest.approx(CENTER)
+        stamps = [read_stamp(message.header) for _, message in w.probe.seen['joints']]
+        assert np.median(np.diff(stamps)) == pytest.approx(0.02, rel=0.3)
+
+
+def test_indents_the_tubes_on_request():
+    with world(node(indentation=0.01)) as w:
+        w.until(lambda: w.probe.last('pose') is not None)
+        position = w.probe.last('pose').pose.position
+        assert (position.x, position.y) == pytest.approx((CENTER[0], CENTER[1] + 0.01))
+
+
+def test_a_free_object_stays_where_it_is_put():
+    with world(node(object_is_free=True, object_x=2.5, object_y=-0.5, friction=0.3)) as w:
+        w.until(lambda: travel(w)[1] > 0.003, send(w, only(1)))
+        position = w.probe.last('pose').pose.position
+        assert (position.x, position.y) == (2.5, -0.5)
+
+
+def test_travel_is_the_integral_of_the_commands():
+    with world(node()) as w:
+        w.until(lambda: w.probe.last('joints') is not None)
+        w.until(lambda: travel(w)[1] > 0.003, send(w, only(1)))
+        joints = w.probe.last('joints')
+        assert joints.velocity[1] == pytest.approx(SPEED)
+        assert not travel(w)[[0, 2, 3, 4, 5]].any()
+        moving = [m for _, m in w.probe.seen['joints'] if m.velocity[1] > 0.0]
+        elapsed = read_stamp(moving[-1].header) - read_stamp(moving[1].header)
+        assert moving[-1].position[1] - moving[1].position[1] == pytest.approx(
+            SPEED * elapsed,
+            abs=2e-8,  # a float holds the time since 1970 to 2e-7 s
+        )
+
+
+def test_a_command_that_is_not_renewed_ends():
+    timeout = 0.15
+    with world(node(command_timeout=timeout)) as w:
+        w.until(lambda: travel(w)[0] > 0.0, send(w, only(0)))
+        sent = [t for t, message in w.probe.seen['command'] if any(message.data)]
+        w.until(lambda: w.probe.last('joints').velocity[0] == 0.0)
+        stopped = travel(w)[0]
+        assert stopped <= SPEED * (timeout + sent[-1] - sent[0] + 0.05)
+        w.spin(0.1)
+        assert travel(w)[0] == stopped
+
+
+@pytest.mark.parametrize(
+    'data', [[math.nan] * N, [math.inf] + [0.0] * (N - 1), [0.01] * (N + 1), [0.01], []]
+)
+def test_stops_on_a_command_that_means_nothing_and_goes_on_after(data):
+    with world(node(command_timeout=5.0)) as w:
+        w.until(lambda: travel(w)[0] > 0.0, send(w, only(0)))
+        w.until(lambda: w.probe.last('joints').velocity[0] == 0.0, send(w, data))
+        stopped = travel(w)
+        assert np.isfinite(stopped).all()
+        w.until(lambda: travel(w)[0] > stopped[0], send(w, only(0)))
+
+
+def test_a_stuck_roller_does_not_move():
+    stuck = ROBOT.roller_names[2]
+    with world(node(stuck_roller=stuck)) as w:
+        w.until(lambda: travel(w)[1] > 0.001, send(w, [SPEED] * N))
+        assert travel(w)[2] == 0.0
+        assert w.probe.last('joints').velocity[2] == 0.0
+
+
+def test_rollers_are_not_quicker_than_their_limit():
+    with world(node(speed_limit=0.01)) as w:
+        w.until(lambda: travel(w)[1] > 0.001, send(w, only(1, 5.0)))
+        assert w.probe.last('joints').velocity[1] == 0.01
+
+
+def test_noise_is_added_on_request():
+    with world(node(roller_noise=0.005)) as w:
+        w.until(
+            lambda: len({round(m.velocity[1], 12) for _, m in w.probe.seen['joints']}) > 10,
+            send(w, only(1)),
+        )
+        assert not travel(w)[[0, 2, 3, 4, 5]].any()
+
+
+def test_encoders_do_not_measure_slip():
+    with world(node(roller_slip=0.3)) as w:
+        w.until(lambda: travel(w)[1] > 0.01, send(w, only(1)))
+        joints, pose = w.probe.last('joints'), w.probe.last('pose').pose
+        assert joints.velocity[1] == pytest.approx(SPEED)
+        held = HeldObject.attach(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER))
+
+        def there(travelled):
+            return held.pose(ROBOT.configuration(travelled))[:2]
+
+        went = np.subtract((pose.position.x, pose.position.y), CENTER)
+        told = np.subtract(there(np.array(joints.position)), CENTER)
+        share = np.linalg.norm(went) / np.linalg.norm(told)
+        assert 1.0 - 1.5 * 0.3 < share < 1.0 - 0.4 * 0.3
+
+
+def test_blocks_at_impossible_configurations_and_continues():
+    with world(node(speed_limit=10.0)) as w:
+        push = np.zeros(N)
+        push[0] = -2.0
+        w.until(lambda: w.probe.last('joints') is not None)
+        w.spin(1.5, send(w, push))
+        blocked = travel(w)
+        assert ROBOT.configuration(blocked).member_lengths.min() > 0.0
+        w.until(lambda: np.abs(travel(w) - blocked).max() > 1e-3, send(w, -0.05 * push))
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'robot': '/nowhere.yaml'}, 'no such file'),
+        ({'grip_module': 'nobody'}, 'must be one of'),
+        ({'object_diameter': 50.0}, 'does not fit'),
+        ({'stuck_roller': 'north/P'}, 'no such rollers'),
+        ({'roller_noise': -1.0}, 'range'),
+        ({'speed_limit': math.nan}, 'range'),
+        ({'seed': -1}, 'negative'),
+        ({'indentation': -0.01}, 'range'),
+        ({'rate': 1e9}, 'range'),
+    ],
+)
+def test_bad_parameters_are_refused_at_start(values, words):
+    check_refused(lambda: Simulator(overrides(**values)), words)
+
+
+def test_both_nodes_move_the_object_by_the_integral_of_the_twists():
+    """A second of twists, over the real topics; the object ends where their integral puts it."""
+    velocity = (0.02, 0.03, -0.2)
+    # Long time-outs: a busy machine delays, and this test is about where, not when.
+    settings = overrides(command_timeout=5.0)
+    with world(lambda: Simulator(settings), lambda: Manipulation(settings)) as w:
+        w.until_code(Status.IDLE, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        w.until_code(Status.OK, lambda: w.probe.send_twist(velocity))
+        w.spin(1.0, lambda: w.probe.send_twist(velocity))
+        poses = [m for _, m in w.probe.seen['pose']]
+        w.until_code(Status.IDLE, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        path = np.array([[m.pose.position.x, m.pose.position.y, turn(m.pose)] for m in poses])
+        times = np.array([read_stamp(m.header) for m in poses])
+        steady = np.flatnonzero(np.abs(path - path[0]).max(axis=1) > 1e-3)
+        first, last = steady[5], steady[-1]
+        elapsed = times[last] - times[first]
+        assert elapsed > 0.5
+        assert path[last] - path[first] == pytest.approx(np.array(velocity) * elapsed, abs=1e-4)
+
+
+def turn(pose):
+    """Return the angle of a planar pose [rad]."""
+    return 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
+
+
+def test_a_stuck_roller_bounds_the_motion():
+    with world(
+        lambda: Simulator(overrides(stuck_roller=ROBOT.roller_names[0])), lambda: Manipulation()
+    ) as w:
+        begin = time.monotonic()
+        w.spin(1.0, w.probe.send_twist)
+        assert time.monotonic() - begin >= 1.0
+        assert travel(w)[0] == 0.0
+        assert np.abs(travel(w)).max() < 1.5 * ROBOT.description.max_speed

@@ -1,0 +1,60 @@
+"""Manipulation with a squeeze force and the elastic simulator, together."""
+
+from isotruss_msgs.msg import ManipulationStatus
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import world
+from probe import overrides
+import pytest
+
+FORCE, RATE, FRICTION = 30.0, 20.0, 0.9
+
+
+def plant():
+    """Return the elastic plant with an object in its grip."""
+    return Simulator(overrides(plant='elastic', friction=FRICTION, indentation=0.05, rate=RATE))
+
+
+def squeezing(**values):
+    """Return a manipulation node that squeezes."""
+    settings = {'squeeze_force': FORCE, 'friction': FRICTION, 'rate': RATE} | values
+    return lambda: Manipulation(overrides(**settings))
+
+
+def place(w):
+    """Return where the object was published last."""
+    position = w.probe.last('pose').pose.position
+    return position.x, position.y
+
+
+def test_the_squeeze_is_regulated_while_the_object_stays_and_moves():
+    with world(plant, squeezing()) as w:
+        simulator = w.nodes[1]
+        w.until(lambda: w.probe.last('pose') is not None)
+        start = place(w)
+
+        def squeezed():
+            return simulator._elastic.grasp.squeeze == pytest.approx(FORCE, rel=5e-3)
+
+        assert not squeezed()
+        w.until(squeezed, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        assert w.probe.last('status').code == ManipulationStatus.OK
+        assert place(w) == pytest.approx(start, abs=3e-3)
+        w.until(
+            lambda: place(w)[0] > start[0] + 0.02,
+            lambda: w.probe.send_twist((0.02, 0.0, 0.0)),
+        )
+        assert simulator._elastic.grasp.squeeze == pytest.approx(FORCE, rel=0.02)
+        assert place(w)[1] == pytest.approx(start[1], abs=3e-3)
+
+
+def test_what_is_not_held_is_not_moved():
+    with world(plant, squeezing(friction=0.3)) as w:
+        w.until(
+            lambda: (
+                (status := w.probe.last('status')) is not None
+                and status.code == ManipulationStatus.HALT_NOT_HELD
+            ),
+            lambda: w.probe.send_twist((0.02, 0.0, 0.0)),
+        )
+        assert 'friction' in w.probe.last('status').message

@@ -1,0 +1,295 @@
+"""
+Faults between the simulated robot and the loop, in mid-motion.
+
+Either the object moves as commanded all the same, or the rollers stand still within the time-out.
+"""
+
+from collections import deque
+import copy
+import math
+
+from geometry_msgs.msg import PoseStamped
+from isotruss_ros.core import RejectedInput, StampedInput, Status
+from isotruss_ros.nodes.components.sensors import select_latest
+from isotruss_ros.nodes.conversions.messages import read_stamp
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import world
+import numpy as np
+from probe import N, overrides, ROBOT
+import pytest
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+
+TIMEOUT = 0.2
+#: From the timeout of an input to the rollers at rest: some cycles [s].
+SLACK = 0.03
+TWIST = (0.012, 0.016, 0.05)
+TOPICS = {'joint_states': JointState, 'object_pose': PoseStamped}
+REMAPS = {('simulator', f'/{topic}'): f'/true/{topic}' for topic in TOPICS}
+
+
+class Relay:
+    """
+    Hands on what the simulator publishes, distorted once it is told to.
+
+    :param topic: the one that is distorted; the other goes on as it is.
+    :param distort: turns a message into those that are sent in its place.
+    """
+
+    def __init__(self, w, topic, distort):
+        self.distorting = False
+        self.true = {name: [] for name in TOPICS}
+        for name, kind in TOPICS.items():
+            send = w.probe.create_publisher(kind, name, QoSProfile(depth=50)).publish
+
+            def hand_on(message, name=name, send=send):
+                self.true[name].append(message)
+                distorted = self.distorting and name == topic
+                for changed in distort(copy.deepcopy(message)) if distorted else [message]:
+                    send(changed)
+
+            w.probe.create_subscription(kind, f'true/{name}', hand_on, 50)
+
+    def poses(self, begin=0.0):
+        """Return times and true (x, y, angle) of the object from a time on."""
+        since = [m for m in self.true['object_pose'] if read_stamp(m.header) >= begin]
+        places = [
+            (
+                m.pose.position.x,
+                m.pose.position.y,
+                2.0 * math.atan2(m.pose.orientation.z, m.pose.orientation.w),
+            )
+            for m in since
+        ]
+        return np.array([read_stamp(m.header) for m in since]), np.array(places)
+
+    def speed(self):
+        """Return the largest true speed of any roller now."""
+        return max(map(abs, self.true['joint_states'][-1].velocity))
+
+
+def relayed(timeout):
+    """Return a context manager of a moving robot whose states can be distorted."""
+    settings = overrides(command_timeout=timeout)
+    return world(
+        lambda: Simulator(settings),
+        lambda: Manipulation(settings),
+        remaps=REMAPS,
+    )
+
+
+def send(w):
+    """Return a call that sends the twist."""
+    return lambda: w.probe.send_twist(TWIST)
+
+
+def frozen():
+    """Repeat the first message, stamp and all."""
+    kept = []
+
+    def distort(message):
+        kept.append(message)
+        return [kept[0]]
+
+    return distort
+
+
+def delayed(count):
+    """Hold messages back until so many more have come (5 ms each)."""
+    waiting = deque()
+
+    def distort(message):
+        waiting.append(message)
+        return [waiting.popleft()] if len(waiting) > count else []
+
+    return distort
+
+
+def swapped():
+    """Let every second message overtake the one before."""
+    waiting = []
+
+    def distort(message):
+        waiting.append(message)
+        if len(waiting) < 2:
+            return []
+        pair = waiting[::-1]
+        waiting.clear()
+        return pair
+
+    return distort
+
+
+def repeated_late():
+    """Repeat each message after four newer ones."""
+    recent = deque(maxlen=5)
+
+    def distort(message):
+        recent.append(message)
+        return [message, recent[0]]
+
+    return distort
+
+
+def changed(**changes):
+    """Apply functions to fields of the message."""
+
+    def distort(message):
+        for field, change in changes.items():
+            setattr(message, field, change(getattr(message, field)))
+        return [message]
+
+    return distort
+
+
+ORDER = np.random.default_rng(7).permutation(N)
+
+
+def permuted(values):
+    """Return values in another order."""
+    return [values[i] for i in ORDER]
+
+
+def rename(names):
+    """Return other names."""
+    return [f'{name}_joint' for name in names]
+
+
+HARMLESS = {
+    'sent twice': ('joint_states', lambda m: [m, m]),
+    'permuted': ('joint_states', changed(name=permuted, position=permuted, velocity=permuted)),
+    'delayed a little': ('joint_states', delayed(6)),
+    'out of order': ('joint_states', swapped()),
+    'repeated late': ('joint_states', repeated_late()),
+    'in company': (
+        'joint_states',
+        changed(
+            name=lambda n: ['x', *n], position=lambda p: [math.nan, *p], velocity=lambda v: []
+        ),
+    ),
+    'pose sent twice': ('object_pose', lambda m: [m, m]),
+    'pose delayed a little': ('object_pose', delayed(3)),
+    'pose out of order': ('object_pose', swapped()),
+    'pose repeated late': ('object_pose', repeated_late()),
+}
+
+
+@pytest.mark.parametrize('name', HARMLESS)
+def test_moves_as_commanded_in_spite_of_harmless_faults(name):
+    topic, distort = HARMLESS[name]
+    with relayed(TIMEOUT) as w:
+        relay = Relay(w, topic, distort)
+        w.until_code(Status.OK, send(w))
+        relay.distorting = True
+        w.probe.seen['status'].clear()
+        begin = read_stamp(relay.true['object_pose'][-1].header)
+        w.until(lambda: read_stamp(relay.true['object_pose'][-1].header) > begin + 0.7, send(w))
+        assert {m.code for _, m in w.probe.seen['status']} == {Status.OK}
+        times, places = relay.poses(begin)
+        elapsed = times[-1] - times[0]
+        assert places[-1] - places[0] == pytest.approx(np.array(TWIST) * elapsed, abs=1e-3)
+
+
+HARMFUL = {
+    'frozen': ('joint_states', frozen, Status.HALT_STALE_JOINT_STATES),
+    'silent': ('joint_states', lambda: lambda m: [], Status.HALT_STALE_JOINT_STATES),
+    'delayed a lot': ('joint_states', lambda: delayed(100), Status.HALT_STALE_JOINT_STATES),
+    'renamed': (
+        'joint_states',
+        lambda: changed(name=rename),
+        Status.HALT_INVALID_JOINT_STATES,
+    ),
+    'truncated': (
+        'joint_states',
+        lambda: changed(name=lambda n: n[:-1], position=lambda p: p[:-1]),
+        Status.HALT_INVALID_JOINT_STATES,
+    ),
+    'positions truncated': (
+        'joint_states',
+        lambda: changed(position=lambda p: p[:-1]),
+        Status.HALT_INVALID_JOINT_STATES,
+    ),
+    'named twice': (
+        'joint_states',
+        lambda: changed(
+            name=lambda n: [*n, n[0]], position=lambda p: [*p, p[0]], velocity=lambda v: []
+        ),
+        Status.HALT_INVALID_JOINT_STATES,
+    ),
+    'teleported out of reach': (
+        'joint_states',
+        lambda: changed(position=lambda p: [5.0, *p[1:]]),
+        Status.HALT_KINEMATICS,
+    ),
+    'pose frozen': ('object_pose', frozen, Status.HALT_STALE_OBJECT_POSE),
+    'pose delayed a lot': ('object_pose', lambda: delayed(100), Status.HALT_STALE_OBJECT_POSE),
+    'pose in another frame': (
+        'object_pose',
+        lambda: changed(header=lambda h: type(h)(stamp=h.stamp, frame_id='map')),
+        Status.HALT_INVALID_OBJECT_POSE,
+    ),
+    'pose teleported': (
+        'object_pose',
+        lambda: moved(1.0),
+        Status.HALT_NO_GRASP,
+    ),
+}
+
+
+def moved(by):
+    """Put the object elsewhere."""
+
+    def distort(message):
+        message.pose.position.x += by
+        return [message]
+
+    return distort
+
+
+@pytest.mark.parametrize('name', HARMFUL)
+def test_stops_within_the_timeout_and_resumes(name):
+    topic, make_distort, code = HARMFUL[name]
+    distort = make_distort()
+    with relayed(TIMEOUT) as w:
+        relay = Relay(w, topic, distort)
+        w.until_code(Status.OK, send(w))
+        w.until(lambda: relay.speed() > 0.0, send(w))
+        relay.distorting = True
+        began = w.now
+        w.until_code(code, send(w))
+        w.until(lambda: relay.speed() == 0.0, send(w))
+        assert w.now - began < TIMEOUT + SLACK
+        count = len(relay.true['joint_states'])
+        w.until(lambda: len(relay.true['joint_states']) > count + 20, send(w))
+        assert not any(any(m.velocity) for m in relay.true['joint_states'][count:])
+        relay.distorting = False
+        w.until_code(Status.OK, send(w))
+        w.until(lambda: relay.speed() > 0.0, send(w))
+
+
+@pytest.mark.parametrize('by', [0.01, -0.02])
+def test_an_object_that_jumps_in_the_grasp_is_moved_from_its_new_pose(by):
+    distort = moved(by)
+    with relayed(TIMEOUT) as w:
+        relay = Relay(w, 'object_pose', distort)
+        w.until_code(Status.OK, send(w))
+        relay.distorting = True
+        count = len(w.probe.seen['status'])
+        w.until(lambda: len(w.probe.seen['status']) > count + 50, send(w))
+        commands = np.array([m.data for _, m in w.probe.seen['command']])
+        assert np.isfinite(commands).all()
+        assert np.abs(commands).max() <= ROBOT.description.max_speed + 1e-9
+        assert w.code() < Status.HALT_NO_TWIST
+
+
+def test_older_inputs_are_ignored_unless_a_clock_was_set_back():
+    new, late = StampedInput('new', 10.0), StampedInput('late', 9.9)
+    assert select_latest(None, late, TIMEOUT) is late
+    assert select_latest(RejectedInput('bad'), late, TIMEOUT) is late
+    assert select_latest(new, late, TIMEOUT) is new
+    assert select_latest(late, new, TIMEOUT) is new
+    again = StampedInput('again', 10.0)
+    assert select_latest(new, again, TIMEOUT) is again
+    set_back = StampedInput('set back', 10.0 - 1.01 * TIMEOUT)
+    assert select_latest(new, set_back, TIMEOUT) is set_back

@@ -1,0 +1,86 @@
+"""What the documentation site generates from the code is there and whole."""
+
+import ast
+from pathlib import Path
+import pydoc
+import re
+
+import equations
+from node_pages import node_tables
+import promises
+import pytest
+
+TOP = Path(__file__).parents[2]
+DOCS = TOP / 'docs'
+EXECUTABLES = re.findall(r'isotruss_ros\.nodes\.(\w+):main', (TOP / 'setup.py').read_text())
+
+
+def test_every_node_has_a_page():
+    assert EXECUTABLES
+    index = (DOCS / 'nodes' / 'index.md').read_text(encoding='utf-8')
+    for name in EXECUTABLES:
+        page = (DOCS / 'nodes' / f'{name}.md').read_text(encoding='utf-8')
+        assert f'```{{node-interface}} {name}\n' in page
+        assert f'\n{name}\n' in index
+
+
+def test_notes_must_be_those_of_the_declared_names():
+    with pytest.raises(ValueError, match='cmd_vel'):
+        node_tables('teleop', {})
+    with pytest.raises(ValueError, match='sound'):
+        node_tables('teleop', {'cmd_vel': 'twists', 'sound': 'none'})
+    tables = node_tables('teleop', {'cmd_vel': 'twists'})
+    assert '`geometry_msgs/Twist` or `geometry_msgs/TwistStamped`' in tables
+    assert '| `key_timeout` | `0.6` | 0.01 to 5 | any time |' in tables
+
+
+def test_tags_are_found_in_comments_and_docstrings_only():
+    source = '''
+"""A module about (7)."""
+
+def solve(x):
+    """
+    Solve (8).
+
+    Mentions (9), and calls f(3).
+    """
+    return f(4)  # (5), not g(6)
+'''
+    tags = set(equations._tags(source))
+    assert tags == {(7, 2, ''), (8, 0, 'solve'), (9, 1, 'solve'), (5, 0, 'solve')}
+
+
+def test_place_of_each_equation_is_a_definition():
+    core = TOP / 'isotruss_ros' / 'core'
+    for places in equations.equation_map(core).values():
+        for place in places:
+            path = TOP.joinpath(*place.module.split('.')).with_suffix('.py')
+            names = [name for name, _ in equations._definitions(ast.parse(path.read_text()), '')]
+            assert place.name in ('', *names)
+
+
+def test_every_promise_has_tests_that_are_there():
+    held_by = promises.load(DOCS / 'promises.yaml')
+    page = (DOCS / 'safety.md').read_text(encoding='utf-8')
+    assert sorted(promises.promised(page)) == sorted(held_by)
+    for name, tests in held_by.items():
+        assert tests, name
+        for test in tests:
+            file, function = test.split('::')
+            (path,) = TOP.glob(f'test/**/{file}.py')
+            assert f'def {function}(' in path.read_text(encoding='utf-8'), (name, test)
+
+
+PAGES = sorted(path for path in DOCS.glob('**/*.md') if '_build' not in path.parts)
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda path: path.relative_to(DOCS).as_posix())
+def test_names_of_the_core_in_pages_are_there(page):
+    for name in re.findall(r'`(core\.[\w.]+)', page.read_text(encoding='utf-8')):
+        assert pydoc.locate(f'isotruss_ros.{name}') is not None, name
+
+
+def test_every_equation_of_the_paper_is_computed_somewhere():
+    assert list(equations.equation_map(TOP / 'isotruss_ros' / 'core')) == list(equations.EQUATIONS)
+    stated = re.findall(r'^\((\d+)\): ', (DOCS / 'equations.md').read_text(), re.MULTILINE)
+    assert list(map(int, stated)) == list(equations.EQUATIONS)

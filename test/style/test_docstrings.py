@@ -1,0 +1,96 @@
+"""Docstrings of public functions, methods and data classes document every parameter."""
+
+import ast
+from pathlib import Path
+import re
+
+import pytest
+
+PACKAGE = Path(__file__).parents[2] / 'isotruss_ros'
+FOLDERS = ('core', 'calibration', 'plotting', 'nodes', 'cli')
+FILES = sorted(
+    str(path.relative_to(PACKAGE)) for name in FOLDERS for path in (PACKAGE / name).rglob('*.py')
+)
+FIELD = re.compile(r':(?:param|ivar) (\w+):')
+
+
+def documented(node):
+    """Return the names that a docstring documents."""
+    return set(FIELD.findall(ast.get_docstring(node) or ''))
+
+
+def parameters(function):
+    """Return the names of parameters but for self, cls and private ones."""
+    arguments = function.args
+    given = [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]
+    given += [one for one in (arguments.vararg, arguments.kwarg) if one is not None]
+    return [one.arg for one in given if one.arg not in ('self', 'cls') and one.arg[0] != '_']
+
+
+def is_setter(function):
+    """Tell whether a function is the setter of a property, which its getter documents."""
+    return any(ast.unparse(one).endswith('.setter') for one in function.decorator_list)
+
+
+def is_data(node):
+    """Tell whether a class is a data class or a named tuple, whose fields are parameters."""
+    names = [ast.unparse(one) for one in (*node.decorator_list, *node.bases)]
+    return any(name.startswith('dataclass') or name == 'NamedTuple' for name in names)
+
+
+def fields(node, lines):
+    """Return the fields of a data class that no comment beside them documents."""
+    return [
+        one.target.id
+        for one in node.body
+        if isinstance(one, ast.AnnAssign)
+        and one.target.id[0] != '_'
+        and 'ClassVar' not in ast.unparse(one.annotation)
+        and '#: ' not in lines[one.lineno - 1]
+    ]
+
+
+def undocumented(nodes, lines, prefix='', known=frozenset()):
+    """Yield the parameters of public definitions that are not documented."""
+    for node in nodes:
+        if isinstance(node, ast.ClassDef) and node.name[0] != '_':
+            known_here = documented(node)
+            given = fields(node, lines) if is_data(node) else []
+            yield from (f'{node.name}: {name}' for name in given if name not in known_here)
+            yield from undocumented(node.body, lines, f'{node.name}.', known_here)
+        elif (
+            isinstance(node, ast.FunctionDef)
+            and (node.name == '__init__' or node.name[0] != '_')
+            and not is_setter(node)
+        ):
+            here = documented(node) | (known if node.name == '__init__' else set())
+            yield from (
+                f'{prefix}{node.name}: {name}' for name in parameters(node) if name not in here
+            )
+
+
+@pytest.mark.parametrize('file', FILES)
+def test_every_parameter_is_documented(file):
+    text = (PACKAGE / file).read_text(encoding='utf-8')
+    found = list(undocumented(ast.parse(text).body, text.splitlines()))
+    assert not found
+
+
+def test_a_missing_parameter_is_found():
+    text = '''
+class Public:
+    """
+    A class.
+
+    :param here: documented.
+    """
+
+    def __init__(self, here, there, _private): ...
+
+    def method(self, one):
+        """Do it."""
+
+def _private(three): ...
+'''
+    found = list(undocumented(ast.parse(text).body, text.splitlines()))
+    assert found == ['Public.__init__: there', 'Public.method: one']

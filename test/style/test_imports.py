@@ -1,0 +1,33 @@
+"""The core is plain Python: it works where ROS is not installed."""
+
+import subprocess
+import sys
+
+SCRIPT = """
+import sys
+
+blocked = ('rclpy', 'rcl_interfaces', 'std_msgs', 'geometry_msgs', 'sensor_msgs', 'isotruss_msgs',
+           'builtin_interfaces', 'visualization_msgs', 'ament_index_python', 'rosidl_runtime_py')
+for name in blocked:
+    sys.modules[name] = None  # importing it raises ImportError
+
+from isotruss_ros import core
+
+for name in core.__all__:
+    getattr(core, name)
+robot = core.load_robot('nine_member')
+center = core.tangent_center(robot.home, 'east/Q', 0.3)
+command = core.solve_twist(robot.home, core.Grasp('east/Q', center, 0.3), [0.0, 0.01, 0.0])
+assert command.status is core.Status.OK, command
+print(*sorted({name.split('.')[0] for name, module in sys.modules.items() if module}))
+"""
+
+
+def test_core_works_without_ros():
+    done = subprocess.run(
+        [sys.executable, '-c', SCRIPT], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stdout.split())
+    assert 'isotruss_ros' in loaded
+    assert not [name for name in loaded if name.endswith('_msgs') or name.startswith('rcl')]

@@ -1,0 +1,159 @@
+"""What package.xml, setup.py, requirements.txt and the sources say agrees."""
+
+import ast
+import importlib
+from pathlib import Path
+import re
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+import setuptools
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / 'isotruss_ros'
+
+# Import name to rosdep key, where they differ (ROS packages are their own key).
+ROSDEP_KEYS = {
+    'PIL': 'python3-pil',
+    'hypothesis': 'python3-hypothesis',
+    'jsonschema': 'python3-jsonschema',
+    'matplotlib': 'python3-matplotlib',
+    'numpy': 'python3-numpy',
+    'psutil': 'python3-psutil',
+    'pytest': 'python3-pytest',
+    'pytest_timeout': 'python3-pytest-timeout',
+    'qpsolvers': 'python3-qpsolvers-pip',
+    'quadprog': 'quadprog-pip',
+    'rich': 'python3-rich',
+    'ruamel': 'python3-ruamel.yaml',
+    'scipy': 'python3-scipy',
+    'setuptools': 'python3-setuptools',
+    'yaml': 'python3-yaml',
+}
+# No rosdep keys: what needs them is taken, and tested, where they are installed.
+ONLY_FROM_PYPI = {'anastruct', 'PyNiteFEA', 'daqp', 'distributed'}
+# Distribution name to import name, where they differ.
+IMPORT_NAMES = {'pillow': 'PIL', 'pyyaml': 'yaml', 'ruamel.yaml': 'ruamel'}
+
+
+@pytest.fixture(scope='module')
+def manifest():
+    return ElementTree.parse(ROOT / 'package.xml').getroot()
+
+
+@pytest.fixture(scope='module')
+def setup_arguments():
+    """Return what setup.py hands to setuptools, without letting it build anything."""
+    arguments = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        patch.setattr(setuptools, 'setup', arguments.update)
+        exec(compile((ROOT / 'setup.py').read_text(), 'setup.py', 'exec'), {})
+    return arguments
+
+
+@pytest.fixture(scope='module')
+def pins():
+    """Return the lines of requirements.txt and requirements-docs.txt without comments."""
+    files = (ROOT / 'requirements.txt', ROOT / 'requirements-docs.txt')
+    lines = [line for file in files for line in file.read_text().splitlines()]
+    return [line for line in (line.split('#')[0].strip() for line in lines) if line]
+
+
+def dependencies(manifest, *kinds):
+    return {element.text for kind in kinds for element in manifest.findall(kind)}
+
+
+def imports(folder):
+    """Return the top-level names that the modules under a folder import, by first user."""
+    names = {}
+    for path in sorted(folder.rglob('*.py')):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                found = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                found = [node.module]
+            else:
+                continue
+            for name in found:
+                names.setdefault(name.split('.')[0], path)
+    foreign = names.keys() - sys.stdlib_module_names - {'isotruss_ros', 'paper'}
+    return {name: names[name] for name in foreign}
+
+
+def test_versions_agree(manifest, setup_arguments):
+    messages = ElementTree.parse(ROOT / 'msg_defs' / 'package.xml').getroot()
+    version = manifest.findtext('version')
+    assert setup_arguments['version'] == version
+    assert messages.findtext('version') == version
+    assert f'\nversion: {version}\n' in (ROOT / 'CITATION.cff').read_text()
+
+
+def test_descriptions_agree(manifest, setup_arguments):
+    assert manifest.findtext('name') == setup_arguments['name']
+    assert manifest.findtext('license') == setup_arguments['license']
+    assert manifest.findtext('description') == setup_arguments['description']
+    assert manifest.findtext('maintainer') == setup_arguments['maintainer']
+    assert manifest.find('maintainer').get('email') == setup_arguments['maintainer_email']
+
+
+def test_entry_points_are_mains(setup_arguments):
+    for line in setup_arguments['entry_points']['console_scripts']:
+        module, function = re.fullmatch(r'\w+ = ([\w.]+):(\w+)', line).groups()
+        entry = getattr(importlib.import_module(module), function, None)
+        assert callable(entry), f'{line}: {module} has no {function}()'
+
+
+def test_imports_of_the_package_are_declared(manifest):
+    declared = dependencies(manifest, 'depend', 'exec_depend')
+    for name, path in imports(PACKAGE).items():
+        if name in ONLY_FROM_PYPI:
+            continue
+        key = ROSDEP_KEYS.get(name, name)
+        assert key in declared, f'{path} imports {name}: package.xml needs <exec_depend>{key}<'
+
+
+def test_imports_of_the_tests_are_declared(manifest):
+    declared = dependencies(manifest, 'depend', 'exec_depend', 'test_depend')
+    for name, path in imports(ROOT / 'test').items():
+        own = (ROOT / 'test' / 'helpers', ROOT / 'docs' / '_ext')
+        if any((folder / f'{name}.py').exists() for folder in own):
+            continue
+        key = ROSDEP_KEYS.get(name, name)
+        assert key in declared, f'{path} imports {name}: package.xml needs <test_depend>{key}<'
+
+
+def test_what_pip_installs_rosdep_installs_too(manifest, setup_arguments):
+    declared = dependencies(manifest, 'depend', 'exec_depend', 'test_depend')
+    extras = setup_arguments['extras_require']
+    wanted = {*setup_arguments['install_requires'], *extras['demo'], *extras['test']}
+    for requirement in wanted - ONLY_FROM_PYPI:
+        name = IMPORT_NAMES.get(requirement.lower(), requirement.replace('-', '_'))
+        assert ROSDEP_KEYS.get(name, name) in declared, f'{requirement} is not in package.xml'
+
+
+def test_every_pin_is_exact(pins):
+    for pin in pins:
+        assert re.fullmatch(r'[\w.-]+==[\w.]+( ; python_version (<|>=) "3\.\d+")?', pin), pin
+
+
+def test_nothing_is_pinned_twice(pins):
+    pinned = [pin.split('==')[0].lower() for pin in pins if ';' not in pin]
+    assert len(pinned) == len(set(pinned))
+
+
+def test_requirements_cover_setup(pins, setup_arguments):
+    pinned = {pin.split('==')[0].lower() for pin in pins}
+    wanted = list(setup_arguments['install_requires'])
+    for extra in setup_arguments['extras_require'].values():
+        wanted += extra
+    assert {name.lower() for name in wanted} <= pinned
+
+
+def test_robot_files_are_installed_where_ros_and_plain_python_look(setup_arguments):
+    files = {path.relative_to(ROOT).as_posix() for path in (ROOT / 'config').glob('*.*')}
+    data_files = dict(setup_arguments['data_files'])
+    assert files == set(data_files['share/isotruss_ros/config'])
+    assert setup_arguments['package_dir']['isotruss_ros.config'] == 'config'
+    assert 'isotruss_ros.config' in setup_arguments['packages']

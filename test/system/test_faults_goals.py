@@ -1,0 +1,178 @@
+"""The nodes that pursue goals, killed in mid-motion: the robot rests until somebody asks anew."""
+
+import signal
+
+from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.action import FollowObjectPath
+from isotruss_ros.core import Pose, Status
+from isotruss_ros.nodes.conversions.messages import to_pose_message
+from nav_msgs.msg import Path
+import numpy as np
+from probe import N, ROBOT
+import pytest
+from rclpy.action import ActionClient
+from robot_processes import robot
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+pytestmark = pytest.mark.system
+
+Result = FollowObjectPath.Result
+
+
+def check_rests(r):
+    """Check that the rollers come to rest, and stay so."""
+    r.w.until(lambda: not r.moving())
+    at, count = r.travel(), len(r.w.probe.seen['joints'])
+    r.w.until(lambda: len(r.w.probe.seen['joints']) > count + 30)
+    assert np.array_equal(r.travel(), at)
+
+
+class Paths:
+    """Asks for paths up and down from where the object is, as any action client does."""
+
+    def __init__(self, r):
+        self._r = r
+        self._client = ActionClient(r.w.probe, FollowObjectPath, 'follow_object_path')
+
+    def ask(self, height):
+        """Send a goal; return the future of its handle."""
+        here = self._r.w.probe.last('pose').pose.position
+        ends = [Pose(here.x, here.y, 0.0), Pose(here.x, here.y + height, 0.0)]
+        path = Path(poses=[PoseStamped(pose=to_pose_message(pose)) for pose in ends])
+        path.header.frame_id = 'truss'
+        return self._client.send_goal_async(FollowObjectPath.Goal(path=path, speed=0.02))
+
+    def go(self, height):
+        """Ask until the object moves; return the handle of the goal."""
+        w, asked = self._r.w, []
+        # A server that was killed is there for a while, and does not answer.
+        w.until(lambda: w.probe.last('pose') is not None)
+        w.until(self._r.moving, lambda: asked.append(self.ask(height)), period=1.0)
+        return self.accepted(asked[-1])
+
+    def accepted(self, asked):
+        """Return the handle of a goal."""
+        self._r.w.until(asked.done)
+        assert asked.result().accepted
+        return asked.result()
+
+    def ended(self, handle):
+        """Wait for the end of a goal; return status of the action, code of the result."""
+        future = handle.get_result_async()
+        self._r.w.until(future.done)
+        return future.result().status, future.result().result.code
+
+
+class Ways:
+    """Sends the rollers on ways from where they are."""
+
+    def __init__(self, r):
+        self._r = r
+        topic = 'joint_trajectory_controller/joint_trajectory'
+        self._publisher = r.w.probe.create_publisher(JointTrajectory, topic, 1)
+
+    def send(self, way):
+        """Send a trajectory."""
+        begin = self._r.travel()
+        points = [
+            JointTrajectoryPoint(positions=(begin + share * way).tolist()) for share in (0.0, 1.0)
+        ]
+        points[1].time_from_start = Duration(sec=round(20.0 * np.abs(way).max()))
+        names = list(ROBOT.roller_names)
+        self._publisher.publish(JointTrajectory(joint_names=names, points=points))
+
+    def go(self, way):
+        """Send a trajectory until the rollers move."""
+        w = self._r.w
+        w.until(lambda: self._publisher.get_subscription_count() > 0)
+        w.until(lambda: w.probe.last('joints') is not None)
+        w.until(self._r.moving, lambda: self.send(way), period=0.5)
+
+
+def test_a_path_ends_with_its_node_and_the_next_one_works(tmp_path):
+    with robot(tmp_path) as r:
+        w, paths = r.w, Paths(r)
+        for name in ('simulator', 'manipulation', 'path_follower'):
+            r.start(name)
+        w.until(lambda: w.code() == Status.HALT_NO_TWIST)
+        paths.go(0.2)
+        r.signal('path_follower', signal.SIGKILL)
+        check_rests(r)
+        assert w.code() == Status.HALT_NO_TWIST
+        r.start('path_follower')
+        w.probe.seen['diagnostics'].clear()
+        w.until(lambda: bool(w.report('path_follower').name))
+        check_rests(r)  # nobody goes on with the old path
+        status, code = paths.ended(paths.go(0.01))
+        assert (status, code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
+
+
+def test_a_path_is_cancelled_or_preempted_by_another_process(tmp_path):
+    with robot(tmp_path) as r:
+        w, paths = r.w, Paths(r)
+        for name in ('simulator', 'manipulation', 'path_follower'):
+            r.start(name)
+        w.until(lambda: w.code() == Status.HALT_NO_TWIST)
+        first = paths.go(0.2)
+        second = paths.accepted(paths.ask(-0.2))
+        assert paths.ended(first) == (GoalStatus.STATUS_ABORTED, Result.PREEMPTED)
+        # The object goes the other way now.
+        high = w.probe.last('pose').pose.position.y
+        w.until(lambda: w.probe.last('pose').pose.position.y < high)
+        # Who does not pursue it any more cannot be told to stop.
+        late = first.cancel_goal_async()
+        w.until(late.done)
+        assert not late.result().goals_canceling
+        assert r.moving()
+        asked = second.cancel_goal_async()
+        w.until(asked.done)
+        assert len(asked.result().goals_canceling) == 1
+        assert paths.ended(second) == (GoalStatus.STATUS_CANCELED, Result.CANCELLED)
+        check_rests(r)
+        status, code = paths.ended(paths.go(0.01))
+        assert (status, code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
+
+
+def test_a_trajectory_ends_with_its_node_and_the_next_one_works(tmp_path):
+    with robot(tmp_path) as r:
+        w, ways = r.w, Ways(r)
+        r.start('simulator')
+        r.start('roller_trajectory')
+        ways.go(np.full(N, 0.2))
+        r.signal('roller_trajectory', signal.SIGKILL)
+        check_rests(r)
+        r.start('roller_trajectory')
+        w.until(lambda: 'no trajectory' in w.report('roller_trajectory').message)
+        check_rests(r)
+        ways.go(np.full(N, -0.05))
+        w.until(lambda: 'have arrived' in w.report('roller_trajectory').message)
+
+
+def test_an_emergency_stop_of_another_process_ends_a_trajectory(tmp_path):
+    with robot(tmp_path) as r:
+        w, ways = r.w, Ways(r)
+        release = w.probe.create_client(Trigger, 'roller_trajectory/release_emergency_stop')
+        r.start('simulator')
+        r.start('roller_trajectory')
+        ways.go(np.full(N, 0.2))
+        w.probe.stops.publish(Bool(data=True))
+        w.probe.stops.publish(Bool(data=False))
+        check_rests(r)
+        # The drives are told to stop; they do not merely miss commands.
+        assert not w.command().any()
+        w.until(lambda: 'emergency stop' in w.report('roller_trajectory').message)
+        at = r.travel()
+        ways.send(np.full(N, 0.05))
+        said = (
+            'trajectory rejected: stopped by the topic emergency_stop; its last message is false'
+        )
+        w.until(lambda: said in w.report('roller_trajectory').message)
+        check_rests(r)
+        assert np.array_equal(r.travel(), at)
+        assert w.call(release, Trigger.Request()).success
+        ways.go(np.full(N, -0.05))
+        w.until(lambda: 'have arrived' in w.report('roller_trajectory').message)

@@ -1,0 +1,94 @@
+"""The processes of grasp_planner: as many as asked for, and none that is left behind."""
+
+import signal
+import subprocess
+import sys
+
+from action_msgs.msg import GoalStatus
+from isotruss_msgs.action import PlanGrasp
+from isotruss_ros.core import Cylinder, GraspRequirements, plan_grasps
+from lifecycle_msgs.msg import Transition
+from planning import assert_same, CENTER, Client, DIAMETER, goal, NO_MARGIN, node, workers
+from probe import Manager, ROBOT, world
+import psutil
+import pytest
+from rclpy.action import ActionClient
+
+pytestmark = pytest.mark.system
+
+Result = PlanGrasp.Result
+
+
+def test_survives_the_death_of_a_process():
+    with world(node(workers=2)) as w:
+        client = Client(w)
+        handle = client.begin(goal(min_margin=NO_MARGIN))
+        client.until(lambda: len(workers()) == 2)
+        before = workers()
+        before[0].kill()
+        status, result = client.result(handle)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.FAILED)
+        assert 'a process of the search died' in result.message
+        status, result = client.plan(goal(count=1))
+        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.FOUND)
+        assert not set(before) & set(workers())
+
+
+def test_answers_as_the_core_does_on_two_processes_and_stops_when_cancelled():
+    with world(node(workers=2)) as w:
+        client = Client(w)
+        needs = GraspRequirements(module='north/Z', count=1)
+        status, result = client.plan(goal(module='north/Z', count=1, seed=3))
+        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.FOUND)
+        assert_same(result, plan_grasps(ROBOT.home, Cylinder(CENTER, DIAMETER), needs, seed=3))
+        handle = client.begin(goal(count=1000))
+        client.until(lambda: client.feedback[-1][1].found > 0)
+        handle.cancel_goal_async()
+        status, result = client.result(handle)
+        assert (status, result.code) == (GoalStatus.STATUS_CANCELED, Result.CANCELLED)
+        assert result.grasps
+        evaluations = [message.evaluations for _, message in client.feedback]
+        assert evaluations == sorted(evaluations)
+
+
+def test_leaves_no_process_when_it_is_deactivated_or_destroyed():
+    with world(node(workers=2)) as w:
+        client, manager = Client(w), Manager(w, 'grasp_planner')
+        handle = client.begin(goal(min_margin=NO_MARGIN))
+        client.until(lambda: len(workers()) == 2)
+        assert manager.ask(Transition.TRANSITION_DEACTIVATE)
+        status, result = client.result(handle)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.FAILED)
+        assert result.message == 'the node was deactivated'
+        assert not workers()
+        assert not client.send(goal()).accepted
+        assert manager.ask(Transition.TRANSITION_ACTIVATE)
+        client.begin(goal(min_margin=NO_MARGIN))
+        assert workers()
+    assert not workers()
+
+
+@pytest.mark.parametrize('how', [signal.SIGKILL, signal.SIGINT])
+def test_leaves_no_process_when_its_own_is_ended(how):
+    command = [sys.executable, '-m', 'isotruss_ros.nodes.grasp_planner', '--ros-args']
+    command += ['-p', 'workers:=2', '-p', 'command_timeout:=5.0']
+    process = subprocess.Popen(command, start_new_session=True)
+    try:
+        with world() as w:
+            client = ActionClient(w.probe, PlanGrasp, 'plan_grasp')
+            w.until(client.server_is_ready)
+
+            def ask():
+                # Again and again: what is sent while nodes discover each other may be lost.
+                w.probe.send_joints()
+                client.send_goal_async(goal(min_margin=NO_MARGIN))
+
+            w.until(lambda: len(workers(process.pid)) == 2, ask, 0.5)
+            children = workers(process.pid)
+            process.send_signal(how)
+            process.wait(20.0)
+            assert not psutil.wait_procs(children, 20.0)[1]
+            assert process.returncode == (-how if how == signal.SIGKILL else 0)
+    finally:
+        process.kill()
+        process.wait()

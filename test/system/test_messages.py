@@ -1,0 +1,74 @@
+"""Bytes that are no message, and floods of messages, over DDS."""
+
+from geometry_msgs.msg import WrenchStamped
+from isotruss_ros.core import Status
+from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.simulator import Simulator
+import numpy as np
+from probe import N, overrides, ROBOT, world
+import pytest
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float64MultiArray, String
+
+pytestmark = pytest.mark.system
+
+NAMES = list(ROBOT.roller_names)
+
+
+def manipulation(**values):
+    """Return what makes a manipulation node; the joint states here are made up."""
+    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
+
+
+def test_bytes_that_are_no_message_are_dropped():
+    """Such as a publisher sends whose definition of the message is another one."""
+    good = bytes(serialize_message(JointState(name=NAMES, position=[0.0] * N)))
+    garbage = [
+        b'',
+        good[:3],
+        good[:4],
+        good[:40],
+        good[:-3],
+        good[:4] + b'\xff' * 40,
+        b'\xff' * len(good),
+        bytes(range(256)),
+    ]
+    kinds = (manipulation(), lambda: Simulator(), lambda: GraspAnalysisNode())
+    with world(*kinds) as w:
+        strings = w.probe.create_publisher(String, 'failed_rollers', 10)
+        # Those whose messages have no fixed size: the others send nothing that is too long.
+        publishers = (w.probe.joint_states, w.probe.object_poses, w.probe.commands, strings)
+        for data in garbage:
+            w.until_code(Status.OK, w.probe.send_twist)
+            for publisher in publishers:
+                publisher.publish(data)
+                w.spin(0.01, w.probe.send_twist)
+        strings.publish(String())  # should something have been a message after all
+        w.probe.seen['status'].clear()
+        w.until(lambda: bool(w.probe.seen['status']), w.probe.send_twist)
+
+
+def test_floods_on_every_input_do_no_harm():
+    """As much as this process can send, on every topic at once; the loops turn and stops count."""
+    with world(manipulation(), lambda: Simulator(), lambda: GraspAnalysisNode()) as w:
+        w.until_code(Status.OK, w.probe.send_twist)
+        seen = w.probe.seen['status']
+        cycles = len(seen)
+        large = JointState(name=[str(i) for i in range(1000)], position=[0.0] * 1000)
+
+        def flood():
+            for i in range(20):
+                w.probe.send_all()
+                w.probe.joint_states.publish(large)
+                w.probe.wrenches.publish(WrenchStamped())
+                w.probe.commands.publish(Float64MultiArray(data=[0.01 * (-1) ** i] * N))
+                w.probe.stops.publish(Bool(data=False))
+
+        w.until(lambda: len(seen) > cycles + 100, flood)
+        w.probe.stops.publish(Bool(data=True))
+        w.until_code(Status.HALT_EMERGENCY_STOP, lambda: [w.probe.send_all() for _ in range(100)])
+        commands = np.array([m.data for _, m in w.probe.seen['command']])
+        assert np.abs(commands).max() <= ROBOT.description.max_speed + 1e-9
+        w.until(lambda: not w.command().any())

@@ -1,0 +1,276 @@
+"""The executables as processes of their own, heard and driven over DDS only."""
+
+import os
+from pathlib import Path
+import pty
+import signal
+import subprocess
+import sys
+import time
+
+from geometry_msgs.msg import Twist
+from isotruss_msgs.msg import GraspState
+from isotruss_msgs.srv import AnalyzeGrasp
+from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, Status
+from isotruss_ros.demo.client import DemoClient
+from isotruss_ros.demo.path import arc
+from isotruss_ros.demo.processes import NodeError, NodeProcess, running_nodes
+from isotruss_ros.nodes.framework.runner import Interruption
+import numpy as np
+from probe import begin_context, DEADLINE
+import pytest
+import rclpy
+from std_msgs.msg import Bool, Float64MultiArray
+
+pytestmark = pytest.mark.system
+
+#: A busy machine delays; these tests are about what happens, not how soon.
+PATIENT = {'command_timeout': 5.0}
+
+
+@pytest.fixture
+def context():
+    """Bring up rclpy in this process."""
+    begin_context()
+    yield
+    rclpy.shutdown()
+
+
+@pytest.fixture
+def listener(context):
+    """Return a node of this process."""
+    node = rclpy.create_node('listener')
+    yield node
+    node.destroy_node()
+
+
+def spin_until(node, what):
+    """Spin until something holds; fail at the deadline."""
+    deadline = time.monotonic() + DEADLINE
+    while not what():
+        assert time.monotonic() < deadline
+        rclpy.spin_once(node, timeout_sec=0.05)
+
+
+def test_processes_carry_the_object_along_an_arc(context, tmp_path):
+    client = DemoClient(load_robot('nine_member').roller_names)
+    nodes = [
+        ('simulator', PATIENT | {'indentation': 0.01}),
+        ('manipulation', PATIENT),
+        ('grasp_analysis', PATIENT),
+    ]
+    with running_nodes(nodes, tmp_path) as processes:
+
+        def check():
+            for process in processes:
+                process.require_running()
+
+        client.wait_until_idle(check)
+        client.wait(lambda: client.last_grasp() is not None, check, 'an analysis')
+        radius, heading, angle = 0.05, 0.5, -0.4
+        phase = arc('arc', 2.0, radius, heading, angle)
+        record = client.play(phase, check, lambda done: None)
+        # The chord of the arc; twists that are held for 10 ms miss it by little.
+        chord = 2.0 * radius * np.sin(0.5 * abs(angle))
+        middle = heading + 0.5 * angle
+        exact = [chord * np.cos(middle), chord * np.sin(middle), angle]
+        assert record.commanded == pytest.approx(exact, abs=2e-3)
+        assert record.statuses <= {Status.OK, Status.IDLE}
+        # A process that the machine keeps waiting holds its last command for so long.
+        held = 4.0 * max(record.longest_cycle, np.diff([s.time for s in record.snapshots]).max())
+        assert record.position_error < 1e-3 + held * radius * abs(angle) / phase.duration
+        assert record.angle_error < np.deg2rad(0.1) + held * abs(angle) / phase.duration
+        assert 0.0 < record.max_roller_speed <= 0.1
+        # An analysis of the rest, however late it comes.
+        count = len(record.grasps)
+        client.wait(lambda: len(record.grasps) > count + 2, check, 'an analysis at rest')
+        assert_grasps_belong_to_the_motion(record)
+        client.destroy_node()
+    assert [process.process.returncode for process in processes] == [0, 0, 0]
+
+
+def assert_grasps_belong_to_the_motion(record):
+    """Check that the analysis ran all along, and that its last result is that of the rest."""
+    assert {grasp.code for grasp in record.grasps} == {GraspState.OK}
+    assert len({grasp.computing_time for grasp in record.grasps}) > 1
+    rest, last = record.snapshots[-1], record.grasps[-1]
+    robot = load_robot('nine_member')
+    expected = analyze_grasp(robot.configuration(rest.rollers), Cylinder(rest.pose[:2], 0.3))
+    assert expected.normal_forces.sum() > 1.0
+    assert sum(contact.normal_force for contact in last.contacts) == pytest.approx(
+        expected.normal_forces.sum(), rel=1e-6
+    )
+    assert last.closure_residual == pytest.approx(expected.closure_residual, rel=1e-6)
+    assert last.contact_members == list(expected.contact_lengths)
+
+
+def test_the_analysis_falls_back_to_no_answer_when_the_robot_goes(listener, tmp_path):
+    states, closures = [], []
+    listener.create_subscription(GraspState, 'grasp/state', states.append, 10)
+    listener.create_subscription(Bool, 'grasp/force_closure', closures.append, 10)
+    client = listener.create_client(AnalyzeGrasp, 'analyze_grasp')
+    nodes = [('simulator', {}), ('grasp_analysis', {'command_timeout': 1.0})]
+    with running_nodes(nodes, tmp_path) as (simulator, analysis):
+        spin_until(listener, lambda: bool(states) and states[-1].code == GraspState.OK)
+        # In the middle of a triangle, so wide that all three sides press on it: a closed grasp.
+        request = AnalyzeGrasp.Request(diameter=0.65, friction=0.5)
+        request.center.x, request.center.y = 0.0, -0.8267
+        spin_until(listener, client.service_is_ready)
+        future = client.call_async(request)
+        spin_until(listener, future.done)
+        assert future.result().success
+        assert future.result().state.force_closure
+        simulator.process.send_signal(signal.SIGINT)
+        spin_until(listener, lambda: states[-1].code == GraspState.STALE_JOINT_STATES)
+        assert not states[-1].force_closure
+        assert not states[-1].contacts
+        spin_until(listener, lambda: not closures[-1].data)
+        analysis.process.send_signal(signal.SIGINT)
+        spin_until(listener, lambda: analysis.process.poll() is not None)
+        assert analysis.process.returncode == 0
+        assert 'Traceback' not in analysis.log.read_text()
+
+
+@pytest.mark.parametrize('stop', [signal.SIGINT, signal.SIGTERM])
+def test_manipulation_stops_cleanly_with_a_zero_command(listener, tmp_path, stop):
+    commands = []
+    listener.create_subscription(
+        Float64MultiArray, 'roller_velocity_controller/commands', commands.append, 10
+    )
+    twists = listener.create_publisher(Twist, 'cmd_vel', 1)
+    with running_nodes([('simulator', PATIENT), ('manipulation', PATIENT)], tmp_path) as nodes:
+        twist = Twist()
+        twist.linear.y = 0.01
+
+        def moving():
+            twists.publish(twist)
+            return bool(commands) and any(commands[-1].data)
+
+        spin_until(listener, moving)
+        nodes[1].process.send_signal(stop)
+        spin_until(listener, lambda: nodes[1].process.poll() is not None)
+        spin_until(listener, lambda: not any(commands[-1].data))
+        assert nodes[1].process.returncode == 0
+        assert 'Traceback' not in nodes[1].log.read_text()
+
+
+def test_an_interruption_raises_nowhere_unless_it_comes_twice():
+    """Raised in the middle of a conversion it would come out of rclpy as another error."""
+    before = {which: signal.getsignal(which) for which in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        interruption = Interruption()
+        assert not interruption.received
+        signal.raise_signal(signal.SIGTERM)
+        assert interruption.received
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        interruption.ignore()
+        signal.raise_signal(signal.SIGINT)
+    finally:
+        for which, handler in before.items():
+            signal.signal(which, handler)
+
+
+def test_stopping_before_anything_happens_is_clean(tmp_path):
+    process = NodeProcess('simulator', {}, tmp_path / 'log')
+    # The handlers are in place once the node prints or lives; either way the exit must be orderly.
+    time_limit = time.monotonic() + DEADLINE
+    while not _has_handler(process) and time.monotonic() < time_limit:
+        process.require_running()
+    assert process.stop() == 0
+    assert 'Traceback' not in process.log.read_text()
+
+
+def _has_handler(process):
+    """Tell whether a process has a handler of its own for SIGTERM (see proc(5), SigCgt)."""
+    status = Path(f'/proc/{process.process.pid}/status').read_text()
+    caught = int(
+        next(line for line in status.splitlines() if line.startswith('SigCgt')).split()[1], 16
+    )
+    return bool(caught >> (signal.SIGTERM - 1) & 1)
+
+
+@pytest.mark.parametrize(
+    ('name', 'parameters', 'words'),
+    [
+        ('manipulation', {'rate': 'fast'}, 'rate'),
+        ('simulator', {'robot': '/nowhere/robot.yaml'}, 'no such file'),
+    ],
+)
+def test_bad_parameters_end_the_process_with_one_sentence(name, parameters, words, tmp_path):
+    process = NodeProcess(name, parameters, tmp_path / 'log')
+    assert process.process.wait(DEADLINE) == 1
+    printed = process.log.read_text()
+    assert words in printed
+    assert 'Traceback' not in printed
+    with pytest.raises(NodeError, match='ended with code 1'):
+        process.require_running()
+
+
+def test_robot_files_of_ones_own(tmp_path, listener):
+    preset = Path(__file__).parents[2] / 'config' / 'triangle.yaml'
+    mine = tmp_path / 'mine.yaml'
+    mine.write_text(preset.read_text().replace('frame: truss', 'frame: lab'))
+    parameters = {'robot': str(mine), 'grip_module': 'main/T'}
+    with running_nodes([('simulator', parameters), ('manipulation', parameters)], tmp_path):
+        from isotruss_msgs.msg import ManipulationStatus
+
+        heard = []
+        listener.create_subscription(ManipulationStatus, 'manipulation/status', heard.append, 10)
+        twists = listener.create_publisher(Twist, 'cmd_vel', 1)
+
+        def idle():
+            twists.publish(Twist())
+            return bool(heard) and heard[-1].code == Status.IDLE
+
+        spin_until(listener, idle)
+        assert heard[-1].header.frame_id == 'lab'
+
+
+def test_teleop_turns_keys_into_twists_and_restores_the_terminal(listener):
+    heard = []
+    listener.create_subscription(Twist, 'cmd_vel', heard.append, 10)
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'isotruss_ros.nodes.teleop'],
+        stdin=theirs,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        spin_until(listener, lambda: bool(heard))
+
+        def press(key, done):
+            def pressed():
+                os.write(ours, key)
+                return bool(heard) and done(heard[-1])
+
+            spin_until(listener, pressed)
+
+        press(b'w', lambda twist: twist.linear.y > 0.0)
+        press(b'a', lambda twist: twist.linear.x < 0.0 and twist.linear.y == 0.0)
+        press(b'e', lambda twist: twist.angular.z < 0.0 and twist.linear.x == 0.0)
+        press(b' ', lambda twist: twist == Twist())
+        press(b'd', lambda twist: twist.linear.x > 0.0)
+        # Let go: it stops by itself.
+        spin_until(listener, lambda: heard[-1] == Twist())
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=DEADLINE)
+        assert process.returncode == 0
+        assert b'Traceback' not in errors
+    finally:
+        process.kill()
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_teleop_without_a_terminal_prints_why_it_ends():
+    done = subprocess.run(
+        [sys.executable, '-m', 'isotruss_ros.nodes.teleop'],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        timeout=DEADLINE,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert b'not a terminal' in done.stderr
