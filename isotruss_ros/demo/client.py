@@ -188,13 +188,14 @@ class DemoClient(Node):
             self._spin_until(start + tick * PERIOD)
             sent, now = now, time.monotonic()
             record.commanded += np.array(twist) * (now - sent)
+            record.longest_cycle = max(record.longest_cycle, now - sent)
             progress(min(1.0, (now - start) / phase.duration))
         times = self._status_times
         record.loop_rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
         self._moved = time.monotonic()
         self._wait_for_rest(check, f'rest after {phase.name!r}')
         gaps = (after - before for before, after in pairwise(times))
-        record.longest_cycle = max(gaps, default=0.0)
+        record.longest_cycle = max((record.longest_cycle, *gaps))
         record.measured[:2] = np.array(self._pose[:2]) - begin
         record.measured[2] = self._turned - turned
         return record

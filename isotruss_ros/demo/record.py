@@ -29,7 +29,8 @@ class PhaseRecord:
     :ivar measured: (dx, dy, dangle) of the measured pose; the angle unwrapped [m, rad].
     :ivar max_roller_speed: largest measured speed of any roller [m/s].
     :ivar loop_rate: cycles of the manipulation node per second [Hz].
-    :ivar longest_cycle: longest time between two cycles of the manipulation node [s].
+    :ivar longest_cycle: longest time between two cycles of the manipulation node, or of the client
+        that publishes the twists [s].
     :ivar statuses: all statuses of the manipulation node.
     :ivar snapshots: measured states, in time order.
     :ivar grasps: all results of the grasp analysis, in time order.
