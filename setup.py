@@ -29,9 +29,8 @@ setup(
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
     ],
     # Only what `isotruss_ros.core` imports, so that it installs where there is no ROS.
-    install_requires=['numpy', 'scipy', 'ruamel.yaml', 'jsonschema', 'qpsolvers', 'quadprog'],
+    install_requires=['numpy', 'scipy', 'ruamel.yaml', 'jsonschema'],
     extras_require={
-        'fast': ['daqp'],
         'demo': ['matplotlib', 'pillow', 'rich'],
         'sweep': ['distributed'],
         # colcon runs pytest where it finds it here.

@@ -24,8 +24,7 @@ from isotruss_ros.core.manipulation.limits import default_limits
 from isotruss_ros.core.manipulation.task import grasp_rows
 from isotruss_ros.core.manipulation.twist_qp import PENALTIES
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.qp import installed_solvers, OPTIONS
-from measuring import print_machine, print_table, timed
+from measuring import PEER, PEER_OPTIONS, print_machine, print_table, timed
 import numpy as np
 import qpsolvers
 import scipy.optimize
@@ -180,15 +179,15 @@ class PaperProgram:
         return lengths, np.vstack([self.tubes @ lengths, matrix[m:]]), task
 
     def solve(self, state: State, twist: Array) -> Array | None:
-        """Solve (11) with (20), without limits, by the solver that the package uses."""
+        """Solve (11) with (20), without limits, by a dense active-set solver."""
         lengths, fixed, task = self._rows(state)
         nodes = qpsolvers.solve_qp(
             lengths.T @ lengths + REGULAR * np.eye(lengths.shape[1]),
             np.zeros(lengths.shape[1]),
             A=np.vstack([fixed, task]),
             b=np.concatenate([np.zeros(len(fixed)), twist, [0.0]]),
-            solver=installed_solvers()[0],
-            **OPTIONS.get(installed_solvers()[0], {}),
+            solver=PEER,
+            **PEER_OPTIONS,
         )
         return None if nodes is None else self.rollers_by_lengths @ lengths @ nodes
 
@@ -233,8 +232,8 @@ class PaperProgram:
             np.zeros(len(right)),
             np.append(np.full(n, -np.inf), 0.0),
             bounds,
-            solver=installed_solvers()[0],
-            **OPTIONS.get(installed_solvers()[0], {}),
+            solver=PEER,
+            **PEER_OPTIONS,
         )
         return None if found is None else unit * (by_nodes @ found[:n])
 
@@ -277,12 +276,11 @@ def forward_rows(robot: core.Robot, states: list[State], rng: np.random.Generato
 def twist_rows(robot: core.Robot, states: list[State]) -> list[Row]:
     """Measure twist to rollers; differences in units of 1 % of the largest roller speed."""
     paper = PaperProgram(robot)
-    solver = installed_solvers()[0]
     rows: list[Row] = []
     for name, size, peer, solve in (
-        ('half of what the limits allow', 0.5, f'(20) by {solver}, no limits', paper.solve),
+        ('half of what the limits allow', 0.5, f'(20) by {PEER}, no limits', paper.solve),
         ('half of what the limits allow', 0.5, '(20) as KKT, no limits', paper.solve_kkt),
-        ('twice what the limits allow', 2.0, f'(20) by {solver}', paper.solve_within_limits),
+        ('twice what the limits allow', 2.0, f'(20) by {PEER}', paper.solve_within_limits),
     ):
         row = Row(f'twist to rollers, {name}', peer)
         for state in states:

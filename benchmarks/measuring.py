@@ -9,10 +9,12 @@ import platform
 import time
 from typing import Any
 
-from isotruss_ros.core.numerics.qp import installed_solvers
 import numpy as np
 import qpsolvers
 import scipy
+
+#: The solver that peers of the quadratic programs use, and its options.
+PEER, PEER_OPTIONS = 'daqp', {'primal_tol': 1e-9}
 
 
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:
@@ -57,5 +59,5 @@ def print_machine() -> None:
         f'{names[0] if names else platform.machine()}, one core '
         f'(OPENBLAS_NUM_THREADS={os.environ.get("OPENBLAS_NUM_THREADS")}); '
         f'Python {platform.python_version()}, NumPy {np.__version__}, SciPy {scipy.__version__}, '
-        f'qpsolvers {qpsolvers.__version__} with {installed_solvers()[0]}\n'
+        f'peers: qpsolvers {qpsolvers.__version__} with {PEER}\n'
     )

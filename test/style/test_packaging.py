@@ -4,6 +4,7 @@ import ast
 import importlib
 from pathlib import Path
 import re
+import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 
@@ -23,8 +24,6 @@ ROSDEP_KEYS = {
     'psutil': 'python3-psutil',
     'pytest': 'python3-pytest',
     'pytest_timeout': 'python3-pytest-timeout',
-    'qpsolvers': 'python3-qpsolvers-pip',
-    'quadprog': 'quadprog-pip',
     'rich': 'python3-rich',
     'ruamel': 'python3-ruamel.yaml',
     'scipy': 'python3-scipy',
@@ -32,7 +31,7 @@ ROSDEP_KEYS = {
     'yaml': 'python3-yaml',
 }
 # No rosdep keys: what needs them is taken, and tested, where they are installed.
-ONLY_FROM_PYPI = {'anastruct', 'PyNiteFEA', 'daqp', 'distributed'}
+ONLY_FROM_PYPI = {'anastruct', 'PyNiteFEA', 'daqp', 'distributed', 'qpsolvers', 'quadprog'}
 # Distribution name to import name, where they differ.
 IMPORT_NAMES = {'pillow': 'PIL', 'pyyaml': 'yaml', 'ruamel.yaml': 'ruamel'}
 
@@ -157,3 +156,16 @@ def test_robot_files_are_installed_where_ros_and_plain_python_look(setup_argumen
     assert files == set(data_files['share/isotruss_ros/config'])
     assert setup_arguments['package_dir']['isotruss_ros.config'] == 'config'
     assert 'isotruss_ros.config' in setup_arguments['packages']
+
+
+def test_nodes_without_the_interface_package_say_what_to_build():
+    code = (
+        'import importlib.util as util\n'
+        'find = util.find_spec\n'
+        "util.find_spec = lambda name: None if name == 'isotruss_msgs' else find(name)\n"
+        'import isotruss_ros.nodes.simulator\n'
+    )
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 1
+    assert 'Traceback' not in done.stderr
+    assert 'ln -s isotruss_ros/msg_defs src/isotruss_msgs' in done.stderr

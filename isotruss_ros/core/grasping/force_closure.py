@@ -11,11 +11,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.qp import solve_qp
+from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
-import qpsolvers
+from scipy.optimize import lsq_linear
 
 #: Closed when what is left is this small, against the forces involved.
 CLOSURE_TOLERANCE = 1e-6
@@ -90,17 +89,21 @@ def _balance(segments: Array, load: Array, friction: float, shares: Array) -> tu
     size = np.linalg.norm(segments, axis=1).max()
     scaled = segments / size
     bound = np.full(k, friction)
-    problem = qpsolvers.Problem(
-        scaled @ scaled.T + REGULARIZATION * np.eye(k),
-        scaled @ load / size - REGULARIZATION * shares,
-        lb=-bound,
-        ub=bound,
+    found = solve_qp(
+        QuadraticProgram(
+            scaled @ scaled.T + REGULARIZATION * np.eye(k),
+            scaled @ load / size - REGULARIZATION * shares,
+            np.zeros((0, k)),
+            np.zeros(0),
+            -bound,
+            bound,
+        )
     )
-    found = solve_qp(problem)
-    if found is not None:
-        found = np.clip(found, -bound, bound)
-        return found, float(np.linalg.norm(segments.T @ found + load))
-    raise SolverError('the friction problem was not solved by any of the installed solvers')
+    if found is None:
+        # Loads far beyond all friction: the digits of the small term above are lost in them.
+        found = lsq_linear(scaled.T, -load / size, (-bound, bound), method='bvls').x
+    found = np.clip(found, -bound, bound)
+    return found, float(np.linalg.norm(segments.T @ found + load))
 
 
 def _extremes(

@@ -16,15 +16,14 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.qp import installed_solvers, solve_qp
+from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
-import qpsolvers
 
-#: rho, against |C u|^2 with |u| of the order of 1. The first is exact to rounding; where all
-#: solvers fail with it (corners at which next to nothing can move) the others stop sooner.
+#: rho, against |C u|^2 with |u| of the order of 1. The first is exact to rounding; where it has no
+#: solution (corners at which next to nothing can move) the others stop sooner.
 PENALTIES = (1e8, 1e6, 1e4, 1e2, 1.0)
 NO_SOLUTION = (
-    '{} found no solution of the quadratic program of the manipulation; '
+    'the quadratic program of the manipulation has no solution; '
     'the configuration is probably close to a singular one'
 )
 
@@ -51,30 +50,31 @@ def maximize_progress(
     :param upper: (l,) not negative.
     :param penalty: rho, on missing progress against the cost; large for as far as possible.
     :return: u (r,) and s.
-    :raises SolverError: no solver found a solution.
+    :raises SolverError: no solution was found.
     """
     r = cost.shape[0]
     hessian = np.zeros((r + 1, r + 1))
     hessian[:r, :r] = cost
     box = _box(inequality, lower, upper)
     rows = np.column_stack([box.rows, np.zeros(len(box.rows))])
-    problem = qpsolvers.Problem(
+    slope = np.zeros(r + 1)
+    problem = QuadraticProgram(
         hessian,
-        np.zeros(r + 1),
+        slope,
         rows,
         box.bounds,
-        np.column_stack([equality, -direction]),
-        np.zeros(len(direction)),
         np.append(box.low, 0.0),
         np.append(box.high, reach),
+        np.column_stack([equality, -direction]),
+        np.zeros(len(direction)),
     )
-    # u = 0 is always admissible: a solver that fails has met a degenerate corner.
+    # u = 0 is always admissible: a search that fails has met a degenerate corner.
     for rho in [penalty, *(smaller for smaller in PENALTIES if smaller < penalty)]:
-        problem.P[r, r], problem.q[r] = rho / (2.0 * max(reach, 1.0)), -rho
+        hessian[r, r], slope[r] = rho / (2.0 * max(reach, 1.0)), -rho
         found = solve_qp(problem)
         if found is not None:
             return found[:r], float(min(max(found[r], 0.0), reach))
-    raise SolverError(NO_SOLUTION.format(', '.join(installed_solvers())))
+    raise SolverError(NO_SOLUTION)
 
 
 def project_target(
@@ -102,24 +102,24 @@ def project_target(
     :param upper: (l,) not negative.
     :param regularization: weight of the cost; small for as close as possible.
     :return: (r,)
-    :raises SolverError: no solver found a solution.
+    :raises SolverError: no solution was found.
     """
     reached, kept = equality[:rank], equality[rank:]
     box = _box(inequality, lower, upper)
-    problem = qpsolvers.Problem(
+    problem = QuadraticProgram(
         reached.T @ reached + regularization * cost,
         -reached.T @ target[:rank],
         box.rows,
         box.bounds,
-        kept if len(kept) else None,
-        np.zeros(len(kept)) if len(kept) else None,
         box.low,
         box.high,
+        kept if len(kept) else None,
+        np.zeros(len(kept)) if len(kept) else None,
     )
     found = solve_qp(problem)
     if found is not None:
         return found
-    raise SolverError(NO_SOLUTION.format(', '.join(installed_solvers())))
+    raise SolverError(NO_SOLUTION)
 
 
 class _Box(NamedTuple):

@@ -1,52 +1,152 @@
-"""One solve of a quadratic program, by the first of the installed solvers that can."""
+"""
+One solve of a strictly convex quadratic program (QP), by SciPy's nonnegative least squares.
+
+    minimize   1/2 x^T P x + q^T x
+    subject to A x = b,  G x <= h,  lower <= x <= upper
+
+What the equalities leave free and the Cholesky factor L of P turn it into the point of a
+polyhedron that is nearest to the origin, and that into one problem of nonnegative least squares
+(Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23, problem LDP). It ends after
+finitely many exchanges also at corners of many limits, where dual active-set solvers give up now
+and then, and it needs nothing but SciPy: one solver with and without ROS.
+"""
 
 from __future__ import annotations
 
-import functools
+from typing import NamedTuple
 
-from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
-import qpsolvers
+from scipy.linalg import lapack
+from scipy.optimize import nnls
 
-#: Solvers that are exact (active set) or nearly so (interior point), best for our size first.
-PREFERRED = ('daqp', 'proxqp', 'piqp', 'quadprog', 'clarabel', 'cvxopt')
-#: The default of daqp leaves inequalities open by 1e-6.
-OPTIONS = {'daqp': {'primal_tol': 1e-9}}
-#: J u = s * direction is to hold to this, with |u| of the order of 1; usually it does to 1e-13.
-EQUALITY_TOLERANCE = 1e-8
+#: Inequalities hold to this, against the largest of their coefficients times 1 + |x|.
+TOLERANCE = 1e-9
+#: Rows that the equalities leave shorter than this share of their length constrain nothing more.
+PARALLEL = 1e-12
+#: Of the search for the active constraints; it takes a few.
+MAX_EXCHANGES = 1000
+#: What is left by least squares is at right angles to the rest up to this.
+ACCURACY = 1e-6
+#: Where more constraints meet than there are directions, rounding misleads the search: it starts
+#: again with bounds that are apart by so much, against the size of the solution.
+RELAXATIONS = (0.0, 1e-9, 1e-7)
+GOLDEN_RATIO = 0.6180339887498949
 
 
-@functools.lru_cache(maxsize=1)
-def installed_solvers() -> tuple[str, ...]:
+class QuadraticProgram(NamedTuple):
     """
-    Return the solvers at hand, best first.
+    A strictly convex quadratic program; all quantities are without units.
 
-    :raises SolverError: none of those that this package knows is installed.
+    :ivar hessian: (n, n) P, positive definite.
+    :ivar gradient: (n,) q.
+    :ivar rows: (l, n) G.
+    :ivar bounds: (l,) h; infinite where there is no bound.
+    :ivar lower: (n,) bounds of x; infinite where there is none.
+    :ivar upper: (n,).
+    :ivar equality: (k, n) A, of full row rank; None if there is none.
+    :ivar target: (k,) b.
     """
-    names = tuple(name for name in PREFERRED if name in qpsolvers.available_solvers)
-    if not names:
-        raise SolverError(
-            f'no solver for quadratic programs is installed; install one of {", ".join(PREFERRED)}'
-        )
-    return names
+
+    hessian: Array
+    gradient: Array
+    rows: Array
+    bounds: Array
+    lower: Array
+    upper: Array
+    equality: Array | None = None
+    target: Array | None = None
 
 
-def solve_qp(problem: qpsolvers.Problem) -> Array | None:
+def solve_qp(problem: QuadraticProgram) -> Array | None:
     """
     Return the solution of a quadratic program.
 
-    A solver that finds nothing, or leaves the equalities open, has met a degenerate corner: the
-    next one is tried.
-
-    :param problem: minimize 1/2 x^T P x + q^T x subject to rows and bounds; P positive definite.
-    :return: (n,), or None where no installed solver finds a solution.
-    :raises SolverError: no solver is installed.
+    :param problem: the program.
+    :return: (n,) a point that fulfils the conditions of optimality, or None where none was found:
+        the constraints contradict each other, or P is not positive definite.
     """
-    for solver in installed_solvers():
-        found = qpsolvers.solve_problem(problem, solver, **OPTIONS.get(solver, {})).x
-        if found is None:
+    rows, bounds = _inequalities(problem)
+    free, start = _free_space(problem)
+    curvature = free.T @ problem.hessian @ free
+    # Variables of one size: P holds penalties up to 1e8 beside costs of 1.
+    scale = 1.0 / np.sqrt(np.maximum(curvature.diagonal(), np.finfo(float).tiny))
+    factor, failed = lapack.dpotrf(scale[:, None] * curvature * scale, lower=1)
+    if failed:
+        return None
+    free = free * scale
+    # y = L^T z + offset is the distance from the minimum without inequalities.
+    slope = free.T @ (problem.hessian @ start + problem.gradient)
+    offset, _ = lapack.dtrtrs(factor, slope, lower=1)
+    turned, _ = lapack.dtrtrs(factor, free.T @ rows.T, lower=1)
+    room = bounds - rows @ start + offset @ turned
+    tolerance = TOLERANCE * np.abs(rows).max(initial=0.0)
+    for relaxation in RELAXATIONS:
+        nearest = _least_distance(turned, room, np.sqrt(offset @ offset), relaxation)
+        if nearest is None:
             continue
-        if problem.A is None or np.abs(problem.A @ found).max() <= EQUALITY_TOLERANCE:
+        step, _ = lapack.dtrtrs(factor, nearest - offset, lower=1, trans=1)
+        found = start + free @ step
+        if (rows @ found - bounds <= tolerance * (1.0 + np.abs(found).max())).all():
             return found
     return None
+
+
+def _inequalities(problem: QuadraticProgram) -> tuple[Array, Array]:
+    """Return all rows and bounds C x <= d."""
+    bounds = np.concatenate([problem.bounds, problem.upper, -problem.lower])
+    unit = np.eye(len(problem.gradient))
+    kept = bounds < np.inf
+    return np.concatenate([problem.rows, unit, -unit])[kept], bounds[kept]
+
+
+def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
+    """Return an orthonormal basis (n, f) of what the equalities leave free, and one solution."""
+    n = len(problem.gradient)
+    if problem.equality is None:
+        return np.eye(n), np.zeros(n)
+    k = len(problem.equality)
+    packed, tau, _, _ = lapack.dgeqrf(np.asfortranarray(problem.equality.T))
+    square = np.zeros((n, n), order='F')
+    square[:, :k] = packed
+    basis, _, _ = lapack.dorgqr(square, np.append(tau, np.zeros(n - k)))
+    start, _ = lapack.dtrtrs(packed[:k], problem.target, trans=1)
+    return basis[:, k:], basis[:, :k] @ start
+
+
+def _least_distance(turned: Array, room: Array, size: float, relaxation: float) -> Array | None:
+    """
+    Return the y (f,) of the least length with y . column <= room for each column.
+
+    :param turned: (f, l) columns.
+    :param room: (l,)
+    :param size: an estimate of that length.
+    :param relaxation: by which the search for the active constraints sets the bounds apart.
+    """
+    lengths = np.sqrt(np.einsum('fl,fl->l', turned, turned))
+    kept = lengths > PARALLEL * lengths.max(initial=0.0)
+    columns, room = turned[:, kept] / lengths[kept], room[kept] / lengths[kept]
+    if (room >= -relaxation * size).all():
+        return np.zeros(len(turned))
+    size = max(size, -room.min(initial=0.0))
+    matrix = np.concatenate([-columns, -room[None] / size])
+    if relaxation:
+        matrix[-1] -= relaxation * (1.0 + np.arange(len(room)) * GOLDEN_RATIO % 1.0)
+    corner = np.zeros(len(matrix))
+    corner[-1] = 1.0
+    try:
+        weights, _ = nnls(matrix, corner, maxiter=MAX_EXCHANGES)
+    except RuntimeError:
+        return None
+    active = weights > 0.0
+    left = corner - matrix[:, active] @ weights[active]
+    # What is left is at right angles to what is not; nothing is where constraints contradict.
+    if not np.finfo(float).eps < left[-1] <= 1.0 or abs(left @ left - left[-1]) > ACCURACY:
+        return None
+    # The shortest y at these bounds: directions of very different stiffness keep their digits.
+    shortest = columns[:, active].T
+    target = np.zeros((max(shortest.shape), 1))
+    target[: len(shortest), 0] = room[active]
+    pivots = np.zeros(shortest.shape[1], dtype=np.intc)
+    _, found, _, _, failed = lapack.dgelsy(shortest, target, pivots, PARALLEL, 16 * len(target))
+    return None if failed else found[: shortest.shape[1], 0]

@@ -19,11 +19,10 @@ from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.qp import installed_solvers, solve_qp
+from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.settings import DEFAULT, SearchSettings
 from isotruss_ros.core.safety.distances import collision_model, object_gaps, ObjectGaps
 import numpy as np
-import qpsolvers
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,20 +200,20 @@ def _solve(hessian: Array, linear: Array, parts: list[Part], longest: float) -> 
     matrix = np.concatenate([part.matrix for part in parts])
     lower = np.concatenate([part.lower for part in parts])
     upper = np.concatenate([part.upper for part in parts])
-    below, above = np.isfinite(lower), np.isfinite(upper)
     bounds = np.full(len(linear), longest)
-    problem = qpsolvers.Problem(
-        hessian,
-        linear,
-        np.concatenate([matrix[above], -matrix[below]]),
-        np.concatenate([upper[above], -lower[below]]),
-        lb=-bounds,
-        ub=bounds,
+    found = solve_qp(
+        QuadraticProgram(
+            hessian,
+            linear,
+            np.concatenate([matrix, -matrix]),
+            np.concatenate([upper, -lower]),
+            -bounds,
+            bounds,
+        )
     )
-    found = solve_qp(problem)
     if found is not None:
         return found
     raise SolverError(
-        f'{", ".join(installed_solvers())} found no step of the rollers; '
+        'no step of the rollers keeps the bounds; '
         'the configuration is probably close to a singular one'
     )

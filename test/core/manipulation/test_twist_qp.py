@@ -1,14 +1,12 @@
-"""The quadratic programs: with every installed solver, and for solutions known by hand."""
+"""The quadratic programs of the twist: solutions known by hand, and their conditions."""
 
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import Grasp, load_robot, solve_twist, SolverError, tangent_center
+from isotruss_ros.core import solve_twist, SolverError
+from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.manipulation.task import least_cost
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES
-from isotruss_ros.core.numerics import qp
-from isotruss_ros.core.numerics.qp import installed_solvers
 import numpy as np
 import pytest
-import qpsolvers
 import robots
 from scipy.optimize import linprog
 
@@ -83,60 +81,18 @@ def test_maximize_progress_returns_zero_where_nothing_may_move():
     assert s == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    'solver', [name for name in qp.PREFERRED if name in qpsolvers.available_solvers]
-)
-def test_every_installed_solver_finds_the_same_rollers(solver, monkeypatch):
-    rng = np.random.default_rng(7)
-    robot = load_robot('nine_member')
-    module = 'east/Q'
-    for _ in range(10):
-        config = robots.random_state(robot, rng, reach=0.1)
-        grasp = Grasp(module, tangent_center(config, module, 0.3), 0.3)
-        for size in (0.01, 0.3, 100.0):
-            twist = size * rng.standard_normal(3)
-            wanted = solve_twist(config, grasp, twist)
-            with monkeypatch.context() as patch:
-                patch.setattr(qp, 'installed_solvers', lambda: (solver,))
-                found = solve_twist(config, grasp, twist)
-            assert found.scale == pytest.approx(wanted.scale, rel=1e-5)
-            assert found.roller_velocities == pytest.approx(wanted.roller_velocities, abs=1e-6)
-            assert found.status is wanted.status
-            assert found.limiting == wanted.limiting
+def test_smaller_penalties_are_tried_before_an_error(monkeypatch):
+    tried = []
 
+    def failing(problem):
+        tried.append(-problem.gradient[-1])
 
-def test_solvers_are_tried_in_turn(monkeypatch):
-    asked = []
-
-    def failing(problem, solver, **options):
-        asked.append(solver)
-        found = qpsolvers.Solution(problem)
-        found.x = None if len(asked) == 1 else np.full(len(problem.q), np.nan)
-        return found
-
-    monkeypatch.setattr(qp, 'installed_solvers', lambda: ('daqp', 'quadprog'))
-    monkeypatch.setattr(qpsolvers, 'solve_problem', failing)
-    with pytest.raises(SolverError, match='daqp, quadprog found no solution'):
+    monkeypatch.setattr(twist_qp, 'solve_qp', failing)
+    with pytest.raises(SolverError, match='close to a singular one'):
         maximize_progress(
             np.eye(1), np.eye(1), np.ones(1), 1.0, np.eye(1), -np.ones(1), np.ones(1)
         )
-    assert asked == ['daqp', 'quadprog'] * len(PENALTIES)
-
-
-def test_missing_solver_is_named(monkeypatch):
-    monkeypatch.setattr(qpsolvers, 'available_solvers', ['osqp'])
-    installed_solvers.cache_clear()
-    try:
-        with pytest.raises(SolverError, match='install one of daqp, '):
-            installed_solvers()
-    finally:
-        installed_solvers.cache_clear()
-
-
-def test_best_installed_solver_comes_first():
-    names = installed_solvers()
-    assert list(names) == [n for n in qp.PREFERRED if n in qpsolvers.available_solvers]
-    assert names
+    assert tuple(tried) == PENALTIES
 
 
 @robots.examples(20)

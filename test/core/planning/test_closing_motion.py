@@ -163,14 +163,14 @@ def test_the_two_weakest_modes_get_no_weaker_where_they_are_too_weak(seed):
         assert ((ahead - back) / 2e-4 > -1e-3).all()
 
 
-def test_a_step_that_no_solver_finds_is_an_error(monkeypatch):
+def test_a_step_without_a_solution_is_an_error(monkeypatch):
     config, (closing, _), _ = tasks(0)
     place, targets = (
         evaluate_state(config, closing.cylinder),
         np.full(len(closing.members), STANDOFF),
     )
     monkeypatch.setattr(closing_program, 'solve_qp', lambda problem: None)
-    with pytest.raises(SolverError, match='found no step of the rollers'):
+    with pytest.raises(SolverError, match='no step of the rollers keeps the bounds'):
         solve_step(place, closing, targets, 1.0)
 
 

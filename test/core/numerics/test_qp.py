@@ -1,0 +1,159 @@
+"""The quadratic program: solutions known by hand, conditions of optimality, other solvers."""
+
+from hypothesis import given, strategies
+from isotruss_ros.core.numerics import qp
+from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
+import numpy as np
+import pytest
+import robots
+from scipy.optimize import lsq_linear, nnls
+
+PEERS = ('daqp', 'quadprog', 'proxqp')
+
+
+def free(n):
+    """Return rows, bounds, lower and upper of n variables without inequalities."""
+    return np.zeros((0, n)), np.zeros(0), np.full(n, -np.inf), np.full(n, np.inf)
+
+
+def random_program(rng, n, degenerate=False):
+    """Return a program that x = 0 is admissible for; many limits may meet there."""
+    root = rng.standard_normal((n, n)) + np.eye(n)
+    k, count = int(rng.integers(0, n)), int(rng.integers(0, 30))
+    rows = rng.standard_normal((count, n))
+    bounds = rng.uniform(0.0, 1.0, count)
+    lower, upper = -rng.uniform(0.0, 2.0, n), rng.uniform(0.0, 2.0, n)
+    if degenerate:
+        bounds[rng.random(count) < 0.7] = 0.0
+        upper[rng.random(n) < 0.3] = 0.0
+        rows[: count // 2] = rows[::-1][: count // 2]
+    equality = rng.standard_normal((k, n)) if k else None
+    return QuadraticProgram(
+        root.T @ root + 1e-3 * np.eye(n),
+        10.0 * rng.standard_normal(n),
+        rows,
+        bounds,
+        lower,
+        upper,
+        equality,
+        np.zeros(k) if k else None,
+    )
+
+
+def check_optimality(program, x):
+    """Check feasibility, and that multipliers of the right sign balance the gradient."""
+    n = len(x)
+    rows = np.concatenate([program.rows, np.eye(n), -np.eye(n)])
+    bounds = np.concatenate([program.bounds, program.upper, -program.lower])
+    room = bounds - rows @ x
+    assert room.min() >= -1e-8
+    columns, low = [rows[room < 1e-7].T], [np.zeros((room < 1e-7).sum())]
+    if program.equality is not None:
+        assert program.equality @ x == pytest.approx(program.target, abs=1e-8)
+        columns.append(program.equality.T)
+        low.append(np.full(len(program.equality), -np.inf))
+    slope = program.hessian @ x + program.gradient
+    matrix, low = np.concatenate(columns, axis=1), np.concatenate(low)
+    left = slope
+    if matrix.shape[1]:
+        found = lsq_linear(matrix, -slope, (low, np.inf), method='bvls', tol=1e-14)
+        left = slope + matrix @ found.x
+    assert np.abs(left).max() <= 1e-6 * (1.0 + np.abs(program.gradient).max())
+
+
+def test_minimum_without_constraints():
+    found = solve_qp(QuadraticProgram(np.diag([2.0, 8.0]), np.array([-2.0, 8.0]), *free(2)))
+    assert found == pytest.approx([1.0, -1.0])
+
+
+def test_nearest_point_of_a_half_plane():
+    rows = np.array([[3.0, 4.0]])
+    program = QuadraticProgram(np.eye(2), np.zeros(2), rows, np.array([-5.0]), *free(2)[2:])
+    assert solve_qp(program) == pytest.approx([-0.6, -0.8])
+
+
+def test_an_equality_and_a_bound():
+    # x + y = 2 with x <= 0.5; without the bound both are 1.
+    _, _, lower, upper = free(2)
+    upper[0] = 0.5
+    program = QuadraticProgram(
+        np.eye(2),
+        np.zeros(2),
+        *free(2)[:2],
+        lower,
+        upper,
+        np.array([[1.0, 1.0]]),
+        np.array([2.0]),
+    )
+    assert solve_qp(program) == pytest.approx([0.5, 1.5], abs=1e-12)
+
+
+def test_contradicting_constraints_have_no_solution():
+    rows = np.array([[1.0, 0.0], [-1.0, 0.0]])
+    bounds = np.array([-1.0, -1.0])
+    assert solve_qp(QuadraticProgram(np.eye(2), np.ones(2), rows, bounds, *free(2)[2:])) is None
+
+
+def test_a_cost_that_is_not_convex_has_no_solution():
+    assert solve_qp(QuadraticProgram(np.diag([1.0, -1.0]), np.ones(2), *free(2))) is None
+
+
+@robots.examples(200)
+@given(robots.generators(), strategies.integers(2, 9), strategies.booleans())
+def test_solutions_are_optimal(rng, n, degenerate):
+    program = random_program(rng, n, degenerate)
+    check_optimality(program, solve_qp(program))
+
+
+@robots.examples(50)
+@given(robots.generators(), strategies.integers(2, 9))
+def test_a_search_that_goes_wrong_at_a_corner_starts_again(rng, n):
+    program = random_program(rng, n, degenerate=True)
+    expected = solve_qp(program)
+    calls = []
+
+    def wrong(matrix, target, maxiter):
+        calls.append(matrix)
+        weights, left = nnls(matrix, target, maxiter)
+        return (weights + 1.0 if len(calls) == 1 else weights), left
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(qp, 'nnls', wrong)
+        found = solve_qp(program)
+    assert found == pytest.approx(expected, abs=1e-6)
+
+
+def test_exchanges_without_end_are_no_solution(monkeypatch):
+    def endless(matrix, target, maxiter):
+        raise RuntimeError('too many iterations')
+
+    monkeypatch.setattr(qp, 'nnls', endless)
+    assert solve_qp(random_program(np.random.default_rng(3), 6)) is None
+
+
+@pytest.mark.parametrize('peer', PEERS)
+def test_other_solvers_find_the_same(peer):
+    # Installed by requirements.txt: daqp and quadprog; none of them comes with ROS.
+    qpsolvers = pytest.importorskip('qpsolvers', reason='pip install qpsolvers daqp quadprog')
+    if peer not in qpsolvers.available_solvers:
+        pytest.skip(f'{peer} is not installed: pip install qpsolvers {peer}')
+    rng = np.random.default_rng(11)
+    options = {'daqp': {'primal_tol': 1e-10}, 'proxqp': {'eps_abs': 1e-10, 'eps_rel': 0.0}}
+    for _ in range(300):
+        program = random_program(rng, int(rng.integers(2, 9)))
+        expected = qpsolvers.solve_problem(
+            qpsolvers.Problem(
+                program.hessian,
+                program.gradient,
+                program.rows,
+                program.bounds,
+                program.equality,
+                program.target,
+                program.lower,
+                program.upper,
+            ),
+            peer,
+            **options.get(peer, {}),
+        ).x
+        if expected is not None:
+            assert solve_qp(program) == pytest.approx(expected, abs=1e-6)
