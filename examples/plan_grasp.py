@@ -10,7 +10,8 @@ plan = core.plan_grasps(robot.home, item, needs, seed=0)
 if plan:
     grasp = plan[0]
     print(grasp.grasp.module, 'by', *grasp.members)
-    print(f'margin {grasp.closure_margin:.3f} N, {len(grasp.path)} waypoints')
+    print(f'squeeze {grasp.squeeze:.1f} N, slip margin {grasp.slip_margin:.1f} N')
+    print(len(grasp.path), 'waypoints')
     for name, travel in zip(robot.roller_names, grasp.path[-1], strict=True):
         print(f'{name:8} {travel:+.3f} m')
 else:

@@ -28,11 +28,23 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument('--module', help='the module t/j that is to grip; any if left out')
     group.add_argument(
+        '--squeeze',
+        type=float,
+        metavar='N',
+        help='normal force of each of two grasping members [N]; the best one if left out',
+    )
+    group.add_argument(
+        '--min-slip-margin',
+        type=float,
+        default=usual.min_slip_margin,
+        metavar='N',
+        help='wrench at which a member slips, the object free [N]',
+    )
+    group.add_argument(
         '--min-margin',
         type=float,
-        default=usual.min_margin,
         metavar='N',
-        help='closure margin [N]',
+        help='closure margin of the object held fast [N]; open grasps too if left out',
     )
     group.add_argument(
         '--max-contact-force',
@@ -93,6 +105,8 @@ def requirements(options: argparse.Namespace) -> GraspRequirements:
         friction=options.friction,
         external_wrench=tuple(options.external_wrench),
         module=options.module,
+        squeeze=options.squeeze,
+        min_slip_margin=options.min_slip_margin,
         min_margin=options.min_margin,
         max_contact_force=options.max_contact_force,
         max_total_force=options.max_total_force,

@@ -11,8 +11,9 @@ from rich.table import Table
 
 #: Heading, factor and format of each figure of a grasp in the table.
 COLUMNS = {
-    'closure_margin': ('margin\n[mN]', 1e3, '{:.3f}'),
-    'required_friction': ('required\nfriction', 1.0, '{:.4f}'),
+    'squeeze': ('squeeze\n[N]', 1.0, '{:.2f}'),
+    'slip_margin': ('slips at\n[N]', 1.0, '{:.2f}'),
+    'closure_margin': ('held fast\n[mN]', 1e3, '{:.3f}'),
     'max_contact_force': ('contact\nforce [N]', 1.0, '{:.2f}'),
     'total_force': ('total\nforce [N]', 1.0, '{:.2f}'),
     'utilisation': ('moment /\nwrinkling', 1.0, '{:.2f}'),

@@ -26,7 +26,7 @@ def goal(center=CENTER, frame='truss', **fields):
     pose = PoseStamped()
     pose.header.frame_id = frame
     pose.pose.position.x, pose.pose.position.y = center
-    return PlanGrasp.Goal(object_pose=pose, **({'object_diameter': DIAMETER} | fields))
+    return PlanGrasp.Goal(**({'object_pose': pose, 'object_diameter': DIAMETER} | fields))
 
 
 class Client:

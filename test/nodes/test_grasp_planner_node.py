@@ -57,13 +57,16 @@ def torque(z):
         ({'friction': -0.1}, 'friction: -0.1: must be a number, not negative'),
         ({'friction': math.inf}, 'friction: inf'),
         ({'external_wrench': torque(math.nan)}, 'torque.z must be finite'),
+        ({'object_pose': PoseStamped()}, 'object_pose: missing'),
+        ({'squeeze': -1.0}, 'squeeze: -1.0'),
+        ({'min_slip_margin': math.nan}, 'min_slip_margin: nan'),
         ({'module': 'north/Q'}, "module 'north/Q': robot nine_member has no such module"),
         ({'module': 'x' * 10_000}, 'module .{1,90}: robot nine_member has no such module'),
         ({'min_margin': math.nan}, 'min_margin: nan'),
         ({'max_contact_force': -1.0}, 'max_contact_force: -1.0'),
         ({'max_total_force': math.nan}, 'max_total_force: nan'),
         ({'min_rigidity': -1.0}, 'min_rigidity: -1.0'),
-        ({'measure': 'beauty' * 1000}, 'measure .{1,90}: must be one of closure_margin'),
+        ({'measure': 'beauty' * 1000}, 'measure .{1,90}: must be one of slip_margin'),
         ({'measure': 'stiffness'}, 'direction: .0, 0, 0.: must say along what'),
         ({'direction': np.array([math.nan, 0.0, 0.0])}, 'direction'),
         ({'count': 0}, 'count 0: must be from 1 to 1000'),
@@ -114,6 +117,8 @@ def test_reads_every_requirement():
         count=2,
     )
     assert (arguments.seed, arguments.time_limit) == (5, 3.0)
+    held = read_goal(goal(squeeze=14.0, min_slip_margin=2.0), ROBOT).requirements
+    assert (held.squeeze, held.min_slip_margin, held.min_margin) == (14.0, 2.0, None)
     assert read_goal(goal(), ROBOT).requirements == GraspRequirements(count=3)
 
 

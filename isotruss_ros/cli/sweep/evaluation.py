@@ -31,6 +31,8 @@ class SweepResult:
     :ivar module: grip module of the best grasp; empty without one.
     :ivar members: members in contact in the best grasp.
     :ivar score: of the best grasp, by the measure.
+    :ivar squeeze: of the best grasp [N].
+    :ivar slip_margin: of the best grasp [N].
     :ivar closure_margin: of the best grasp [N].
     :ivar required_friction: of the best grasp.
     :ivar max_contact_force: of the best grasp [N].
@@ -58,6 +60,8 @@ class SweepResult:
     module: str = ''
     members: tuple[str, ...] = ()
     score: float | None = None
+    squeeze: float | None = None
+    slip_margin: float | None = None
     closure_margin: float | None = None
     required_friction: float | None = None
     max_contact_force: float | None = None

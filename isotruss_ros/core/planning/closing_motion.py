@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closing_qp import (
     Closing,
@@ -18,9 +19,12 @@ from isotruss_ros.core.planning.closing_qp import (
     SearchState,
     solve_step,
 )
+from isotruss_ros.core.planning.grasp_plan import Violation
 import numpy as np
 
 GAP_ROUNDING = 1e-12  # [m]
+#: Gaps are brought to their targets to this [m].
+GAP_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +83,46 @@ def take_closing_step(
             larger = 2.0 * share if halving == 0 else share * 0.5**halving
             return Step(there, halving + 1, min(1.0, larger))
     return Step(state, halvings, share, blocked)
+
+
+@dataclass(frozen=True, eq=False)
+class Pressing:
+    """
+    What came of pressing the grasping members on the object.
+
+    :ivar config: with the indentations asked for; None if there is none.
+    :ivar evaluations: number of configurations that were computed.
+    :ivar violation: the requirement that stopped the motion; None if none did.
+    """
+
+    config: Configuration | None
+    evaluations: int
+    violation: Violation | None = None
+
+
+def press(config: Configuration, closing: Closing, depths: Array) -> Pressing:
+    """
+    Bring the grasping members to given indentations; the object stands still.
+
+    :param config: where to begin.
+    :param closing: what closes.
+    :param depths: (s,) indentation of each grasping member [m].
+    :raises SolverError: a quadratic program was not solved.
+    """
+    state = evaluate_state(config, closing.cylinder)
+    members, share, evaluations, left = list(closing.members), 1.0, 0, np.inf
+    for _ in range(closing.settings.max_press_steps):
+        left = float(np.abs(state.gaps.members[members] + depths).max())
+        if left <= GAP_TOLERANCE:
+            return Pressing(state.config, evaluations)
+        step = take_closing_step(state, closing, -depths, share)
+        evaluations += step.evaluations
+        if step.blocked:
+            name, value = step.blocked
+            violation = Violation(name, value, closing.bound(name), 50.0)
+            return Pressing(None, evaluations, violation)
+        state, share = step.state, step.share
+    return Pressing(None, evaluations, Violation('reach', left, 0.0, 40.0 + left))
 
 
 def _gaps(state: SearchState) -> Array:

@@ -18,6 +18,8 @@ def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
         'members': list(grasp.members),
         'roller_positions': grasp.roller_positions.tolist(),
         'score': grasp.score,
+        'squeeze': grasp.squeeze,
+        'slip_margin': grasp.slip_margin,
         'closure_margin': grasp.closure_margin,
         'required_friction': grasp.required_friction,
         'max_contact_force': grasp.max_contact_force,

@@ -12,10 +12,12 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.approach import Approach
+from isotruss_ros.core.planning.closed_grip import ClosedGrip
+from isotruss_ros.core.planning.closing_in_place import ClosingInPlace
 from isotruss_ros.core.planning.closing_qp import Closing
 from isotruss_ros.core.planning.grasp_plan import Violation
-from isotruss_ros.core.planning.requirements import GraspRequirements, Measure
-from isotruss_ros.core.planning.squeeze import Pressed, Squeeze
+from isotruss_ros.core.planning.requirements import GraspRequirements
+from isotruss_ros.core.planning.squeeze import Squeeze
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 
@@ -46,7 +48,10 @@ class Squeezed:
 
     :ivar positions: (k, r) roller positions from the touch to the grasp [m]; none if it is none.
     :ivar points: (n,) nodes in the grasp [m].
+    :ivar center: of the object in the grasp, x and y [m].
     :ivar analysis: of the grasp; None if it is none.
+    :ivar squeeze: mean normal force of the grasping members [N].
+    :ivar slip_margin: see `PlannedGrasp` [N].
     :ivar rigidity: the least from the touch to the grasp.
     :ivar violation: the requirement that it violates; None if it is a grasp.
     :ivar evaluations: configurations that were computed.
@@ -55,27 +60,14 @@ class Squeezed:
 
     positions: Array
     points: Points
+    center: tuple[float, float]
     analysis: GraspAnalysis | None
+    squeeze: float
+    slip_margin: float
     rigidity: float
     violation: Violation | None
     evaluations: int
     analysed: int
-
-    def score(self, requirements: GraspRequirements, travel: float) -> float:
-        """
-        Return the score of the grasp; larger is better.
-
-        :param requirements: with the measure.
-        :param travel: length of the whole path [m].
-        """
-        if requirements.measure is Measure.TRAVEL:
-            return -travel
-        if requirements.measure is Measure.TOTAL_FORCE:
-            return -float(self.analysis.normal_forces.sum())
-        if requirements.measure is Measure.STIFFNESS:
-            along = np.array(requirements.direction) / np.linalg.norm(requirements.direction)
-            return float(along @ self.analysis.stiffness @ along)
-        return self.analysis.closure_margin
 
 
 def make_grasp_candidate(approached: Approach, requirements: GraspRequirements) -> GraspCandidate:
@@ -94,34 +86,49 @@ def make_grasp_candidate(approached: Approach, requirements: GraspRequirements) 
 
 def squeeze_candidate(candidate: GraspCandidate) -> Squeezed:
     """
-    Find the indentations at which a candidate is a grasp, in any process.
+    Find how hard a candidate must press to be a grasp, in any process.
+
+    Two members close in place on a free object. One that the ground holds, and three members, are
+    pressed on it as it lies.
 
     :param candidate: the open grip.
     """
     robot = _robot(candidate.robot)
     opened = Configuration(robot, candidate.positions, candidate.points)
-    search = Squeeze(opened, candidate.closing, candidate.requirements)
-    pressed: Pressed | None = None
-    path: tuple[Configuration, ...] = ()
+    pair = len(candidate.closing.members) == 2
+    kind = ClosingInPlace if pair and candidate.requirements.object_is_free else Squeeze
+    search: ClosingInPlace | Squeeze = kind(opened, candidate.closing, candidate.requirements)
+    found: ClosedGrip | None = None
     try:
-        pressed = search.search()
-        path = search.closing_path(pressed) if pressed is not None else ()
+        found = search.close()
     except IsotrussError as error:
         # A candidate that cannot be computed is none; what was found out before still counts.
         search.closest_violation = search.closest_violation or Violation(
             str(error), 0.0, 0.0, 100.0
         )
-    if pressed is None or not path:
+    if found is None:
         nothing = np.empty((0, len(candidate.positions)))
         violation = search.closest_violation or Violation('path', 0.0, 1.0, 60.0)
         return Squeezed(
-            nothing, opened.points, None, 0.0, violation, search.evaluations, search.analyses
+            nothing,
+            opened.points,
+            candidate.closing.cylinder.center,
+            None,
+            0.0,
+            0.0,
+            0.0,
+            violation,
+            search.evaluations,
+            search.analyses,
         )
     return Squeezed(
-        np.array([config.roller_positions for config in path]),
-        pressed.config.points,
-        pressed.analysis,
-        min(shape_margins(config).rigidity for config in path),
+        np.array([config.roller_positions for config in found.path]),
+        found.path[-1].points,
+        found.center,
+        found.analysis,
+        found.squeeze,
+        found.slip_margin,
+        min(shape_margins(config).rigidity for config in found.path),
         None,
         search.evaluations,
         search.analyses,

@@ -39,7 +39,11 @@ class PlannedGrasp:
     :ivar config: configuration of the robot in the grasp.
     :ivar analysis: of the grasp.
     :ivar score: of the measure asked for; larger is better.
-    :ivar closure_margin: see `GraspAnalysis.closure_margin` [N].
+    :ivar squeeze: mean normal force of the grasping members on the free object [N].
+    :ivar slip_margin: smallest wrench, moment over d/2, at which a contact slips or lets go, the
+        object free; zero where more than two members hold it [N].
+    :ivar closure_margin: see `GraspAnalysis.closure_margin`: of the object held fast; negative
+        where that is open, which an object that is free does not mind [N].
     :ivar required_friction: see `GraspAnalysis.required_friction`.
     :ivar max_contact_force: largest sum of the normal forces of one member [N].
     :ivar total_force: sum of the normal forces [N].
@@ -56,6 +60,8 @@ class PlannedGrasp:
     config: Configuration
     analysis: GraspAnalysis
     score: float
+    squeeze: float
+    slip_margin: float
     closure_margin: float
     required_friction: float
     max_contact_force: float
@@ -142,6 +148,10 @@ SENTENCES = {
     'rigidity': 'along the path the rigidity index falls to {value:.3g}; must be {bound:.3g}',
     'self_clearance': 'along the path the clearance of the robot from itself is {value:.4g} m',
     'object_clearance': 'a part that must not touch comes within {value:.4g} m of the object',
+    'held': 'no pose near the object balances the forces of the members',
+    'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
+    'in_place': 'the rollers cannot close and leave the object in place: it moves {value:.4g} m',
+    'min_slip_margin': 'the slip margin is {value:.4g} N, and must be {bound:.4g} N',
     'force_closure': 'it takes a friction coefficient of {value:.4g}, there is {bound:.4g}',
     'min_margin': 'the closure margin is {value:.4g} N, and must be {bound:.4g} N',
     'max_contact_force': 'one member presses with {value:.4g} N; must be at most {bound:.4g} N',
@@ -177,9 +187,9 @@ def grasp_in_words(grasp: PlannedGrasp) -> str:
     """
     outside = '; a tube wrinkles, these numbers are outside of the model'
     return (
-        f'at {grasp.grasp.module} between {", ".join(grasp.members)}: closure margin '
-        f'{1e3 * grasp.closure_margin:.3g} mN, needs friction {grasp.required_friction:.3g}, '
-        f'presses with {grasp.total_force:.3g} N, tubes bear {grasp.utilisation:.2g} of their '
+        f'at {grasp.grasp.module} between {", ".join(grasp.members)}: presses with '
+        f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, closure margin held '
+        f'fast {1e3 * grasp.closure_margin:.3g} mN, tubes bear {grasp.utilisation:.2g} of their '
         f'wrinkling moment{outside if grasp.utilisation > 1.0 else ""}'
     )
 

@@ -25,7 +25,7 @@ from isotruss_ros.core.planning.grasp_candidate import (
     Squeezed,
 )
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, Violation
-from isotruss_ros.core.planning.requirements import GraspRequirements
+from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.settings import DEFAULT, SearchSettings
 from isotruss_ros.core.safety.distances import object_gaps
@@ -213,12 +213,14 @@ class _Search:
         analysis = squeezed.analysis
         return PlannedGrasp(
             grasp=Grasp(
-                robot.module_names[closing.module], self._cylinder.center, self._cylinder.diameter
+                robot.module_names[closing.module], squeezed.center, self._cylinder.diameter
             ),
             members=tuple(analysis.contact_lengths),
             config=Configuration(robot, path[-1], squeezed.points),
             analysis=analysis,
-            score=squeezed.score(self._needs, travel),
+            score=rate_grasp(self._needs, analysis, squeezed.slip_margin, -travel),
+            squeeze=squeezed.squeeze,
+            slip_margin=squeezed.slip_margin,
             closure_margin=analysis.closure_margin,
             required_friction=analysis.required_friction,
             max_contact_force=max(analysis.contact_forces.values()),

@@ -7,8 +7,10 @@ from enum import Enum
 import math
 
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.numerics.arrays import finite_array
+import numpy as np
 
 #: Smallest rigidity index along the path, 1 at home.
 MIN_RIGIDITY = 0.15
@@ -17,7 +19,8 @@ MIN_RIGIDITY = 0.15
 class Measure(str, Enum):
     """What the grasps are ranked by; of each, more is better."""
 
-    CLOSURE_MARGIN = 'closure_margin'  #: friction in reserve [N]
+    SLIP_MARGIN = 'slip_margin'  #: wrench at which a contact slips, the object free [N]
+    CLOSURE_MARGIN = 'closure_margin'  #: friction in reserve, the object held fast [N]
     TOTAL_FORCE = 'total_force'  #: the less the tubes press, the better [N]
     TRAVEL = 'travel'  #: the shorter the path of the rollers, the better [m]
     STIFFNESS = 'stiffness'  #: against a motion of the object along `direction` [N/m]
@@ -31,7 +34,12 @@ class GraspRequirements:
     :ivar friction: coefficient between tube and object, not negative.
     :ivar external_wrench: (fx, fy, m) on the object about its centre [N, N m].
     :ivar module: the module `t/j` whose two members are to grip; any if None.
-    :ivar min_margin: closure margin, see `GraspAnalysis.closure_margin`, not negative [N].
+    :ivar squeeze: normal force of each grasping member, positive [N]; the one that is best by
+        `measure` if None.
+    :ivar min_slip_margin: see `SettledGrasp.slip_margin`, not negative [N].
+    :ivar min_margin: closure margin of the object held fast, see `GraspAnalysis.closure_margin`,
+        not negative [N]; None where only the free object counts. With neither a squeeze nor a
+        slip margin given, the ground holds the object while the members press.
     :ivar max_contact_force: sum of the normal forces of one member on the object [N].
     :ivar max_total_force: sum of all normal forces on the object [N].
     :ivar max_utilisation: largest bending moment of any member over its wrinkling moment; above 1
@@ -48,14 +56,16 @@ class GraspRequirements:
     friction: float = 0.5
     external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)
     module: str | None = None
-    min_margin: float = 0.0
+    squeeze: float | None = None
+    min_slip_margin: float = 0.0
+    min_margin: float | None = None
     max_contact_force: float = math.inf
     max_total_force: float = math.inf
     max_utilisation: float = MAX_UTILISATION
     min_rigidity: float = MIN_RIGIDITY
     min_length: float | None = None
     max_length: float | None = None
-    measure: Measure = Measure.CLOSURE_MARGIN
+    measure: Measure = Measure.SLIP_MARGIN
     direction: tuple[float, float, float] = (0.0, 1.0, 0.0)
     count: int = 3
 
@@ -68,6 +78,8 @@ class GraspRequirements:
             value = getattr(self, field.name)
             if field.type in ('float', 'float | None') and value is not None:
                 self._check_number(field.name, value)
+        if self.squeeze == 0.0:
+            raise GraspError('requirement squeeze: 0: must be positive, or None for the best')
         if isinstance(self.count, bool) or not isinstance(self.count, int) or self.count < 1:
             raise GraspError(f'requirement count: {self.count!r}: must be 1 or more')
         try:
@@ -82,6 +94,11 @@ class GraspRequirements:
                 'requirement direction: (0, 0, 0): must say along what the grasp is to be stiff'
             )
 
+    @property
+    def object_is_free(self) -> bool:
+        """Return whether nothing but the members holds the object while they close."""
+        return self.min_margin is None or self.squeeze is not None or self.min_slip_margin > 0.0
+
     def _check_number(self, name: str, value: float) -> None:
         bounded = not name.startswith('max_') or name == 'max_length'
         usable = isinstance(value, (int, float)) and not isinstance(value, bool)
@@ -90,3 +107,26 @@ class GraspRequirements:
                 f'requirement {name}: {value!r}: must be a number, not negative'
                 + (', and finite' if bounded else '')
             )
+
+
+def rate_grasp(
+    needs: GraspRequirements, analysis: GraspAnalysis, slip_margin: float, shortness: float
+) -> float:
+    """
+    Return the score of a grasp by the measure; larger is better.
+
+    :param needs: the requirements, with the measure.
+    :param analysis: of the grasp.
+    :param slip_margin: of the free object [N].
+    :param shortness: the larger, the shorter is the path.
+    """
+    if needs.measure is Measure.TRAVEL:
+        return shortness
+    if needs.measure is Measure.TOTAL_FORCE:
+        return -float(analysis.normal_forces.sum())
+    if needs.measure is Measure.STIFFNESS:
+        along = np.array(needs.direction) / np.linalg.norm(needs.direction)
+        return float(along @ analysis.stiffness @ along)
+    if needs.measure is Measure.CLOSURE_MARGIN:
+        return analysis.closure_margin
+    return slip_margin

@@ -58,6 +58,8 @@ def find_seeds(
         for i in modules
         for share in settings.openings
     ]
+    if requirements.squeeze is not None or requirements.min_slip_margin > 0.0:
+        return pairs  # both are of two members on a free object
     return [*pairs, *_enclosing(draft, modules)]
 
 

@@ -36,6 +36,11 @@ class SearchSettings:
     :ivar kept_clearance: share of the clearance that remains after a step of finite length.
     :ivar overshoot: of a grasping member beyond its target, against the tube's diameter.
     :ivar max_halvings: how often a step that violates a requirement is halved.
+    :ivar first_contact: indentation with which an object is held first, against the tube's
+        diameter.
+    :ivar squeeze_step: by how much the grip closes from waypoint to waypoint [rad].
+    :ivar max_displacement: of the object while a grip closes whose robot has not the rollers to
+        keep it in place, against the tube's diameter.
     :ivar first_depth: first indentation of the grasping members, against the tube's diameter.
     :ivar depth_range: smallest and largest indentation, against the tube's diameter.
     :ivar max_depths: number of mean indentations.
@@ -74,6 +79,9 @@ class SearchSettings:
     kept_clearance: float = 0.5
     overshoot: float = 0.015
     max_halvings: int = 5
+    first_contact: float = 1e-3
+    squeeze_step: float = 0.03
+    max_displacement: float = 0.25
     first_depth: float = 0.33
     depth_range: tuple[float, float] = (0.03, 0.8)
     max_depths: int = 6

@@ -1,9 +1,10 @@
 """
-The second step of the search: the indentation of each grasping member.
+The second step of the search for an object that the ground holds: how deep each member is.
 
-Two members hold an object between them only where their forces are alike, so one is indented more
-and the other less until friction balances the rest (Newton's method, with secant updates of the
-slopes). Then the mean indentation is adapted to the required margin and forces.
+It lies where it is, as in the paper. Members hold it between them only where their forces balance,
+so one is indented more and the other less until friction balances the rest (Newton's method, with
+secant updates of the slopes). Then the mean indentation is adapted to the required margin and
+forces.
 """
 
 from __future__ import annotations
@@ -11,17 +12,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
+from isotruss_ros.core.grasping.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.planning.closing_motion import take_closing_step
-from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
+from isotruss_ros.core.planning.closed_grip import ClosedGrip
+from isotruss_ros.core.planning.closing_motion import GAP_TOLERANCE, press
+from isotruss_ros.core.planning.closing_qp import Closing
 from isotruss_ros.core.planning.force_balance import Imbalance, imbalance
+from isotruss_ros.core.planning.force_bounds import exceeded_bound
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
-
-#: Gaps are brought to their targets to this [m].
-GAP_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +85,22 @@ class Squeeze:
                 break
         return None
 
+    def close(self) -> ClosedGrip | None:
+        """
+        Return a grip that fulfils the requirements, and the path to it, or None.
+
+        :raises SolverError: a quadratic program, or the contact, was not solved.
+        """
+        pressed = self.search()
+        path = () if pressed is None else self.closing_path(pressed)
+        if pressed is None or not path:
+            return None
+        needs, cylinder = self._needs, self._closing.cylinder
+        mean = float(pressed.analysis.normal_forces.sum()) / len(pressed.depths)
+        freed = settle_grasp(pressed.config, cylinder, needs.friction, needs.external_wrench)
+        margin = freed.slip_margin if freed.held else 0.0
+        return ClosedGrip(path, cylinder.center, pressed.analysis, mean, margin)
+
     def closing_path(self, pressed: Pressed) -> tuple[Configuration, ...]:
         """
         Return the path from where all grasping members touch the object to the grasp.
@@ -107,21 +124,11 @@ class Squeeze:
         :param config: where to begin.
         :param depths: (s,) indentation of each grasping member [m].
         """
-        state = evaluate_state(config, self._closing.cylinder)
-        members, share = list(self._closing.members), 1.0
-        for _ in range(self._closing.settings.max_press_steps):
-            left = float(np.abs(state.gaps.members[members] + depths).max())
-            if left <= GAP_TOLERANCE:
-                return state.config
-            step = take_closing_step(state, self._closing, -depths, share)
-            self.evaluations += step.evaluations
-            if step.blocked:
-                name, value = step.blocked
-                self._record(Violation(name, value, self._closing.bound(name), 50.0))
-                return None
-            state, share = step.state, step.share
-        self._record(Violation('reach', left, 0.0, 40.0 + left))
-        return None
+        pressed = press(config, self._closing, depths)
+        self.evaluations += pressed.evaluations
+        if pressed.violation is not None:
+            self._record(pressed.violation)
+        return pressed.config
 
     def _balance(self, depth: float, shares: Array) -> Pressed | float:
         """
@@ -190,15 +197,9 @@ class Squeeze:
         total = float(analysis.normal_forces.sum())
         if total == 0.0:
             return Violation('force_closure', 0.0, 1.0, 30.0), settings.increase
-        most = {
-            'max_contact_force': max(analysis.contact_forces.values()),
-            'max_total_force': total,
-            'max_utilisation': max(analysis.utilisation.values()),
-        }
-        for name, value in most.items():
-            bound = getattr(needs, name)
-            if value > bound:
-                return Violation(name, value, bound, 1.0 - bound / value), 0.95 * bound / value
+        over = exceeded_bound(needs, analysis)
+        if over is not None:
+            return over, 0.95 * over.bound / over.value
         friction, margin = analysis.required_friction, analysis.closure_margin
         if not analysis.force_closure or margin < 0.0:
             # Where the plane of friction is all but flat, more indentation widens the contact.
@@ -206,9 +207,10 @@ class Squeeze:
             factor = settings.increase if large else settings.decrease
             distance = 1.0 - margin / total
             return Violation('force_closure', friction, needs.friction, distance), factor
-        if margin < needs.min_margin:
-            short = 1.0 - margin / needs.min_margin
-            return Violation('min_margin', margin, needs.min_margin, short), settings.increase
+        least = needs.min_margin or 0.0
+        if margin < least:
+            short = 1.0 - margin / least
+            return Violation('min_margin', margin, least, short), settings.increase
         return None, 1.0
 
     def _record(self, violation: Violation) -> None:

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from builtin_interfaces.msg import Duration
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
 from isotruss_ros.core import (
@@ -54,9 +54,14 @@ def read_goal(goal: PlanGrasp.Goal, robot: Robot) -> SearchGoal:
 
     :param goal: of the action.
     :param robot: the robot.
-    :raises MessageError: another frame, or a number that is not finite or out of range.
+    :raises MessageError: no pose, another frame, or a number that is not finite or out of range.
     :raises GraspError: an unusable requirement.
     """
+    if goal.object_pose == PoseStamped():
+        raise MessageError(
+            'object_pose: missing; must be the pose of the object, and for one at the origin '
+            f'its frame {robot.frame!r}'
+        )
     check_frame('object pose', goal.object_pose.header, robot.frame)
     position = goal.object_pose.pose.position
     for name, value in (('x', position.x), ('y', position.y), ('diameter', goal.object_diameter)):
@@ -94,7 +99,9 @@ def read_goal(goal: PlanGrasp.Goal, robot: Robot) -> SearchGoal:
             WrenchStamped(wrench=goal.external_wrench), robot.frame
         ),
         module=goal.module or None,
-        min_margin=goal.min_margin,
+        squeeze=goal.squeeze or None,
+        min_slip_margin=goal.min_slip_margin,
+        min_margin=goal.min_margin or None,
         measure=goal.measure,
         count=goal.count,
         **bounds,

@@ -13,8 +13,10 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.planning import grasp_candidate as candidates
 from isotruss_ros.core.planning.approach import approach
+from isotruss_ros.core.planning.closing_in_place import ClosingInPlace
 from isotruss_ros.core.planning.grasp_candidate import make_grasp_candidate, squeeze_candidate
 from isotruss_ros.core.planning.grasp_plan import Violation
+from isotruss_ros.core.planning.requirements import rate_grasp
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.squeeze import Squeeze
 import numpy as np
@@ -47,14 +49,16 @@ def squeezed():
 
 def test_what_was_sent_is_squeezed_as_here():
     needs, there, start = GraspRequirements(), squeezed(), opened().path[-1]
-    search = Squeeze(start, opened().closing, needs)
-    pressed = search.search()
-    way = search.closing_path(pressed)
+    search = ClosingInPlace(start, opened().closing, needs)
+    closed = search.close()
+    positions = np.array([config.roller_positions for config in closed.path])
     assert there.violation is None
-    assert (there.positions == np.array([config.roller_positions for config in way])).all()
-    assert (there.points == pressed.config.points).all()
+    assert (there.positions == positions).all()
+    assert (there.points == closed.path[-1].points).all()
+    assert (there.center, there.squeeze) == (closed.center, closed.squeeze)
+    assert there.slip_margin == closed.slip_margin > 0.0
     assert (there.evaluations, there.analysed) == (search.evaluations, search.analyses)
-    assert (there.analysis.normal_forces == pressed.analysis.normal_forces).all()
+    assert (there.analysis.normal_forces == closed.analysis.normal_forces).all()
 
 
 def test_rows_go_from_the_touch_to_the_grasp_and_rigidity_is_the_least_of_them():
@@ -63,7 +67,7 @@ def test_rows_go_from_the_touch_to_the_grasp_and_rigidity_is_the_least_of_them()
     sides = list(opened().closing.members)
     gaps = np.array([closings.gaps(config, CYLINDER)[0][sides] for config in configs])
     assert gaps[0] == pytest.approx(0.0, abs=1e-5)
-    assert (np.diff(gaps, axis=0) < 0.0).all()
+    assert (np.diff(gaps.mean(axis=1)) < 0.0).all()
     assert configs[-1].points == pytest.approx(there.points)
     rigidities = [closings.rigidity(config) for config in configs]
     assert there.rigidity == pytest.approx(min(rigidities), rel=1e-3)
@@ -74,8 +78,8 @@ def test_rows_go_from_the_touch_to_the_grasp_and_rigidity_is_the_least_of_them()
 def test_what_is_no_grasp_says_what_it_misses_and_what_it_took():
     needs = GraspRequirements(max_total_force=1e-3)
     there = squeeze_candidate(sent(needs))
-    search = Squeeze(opened().path[-1], opened().closing, needs)
-    assert search.search() is None
+    search = ClosingInPlace(opened().path[-1], opened().closing, needs)
+    assert search.close() is None
     assert there.positions.shape == (0, 2)
     assert there.analysis is None
     assert (there.violation.requirement, there.violation.bound) == ('max_total_force', 1e-3)
@@ -85,11 +89,11 @@ def test_what_is_no_grasp_says_what_it_misses_and_what_it_took():
 
 @pytest.mark.parametrize('known', [None, Violation('min_margin', 0.1, 0.2, 0.5)])
 def test_what_cannot_be_computed_is_no_grasp_and_ends_nothing(known, monkeypatch):
-    def search(self):
+    def close(self):
         self.closest_violation, self.analyses = known, 3
         raise SolverError('no solver found anything')
 
-    monkeypatch.setattr(Squeeze, 'search', search)
+    monkeypatch.setattr(ClosingInPlace, 'close', close)
     there = squeeze_candidate(sent(GraspRequirements()))
     assert len(there.positions) == 0
     assert there.analysis is None
@@ -100,26 +104,35 @@ def test_what_cannot_be_computed_is_no_grasp_and_ends_nothing(known, monkeypatch
     )
 
 
-def test_a_grasp_without_a_way_is_none(monkeypatch):
-    monkeypatch.setattr(Squeeze, 'closing_path', lambda self, pressed: ())
-    # None of its analyses missed anything.
-    monkeypatch.setattr(Squeeze, '_record', lambda self, miss: None)
+def test_a_grasp_without_a_path_is_none(monkeypatch):
+    monkeypatch.setattr(ClosingInPlace, 'close', lambda self: None)
     there = squeeze_candidate(sent(GraspRequirements()))
     assert len(there.positions) == 0
     assert there.analysis is None
     assert there.violation.requirement == 'path'
 
 
+def test_an_object_that_the_ground_holds_is_pressed_on_as_it_lies():
+    needs = GraspRequirements(min_margin=0.0)
+    assert not needs.object_is_free
+    there = squeeze_candidate(sent(needs))
+    closed = Squeeze(opened().path[-1], opened().closing, needs).close()
+    assert (there.positions[-1] == closed.path[-1].roller_positions).all()
+    assert there.squeeze == pytest.approx(there.analysis.normal_forces.sum() / 2.0)
+    assert there.analysis.force_closure
+    assert there.center == CYLINDER.center
+
+
 def test_other_errors_are_not_hidden(monkeypatch):
-    def search(self):
+    def close(self):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(Squeeze, 'search', search)
+    monkeypatch.setattr(ClosingInPlace, 'close', close)
     with pytest.raises(ZeroDivisionError):
         squeeze_candidate(sent(GraspRequirements()))
 
 
-def test_scores_are_those_of_the_analysis():
+def test_scores_are_those_of_the_measure():
     there = squeezed()
     # Along the unit vector of the direction, by hand.
     x, y, turn = np.array(DIRECTION) / np.sqrt(1.0 + 4.0 + 0.25)
@@ -130,11 +143,13 @@ def test_scores_are_those_of_the_analysis():
         Measure.TRAVEL: -0.7,
         Measure.TOTAL_FORCE: -there.analysis.normal_forces.sum(),
         Measure.CLOSURE_MARGIN: there.analysis.closure_margin,
+        Measure.SLIP_MARGIN: 2.5,
         Measure.STIFFNESS: stiffness,
     }
     for measure in Measure:
         needs = GraspRequirements(measure=measure, direction=DIRECTION)
-        assert there.score(needs, 0.7) == pytest.approx(expected[measure])
+        score = rate_grasp(needs, there.analysis, 2.5, -0.7)
+        assert score == pytest.approx(expected[measure])
 
 
 def test_robots_are_made_once_in_a_process():

@@ -12,6 +12,7 @@ from isotruss_ros.core import (
     load_robot,
     Measure,
     plan_grasps,
+    settle_grasp,
 )
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
@@ -141,6 +142,7 @@ def test_best_comes_first_by_every_measure(measure):
     assert scores == sorted(scores, reverse=True)
     for grasp in plan:
         told = {
+            Measure.SLIP_MARGIN: grasp.slip_margin,
             Measure.CLOSURE_MARGIN: grasp.closure_margin,
             Measure.TOTAL_FORCE: -grasp.total_force,
             Measure.TRAVEL: -grasp.travel,
@@ -173,8 +175,9 @@ def test_bounds_on_forces_are_kept():
 def test_external_wrench_is_held():
     needs = GraspRequirements(external_wrench=(1.0, -2.0, 0.0), count=1)
     plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs, thorough=False)
-    wrench = needs.external_wrench
-    assert analyze_grasp(plan[0].config, OBJECTS['north'], 0.5, wrench).force_closure
+    settled = settle_grasp(plan[0].config, OBJECTS['north'], 0.5, needs.external_wrench)
+    assert settled.held
+    assert plan[0].slip_margin == pytest.approx(settled.slip_margin, rel=0.05)
 
 
 def test_begins_where_the_robot_is():
@@ -239,6 +242,9 @@ def test_stops_when_asked_with_what_it_has():
         ({'external_wrench': (0.0, 1.0)}, 'external_wrench'),
         ({'direction': (0.0, 0.0, 0.0), 'measure': 'stiffness'}, 'direction'),
         ({'measure': 'beauty'}, 'measure'),
+        ({'squeeze': 0.0}, 'squeeze'),
+        ({'squeeze': -1.0}, 'squeeze'),
+        ({'min_slip_margin': float('nan')}, 'min_slip_margin'),
         ({'count': 0}, 'count'),
         ({'count': True}, 'count'),
         ({'min_length': '1'}, 'min_length'),

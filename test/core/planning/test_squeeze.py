@@ -5,7 +5,7 @@ import functools
 
 import closings
 from isotruss_ros.core import analyze_grasp, Cylinder, GraspRequirements, load_robot
-from isotruss_ros.core.planning import squeeze
+from isotruss_ros.core.planning import closing_motion, squeeze
 from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing_qp import Closing
 from isotruss_ros.core.planning.seeds import find_seeds
@@ -217,7 +217,7 @@ def test_requirements_are_fulfilled_whatever_the_spacing(name, needs):
         assert max(analysis.contact_forces.values()) <= needs.max_contact_force * (1.0 + slack)
         assert total <= needs.max_total_force * (1.0 + slack)
         assert max(analysis.utilisation.values()) <= needs.max_utilisation * (1.0 + 4.0 * slack)
-        assert analysis.closure_margin >= needs.min_margin - slack * total
+        assert analysis.closure_margin >= (needs.min_margin or 0.0) - slack * total
         assert unbalanced(analysis, closing.cylinder, needs) < slack * total
 
 
@@ -286,7 +286,7 @@ def test_what_is_missed_is_that_of_the_nearest_grip(
 
 @pytest.mark.parametrize('name', ['narrow', 'tight'])
 def test_work_is_counted(name, recorded, monkeypatch):
-    evaluations, make = [], squeeze.take_closing_step
+    evaluations, make = [], closing_motion.take_closing_step
 
     def record(*arguments):
         # As if each of them had been halved twice.
@@ -294,7 +294,7 @@ def test_work_is_counted(name, recorded, monkeypatch):
         evaluations.append(made.evaluations + 2)
         return dataclasses.replace(made, evaluations=evaluations[-1])
 
-    monkeypatch.setattr(squeeze, 'take_closing_step', record)
+    monkeypatch.setattr(closing_motion, 'take_closing_step', record)
     search = Squeeze(*opened(name), NEEDS)
     search.closing_path(search.search())
     assert search.analyses == len(recorded) > 0
@@ -342,12 +342,12 @@ def test_open_grips_are_none_by_whichever_sign(fields, monkeypatch):
 
 def test_what_blocks_a_step_is_told_with_its_bound(monkeypatch):
     start, closing = opened('top')
-    search, make = Squeeze(start, closing, NEEDS), squeeze.take_closing_step
+    search, make = Squeeze(start, closing, NEEDS), closing_motion.take_closing_step
 
     def blocked(*arguments):
         return dataclasses.replace(make(*arguments), blocked=('rigidity', 0.125))
 
-    monkeypatch.setattr(squeeze, 'take_closing_step', blocked)
+    monkeypatch.setattr(closing_motion, 'take_closing_step', blocked)
     assert search.press(start, np.array([0.02, 0.02])) is None
     miss = search.closest_violation
     assert (miss.requirement, miss.value, miss.bound) == ('rigidity', 0.125, closing.min_rigidity)

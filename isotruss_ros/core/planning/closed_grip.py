@@ -1,0 +1,28 @@
+"""A grip that holds the object, and the path on which it closed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.grasping.analysis import GraspAnalysis
+from isotruss_ros.core.kinematics.configuration import Configuration
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedGrip:
+    """
+    A grip that holds the object.
+
+    :ivar path: configurations from where all grasping members touch the object to the grasp.
+    :ivar center: of the object, x and y: where it lay, or where it went as the grip closed [m].
+    :ivar analysis: of the grasp, the object held fast.
+    :ivar squeeze: mean normal force of the grasping members [N].
+    :ivar slip_margin: smallest wrench, moment over d/2, at which a contact slips or lets go, the
+        object free [N]; zero where it is not held then, or by more than two members.
+    """
+
+    path: tuple[Configuration, ...]
+    center: tuple[float, float]
+    analysis: GraspAnalysis
+    squeeze: float
+    slip_margin: float

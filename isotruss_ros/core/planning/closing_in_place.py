@@ -1,0 +1,254 @@
+"""
+Closing in place: two members press on a free object, which stays where it is.
+
+The members touch at a wedge so narrow that friction holds the object as soon as both press. From
+there on it is held and the contacts roll: the squeeze rises while the twist of the object is zero.
+The path is what the rollers do then, by the mechanics of the elastic plant. A path for an object
+that the ground holds would drag a free one along, by several centimetres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+import math
+
+from isotruss_ros.core.control.squeeze_control import squeeze_by_opening
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
+from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grasp import Grasp
+from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
+from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.closed_grip import ClosedGrip
+from isotruss_ros.core.planning.closing_motion import press
+from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
+from isotruss_ros.core.planning.force_bounds import exceeded_bound
+from isotruss_ros.core.planning.grasp_plan import Violation
+from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
+import numpy as np
+
+#: Newton steps with which a waypoint is brought to its squeeze and place ...
+MAX_CORRECTIONS = 12
+#: ... until the squeeze is right to this share, and the place to this length [m].
+SQUEEZE_TOLERANCE, PLACE_TOLERANCE = 1e-3, 2e-5
+#: An object that is nearer than this to where it lay has stayed there [m].
+SAME_PLACE = 1e-4
+#: A command that limits scale down by more than this is not followed.
+MIN_SCALE = 0.999
+
+
+class ClosingInPlace:
+    """
+    Searches the squeeze with which two members hold a free object, and the path to it.
+
+    :ivar evaluations: configurations that were computed so far.
+    :ivar analyses: analyses so far.
+    :ivar closest_violation: the violation of the best state so far.
+    :param opened: configuration in which the members are close to the object.
+    :param closing: what closes.
+    :param requirements: what the grasp must fulfil.
+    """
+
+    def __init__(
+        self, opened: Configuration, closing: Closing, requirements: GraspRequirements
+    ) -> None:
+        self._open, self._needs = opened, requirements
+        # A nominal posture would keep the gaps from their targets, by a little.
+        self._closing = replace(closing, nominal_posture=None)
+        self.evaluations = self.analyses = 0
+        self.closest_violation: Violation | None = None
+
+    def close(self) -> ClosedGrip | None:
+        """
+        Return a grip that fulfils the requirements, or None; then see `closest_violation`.
+
+        :raises SolverError: a quadratic program, or the contact, was not solved.
+        :raises StructureError: see `structure_of`.
+        """
+        touch = self._press(self._open, 0.0)
+        if touch is None:
+            return None
+        needs, path = self._needs, [touch]
+        best: ClosedGrip | None = None
+        best_score = -math.inf
+        for grasp in self._rise(touch):
+            path.append(grasp.config)
+            self.analyses += 1
+            analysis = analyze_grasp(
+                grasp.config,
+                Cylinder(self._center(grasp), grasp.diameter),
+                needs.friction,
+                needs.external_wrench,
+            )
+            over = exceeded_bound(needs, analysis)
+            if over is not None:
+                self._record(over)
+                break
+            if needs.squeeze is not None and not _reached(grasp, needs.squeeze):
+                continue
+            closed = self._require(path, grasp, analysis)
+            if closed is None:
+                continue
+            # The path as far as here is shorter than all of it.
+            score = rate_grasp(needs, analysis, closed.slip_margin, -grasp.squeeze)
+            if score <= best_score:
+                break
+            best, best_score = closed, score
+        return best
+
+    def _rise(self, touch: Configuration) -> Iterator[RollingGrasp]:
+        """Yield how the object is held with larger and larger squeeze, until it is that wanted."""
+        closing, wanted = self._closing, self._needs.squeeze
+        settings, cylinder = closing.settings, closing.cylinder
+        depth = settings.first_contact * touch.robot.description.tube_diameter
+        pressed = self._press(touch, depth)
+        if pressed is None:
+            return
+        found = RollingGrasp.attach(pressed, cylinder)
+        if isinstance(found, Hold):
+            self._record(Violation('held', 0.0, 1.0, 30.0))
+            return
+        grasp: RollingGrasp | None = found
+        while grasp is not None and self._sticks(grasp):
+            if grasp is not found:
+                yield grasp
+            step = -settings.squeeze_step * squeeze_by_opening(grasp)
+            force = grasp.squeeze + step
+            if wanted is not None:
+                if _reached(grasp, wanted):
+                    return
+                force = min(wanted, force)
+            grasp = self._squeeze(grasp, force)
+
+    def _sticks(self, grasp: RollingGrasp) -> bool:
+        """Return whether the contacts stick."""
+        friction = self._needs.friction
+        hold = grasp.hold(friction)
+        if hold is Hold.SLIPS:
+            needed = grasp.required_friction
+            self._record(Violation('force_closure', needed, friction, 1.0 - friction / needed))
+        elif hold is not Hold.HELD:
+            self._record(Violation('held', 0.0, 1.0, 10.0))
+        return hold is Hold.HELD
+
+    def _squeeze(self, grasp: RollingGrasp, force: float) -> RollingGrasp | None:
+        """Return the grasp with a larger squeeze, the object where it lay, or None."""
+        center, scale, reachable = np.array(self._closing.cylinder.center), 1.0, True
+        for _ in range(MAX_CORRECTIONS):
+            away = center - grasp.pose[:2]
+            missing = force - grasp.squeeze
+            right = abs(missing) < SQUEEZE_TOLERANCE * force
+            if right and np.hypot(*away) < PLACE_TOLERANCE:
+                return grasp
+            rate = scale * missing / squeeze_by_opening(grasp)
+            command = self._command(grasp, np.append(away, -grasp.pose.angle), rate)
+            reachable = command.status is not Status.UNREACHABLE
+            if command.scale < MIN_SCALE:
+                self._record(Violation('squeeze', grasp.squeeze, force, 5.0))
+                return None
+            moved = self._move(grasp, command.roller_velocities)
+            if moved is None:
+                return None
+            gained = moved.squeeze - grasp.squeeze
+            if not right and gained * missing > 0.0:
+                scale = float(np.clip(scale * missing / gained, 0.5, 2.0))
+            grasp = moved
+        # A robot of few rollers cannot close and keep the object in place: it goes along a little.
+        diameter = grasp.config.robot.description.tube_diameter
+        bound = self._closing.settings.max_displacement * diameter
+        distance = float(np.hypot(*(center - grasp.pose[:2])))
+        if abs(force - grasp.squeeze) >= SQUEEZE_TOLERANCE * force:
+            self._record(Violation('squeeze', grasp.squeeze, force, 5.0))
+        elif reachable or distance > bound:
+            self._record(Violation('in_place', distance, bound, 20.0))
+        else:
+            return grasp
+        return None
+
+    def _command(self, grasp: RollingGrasp, back: Array, rate: float) -> RollerCommand:
+        """Return the motion that closes the grip and brings the object back."""
+        module = grasp.config.robot.module_names[self._closing.module]
+        held, limits = Grasp(module, grasp.pose[:2], grasp.diameter), self._closing.limits
+        command = solve_twist(grasp.config, held, back, limits=limits, opening_rate=rate)
+        if command.status is not Status.UNREACHABLE:
+            return command
+        # A grip at a passive module cannot turn the object: its place is what counts.
+        back = np.append(back[:2], 0.0)
+        return solve_twist(grasp.config, held, back, limits=limits, opening_rate=rate)
+
+    def _move(self, grasp: RollingGrasp, travel: Array) -> RollingGrasp | None:
+        """Return the grasp after a motion of the rollers; None where a requirement is violated."""
+        self.evaluations += 1
+        closing, before = self._closing, grasp.config
+        try:
+            config = before.moved_to(before.roller_positions + travel)
+        except ConfigurationError:
+            self._record(Violation('rigidity', 0.0, closing.min_rigidity, 50.0))
+            return None
+        moved = grasp.moved_to(config)
+        if moved is None:
+            self._record(Violation('held', 0.0, 1.0, 10.0))
+            return None
+        state = evaluate_state(config, Cylinder(moved.pose[:2], grasp.diameter))
+        gaps = np.concatenate([state.gaps.members, state.gaps.modules, state.gaps.rods])
+        gaps[list(closing.members)] = np.inf
+        values = {
+            'rigidity': (state.rigidity, closing.min_rigidity),
+            'self_clearance': (state.clearance, 0.0),
+            'object_clearance': (float(gaps.min()), 0.0),
+        }
+        for name, (value, bound) in values.items():
+            if value < bound:
+                self._record(Violation(name, value, bound, 50.0))
+                return None
+        return moved
+
+    def _require(
+        self, path: list[Configuration], grasp: RollingGrasp, analysis: GraspAnalysis
+    ) -> ClosedGrip | None:
+        """Return the grip if it bears what it must, or None."""
+        needs = self._needs
+        loaded = grasp.moved_to(grasp.config, np.array(needs.external_wrench))
+        if loaded is None:
+            self._record(Violation('held', 0.0, 1.0, 2.0))
+            return None
+        if not self._sticks(loaded):
+            return None
+        margin, fast = loaded.slip_margin(needs.friction), analysis.closure_margin
+        if margin < needs.min_slip_margin:
+            distance = 1.0 - margin / needs.min_slip_margin
+            self._record(Violation('min_slip_margin', margin, needs.min_slip_margin, distance))
+            return None
+        if needs.min_margin is not None and fast < needs.min_margin:
+            distance = 1.0 - max(0.0, fast) / needs.min_margin if needs.min_margin else 1.0
+            self._record(Violation('min_margin', fast, needs.min_margin, distance))
+            return None
+        return ClosedGrip(tuple(path), self._center(grasp), analysis, grasp.squeeze, margin)
+
+    def _center(self, grasp: RollingGrasp) -> tuple[float, float]:
+        """Return where the object is: where it lay, if it stayed there."""
+        lay, x, y = self._closing.cylinder.center, *grasp.pose[:2]
+        return lay if np.hypot(x - lay[0], y - lay[1]) < SAME_PLACE else (x, y)
+
+    def _press(self, config: Configuration, depth: float) -> Configuration | None:
+        """Return the configuration with one indentation of both members, or None."""
+        closing = self._closing
+        pressed = press(config, closing, np.full(len(closing.members), depth))
+        self.evaluations += pressed.evaluations
+        if pressed.violation is not None:
+            self._record(pressed.violation)
+        return pressed.config
+
+    def _record(self, violation: Violation) -> None:
+        closest = self.closest_violation
+        if closest is None or violation.distance < closest.distance:
+            self.closest_violation = violation
+
+
+def _reached(grasp: RollingGrasp, squeeze: float) -> bool:
+    return grasp.squeeze >= (1.0 - 2.0 * SQUEEZE_TOLERANCE) * squeeze
