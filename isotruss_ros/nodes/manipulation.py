@@ -1,4 +1,4 @@
-"""Node `manipulation`: turns twists of the object into roller velocity commands."""
+"""Node `manipulation`: turns twists of the object, or of a joint, into roller commands."""
 
 from __future__ import annotations
 
@@ -7,8 +7,16 @@ import sys
 import time
 
 from geometry_msgs.msg import Twist, TwistStamped
-from isotruss_ros.core import load_robot, RejectedInput, StampedInput, Status, TwistServo
+from isotruss_ros.core import (
+    GraspError,
+    load_robot,
+    RejectedInput,
+    StampedInput,
+    Status,
+    TwistServo,
+)
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.nodes.components.emergency_stop import EmergencyStop
 from isotruss_ros.nodes.components.failed_rollers import (
     check_failed_rollers,
@@ -41,6 +49,7 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool
 
 SQUEEZE_FORCE = params.Spec(
     'squeeze_force',
@@ -55,8 +64,17 @@ MIN_SLIP_MARGIN = params.Spec(
     'With squeeze_force: below this slip margin the status warns [N]',
     bounds=(0.0, 1000.0),
 )
+MODE = params.Spec(
+    'mode',
+    'object',
+    "What cmd_vel moves: the held 'object', or a 'joint' of the robot without one",
+)
+JOINT = params.Spec('joint', '', "In the mode 'joint': name of the joint")
+MODES = ('object', 'joint')
 SPECS = (
     params.ROBOT,
+    MODE,
+    JOINT,
     params.USE_STAMPED_TWIST,
     params.REQUIRE_EMERGENCY_STOP,
     params.FRICTION,
@@ -85,6 +103,7 @@ class Manipulation(ManagedNode):
             self, lambda: self.values[params.REQUIRE_EMERGENCY_STOP], self._apply_stop
         )
         self._failed_rollers = FailedRollers(self, lambda: self._servo, self._apply_failures)
+        self.create_service(SetBool, 'set_joint_mode', self._set_joint_mode)
         self.start()
 
     def configure(self) -> None:
@@ -101,6 +120,7 @@ class Manipulation(ManagedNode):
             timeout=values[params.COMMAND_TIMEOUT],
         )
         apply_settings(self._servo, values)
+        self._apply_mode()
         self._apply_squeeze()
         self._failed_rollers.restore_detected()
         self._apply_failures()
@@ -146,6 +166,7 @@ class Manipulation(ManagedNode):
         servo = self._servo
         if servo is None:
             return details
+        details['moves'] = 'the object' if servo.joint is None else f'joint {servo.joint}'
         now = self.now()
         inputs = {'twist': servo.twist, 'joint states': servo.rollers, 'object pose': servo.center}
         details |= {f'age of {name} [s]': format_age(given, now) for name, given in inputs.items()}
@@ -197,14 +218,43 @@ class Manipulation(ManagedNode):
     def _check(self, new: dict[str, params.Value]) -> None:
         params.check_grip_module(self._robot, new)
         check_failed_rollers(self._robot, new)
+        mode, joint = (new.get(spec.name, self.values[spec]) for spec in (MODE, JOINT))
+        if mode not in MODES:
+            raise params.ParameterError(f'parameter mode: {mode!r}: must be one of {MODES}')
+        if joint or mode == 'joint':
+            try:
+                check_joint(self._robot, joint)
+            except GraspError as error:
+                raise params.ParameterError(f'parameter joint: {error}') from error
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""
         apply_settings(self._servo, self.values)
+        self._apply_mode()
         self._apply_squeeze()
         self._apply_failures()
         if self._cycle is not None:
             self._cycle.change(self.values[params.RATE], self._servo.timeout)
+
+    def _apply_mode(self) -> None:
+        """Choose what twists move; where that changes, halt at once until the next twist."""
+        joint = self.values[JOINT] if self.values[MODE] == 'joint' else None
+        if joint == self._servo.joint:
+            return
+        self._servo.joint = joint
+        if self.active:
+            self._send_zeros()
+
+    def _set_joint_mode(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
+        """Set the parameter `mode`."""
+        mode = 'joint' if request.data else 'object'
+        (result,) = self.set_parameters([Parameter(MODE.name, value=mode)])
+        response.success = result.successful
+        moved = f'joint {self.values[JOINT]}' if request.data else 'object'
+        response.message = result.reason or f'cmd_vel moves the {moved}'
+        return response
 
     def _apply_squeeze(self) -> None:
         """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""

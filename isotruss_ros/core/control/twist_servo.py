@@ -1,6 +1,8 @@
 """
 Twist servo: in every cycle, a roller command from the latest inputs, or a halt.
 
+The twist is that of the held object or, without an object, of a joint.
+
 Each cycle starts from the measured state. A measurement is old when it is used: since then the
 rollers have followed the commands sent, so the servo predicts where the robot is. Commands from
 before the measurement do not count, so motion resumes from any state of robot and object.
@@ -8,7 +10,7 @@ before the measurement do not count, so motion resumes from any state of robot a
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from isotruss_ros.core.control.command_history import CommandHistory
@@ -27,7 +29,8 @@ from isotruss_ros.core.kinematics.configuration import Configuration, Configurat
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grasp import Grasp, predict_grasp
 from isotruss_ros.core.manipulation.limit_handling import working_rollers
-from isotruss_ros.core.manipulation.limits import default_limits
+from isotruss_ros.core.manipulation.limits import default_limits, Limit
+from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, solve_joint_velocity
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.objects import Pose
@@ -43,7 +46,8 @@ class Decision:
     What the rollers do in one cycle.
 
     :ivar command: velocities (zero when halted), achieved twist, scale and status.
-    :ivar twist: (3,) the commanded twist vx, vy [m/s], omega [rad/s]; zero if there is none.
+    :ivar twist: (3,) the commanded twist vx, vy [m/s], omega [rad/s] of object or joint; zero if
+        there is none.
     :ivar message: what is wrong and what would be right; empty when nothing is wrong.
     :ivar failed: names of the rollers that are held at zero because they have failed.
     """
@@ -122,6 +126,7 @@ class TwistServo:
         self.slide = False
         self.detector: FailureDetector | None = None
         self.squeeze: SqueezeControl | None = None
+        self._joint: str | None = None
         self._failed: frozenset[str] = frozenset()
         self._limits = default_limits(robot)
         self._history = CommandHistory(len(robot.roller_names))
@@ -144,6 +149,27 @@ class TwistServo:
         working_rollers(self.robot, frozenset(names))
         self._failed = frozenset(names)
 
+    @property
+    def joint(self) -> str | None:
+        """Return the name of the joint that twists move; None for the object."""
+        return self._joint
+
+    @joint.setter
+    def joint(self, name: str | None) -> None:
+        """
+        Choose what twists move; the rollers halt until the next twist.
+
+        :param name: of the joint, which moves without an object; None for the object.
+        :raises GraspError: the robot has no such joint.
+        """
+        if name == self._joint:
+            return
+        if name is not None:
+            check_joint(self.robot, name)
+        self._joint, self.twist = name, None
+        if self.squeeze is not None:
+            self.squeeze.reset()
+
     def decide(self, now: float) -> Decision:
         """
         Return the roller command for the cycle that begins now.
@@ -163,9 +189,10 @@ class TwistServo:
                 raise HaltError(*self.stopped)
             (given,) = require_fresh(now, self.timeout, twist=self.twist)
             twist = np.asarray(given.value)
-            rollers, center = require_fresh(
-                now, self.timeout, joint_states=self.rollers, object_pose=self.center
-            )
+            (rollers,) = require_fresh(now, self.timeout, joint_states=self.rollers)
+            center = None
+            if self._joint is None:
+                (center,) = require_fresh(now, self.timeout, object_pose=self.center)
             command = self._solve(rollers, center, twist, now, failed)
             notes = (_describe(command), self.squeeze.warning() if self.squeeze else '')
             message = '; '.join(note for note in notes if note)
@@ -195,7 +222,7 @@ class TwistServo:
     def _solve(
         self,
         rollers: StampedInput,
-        center: StampedInput,
+        center: StampedInput | None,
         twist: Array,
         now: float,
         failed: frozenset[str],
@@ -205,12 +232,17 @@ class TwistServo:
 
         A command for the measured configuration, which is older, would have a first-order error.
         """
-        before, travel, last = self._expected_travel(rollers, center.time, now, failed)
+        pose_time = rollers.time if center is None else center.time
+        before, travel, last = self._expected_travel(rollers, pose_time, now, failed)
         try:
-            config = self._tracker.configuration(rollers.value.positions)
-            grasp = Grasp(self.grip_module, center.value, self.object_diameter)
-            if before.any() or travel.any():
-                config, grasp = predict_grasp(config, grasp, before, travel)
+            config, grasp = self._tracker.configuration(rollers.value.positions), None
+            moving = before.any() or travel.any()
+            if center is not None:
+                grasp = Grasp(self.grip_module, center.value, self.object_diameter)
+                if moving:
+                    config, grasp = predict_grasp(config, grasp, before, travel)
+            elif moving:
+                config = config.predict(travel)
             watch = None if self.guard is None else self.guard.watch(config, grasp)
             limits = self._limits if watch is None else (*self._limits, *watch.limits)
 
@@ -226,7 +258,9 @@ class TwistServo:
                     opening_rate=opening_rate,
                 )
 
-            if self.squeeze is None:
+            if grasp is None:
+                command = self._solve_joint(config, twist, failed, limits)
+            elif self.squeeze is None:
                 command = solve(twist, 0.0)
             else:
                 command = self._regulate(self.squeeze, config, grasp, twist, solve)
@@ -237,6 +271,27 @@ class TwistServo:
             raise HaltError(Status.HALT_NO_GRASP, str(error)) from error
         except IsotrussError as error:
             raise HaltError(Status.HALT_KINEMATICS, str(error)) from error
+
+    def _solve_joint(
+        self, config: Configuration, twist: Array, failed: frozenset[str], limits: Sequence[Limit]
+    ) -> RollerCommand:
+        """Solve for the velocity of the joint."""
+        if twist[2] != 0.0:
+            raise HaltError(
+                Status.HALT_INVALID_TWIST,
+                f'twist with {twist[2]:.4g} rad/s: a joint has no orientation; must be 0',
+            )
+        found = solve_joint_velocity(
+            config, {self._joint: twist[:2]}, failed, limits, self.slide, self.period
+        )
+        return RollerCommand(
+            found.roller_velocities,
+            np.append(found.achieved_velocities[self._joint], 0.0),
+            found.scale,
+            found.status,
+            found.limiting,
+            found.reachable_dof,
+        )
 
     def _regulate(
         self,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.limit_handling import working_rollers
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
 from isotruss_ros.core.manipulation.solve_twist import carry_out
@@ -28,6 +29,8 @@ class JointCommand:
     :ivar scale: 0 to 1, see `RollerCommand`.
     :ivar status: how the velocities were carried out.
     :ivar limiting: names of the rollers, members and so on whose limits bind, empty at scale 1.
+    :ivar reachable_dof: number of independent motions of the joints that the working rollers can
+        produce.
     """
 
     roller_velocities: Array
@@ -35,6 +38,23 @@ class JointCommand:
     scale: float
     status: Status
     limiting: tuple[str, ...] = ()
+    reachable_dof: int = 0
+
+
+def check_joint(robot: Robot, name: str) -> None:
+    """
+    Check that a robot has a joint.
+
+    :param robot: the robot.
+    :param name: of the joint.
+    :raises GraspError: it has no such joint; the text names those it has.
+    """
+    names = robot.topology.joint_names
+    if name not in names:
+        raise GraspError(
+            f'joint {name!r}: robot {robot.name} has no such joint; '
+            f'its joints are {", ".join(names)}'
+        )
 
 
 def solve_joint_velocity(
@@ -67,11 +87,7 @@ def solve_joint_velocity(
     if not velocities:
         raise GraspError(f'velocities: at least one of the joints {", ".join(names)}')
     for joint in velocities:
-        if joint not in names:
-            raise GraspError(
-                f'joint {joint!r}: robot {robot.name} has no such joint; '
-                f'its joints are {", ".join(names)}'
-            )
+        check_joint(robot, joint)
     desired = np.concatenate(
         [
             finite_array(velocity, 2, f'the velocity (vx, vy) [m/s] of joint {joint}', GraspError)
@@ -96,5 +112,10 @@ def solve_joint_velocity(
     )
     achieved = dict(zip(velocities, command.achieved_twist.reshape(-1, 2), strict=True))
     return JointCommand(
-        command.roller_velocities, achieved, command.scale, command.status, command.limiting
+        command.roller_velocities,
+        achieved,
+        command.scale,
+        command.status,
+        command.limiting,
+        command.reachable_dof,
     )

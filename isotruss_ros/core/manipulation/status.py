@@ -19,6 +19,7 @@ class Status(enum.IntEnum):
     SLOWED_RIGIDITY = 12  #: along the twist, slower: the shape comes to its least rigidity
     SLOWED_SELF_COLLISION = 13  #: along the twist, slower: parts of the robot come to each other
     SLOWED_OBJECT = 14  #: along the twist, slower: the robot comes to the object beside the grip
+    SLOWED_UTILISATION = 15  #: along the twist, slower: a tube comes to its wrinkling moment
     UNREACHABLE = 20  #: the nearest twist that the rollers can bring about, perhaps slower
     SLIDING = 21  #: the nearest twist that limits allow, along them: sliding was asked for
     HALT_NO_TWIST = 30  #: no twist yet, or the last one is too old

@@ -70,13 +70,18 @@ class BarrierLimit:
         return tuple(self.barrier.names(self.indices))
 
     def violation(
-        self, end: Configuration, grasp: Grasp, travel: Array, velocities: Array, duration: float
+        self,
+        end: Configuration,
+        grasp: Grasp | None,
+        travel: Array,
+        velocities: Array,
+        duration: float,
     ) -> BarrierViolation | None:
         """
         Return how a motion violates the discrete-time bound, None where it does not.
 
         :param end: where it leads.
-        :param grasp: what the robot holds there.
+        :param grasp: what the robot holds there; None without an object.
         :param travel: (r,) of the rollers in it [m].
         :param velocities: (r,) of the rollers before it [m/s].
         :param duration: of the motion, in whose middle the rows were found [s].

@@ -50,20 +50,20 @@ class Barrier(Protocol):
     def law(self) -> BarrierLaw:
         """Return the bound, and how it may be approached."""
 
-    def active(self, config: Configuration, grasp: Grasp) -> ActiveValues:
+    def active(self, config: Configuration, grasp: Grasp | None) -> ActiveValues:
         """
         Return the values within the band of the law, for a robot and what it holds.
 
         :param config: configuration of the robot.
-        :param grasp: the grasp.
+        :param grasp: the grasp; None without an object.
         """
 
-    def values(self, config: Configuration, grasp: Grasp, indices: Selection) -> Array:
+    def values(self, config: Configuration, grasp: Grasp | None, indices: Selection) -> Array:
         """
         Return values of these numbers in one configuration.
 
         :param config: configuration of the robot.
-        :param grasp: the grasp.
+        :param grasp: the grasp; None without an object.
         :param indices: numbers of the values.
         """
 
@@ -76,14 +76,14 @@ class Barrier(Protocol):
 
 
 def find_active(
-    barriers: Sequence[Barrier], config: Configuration, grasp: Grasp
+    barriers: Sequence[Barrier], config: Configuration, grasp: Grasp | None
 ) -> list[tuple[Barrier, ActiveValues]]:
     """
     Return the barriers that have values near their bound, with these.
 
     :param barriers: the barriers.
     :param config: configuration of the robot.
-    :param grasp: the grasp.
+    :param grasp: the grasp; None without an object.
     """
     found = [(barrier, barrier.active(config, grasp)) for barrier in barriers]
     return [(barrier, active) for barrier, active in found if len(active.indices)]
@@ -107,7 +107,7 @@ class RigidityBarrier:
         self._index = rigidity_index(robot)
         self._far: tuple[Configuration, float] | None = None
 
-    def active(self, config: Configuration, grasp: Grasp) -> ActiveValues:
+    def active(self, config: Configuration, grasp: Grasp | None) -> ActiveValues:
         """
         Return the least rigid modes.
 
@@ -125,7 +125,7 @@ class RigidityBarrier:
         few = Modes(modes.values[:count], modes.rows[:, :count], modes.nodes[:, :count])
         return ActiveValues(np.arange(count), few.values, self._index.gradients(config, few))
 
-    def values(self, config: Configuration, grasp: Grasp, indices: Selection) -> Array:
+    def values(self, config: Configuration, grasp: Grasp | None, indices: Selection) -> Array:
         """
         Return the rigidity index of modes, least first.
 
@@ -159,17 +159,17 @@ class SelfCollisionBarrier:
         self._model = collision_model(robot)
         self._neighbors: NeighborList | None = None
 
-    def active(self, config: Configuration, grasp: Grasp) -> ActiveValues:
+    def active(self, config: Configuration, grasp: Grasp | None) -> ActiveValues:
         """
         Return the pairs that are close.
 
         :param config: where the robot is.
-        :param grasp: what it holds.
+        :param grasp: not used.
         """
         near = self.law.active_below
-        if self._neighbors is None or not self._neighbors.is_valid(config, grasp):
+        if self._neighbors is None or not self._neighbors.is_valid(config, None):
             everything = self._model.distances(config)
-            self._neighbors = NeighborList.find(config, grasp, everything, near)
+            self._neighbors = NeighborList.find(config, None, everything, near)
         pairs = self._neighbors.pairs
         if not len(pairs):
             return NOTHING
@@ -180,7 +180,7 @@ class SelfCollisionBarrier:
         pairs = pairs[close]
         return ActiveValues(pairs, distances[close], self._model.gradients(config, pairs))
 
-    def values(self, config: Configuration, grasp: Grasp, indices: Selection) -> Array:
+    def values(self, config: Configuration, grasp: Grasp | None, indices: Selection) -> Array:
         """
         Return the distances of pairs [m].
 

@@ -28,19 +28,19 @@ class NeighborList(NamedTuple):
     """
 
     config: Configuration
-    grasp: Grasp
+    grasp: Grasp | None
     spare: float
     pairs: Indices
 
     @classmethod
     def find(
-        cls, config: Configuration, grasp: Grasp, distances: Array, near: float
+        cls, config: Configuration, grasp: Grasp | None, distances: Array, near: float
     ) -> NeighborList:
         """
         Make the list.
 
         :param config: where the robot is.
-        :param grasp: what it holds.
+        :param grasp: what it holds; None where no distance depends on that.
         :param distances: of all pairs there [m].
         :param near: pairs closer than this are near [m].
         """
@@ -48,15 +48,17 @@ class NeighborList(NamedTuple):
         spare = SKIN if len(pairs) else float(distances.min(initial=np.inf)) - near
         return cls(config, grasp, spare, pairs)
 
-    def is_valid(self, config: Configuration, grasp: Grasp) -> bool:
+    def is_valid(self, config: Configuration, grasp: Grasp | None) -> bool:
         """
         Tell whether no other pair can be near in another state.
 
         :param config: where the robot is.
-        :param grasp: what it holds.
+        :param grasp: what it holds, None as in `find`.
         """
         then = self.grasp
+        moved = float(np.abs(config.points - self.config.points).max())
+        if grasp is None or then is None:
+            return grasp is then and 2.0 * moved < self.spare
         if grasp.module != then.module or grasp.diameter != then.diameter:
             return False
-        moved = float(np.abs(config.points - self.config.points).max())
         return moved + max(moved, math.dist(grasp.center, then.center)) < self.spare

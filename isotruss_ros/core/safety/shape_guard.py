@@ -93,17 +93,19 @@ class ShapeGuard:
             SelfCollisionBarrier(robot, BarrierLaw(bounds.min_clearance, clearance, rate)),
             ObjectBarrier(robot, BarrierLaw(bounds.min_object_clearance, clearance, rate)),
         )
+        self._without_object = self._barriers[:-1]
 
-    def watch(self, config: Configuration, grasp: Grasp) -> Watch:
+    def watch(self, config: Configuration, grasp: Grasp | None) -> Watch:
         """
         Find what is near its bound.
 
         :param config: where the robot is in the middle of the sample that a command is for.
-        :param grasp: what it holds then.
+        :param grasp: what it holds then; None without an object, of which nothing is kept clear.
         :raises ConfigurationError: the configuration is singular.
         :raises GraspError: see `grasp_rows`.
         """
-        found = find_active(self._barriers, config, grasp)
+        barriers = self._barriers if grasp is not None else self._without_object
+        found = find_active(barriers, config, grasp)
         limits: list[BarrierLimit] = []
         if found:
             rows = config.module_rows(np.concatenate([active.node_rows for _, active in found]))
@@ -113,7 +115,7 @@ class ShapeGuard:
             for barrier, active in found:
                 start, stop = stop, stop + len(active.indices)
                 limits.append(BarrierLimit(barrier, active, rows[start:stop]))
-        return Watch(config, grasp, self._barriers, tuple(limits))
+        return Watch(config, grasp, barriers, tuple(limits))
 
 
 class Watch:
@@ -122,14 +124,14 @@ class Watch:
 
     :ivar limits: for `solve_twist`.
     :param config: configuration in the middle of the interval of the command.
-    :param grasp: the grasp there.
-    :param barriers: of the guard.
+    :param grasp: the grasp there; None without an object.
+    :param barriers: those that count.
     """
 
     def __init__(
         self,
         config: Configuration,
-        grasp: Grasp,
+        grasp: Grasp | None,
         barriers: tuple[Barrier, ...],
         limits: tuple[BarrierLimit, ...],
     ) -> None:
@@ -183,7 +185,9 @@ class Watch:
         except ConfigurationError:
             return BarrierViolation(0.5, Status.SLOWED_RIGIDITY, ())
         long = bool(np.abs(travel).max() > BAND_STEP)
-        if long or any(isinstance(limit.barrier, ObjectBarrier) for limit in limits):
+        if grasp is not None and (
+            long or any(isinstance(limit.barrier, ObjectBarrier) for limit in limits)
+        ):
             grasp = HeldObject.attach(start, grasp).grasp_in(end)
         found = [limit.violation(end, grasp, travel, velocities, duration) for limit in limits]
         if long:
@@ -191,7 +195,7 @@ class Watch:
         return min((one for one in found if one is not None), default=None)
 
     def _jumped(
-        self, barrier: Barrier, end: Configuration, grasp: Grasp
+        self, barrier: Barrier, end: Configuration, grasp: Grasp | None
     ) -> BarrierViolation | None:
         """Return what has got beyond a bound from outside of its band."""
         left = barrier.law.margin(barrier.values(end, grasp, EVERYTHING))

@@ -285,3 +285,13 @@ def test_large_robot_is_watched_in_little_time():
     finally:
         del model.distances
     assert sum(measured) < 0.1 * 5 * len(original(config))
+
+
+def test_without_an_object_all_but_its_barrier_is_watched():
+    guard = ShapeGuard(walks.ROBOT, ShapeBounds(clearance_band=10.0, rigidity_band=10.0))
+    config = walks.ROBOT.home
+    grasp = Grasp('north/Z', tangent_center(config, 'north/Z', 0.3), 0.3)
+    held, bare = guard.watch(config, grasp).limits, guard.watch(config, None).limits
+    assert [limit.status for limit in held] == [*(x.status for x in bare), Status.SLOWED_OBJECT]
+    for one, other in zip(held, bare, strict=False):
+        assert one.rows(config).matrix == pytest.approx(other.rows(config).matrix, abs=0.0)
