@@ -1,142 +1,25 @@
-"""Executable `demo`: see the robot plan a grasp, grip an object and move it, and how well."""
+"""Executable `demo`: see the robot plan a grasp, grip an object, carry and hold it."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
+import importlib
 import sys
-
-from isotruss_msgs.action import PlanGrasp
-from isotruss_ros.core import GraspCode, IsotrussError, load_robot, Status
-from isotruss_ros.demo.client import DemoClient
-from isotruss_ros.demo.figures import animate, draw_panels
-from isotruss_ros.demo.gripping import Gripping
-from isotruss_ros.demo.path import figure_9
-from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
-from isotruss_ros.demo.record import PhaseRecord
-from isotruss_ros.demo.tables import grasp_table, motion_table, plan_table
-import numpy as np
-import rclpy
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-ROBOT = 'nine_member'
-OBJECT_DIAMETER = 0.3
-#: Initial position of the free object, inside the tube `north`, 5 cm from its members [m].
-OBJECT_CENTER = (0.6, 0.3)
-#: The module whose members grasp: its roller is driven, so the object can be rolled.
-GRIP_MODULE = 'north/Z'
-#: Closure margin that the grasp must have [N].
-MIN_MARGIN = 0.01
-#: Of one member [N]: leaves a reserve to wrinkling for the turn in place, where a side is short.
-MAX_CONTACT_FORCE = 15.0
-#: Longer than the default [s], for a machine that is busy otherwise.
-COMMAND_TIMEOUT = 1.0
-#: Largest error of the final pose, against the integral of the commanded twists.
-MAX_POSITION_ERROR = 1e-3
-MAX_ANGLE_ERROR = np.deg2rad(0.1)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the nodes, play the path, print the table, draw the figures."""
-    parser = argparse.ArgumentParser(prog='demo', description=__doc__)
-    parser.add_argument(
-        '--output', type=Path, default=Path('demo_output'), help='folder for pictures and logs'
-    )
-    parser.add_argument('--rate', type=float, default=200.0, help='of the nodes [Hz]')
-    # ros2 launch and friends append arguments of their own.
-    options, _ = parser.parse_known_args(arguments)
-    options.output.mkdir(parents=True, exist_ok=True)
-    console = Console()
+    """
+    Run the demonstration; Ctrl-C ends it and its nodes at any time.
+
+    :param arguments: of the command line; those of the process if None.
+    :return: 0 where the object was held and came to its places, 1 if not, 130 after Ctrl-C.
+    """
     try:
-        records, plan = _play(options.output, options.rate, console)
-    except IsotrussError as error:
-        console.print(f'demo failed: {error}', style='red', markup=False)
-        return 1
+        # Ctrl-C may come while this is imported, which takes a second.
+        return importlib.import_module('isotruss_ros.demo.run').run(arguments)
     except KeyboardInterrupt:
-        console.print('demo stopped')
+        print('demo stopped')
         return 130
-    moved = records[3:]
-    console.print(plan_table(plan))
-    console.print(motion_table(moved))
-    console.print(grasp_table(records[2:]))
-    robot = load_robot(ROBOT)
-    with console.status('drawing'):
-        draw_panels(robot, OBJECT_DIAMETER, records, options.output / 'demo.png')
-        animate(robot, OBJECT_DIAMETER, records[1:], options.output / 'demo.gif')
-    console.print(f'written: {options.output / "demo.png"}, {options.output / "demo.gif"}')
-    return _verdict(moved, console)
-
-
-def _play(
-    output: Path, rate: float, console: Console
-) -> tuple[list[PhaseRecord], PlanGrasp.Result]:
-    """Run the nodes as processes: plan, approach, grip, then follow the path."""
-    domain = keep_to_this_machine()
-    common = {'robot': ROBOT, 'command_timeout': COMMAND_TIMEOUT}
-    shared = common | {'object_diameter': OBJECT_DIAMETER}
-    gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
-    x, y = OBJECT_CENTER
-    started = [
-        ('simulator', gripping | {'object_is_free': True, 'object_x': x, 'object_y': y}),
-        # It commands the rollers in every cycle, so it is activated once the object is grasped.
-        ('manipulation', gripping | {'autostart': False}),
-        ('grasp_analysis', shared),
-        ('grasp_planner', common),
-        ('roller_trajectory', common),
-    ]
-    names = ', '.join(name for name, _ in started)
-    console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
-    rclpy.init()
-    client = DemoClient(load_robot(ROBOT).roller_names)
-    try:
-        with running_nodes(started, output) as nodes:
-
-            def check() -> None:
-                for node in nodes:
-                    node.require_running()
-
-            gripper = Gripping(client, check)
-            records = [gripper.wait_until_ready()]
-            columns = (TextColumn('{task.description:18}'), BarColumn(), TimeElapsedColumn())
-            with Progress(*columns, console=console) as progress:
-
-                def bar(name: str) -> Callable[[float], None]:
-                    task = progress.add_task(name, total=1.0)
-                    return lambda done: progress.update(task, completed=done)
-
-                goal = PlanGrasp.Goal(
-                    object_diameter=OBJECT_DIAMETER,
-                    module=GRIP_MODULE,
-                    min_margin=MIN_MARGIN,
-                    max_contact_force=MAX_CONTACT_FORCE,
-                    count=2,
-                )
-                grasp, plan = gripper.plan(goal, bar('plan a grasp'))
-                records += gripper.approach(grasp, bar('approach and grip'))
-                gripper.activate_manipulation()
-                records += [client.play(phase, check, bar(phase.name)) for phase in figure_9()]
-            return records, plan
-    finally:
-        client.destroy_node()
-        rclpy.shutdown()
-
-
-def _verdict(records: Sequence[PhaseRecord], console: Console) -> int:
-    code = 0
-    for record in records:
-        odd = {str(status) for status in record.statuses - {Status.OK, Status.IDLE}}
-        codes = {GraspCode(grasp.code) for grasp in record.grasps}
-        odd |= {f'grasp: {code}' for code in codes - {GraspCode.OK}}
-        if odd:
-            console.print(f'{record.name}: {", ".join(sorted(odd))}', style='yellow')
-        if record.position_error > MAX_POSITION_ERROR or record.angle_error > MAX_ANGLE_ERROR:
-            console.print(
-                f'{record.name}: the error is larger than 1 mm or 0.1 degrees', style='red'
-            )
-            code = 1
-    return code
 
 
 if __name__ == '__main__':

@@ -5,14 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import pairwise
 import math
+import os
 import time
 
-from geometry_msgs.msg import PoseStamped, Twist
+from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import IsotrussError, Pose, Status
-from isotruss_ros.demo.path import Phase
+from isotruss_ros.demo.path import Phase, Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
-from isotruss_ros.nodes.conversions.messages import read_stamp, RollerStateReader, to_twist_message
+from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
+from isotruss_ros.nodes.conversions.messages import (
+    read_stamp,
+    RollerStateReader,
+    stamp_header,
+    to_twist_message,
+)
 from isotruss_ros.nodes.framework.qos import RELIABLE
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
@@ -23,9 +30,14 @@ from sensor_msgs.msg import JointState
 #: Period of the twists [s].
 PERIOD = 0.01
 #: Time for what takes no time, on a busy machine [s].
-DEADLINE = 20.0
-#: The object is at rest when its pose has not changed for this long [s].
-REST_TIME = 0.1
+DEADLINE = 60.0
+#: Object and rollers are at rest when they have not moved farther than this [m, rad] for so long,
+#: by the stamps of the measurements [s].
+REST_DISTANCE, REST_TIME = 2e-6, 0.1
+#: Turns of the object count for its speed with this arm [m].
+ARM = 0.1
+#: Topics that one node publishes.
+ALONE = ('joint_states', 'object_pose')
 
 
 class DemoError(IsotrussError, RuntimeError):
@@ -43,11 +55,14 @@ class DemoClient(Node):
     def __init__(self, roller_names: tuple[str, ...]) -> None:
         super().__init__('demo')
         self._twists = self.create_publisher(Twist, 'cmd_vel', RELIABLE)
+        self._wrenches = self.create_publisher(WrenchStamped, 'external_wrench', RELIABLE)
+        self._pulls = False
         self._roller_states = RollerStateReader(roller_names)
         self.frame_id = ''
         self._pose: Pose | None = None
         self._turned = 0.0
-        self._moved = time.monotonic()
+        self._stamp = self._moved = self._ended = -math.inf
+        self._rest: np.ndarray | None = None
         self._rollers: np.ndarray | None = None
         self._last_status: ManipulationStatus | None = None
         self._status_times: list[float] = []
@@ -80,17 +95,15 @@ class DemoClient(Node):
         if before is not None:
             self._turned += math.remainder(angle - before.angle, 2.0 * math.pi)
         self._pose = Pose(message.pose.position.x, message.pose.position.y, angle)
-        if self._pose != before:
-            self._moved = time.monotonic()
+        self._stamp = read_stamp(message.header)
         if self._rollers is not None:
-            snapshot = Snapshot(read_stamp(message.header), self._rollers, self._pose)
-            self._record.snapshots.append(snapshot)
+            self._record.snapshots.append(Snapshot(self._stamp, self._rollers, self._pose))
+            here = np.concatenate([self._pose, self._rollers])
+            if self._rest is None or np.abs(here - self._rest).max() > REST_DISTANCE:
+                self._rest, self._moved = here, self._stamp
 
     def _take_joints(self, message: JointState) -> None:
-        rollers = self._roller_states.read(message).positions
-        if self._rollers is None or not np.array_equal(rollers, self._rollers):
-            self._moved = time.monotonic()
-        self._rollers = rollers
+        self._rollers = self._roller_states.read(message).positions
         speed = max(map(abs, message.velocity), default=0.0)
         self._record.max_roller_speed = max(self._record.max_roller_speed, speed)
 
@@ -146,11 +159,30 @@ class DemoClient(Node):
 
     def at_rest(self) -> bool:
         """Return whether the object and the rollers have not moved for `REST_TIME`."""
-        return self._rollers is not None and time.monotonic() - self._moved > REST_TIME
+        return self._rest is not None and self._stamp - self._moved > REST_TIME
 
     def _idle(self) -> bool:
-        idle = self._last_status is not None and self._last_status.code == Status.IDLE
-        return idle and self.at_rest()
+        """Return whether the manipulation follows a twist of zero, and nothing moves."""
+        last = self._last_status
+        if last is None or last.code not in (Status.OK, Status.IDLE):
+            return False
+        return (
+            last.commanded == Twist() and read_stamp(last.header) > self._ended and self.at_rest()
+        )
+
+    def require_alone(self) -> None:
+        """
+        Check that no other robot is in this ROS domain.
+
+        :raises DemoError: two nodes publish a topic that one node publishes.
+        """
+        for topic in ALONE:
+            if (count := self.count_publishers(topic)) > 1:
+                raise DemoError(
+                    f'{count} nodes publish {topic} in ROS domain {os.environ["ROS_DOMAIN_ID"]}: '
+                    'another robot or simulation is there; end it, or set ROS_DOMAIN_ID to '
+                    'another domain'
+                )
 
     def last_grasp(self) -> GraspState | None:
         """Return the last result of the analysis in this phase."""
@@ -184,15 +216,21 @@ class DemoClient(Node):
             check()
             twist = phase.twist(now - start)
             self._twists.publish(to_twist_message(twist))
+            self._pull(phase.wrench(now - start))
+            record.max_speed = max(
+                record.max_speed, math.hypot(twist[0], twist[1]) + ARM * abs(twist[2])
+            )
             tick += 1
             self._spin_until(start + tick * PERIOD)
             sent, now = now, time.monotonic()
             record.commanded += np.array(twist) * (now - sent)
             record.longest_cycle = max(record.longest_cycle, now - sent)
+            if record.pull is not None:
+                away = np.array(self._pose[:2]) - begin - record.commanded[:2]
+                record.max_shift = max(record.max_shift, float(np.hypot(*away)))
             progress(min(1.0, (now - start) / phase.duration))
         times = self._status_times
         record.loop_rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
-        self._moved = time.monotonic()
         self._wait_for_rest(check, f'rest after {phase.name!r}')
         gaps = (after - before for before, after in pairwise(times))
         record.longest_cycle = max((record.longest_cycle, *gaps))
@@ -200,6 +238,25 @@ class DemoClient(Node):
         record.measured[2] = self._turned - turned
         return record
 
+    def _pull(self, wrench: Wrench) -> None:
+        """Publish what pulls at the object, and note from when to when it does."""
+        now, pulls, record = self.get_clock().now(), any(wrench), self._record
+        self._pulls = self._pulls or pulls
+        if not self._pulls:
+            return  # where nothing ever pulled, nothing has to end
+        seconds = 1e-9 * now.nanoseconds
+        if pulls:
+            record.pull, record.pulled = wrench, (min(record.pulled[0], seconds), seconds)
+        message = WrenchStamped(wrench=to_wrench_message(wrench))
+        stamp_header(message.header, now, self.frame_id)
+        self._wrenches.publish(message)
+
     def _wait_for_rest(self, check: Callable[[], None], what: str) -> None:
         """Publish zero twists until the object is at rest."""
-        self.wait(self._idle, check, what, meanwhile=lambda: self._twists.publish(Twist()))
+        self._ended = self._stamp
+
+        def stand() -> None:
+            self._twists.publish(Twist())
+            self._pull((0.0, 0.0, 0.0))
+
+        self.wait(self._idle, check, what, meanwhile=stand)

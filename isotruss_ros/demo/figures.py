@@ -7,6 +7,7 @@ from pathlib import Path
 
 from isotruss_ros.core import analyze_grasp, Configuration, Cylinder, Robot, settle_grasp
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.demo.path import Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.plotting.grasp_drawing import draw_forces, draw_grasp
 from isotruss_ros.plotting.robot_drawing import draw_object, draw_robot, frame, PATH_COLOR
@@ -20,9 +21,12 @@ FRAMES_PER_SECOND = 12
 SPEED_UP = 3.0
 
 #: Length of an arrow for its force [m/N]; in the magnified view, too.
-ARROW_SCALE = 0.008
+ARROW_SCALE = 0.004
 #: Width of the magnified view of the grasp beside a panel, as a share of the panel's.
 BESIDE = 0.55
+
+#: Of what pulls at the object; its arrow is larger than those of the contacts [m/N].
+PULL_COLOR, PULL_SCALE = '#d9480f', 0.05
 
 Box = tuple[Array, Array]
 
@@ -47,6 +51,7 @@ def draw_panels(robot: Robot, diameter: float, records: Sequence[PhaseRecord], p
         draw_robot(axes, configs[i])
         travelled += records[i].snapshots
         _draw_path(axes, travelled)
+        _draw_pull(axes, records[i])
         draw_object(axes, stop.pose, diameter)
         cylinder = Cylinder(stop.pose[:2], diameter)
         analysis = analyze_grasp(configs[i], cylinder)
@@ -80,6 +85,9 @@ def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path:
         axes.clear()
         draw_robot(axes, configs[i])
         _draw_path(axes, chosen[: i + 1])
+        for record in records:
+            if record.pulled[0] <= chosen[i].time <= record.pulled[1]:
+                _draw_arrow(axes, chosen[i], record.pull)
         draw_object(axes, chosen[i].pose, diameter)
         cylinder = Cylinder(chosen[i].pose[:2], diameter)
         draw_forces(axes, cylinder, analyze_grasp(configs[i], cylinder), ARROW_SCALE)
@@ -96,6 +104,28 @@ def _draw_path(axes: object, snapshots: Sequence[Snapshot]) -> None:
         color=PATH_COLOR,
         lw=1.8,
         zorder=7,
+    )
+
+
+def _draw_pull(axes: object, record: PhaseRecord) -> None:
+    """Mark where an external wrench pulled at the object, with an arrow in the middle."""
+    begin, end = record.pulled
+    snapshots = [snap for snap in record.snapshots if begin <= snap.time <= end]
+    if not snapshots:
+        return
+    places = np.array([snap.pose[:2] for snap in snapshots])
+    axes.plot(*places.T, color=PULL_COLOR, lw=2.4, zorder=8)
+    _draw_arrow(axes, snapshots[len(snapshots) // 2], record.pull)
+
+
+def _draw_arrow(axes: object, snapshot: Snapshot, pull: Wrench) -> None:
+    """Draw what pulls at the object, as an arrow with its size."""
+    place = np.array(snapshot.pose[:2])
+    tip = place + PULL_SCALE * np.array(pull[:2])
+    arrow = {'arrowstyle': '-|>', 'color': PULL_COLOR, 'lw': 2.0}
+    axes.annotate('', tip, place, arrowprops=arrow, zorder=12)
+    axes.annotate(
+        f'{np.hypot(*pull[:2]):g} N', tip, (4, -2), textcoords='offset points', color=PULL_COLOR
     )
 
 

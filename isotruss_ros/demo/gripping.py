@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import time
 from typing import Any
 
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import GraspState, PlannedGrasp
-from isotruss_ros.demo.client import DemoClient, DemoError
+from isotruss_ros.demo.client import DEADLINE, DemoClient, DemoError
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.framework.qos import RELIABLE
@@ -80,18 +81,24 @@ class Gripping:
         pose = self._client.pose
         goal.object_pose = PoseStamped(pose=to_pose_message(pose))
         goal.object_pose.header.frame_id = self._client.frame_id
+        result = self._search(goal, progress)
+        end = time.monotonic() + DEADLINE
+        while result.code == PlanGrasp.Result.NO_JOINT_STATES and time.monotonic() < end:
+            result = self._search(goal, progress)  # the planner has not discovered them yet
+        if result.code != PlanGrasp.Result.FOUND:
+            raise DemoError(f'no grasp was found: {result.message}')
+        progress(1.0)
+        return result.grasps[0], result
+
+    def _search(self, goal: PlanGrasp.Goal, progress: Callable[[float], None]) -> PlanGrasp.Result:
+        """Send a goal to the planner and return its result."""
         sent = self._planner.send_goal_async(
             goal, lambda message: progress(min(0.99, message.feedback.progress))
         )
         handle = self._answer(sent, 'an answer of the planner')
         if not handle.accepted:
             raise DemoError('the planner rejected the goal')
-        asked = handle.get_result_async()
-        result = self._answer(asked, 'a planned grasp', PLANNING_DEADLINE).result
-        if result.code != PlanGrasp.Result.FOUND:
-            raise DemoError(f'no grasp was found: {result.message}')
-        progress(1.0)
-        return result.grasps[0], result
+        return self._answer(handle.get_result_async(), 'a planned grasp', PLANNING_DEADLINE).result
 
     def approach(
         self, grasp: PlannedGrasp, progress: Callable[[float], None]
@@ -115,7 +122,7 @@ class Gripping:
             progress(1.0 - min(1.0, left / travel))
             return left <= ARRIVED and client.at_rest()
 
-        deadline = 3.0 * _seconds(grasp.path.points[-1].time_from_start) + 20.0
+        deadline = 3.0 * _seconds(grasp.path.points[-1].time_from_start) + DEADLINE
         client.wait(arrived, self._check, 'arrival at the grasp', deadline)
         count = len(record.grasps)
         # One that was computed when all was at rest already.
@@ -140,7 +147,7 @@ class Gripping:
                 raise DemoError('the node manipulation could not be activated; see its log')
         self._client.wait_until_idle(self._check)
 
-    def _answer(self, future: Future, what: str, deadline: float = 20.0) -> Any:
+    def _answer(self, future: Future, what: str, deadline: float = DEADLINE) -> Any:
         self._client.wait(future.done, self._check, what, deadline)
         return future.result()
 

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 #: (vx, vy, omega) in the robot frame [m/s, rad/s].
 Twist = tuple[float, float, float]
+#: (fx, fy, m) on the object about its centre [N, N m].
+Wrench = tuple[float, float, float]
+
+#: When an object is pulled at, as shares of a phase.
+PULLED = (0.4, 0.6)
 
 
 @dataclass(frozen=True)
@@ -18,11 +23,23 @@ class Phase:
     :ivar name: what the object does.
     :ivar duration: [s].
     :ivar twist: the twist at a time since the phase began [s].
+    :ivar pull: what pulls at the object in the middle of the phase; None for nothing.
     """
 
     name: str
     duration: float
     twist: Callable[[float], Twist]
+    pull: Wrench | None = None
+
+    def wrench(self, time: float) -> Wrench:
+        """
+        Return what pulls at the object: `pull` from 0.4 to 0.6 of the phase, nothing else.
+
+        :param time: since the phase began [s].
+        """
+        begin, end = PULLED
+        pulled = self.pull is not None and begin <= time / self.duration < end
+        return self.pull if pulled else (0.0, 0.0, 0.0)
 
 
 def _progress(time: float, duration: float) -> tuple[float, float]:
@@ -68,16 +85,17 @@ def arc(name: str, duration: float, radius: float, heading: float, angle: float)
     return Phase(name, duration, twist)
 
 
-def figure_9() -> tuple[Phase, ...]:
+def figure_9(pull: Wrench | None = None) -> tuple[Phase, ...]:
     """
     Return the path of Fig. 9 for an object held at the top, north/Z, of the nine-member robot.
 
     The object's orientation, 0 at the start, is normal to the arc after the turn by 90 degrees.
-    For an object of 0.3 m the turn takes 0.071 m/s of the grip's roller, the quickest of all.
+
+    :param pull: what pulls at the object in the middle of the arc [N, N m]; None for nothing.
     """
     quarter = 0.5 * math.pi
     return (
         translation('up', 7.0, 0.0, 0.25),
         rotation('turn in place', 8.0, quarter),
-        arc('arc', 16.0, 0.35, 0.0, -quarter),
+        replace(arc('arc', 16.0, 0.35, 0.0, -quarter), pull=pull),
     )

@@ -62,10 +62,18 @@ class NodeProcess:
                 + ' | '.join(printed)
             )
 
-    def stop(self) -> int:
-        """Send Ctrl-C, wait, and return the exit code (-9 if it had to be killed)."""
+    def interrupt(self) -> None:
+        """Send Ctrl-C."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
+
+    def stop(self) -> int:
+        """Send Ctrl-C, wait, and return the exit code, see `wait`."""
+        self.interrupt()
+        return self.wait()
+
+    def wait(self) -> int:
+        """Wait for the end, not for long, and return the exit code (-9 if it had to be killed)."""
         try:
             return self.process.wait(STOP_TIMEOUT)
         except subprocess.TimeoutExpired:
@@ -89,8 +97,15 @@ def running_nodes(
             processes.append(NodeProcess(name, parameters, logs / f'{name}.log'))
         yield processes
     finally:
-        for process in reversed(processes):
-            process.stop()
+        # A second Ctrl-C would leave nodes behind.
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            for process in reversed(processes):
+                process.interrupt()
+            for process in reversed(processes):
+                process.wait()
+        finally:
+            signal.signal(signal.SIGINT, before)
 
 
 def keep_to_this_machine() -> int:

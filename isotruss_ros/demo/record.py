@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+import math
 from typing import NamedTuple
 
 from isotruss_msgs.msg import GraspState
@@ -27,6 +28,10 @@ class PhaseRecord:
     :ivar name: of the phase.
     :ivar commanded: (dx, dy, dangle), the integral of the published twists [m, rad].
     :ivar measured: (dx, dy, dangle) of the measured pose; the angle unwrapped [m, rad].
+    :ivar max_speed: largest commanded speed of the object, turns times 0.1 m [m/s].
+    :ivar pull: (fx, fy, m) that pulled at the object [N, N m]; None if nothing did.
+    :ivar pulled: from when to when it did, by ROS time [s].
+    :ivar max_shift: largest distance of the measured from the commanded place meanwhile [m].
     :ivar max_roller_speed: largest measured speed of any roller [m/s].
     :ivar loop_rate: cycles of the manipulation node per second [Hz].
     :ivar longest_cycle: longest time between two cycles of the manipulation node, or of the client
@@ -39,6 +44,10 @@ class PhaseRecord:
     name: str
     commanded: np.ndarray = field(default_factory=lambda: np.zeros(3))
     measured: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    max_speed: float = 0.0
+    pull: tuple[float, float, float] | None = None
+    pulled: tuple[float, float] = (math.inf, -math.inf)
+    max_shift: float = 0.0
     max_roller_speed: float = 0.0
     loop_rate: float = 0.0
     longest_cycle: float = 0.0
@@ -55,6 +64,29 @@ class PhaseRecord:
     def angle_error(self) -> float:
         """Return the angle between the measured and the commanded end [rad]."""
         return abs(float((self.measured - self.commanded)[2]))
+
+    @property
+    def delay(self) -> float:
+        """Return how far the object may be off because commands were held longer [m]."""
+        return 2.0 * self.max_speed * self.longest_cycle
+
+    @property
+    def analyses(self) -> list[GraspState]:
+        """Return the analyses that have a result."""
+        return [grasp for grasp in self.grasps if grasp.code <= GraspState.WRINKLED]
+
+    @property
+    def held(self) -> float:
+        """Return the share of the analyses by which the object is held; 0 without any."""
+        return float(np.mean([grasp.held for grasp in self.analyses])) if self.analyses else 0.0
+
+    def parts(self) -> list[PhaseRecord]:
+        """Return this record and, of its analyses, those while the object was pulled at."""
+        if self.pull is None:
+            return [self]
+        begin, end = self.pulled
+        within = [grasp for grasp in self.grasps if begin <= read_stamp(grasp.header) <= end]
+        return [self, PhaseRecord(f'{self.name}, pulled', grasps=within)]
 
     def split(self, name: str, rollers: np.ndarray) -> tuple[PhaseRecord, PhaseRecord]:
         """

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from isotruss_msgs.action import PlanGrasp
-from isotruss_msgs.msg import GraspState
 from isotruss_ros.demo.record import PhaseRecord
 import numpy as np
 from rich.table import Table
@@ -25,9 +24,8 @@ def plan_table(plan: PlanGrasp.Result) -> Table:
     table.add_column('module')
     table.add_column('grasping members')
     for heading in (
-        'margin\nmN',
-        'required\nfriction',
-        'normal\nN',
+        'squeeze\nN',
+        'slips\nat N',
         'wrinkling\n%',
         'travel\nm',
         'least\nrigidity',
@@ -37,9 +35,8 @@ def plan_table(plan: PlanGrasp.Result) -> Table:
         table.add_row(
             grasp.module,
             ' '.join(grasp.members),
-            f'{1e3 * grasp.closure_margin:.0f}',
-            f'{grasp.required_friction:.2f}',
-            f'{grasp.total_force:.1f}',
+            f'{grasp.squeeze:.1f}',
+            f'{grasp.slip_margin:.1f}',
             f'{100.0 * grasp.utilisation:.0f}',
             f'{grasp.travel:.2f}',
             f'{grasp.rigidity:.2f}',
@@ -84,15 +81,17 @@ def _numbers(values: np.ndarray) -> str:
 
 
 def grasp_table(records: Sequence[PhaseRecord]) -> Table:
-    """Return forces and wrinkling over each phase, and how the object is held at its end."""
+    """
+    Return how the object is held over each phase: from the least to the most of all analyses.
+
+    :param records: of the phases.
+    """
     table = Table(
         title=(
-            'Grasp: sum of the normal forces; mean contact pressure; largest bending moment\n'
-            'against the wrinkling moment; smallest wrench at which a contact slips'
-        ),
-        caption=(
-            'shift: of the object to its equilibrium, where members of unequal length\n'
-            'press it; the kinematic simulator moves it as if they were rigid'
+            'Grasp: share of analyses by which the object is held; mean\n'
+            'normal force of a member; smallest wrench at which it slips;\n'
+            'share of friction used; length of contact at the end;\n'
+            'largest bending moment against the wrinkling moment'
         ),
         box=None,
         pad_edge=False,
@@ -100,37 +99,31 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
     )
     table.add_column('phase', no_wrap=True)
     for heading in (
-        'normal N\nfrom - to',
-        'contact\nmm',
-        'pressure\nkPa',
-        'wrinkling\n%',
-        'slips\nat N',
-        'shift\nmm',
         'held\n%',
+        'squeeze\nN',
+        'slips\nat N',
+        'used\n%',
+        'contact\nmm',
+        'wrinkles\n%',
         'analysis\nms',
     ):
         table.add_column(heading, justify='right', no_wrap=True)
     for record in records:
-        analyses = [grasp for grasp in record.grasps if grasp.code <= GraspState.WRINKLED]
-        if not analyses:
+        analyses = record.analyses
+        settled = [grasp for grasp in analyses if grasp.squeeze]
+        if not settled:
             table.add_row(record.name, 'no analysis')
             continue
-        forces = [normal_force(grasp) for grasp in analyses]
+        squeezes = [np.mean(grasp.squeeze) for grasp in settled]
         last = analyses[-1]
         table.add_row(
             record.name,
-            f'{min(forces):.1f} - {max(forces):.1f}',
+            f'{100.0 * record.held:.0f}',
+            f'{min(squeezes):.1f} - {max(squeezes):.1f}',
+            f'{min(grasp.slip_margin for grasp in settled):.1f}',
+            f'{100.0 * max(max(grasp.friction_used) for grasp in settled):.0f}',
             ' + '.join(f'{1e3 * length:.0f}' for length in last.contact_lengths),
-            ' + '.join(f'{1e-3 * pressure:.0f}' for pressure in last.contact_pressures),
             f'{100.0 * max(max(grasp.utilisation) for grasp in analyses):.0f}',
-            f'{last.slip_margin:.1f}',
-            f'{1e3 * float(np.hypot(*last.displacement[:2])):.1f}',
-            f'{100.0 * np.mean([grasp.held for grasp in record.grasps]):.0f}',
             f'{1e3 * np.median([grasp.computing_time for grasp in analyses]):.1f}',
         )
     return table
-
-
-def normal_force(grasp: GraspState) -> float:
-    """Return the sum of the normal forces [N]."""
-    return sum(contact.normal_force for contact in grasp.contacts)

@@ -65,37 +65,39 @@ class SqueezeControl:
         self.settings = settings
         self.grasp: RollingGrasp | None = None
         self.reference: complex | None = None
+        self._velocity = 0j
 
     def reset(self) -> None:
         """Forget how and where the object is held: both follow from the next measured pose."""
         self.grasp = self.reference = None
 
-    def correct(self, twist: Array, center: tuple[float, float]) -> Array:
+    def correct(self, twist: Array, center: tuple[float, float], elapsed: float) -> Array:
         """
-        Return the twist with which the object comes back to its reference.
+        Move the reference on, and return the twist with which the object comes back to it.
 
         :param twist: (3,) commanded [m/s, rad/s].
         :param center: where the object is, (x, y) [m].
+        :param elapsed: since the cycle before, for which its command held [s].
         """
         here = complex(*center)
         if self.reference is None:
             self.reference = here
+        else:
+            self.reference += elapsed * self._velocity
         back = self.settings.pose_gain * (self.reference - here)
         return twist + np.array([back.real, back.imag, 0.0])
 
-    def advance(self, twist: Array, command: RollerCommand, period: float) -> None:
+    def advance(self, twist: Array, command: RollerCommand) -> None:
         """
-        Move the reference by what is carried out of a twist.
+        Take note of what is carried out of a twist, which moves the reference from now on.
 
         :param twist: (3,) commanded [m/s, rad/s].
         :param command: the command of this cycle; in a direction other than the twist's it ends
             the reference.
-        :param period: of the loop [s].
         """
-        if self.reference is None or command.status in (Status.UNREACHABLE, Status.SLIDING):
+        if command.status in (Status.UNREACHABLE, Status.SLIDING):
             self.reference = None
-            return
-        self.reference += period * command.scale * complex(twist[0], twist[1])
+        self._velocity = command.scale * complex(twist[0], twist[1])
 
     def warning(self) -> str:
         """Return what is wrong with how the object is held; empty where nothing is."""

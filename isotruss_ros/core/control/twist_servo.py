@@ -130,6 +130,7 @@ class TwistServo:
         self._failed: frozenset[str] = frozenset()
         self._limits = default_limits(robot)
         self._history = CommandHistory(len(robot.roller_names))
+        self._regulated: float | None = None  # the time of the last cycle of the squeeze control
         self._detected: float | None = None  # the time of the rollers that were compared last
         self._tracker = ConfigurationTracker(robot.home)
 
@@ -263,7 +264,7 @@ class TwistServo:
             elif self.squeeze is None:
                 command = solve(twist, 0.0)
             else:
-                command = self._regulate(self.squeeze, config, grasp, twist, solve)
+                command = self._regulate(self.squeeze, config, grasp, twist, solve, now)
             return command if watch is None else watch.keep(command, last, self.period)
         except HaltError:
             raise
@@ -300,14 +301,18 @@ class TwistServo:
         grasp: Grasp,
         twist: Array,
         solve: Solve,
+        now: float,
     ) -> RollerCommand:
         """Solve for the squeeze as well, with the model of the held object."""
         hold = squeeze.follow(config, Pose(*grasp.center, 0.0), grasp.diameter)
         if hold is not Hold.HELD:
             raise HaltError(Status.HALT_NOT_HELD, f'the object is not held: {hold.value}')
-        wanted = squeeze.correct(twist, grasp.center)
+        # A loop that is late holds its commands for longer than its period.
+        before, self._regulated = self._regulated, now
+        elapsed = 0.0 if before is None else min(now - before, self.timeout)
+        wanted = squeeze.correct(twist, grasp.center, elapsed)
         command = squeeze.solve(wanted, self.period, solve)
-        squeeze.advance(twist, command, self.period)
+        squeeze.advance(twist, command)
         return command
 
     def _expected_travel(

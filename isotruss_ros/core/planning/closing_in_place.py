@@ -219,6 +219,11 @@ class ClosingInPlace:
             return None
         if not self._sticks(loaded):
             return None
+        names = grasp.config.robot.member_names
+        if set(analysis.contact_forces) != {names[i] for i in self._closing.members}:
+            # Friction deflects a soft structure by so much that without it one member lets go.
+            self._record(Violation('grip', len(analysis.contact_forces), 2.0, 15.0))
+            return None
         margin, fast = loaded.slip_margin(needs.friction), analysis.closure_margin
         if margin < needs.min_slip_margin:
             distance = 1.0 - margin / needs.min_slip_margin

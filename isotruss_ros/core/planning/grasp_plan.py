@@ -151,6 +151,7 @@ SENTENCES = {
     'held': 'no pose near the object balances the forces of the members',
     'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
     'in_place': 'the rollers cannot close and leave the object in place: it moves {value:.4g} m',
+    'grip': '{value:.0f} members press on an object held fast there; must be those of the grip',
     'min_slip_margin': 'the slip margin is {value:.4g} N, and must be {bound:.4g} N',
     'force_closure': 'it takes a friction coefficient of {value:.4g}, there is {bound:.4g}',
     'min_margin': 'the closure margin is {value:.4g} N, and must be {bound:.4g} N',

@@ -10,21 +10,25 @@ from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.objects import Cylinder, Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.simulation.pushing import push_out
 import numpy as np
 from numpy.typing import ArrayLike
 
 #: A change of configuration is divided into this many parts at most to find where a contact slips.
 MAX_PARTS = 64
+#: The first touch on the way to a configuration is found to this power of a half of the way.
+TOUCH_HALVINGS = 6
 
 
 class ElasticObject:
     """
     An object that two members hold by friction, or that lies on the ground.
 
-    While the contacts stick it rolls with the tubes, and its pose is a function of configuration
-    and external wrench. Where the friction that the balance needs is more than there is, or no
-    equilibrium exists, it is dropped: it lies where it was held last, until two members press on
-    it so that friction holds it. The ground carries what lies, and nothing of what is held.
+    While it lies, members that touch it push it along; the ground carries loads. From the moment
+    two members press on it so that friction holds it, it is held: contacts stick, it rolls with
+    the tubes, and its pose is a function of configuration and external wrench. Where the friction
+    that the balance needs is more than there is, or no equilibrium exists, it is dropped: it slips
+    out of the grip as far as the members push it, and lies there.
 
     :ivar dropped: why it was dropped last; None while it is held or never was.
     :param cylinder: the object, where it lies.
@@ -96,11 +100,14 @@ class ElasticObject:
         """
         if config is self._followed and not self._pulled_anew:
             return
-        self._followed, self._pulled_anew = config, False
-        if self._grasp is None:
-            self._try_to_hold(config)
-        else:
+        before, self._followed, self._pulled_anew = self._followed, config, False
+        if self._grasp is not None:
             self._roll(self._grasp, config)
+        else:
+            self._touch(before, config)
+        if self._grasp is None:
+            center = push_out(config, complex(*self._lies[:2]), self._diameter)
+            self._lies = self._lies._replace(x=center.real, y=center.imag)
 
     def come_to_rest(self, config: Configuration) -> None:
         """
@@ -109,11 +116,38 @@ class ElasticObject:
         :param config: configuration of the robot.
         """
 
-    def _try_to_hold(self, config: Configuration) -> None:
-        """Be held where two members press on it, in balance within the friction that there is."""
-        lying = Cylinder(self._lies[:2], self._diameter)
-        if np.sort(member_depths(config, lying))[-2] <= 0.0:
+    def _touch(self, before: Configuration | None, config: Configuration) -> None:
+        """Be held from the moment on at which two members press so that friction holds."""
+        if not self._pressed(config):
             return
+        first = config if before is None else self._first_touch(before, config)
+        for there in (first, config):
+            self._try_to_hold(there)
+            if self._grasp is not None:
+                self._roll(self._grasp, config)
+                return
+
+    def _first_touch(self, before: Configuration, config: Configuration) -> Configuration:
+        """Return about the first configuration on the way in which two members press."""
+        start, end, touch = before.roller_positions, config.roller_positions, config
+        low, high = 0.0, 1.0
+        for _ in range(TOUCH_HALVINGS):
+            middle = 0.5 * (low + high)
+            there = before.moved_to(start + middle * (end - start))
+            if self._pressed(there):
+                high, touch = middle, there
+            else:
+                low = middle
+        return touch
+
+    def _pressed(self, config: Configuration) -> bool:
+        """Return whether two members press on the object where it lies."""
+        depths = member_depths(config, Cylinder(self._lies[:2], self._diameter))
+        return bool(np.sort(depths)[-2] > 0.0)
+
+    def _try_to_hold(self, config: Configuration) -> None:
+        """Be held if the members press so that friction holds."""
+        lying = Cylinder(self._lies[:2], self._diameter)
         found = RollingGrasp.attach(config, lying, self._lies.angle, self._wrench, self._scale)
         if isinstance(found, RollingGrasp) and found.hold(self._friction) is Hold.HELD:
             self._grasp, self.dropped = found, None

@@ -144,8 +144,12 @@ def test_without_an_object_nothing_is_held_and_the_model_starts_again():
 # In the twist servo
 
 
-def servo_on_plant(twist, cycles, force, rate=25.0, friction=FRICTION, **settings):
-    """Run a twist servo that squeezes on the elastic plant; return both and the last decision."""
+def servo_on_plant(twist, cycles, force, rate=25.0, friction=FRICTION, late=1, **settings):
+    """
+    Run a twist servo that squeezes on the elastic plant; return both and the last decision.
+
+    Its cycles come after `late` times its period.
+    """
     plant_object = ElasticObject(CYLINDER, FRICTION)
     plant = SimulatedRobot(CONFIG, plant_object, RollerFaults())
     plant.advance(0.0)
@@ -154,7 +158,7 @@ def servo_on_plant(twist, cycles, force, rate=25.0, friction=FRICTION, **setting
     servo.squeeze = SqueezeControl(SqueezeSettings(force, friction, **settings))
     codes = []
     for number in range(cycles):
-        now = number / rate
+        now = number * late / rate
         servo.twist = StampedInput(twist, now)
         state = RollerState(plant.roller_positions.copy(), plant.roller_velocities.copy())
         servo.rollers = StampedInput(state, now)
@@ -162,7 +166,7 @@ def servo_on_plant(twist, cycles, force, rate=25.0, friction=FRICTION, **setting
         decision = servo.decide(now)
         codes.append(decision.command.status)
         plant.command(decision.command.roller_velocities)
-        plant.advance(1.0 / rate)
+        plant.advance(late / rate)
     return plant_object, plant, decision, codes
 
 
@@ -190,3 +194,15 @@ def test_the_servo_warns_of_a_small_margin_and_halts_what_is_not_held():
     assert 'friction' in decision.message
     assert not decision.command.roller_velocities.any()
     assert plant.config is CONFIG
+
+
+@pytest.mark.parametrize('late', [1, 3])
+def test_a_loop_that_is_late_moves_the_object_as_far_as_it_should(late):
+    _, plant, _, _ = servo_on_plant((0.0, 0.0, 0.0), 1, 24.0)
+    x, y = plant.object_pose[:2]
+    _, plant, _, codes = servo_on_plant((0.02, -0.01, 0.0), 51, 24.0, late=late)
+    assert set(codes) == {Status.OK}
+    # Held for longer, a command is as much less exact.
+    assert plant.object_pose[:2] == pytest.approx(
+        (x + 0.04 * late, y - 0.02 * late), abs=2e-3 * late
+    )

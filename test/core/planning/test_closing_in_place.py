@@ -64,12 +64,12 @@ def moved(pose):
     return math.hypot(pose.x - CYLINDER.center[0], pose.y - CYLINDER.center[1])
 
 
-@pytest.mark.parametrize('squeeze', [None, 8.0, 15.0])
-def test_on_the_elastic_plant_the_object_stays_and_the_squeeze_is_as_planned(squeeze):
+@pytest.mark.parametrize(('squeeze', 'parts'), [(None, 20), (8.0, 20), (15.0, 5), (15.0, 40)])
+def test_on_the_elastic_plant_the_object_stays_and_the_squeeze_is_as_planned(squeeze, parts):
     grasp = planned(squeeze=squeeze)
     if squeeze is not None:
         assert grasp.squeeze == pytest.approx(squeeze, rel=2e-3)
-    simulated, pose, held = drive(grasp.path)
+    simulated, pose, held = drive(grasp.path, parts)
     # Nothing presses before the touch, and all of it is held from there on.
     assert held == [False] * grasp.touch + [True] * (len(grasp.path) - 1 - grasp.touch)
     assert simulated.grasp.squeeze == pytest.approx(grasp.squeeze, rel=0.01)

@@ -10,6 +10,7 @@ from isotruss_ros.core import (
     settle_grasp,
     SimulatedRobot,
 )
+from isotruss_ros.core.grasping.held_members import member_depths
 import numpy as np
 import pytest
 
@@ -96,8 +97,13 @@ def test_it_is_dropped_where_the_margin_says_and_says_why():
     before = simulated.pose(CONFIG)
     simulated.follow(CONFIG)
     assert simulated.dropped in (Hold.SLIPS, Hold.NO_CONTACT, Hold.NO_BALANCE)
-    # It gave way until it slipped, and lies there.
-    assert 0.0 < np.hypot(*np.subtract(simulated.pose(CONFIG)[:2], before[:2])) < 0.1
+    # It gave way until it slipped, out of the grip, and lies where the members end to push it.
+    assert 0.0 < np.hypot(*np.subtract(simulated.pose(CONFIG)[:2], before[:2])) < 0.2
+    lies = Cylinder(simulated.pose(CONFIG)[:2], CYLINDER.diameter)
+    assert member_depths(CONFIG, lies).max() == pytest.approx(0.0, abs=1e-8)
+    simulated.external_wrench = (0.0, 0.0, 0.0)
+    simulated.follow(CONFIG)
+    assert simulated.grasp is None
 
 
 def test_friction_just_above_what_is_required_holds_and_just_below_does_not():
@@ -127,10 +133,49 @@ def test_it_lies_until_two_members_press_on_it():
         simulated.follow(config)
         held_at.append(simulated.grasp is not None)
         if not held_at[-1]:
-            assert simulated.pose(config) == pytest.approx((*CYLINDER.center, 0.4))
+            # The member that comes first pushes it a little.
+            assert simulated.pose(config) == pytest.approx((*CYLINDER.center, 0.4), abs=5e-3)
     assert not held_at[0]
     assert held_at[-1]
     assert held_at == sorted(held_at)
+
+
+@pytest.mark.parametrize('steps', [4, 10, 40])
+def test_a_wedge_that_keeps_its_angle_carries_it_along_and_does_not_squeeze(steps):
+    # However coarse the steps are: it is held from the first touch on, and not from the last step.
+    simulated = ElasticObject(CYLINDER, FRICTION)
+    for config in backed_off(CONFIG, CYLINDER, 0.15, steps=steps)[::-1]:
+        simulated.follow(config)
+    assert 0.0 < simulated.grasp.squeeze < 1.0
+
+
+def test_a_member_pushes_it_along_its_normal():
+    home = ROBOT.home
+    i = ROBOT.member_names.index('north/P-Z')
+    points, topology = home.points, ROBOT.topology
+    begin, end = points[topology.b[i]], points[topology.c[topology.following[i]]]
+    normal = -1j * (end - begin) / abs(end - begin)
+    reach = 0.15 + 0.5 * ROBOT.description.tube_diameter
+    # Pressed into the middle of one member from the inside of the triangle.
+    center = 0.5 * (begin + end) + (reach - 0.02) * normal
+    simulated = ElasticObject(Cylinder((center.real, center.imag), 0.3), FRICTION)
+    assert member_depths(home, Cylinder((center.real, center.imag), 0.3))[i] == pytest.approx(0.02)
+    simulated.follow(home)
+    pushed = complex(*simulated.pose(home)[:2]) - center
+    assert pushed == pytest.approx(0.02 * normal, abs=1e-9)
+    assert simulated.grasp is None
+
+
+def test_a_wedge_too_wide_for_the_friction_pushes_it_out():
+    config, cylinder = gripped(70.0, squeeze=0.02)
+    simulated = ElasticObject(cylinder, FRICTION)
+    simulated.follow(config)
+    assert simulated.grasp is None
+    lies = Cylinder(simulated.pose(config)[:2], cylinder.diameter)
+    assert np.sort(member_depths(config, lies))[-2:] == pytest.approx([0.0, 0.0], abs=1e-6)
+    # Along the bisector, by 20 mm.
+    out = np.hypot(*np.subtract(lies.center, cylinder.center))
+    assert out == pytest.approx(0.02, rel=1e-3)
 
 
 def test_it_is_carried_by_a_simulated_robot():

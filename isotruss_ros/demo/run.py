@@ -1,0 +1,167 @@
+"""The demonstration: plan a grasp, close it in place, carry the object, pull at it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+import signal
+
+from isotruss_msgs.action import PlanGrasp
+from isotruss_ros.core import GraspCode, IsotrussError, load_robot, Status
+from isotruss_ros.demo.client import ARM, DemoClient
+from isotruss_ros.demo.figures import animate, draw_panels
+from isotruss_ros.demo.gripping import Gripping
+from isotruss_ros.demo.path import figure_9
+from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
+from isotruss_ros.demo.record import PhaseRecord
+from isotruss_ros.demo.tables import grasp_table, motion_table, plan_table
+import numpy as np
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+ROBOT = 'nine_member'
+OBJECT_DIAMETER = 0.2
+#: Initial position of the free object, inside the tube `north` [m].
+OBJECT_CENTER = (0.6, 0.3)
+#: The module whose members grasp: its roller is driven, so the object can be rolled.
+GRIP_MODULE = 'north/Z'
+FRICTION = 0.5
+#: Normal force of each of the two members [N]: the object bears more than the pull, and the tubes
+#: have a reserve to wrinkling for the turn in place, where a side is short.
+SQUEEZE = 25.0
+#: What pulls at the object in the middle of the arc, out of the grip [N, N m].
+PULL = (0.0, -5.0, 0.0)
+#: Longer than the default [s], for a machine that is busy otherwise.
+COMMAND_TIMEOUT = 1.0
+#: Largest error of the final pose, against the integral of the commanded twists, of nodes that
+#: come to their turns in time.
+MAX_POSITION_ERROR = 1e-3
+MAX_ANGLE_ERROR = np.deg2rad(0.25)
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """
+    Run the nodes, play the path, print the tables, draw the figures.
+
+    :param arguments: of the command line; those of the process if None.
+    :return: 0 where the object was held and came to its places, else 1.
+    """
+    parser = argparse.ArgumentParser(prog='demo', description=__doc__)
+    parser.add_argument(
+        '--output', type=Path, default=Path('demo_output'), help='folder for pictures and logs'
+    )
+    parser.add_argument('--rate', type=float, default=100.0, help='of the nodes [Hz]')
+    # ros2 launch and friends append arguments of their own.
+    options, _ = parser.parse_known_args(arguments)
+    options.output.mkdir(parents=True, exist_ok=True)
+    console = Console()
+    for ending in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(ending, signal.default_int_handler)  # the same as Ctrl-C
+    try:
+        records, plan = _play(options.output, options.rate, console)
+    except IsotrussError as error:
+        console.print(f'demo failed: {error}', style='red', markup=False)
+        return 1
+    moved = records[3:]
+    console.print(plan_table(plan))
+    console.print(motion_table(moved))
+    console.print(grasp_table([part for record in records[2:] for part in record.parts()]))
+    robot = load_robot(ROBOT)
+    with console.status('drawing'):
+        draw_panels(robot, OBJECT_DIAMETER, records, options.output / 'demo.png')
+        animate(robot, OBJECT_DIAMETER, records[1:], options.output / 'demo.gif')
+    console.print(f'written: {options.output / "demo.png"}, {options.output / "demo.gif"}')
+    return _verdict(moved, console)
+
+
+def _play(
+    output: Path, rate: float, console: Console
+) -> tuple[list[PhaseRecord], PlanGrasp.Result]:
+    """Run the nodes as processes: plan, approach, grip, then follow the path."""
+    domain = keep_to_this_machine()
+    common = {'robot': ROBOT, 'command_timeout': COMMAND_TIMEOUT}
+    shared = common | {'object_diameter': OBJECT_DIAMETER, 'friction': FRICTION}
+    gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
+    x, y = OBJECT_CENTER
+    lying = {'plant': 'elastic', 'object_is_free': True, 'object_x': x, 'object_y': y}
+    started = [
+        ('simulator', gripping | lying),
+        # It commands the rollers in every cycle, so it is activated once the object is grasped.
+        ('manipulation', gripping | {'autostart': False, 'squeeze_force': SQUEEZE}),
+        ('grasp_analysis', shared),
+        ('grasp_planner', common),
+        ('roller_trajectory', common),
+    ]
+    names = ', '.join(name for name, _ in started)
+    console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
+    # Python's own: those of rclpy would close the context before the nodes are stopped.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    client = DemoClient(load_robot(ROBOT).roller_names)
+    try:
+        with running_nodes(started, output) as nodes:
+
+            def check() -> None:
+                for node in nodes:
+                    node.require_running()
+                client.require_alone()
+
+            gripper = Gripping(client, check)
+            records = [gripper.wait_until_ready()]
+            columns = (TextColumn('{task.description:18}'), BarColumn(), TimeElapsedColumn())
+            with Progress(*columns, console=console) as progress:
+
+                def bar(name: str) -> Callable[[float], None]:
+                    task = progress.add_task(name, total=1.0)
+                    return lambda done: progress.update(task, completed=done)
+
+                goal = PlanGrasp.Goal(
+                    object_diameter=OBJECT_DIAMETER,
+                    module=GRIP_MODULE,
+                    friction=FRICTION,
+                    squeeze=SQUEEZE,
+                    count=2,
+                )
+                grasp, plan = gripper.plan(goal, bar('plan a grasp'))
+                records += gripper.approach(grasp, bar('approach and grip'))
+                gripper.activate_manipulation()
+                records += [client.play(phase, check, bar(phase.name)) for phase in figure_9(PULL)]
+            return records, plan
+    finally:
+        client.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _verdict(records: Sequence[PhaseRecord], console: Console) -> int:
+    code = 0
+    for record in records:
+        odd = {str(status) for status in record.statuses - {Status.OK, Status.IDLE}}
+        codes = {GraspCode(grasp.code) for grasp in record.grasps}
+        odd |= {f'grasp: {code}' for code in codes - {GraspCode.OK}}
+        if odd:
+            console.print(f'{record.name}: {", ".join(sorted(odd))}', style='yellow')
+        if record.pull is not None:
+            size = float(np.hypot(*record.pull[:2]))
+            console.print(
+                f'{record.name}: a pull of {size:g} N moved the object by up to '
+                f'{1e3 * record.max_shift:.1f} mm, and it came back to '
+                f'{1e3 * record.position_error:.2f} mm'
+            )
+        faults = []
+        if record.held < 1.0:
+            faults.append(f'held in {100.0 * record.held:.1f} % of the analyses only')
+        # A command that is held longer than it should moves the object for longer.
+        if (
+            record.position_error > MAX_POSITION_ERROR + record.delay
+            or record.angle_error > MAX_ANGLE_ERROR + record.delay / ARM
+        ):
+            faults.append(
+                f'the error is larger than 1 mm or 0.25 degrees, with cycles of up to '
+                f'{1e3 * record.longest_cycle:.0f} ms'
+            )
+        for fault in faults:
+            console.print(f'{record.name}: {fault}', style='red')
+            code = 1
+    return code

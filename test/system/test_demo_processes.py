@@ -1,0 +1,56 @@
+"""The demonstration as a process: interrupted, and beside another simulation."""
+
+import signal
+import subprocess
+import sys
+import time
+
+from isotruss_ros.demo.processes import NodeProcess
+from probe import begin_context, DEADLINE
+import pytest
+import rclpy
+
+pytestmark = pytest.mark.system
+
+
+def begin(folder):
+    """Start the demonstration; return its process."""
+    return subprocess.Popen(
+        [sys.executable, '-u', '-m', 'isotruss_ros.demo', '--output', str(folder)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path):
+    demo = begin(tmp_path)
+    printed = demo.stdout.readline()
+    assert 'nodes simulator' in printed
+    # The nodes are on their way; their logs are there before they are.
+    while not (tmp_path / 'roller_trajectory.log').exists():
+        time.sleep(0.01)
+    demo.send_signal(signal.SIGINT)
+    printed, _ = demo.communicate(timeout=DEADLINE)
+    assert demo.returncode == 130
+    assert 'demo stopped' in printed
+    assert 'Traceback' not in printed
+
+
+def test_beside_another_simulation_it_says_so(tmp_path):
+    begin_context()
+    simulator = NodeProcess('simulator', {}, tmp_path / 'other.log')
+    try:
+        node = rclpy.create_node('listener')
+        deadline = time.monotonic() + DEADLINE
+        while node.count_publishers('joint_states') == 0:
+            assert time.monotonic() < deadline
+            rclpy.spin_once(node, timeout_sec=0.05)
+        node.destroy_node()
+        demo = begin(tmp_path)
+        printed, _ = demo.communicate(timeout=2.0 * DEADLINE)
+    finally:
+        simulator.stop()
+        rclpy.shutdown()
+    assert demo.returncode == 1
+    assert 'another robot or simulation is there' in ' '.join(printed.split())
