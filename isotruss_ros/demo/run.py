@@ -122,7 +122,7 @@ def _play(
                     module=GRIP_MODULE,
                     friction=FRICTION,
                     squeeze=SQUEEZE,
-                    count=2,
+                    count=1,
                 )
                 grasp, plan = gripper.plan(goal, bar('plan a grasp'))
                 records += gripper.approach(grasp, bar('approach and grip'))

@@ -176,7 +176,12 @@ class PathFollower(ManagedNode):
         values = self.values
         try:
             path = read_object_path(
-                goal.path, goal.speed, goal.turn_rate, self._frame, values[SMOOTH_PATH]
+                goal.path,
+                goal.speed,
+                goal.turn_rate,
+                self._frame,
+                values[SMOOTH_PATH],
+                self._servo.measured(self.now()),
             )
             settings = TrackingSettings(
                 goal.position_tolerance,

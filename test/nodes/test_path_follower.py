@@ -138,6 +138,16 @@ def test_carries_the_object_to_the_end_of_the_path():
         assert len(client.twists()) == count
 
 
+def test_a_path_of_one_pose_leads_there():
+    with world(*real()) as w:
+        client = Client(w)
+        w.until(lambda: w.probe.last('pose') is not None)
+        there = np.add(HOME, (0.01, 0.03, 0.1))
+        status, result = client.result(client.send(goal(begin=there)))
+        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
+        assert np.abs(object_at(w) - there).max() < 0.01
+
+
 def test_feedback_reduces_the_error_of_slip():
     errors = {}
     for gain in (0.0, 2.0):
@@ -224,7 +234,7 @@ def endless(asked, count=10_001):
 UP = (0.0, 0.02, 0.0)
 BAD_GOALS = {
     'no poses': (FollowObjectPath.Goal(), 'two or more'),
-    'one pose': (goal(begin=PROBED), 'two or more'),
+    'one pose, and there': (goal(begin=PROBED), 'must lead somewhere else'),
     'nowhere': (goal((0.0, 0.0, 0.0), begin=PROBED), 'must lead somewhere else'),
     'frame': (goal(UP, begin=PROBED, frame='world'), "path in frame 'world': must be in 'truss'"),
     'frame of a pose': (elsewhere(goal(UP, begin=PROBED), 'map'), 'pose 1 of the path in frame'),

@@ -23,6 +23,7 @@ from isotruss_ros.core.control.path_tracking import (
 )
 from isotruss_ros.core.errors import PathError
 from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.model.objects import Pose
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -107,6 +108,15 @@ class PathServo:
         if self.tracker is not None:
             self.tracker.period = period
 
+    def measured(self, now: float) -> Pose:
+        """
+        Return where the object is.
+
+        :param now: time on the clock of the samples [s].
+        :raises InputError: its pose is missing, stale or invalid.
+        """
+        return require_fresh(now, self.timeout, object_pose=self.pose)[0].value
+
     def begin(self, path: ObjectPath, settings: TrackingSettings, now: float) -> None:
         """
         Take a path; the next cycle is its first.
@@ -118,7 +128,7 @@ class PathServo:
         :raises InputError: nobody knows where the object is.
         """
         self.tracker = None
-        measured = require_fresh(now, self.timeout, object_pose=self.pose)[0].value
+        measured = self.measured(now)
         error = pose_error(path.poses[0], measured)
         away, turned = math.hypot(error[0], error[1]), abs(float(error[2]))
         if away > settings.position_tolerance or turned > settings.angle_tolerance:

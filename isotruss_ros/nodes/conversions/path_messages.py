@@ -41,7 +41,7 @@ def read_object_pose(message: PoseStamped, frame: str) -> Pose:
 
 
 def read_object_path(
-    message: Path, speed: float, turn_rate: float, frame: str, smooth: bool
+    message: Path, speed: float, turn_rate: float, frame: str, smooth: bool, start: Pose
 ) -> ObjectPath:
     """
     Return the path of a goal.
@@ -51,6 +51,7 @@ def read_object_path(
     :param turn_rate: largest rate of turn [rad/s].
     :param frame: the robot's frame.
     :param smooth: whether corners are rounded.
+    :param start: where the object is: there a path of one pose begins.
     :raises MessageError: another frame, not finite, or a rotation out of the plane.
     :raises PathError: see `ObjectPath`.
     """
@@ -70,6 +71,8 @@ def read_object_path(
                 f'{what}: the quaternion has x {q.x} and y {q.y}: the robot is planar; must be 0'
             )
         poses.append((position.x, position.y, read_angle(stamped.pose)))
+    if len(poses) == 1:
+        poses.insert(0, start)
     return ObjectPath(poses, speed, turn_rate, smooth)
 
 

@@ -22,6 +22,7 @@ from isotruss_ros.core.grasping.held_members import (
     member_depths,
     static_start,
 )
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response
 from isotruss_ros.core.numerics.arrays import as_xy
 from isotruss_ros.core.statics.structure import structure_of
@@ -270,15 +271,32 @@ def grasps(count):
             yield config, Cylinder(tuple(center), diameter), rng.uniform(0.2, 1.5), wrench
 
 
-def test_random_grasps_are_balanced_or_say_what_has_no_solution():
+def test_random_grasps_are_balanced_or_say_what_has_no_solution(monkeypatch):
+    attach, found = RollingGrasp.attach, []
+
+    def record(*arguments, **options):
+        found.append(attach(*arguments, **options))
+        return found[-1]
+
+    monkeypatch.setattr(RollingGrasp, 'attach', record)
     outcomes = Counter()
     for config, cylinder, friction, wrench in grasps(1000):
+        found.clear()
         settled = settle_grasp(config, cylinder, friction, wrench)
         outcomes[settled.hold] += 1
         if not settled.normal_forces:
             assert not settled.held
             assert settled.reason
             continue
+        state, radius = found[-1].state, 0.5 * cylinder.diameter
+        assert dict(
+            zip(found[-1].member_names, state.normal_forces, strict=True)
+        ) == pytest.approx(settled.normal_forces)
+        squeeze = np.abs(state.normal_forces).sum()
+        forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
+        assert abs(forces.sum() - complex(*wrench[:2])) < 1e-8 * squeeze
+        moment = radius * state.friction_forces.sum()
+        assert abs(moment - wrench[2]) < 1e-8 * squeeze * radius
         normal = np.array(list(settled.normal_forces.values()))
         rubbing = np.array(list(settled.friction_forces.values()))
         assert (normal > 0.0).all()
@@ -296,18 +314,6 @@ def test_random_grasps_are_balanced_or_say_what_has_no_solution():
             assert settled.slip_margin >= 0.0
     assert outcomes[Hold.HELD] > 100
     assert outcomes[Hold.SLIPS] > 100
-
-
-def test_balances_of_random_grasps_are_exact():
-    for config, cylinder, _, wrench in grasps(100):
-        statics, state = balance(config, cylinder, wrench)
-        if state is None:
-            continue
-        forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
-        squeeze = np.abs(state.normal_forces).sum()
-        assert abs(forces.sum() - complex(*wrench[:2])) < 1e-8 * squeeze
-        moment = statics.radius * state.friction_forces.sum()
-        assert abs(moment - wrench[2]) < 1e-8 * squeeze * statics.radius
 
 
 @pytest.mark.parametrize(

@@ -114,6 +114,21 @@ def test_friction_just_above_what_is_required_holds_and_just_below_does_not():
         assert (simulated.grasp is not None) == holds
 
 
+@pytest.mark.parametrize('seed', range(4))
+def test_along_a_path_it_is_dropped_within_five_percent_of_the_predicted_friction(seed):
+    path = [CONFIG, *(CONFIG.moved_to(place) for place in walk(15, seed, step=8e-3))]
+    rough, needed = held(friction=5.0), []
+    for config in path:
+        rough.follow(config)
+        needed.append(rough.grasp.required_friction)
+    for share in (1.05, 0.95):
+        simulated, stays = ElasticObject(CYLINDER, share * max(needed)), []
+        for config in path:
+            simulated.follow(config)
+            stays.append(simulated.grasp is not None)
+        assert all(stays) == (share > 1.0)
+
+
 def test_a_load_moves_it_and_lets_it_back():
     simulated = held()
     start = simulated.pose(CONFIG)
