@@ -4,6 +4,9 @@ PYTHON ?= python3
 MINUTES ?= 10
 WALKS ?= 1000
 VENV := .venv
+# .noble has Ubuntu 24.04's versions of the Python packages, and only what package.xml declares.
+NOBLE_PYTHON ?= $(shell tools/find_python.sh 3.12 '$(PYTHON)')
+REQUIREMENTS := requirements.txt requirements-extra.txt
 BIN := $(VENV)/bin
 STAMPS := $(VENV)/stamps
 
@@ -18,11 +21,12 @@ unexport FASTRTPS_DEFAULT_PROFILES_FILE FASTDDS_DEFAULT_PROFILES_FILE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test demo paper docs colcon bench fuzz soak format clean FORCE
+.PHONY: help venv test noble demo paper docs colcon bench fuzz soak format clean noble-tests FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation'
 	@echo 'make test     style and tests'
+	@echo 'make noble    the tests, the demo and the paper with the versions of Ubuntu 24.04, in .noble'
 	@echo 'make paper    compute and draw what the paper shows: docs/paper.md'
 	@echo 'make docs     build the documentation site: docs/_build/html/index.html'
 	@echo 'make colcon   build and test both packages as a colcon workspace, in .colcon'
@@ -41,6 +45,15 @@ test: venv
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m pytest -m 'not system' -n auto --dist worksteal
 	$(BIN)/python -m pytest -m system
+
+noble:
+	+$(MAKE) noble-tests VENV=.noble PYTHON='$(NOBLE_PYTHON)' REQUIREMENTS=requirements.txt
+
+noble-tests: venv
+	$(BIN)/python -m pytest -m 'not system' -n auto --dist worksteal
+	$(BIN)/python -m pytest -m system
+	$(BIN)/python -m isotruss_ros.demo --output $(VENV)/demo
+	$(BIN)/python -m paper --output $(VENV)/paper
 
 demo: venv
 	$(BIN)/python -m isotruss_ros.demo
@@ -72,15 +85,15 @@ format: venv
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) docs/_build docs/api .colcon build install log *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .noble docs/_build docs/api .colcon build install log *.egg-info .pytest_cache .ruff_cache .hypothesis
 
 # The script leaves the stamp alone while the same Python serves the same folder.
 $(STAMPS)/python: FORCE
 	@tools/make_venv.sh '$(PYTHON)' $(VENV)
 
-$(STAMPS)/packages: $(STAMPS)/python requirements.txt tools/make_venv.sh tools/install_packages.sh \
+$(STAMPS)/packages: $(STAMPS)/python $(REQUIREMENTS) tools/make_venv.sh tools/install_packages.sh \
 		tools/python_headers.sh tools/relocate_wheels.py
-	@tools/install_packages.sh $(VENV)
+	@tools/install_packages.sh $(VENV) $(REQUIREMENTS)
 	@touch $@
 
 # Folders are listed too: their time changes when a message is removed.

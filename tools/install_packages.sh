@@ -1,17 +1,18 @@
 #!/bin/sh
 # Installs the pinned packages into the virtual environment and makes the ROS wheels build messages.
-# usage: install_packages.sh VENV
+# usage: install_packages.sh VENV REQUIREMENTS...
 set -eu
 
 tools=$(dirname "$0")
 venv=$(cd "$1" && pwd)
+shift
 python=$venv/bin/python
 log=$venv/install.log
 
 install() {
     "$python" -m pip install --quiet --disable-pip-version-check "$@" 2> "$log" || {
         cat "$log" >&2
-        echo 'Installing the packages of requirements.txt failed (see above); run the same command again' \
+        echo 'Installing the packages failed (see above); run the same command again' \
             'once the network answers: what was fetched is kept.' >&2
         exit 1
     }
@@ -19,9 +20,10 @@ install() {
 
 # The installers come first and build what has no wheel, so that their versions are the pinned ones too.
 grep -E '^(pip|setuptools|wheel)==' requirements.txt > "$venv/installers.txt"
-echo 'Installing the packages of requirements.txt'
+echo "Installing the packages of $*"
 install -r "$venv/installers.txt"
-install --no-build-isolation -r requirements.txt
+set -- $(printf -- '-r %s ' "$@")
+install --no-build-isolation "$@"
 
 "$tools/python_headers.sh" "$venv"
 "$python" "$tools/relocate_wheels.py"

@@ -54,8 +54,8 @@ def setup_arguments():
 
 @pytest.fixture(scope='module')
 def pins():
-    """Return the lines of requirements.txt and requirements-docs.txt without comments."""
-    files = (ROOT / 'requirements.txt', ROOT / 'requirements-docs.txt')
+    """Return the lines of the files that pin versions, without comments."""
+    files = [ROOT / f'requirements{part}.txt' for part in ('', '-extra', '-docs')]
     lines = [line for file in files for line in file.read_text().splitlines()]
     return [line for line in (line.split('#')[0].strip() for line in lines) if line]
 
@@ -134,7 +134,7 @@ def test_what_pip_installs_rosdep_installs_too(manifest, setup_arguments):
 
 def test_every_pin_is_exact(pins):
     for pin in pins:
-        assert re.fullmatch(r'[\w.-]+==[\w.]+( ; python_version (<|>=) "3\.\d+")?', pin), pin
+        assert re.fullmatch(r'[\w.-]+==[\w.]+( ; python_version (<|>=|==) "3\.\d+")?', pin), pin
 
 
 def test_nothing_is_pinned_twice(pins):
