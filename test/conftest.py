@@ -2,8 +2,11 @@
 
 import os
 
-# Before rclpy is loaded; a caller that has set a domain of its own keeps it.
+# Before rclpy is loaded; a caller that has set a domain of its own keeps it. Tests that run side by
+# side have one each.
+_domain = int(os.environ.get('ROS_DOMAIN_ID', os.getpid()))
+_worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
+os.environ['ROS_DOMAIN_ID'] = str(1 + (_domain - 1 + 17 * _worker) % 101)
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 101))
 # Before NumPy is loaded: BLAS threads that wait for each other make a busy machine crawl.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')

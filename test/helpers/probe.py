@@ -183,7 +183,9 @@ class World:
         deadline = time.monotonic() + DEADLINE
         due = 0.0
         while not what():
-            assert time.monotonic() < deadline, f'not within {DEADLINE} s'
+            assert time.monotonic() < deadline, (
+                f'not within {DEADLINE} s; last status: {self.probe.last("status")}'
+            )
             if time.monotonic() >= due:
                 each()
                 due = time.monotonic() + period

@@ -1,28 +1,31 @@
-"""Twenty random walks of a thousand steps; `python test/helpers/walks.py` walks more."""
-
-import functools
+"""Random walks of a thousand steps; `python test/helpers/walks.py` walks more."""
 
 from isotruss_ros.core import Status
 import pytest
 import walks
 
+#: Seeds of walks that come to the bounds, and what each of them must show.
+WALKS = {
+    0: Status.SLOWED_SELF_COLLISION,
+    2: Status.SLIDING,
+    6: Status.SLOWED_SELF_COLLISION,
+    8: Status.SLIDING,
+    11: Status.SLIDING,
+    12: Status.SLOWED_RIGIDITY,
+    13: Status.SLOWED_RIGIDITY,
+    15: Status.SLOWED_OBJECT,
+    17: Status.SLIDING,
+    19: Status.SLOWED_RIGIDITY,
+}
 
-@functools.cache
-def walk(seed):
-    return walks.walk(seed, 1000, slide=seed % 3 == 2)
 
-
-@pytest.mark.parametrize('seed', range(20))
+@pytest.mark.parametrize('seed', WALKS)
 def test_walk_never_crosses_a_bound(seed):
-    found = walk(seed)
+    found = walks.walk(seed, 1000, slide=seed % 3 == 2)
     assert not found.crossed, found
+    assert WALKS[seed] in found.statuses
 
 
-def test_walks_came_to_bounds_that_they_would_have_crossed():
-    """They prove something: some are stopped, and without the guard they do cross."""
-    close = [seed for seed in range(20) if walk(seed).lowest.min() < 0.0015]
-    assert len(close) >= 5
-    statuses = {status for seed in range(20) for status in walk(seed).statuses}
-    assert statuses >= {Status.SLOWED_SELF_COLLISION, Status.SLOWED_OBJECT, Status.SLIDING}
-    for seed in close[:2]:
-        assert walks.walk(seed, 1000, guarded=False).crossed
+@pytest.mark.parametrize('seed', [0, 2])
+def test_walks_cross_a_bound_without_the_guard(seed):
+    assert walks.walk(seed, 1000, guarded=False).crossed

@@ -17,9 +17,11 @@ def random_points(rng, members, points, pinned=None):
     """Return points on members of any rigidities, one of three without shear deformation."""
     length = rng.uniform(0.1, 3.0, members)
     member = rng.integers(members, size=points)
+    # Apart, so that the member that is cut there is well-conditioned.
+    shares = (rng.permutation(points) + rng.uniform(0.3, 0.7, points)) / points
     return InteriorPoints(
         member,
-        length[member] * rng.uniform(0.0, 1.0, points),
+        length[member] * shares,
         length,
         10.0 ** rng.uniform(2.0, 6.0, members),
         10.0 ** rng.uniform(0.0, 4.0, members),
