@@ -9,6 +9,7 @@ NOBLE_PYTHON ?= $(shell tools/find_python.sh 3.12 '$(PYTHON)')
 REQUIREMENTS := requirements.txt requirements-extra.txt
 BIN := $(VENV)/bin
 STAMPS := $(VENV)/stamps
+PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
 
 # Tests and demo keep to this machine, and two runs at once on it have domains of their own.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
@@ -25,7 +26,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation'
-	@echo 'make test     style and tests'
+	@echo 'make test     style and tests; those of ament run with make colcon'
 	@echo 'make noble    the tests, the demo and the paper with the versions of Ubuntu 24.04, in .noble'
 	@echo 'make paper    compute and draw what the paper shows: docs/paper.md'
 	@echo 'make docs     build the documentation site: docs/_build/html/index.html'
@@ -43,15 +44,15 @@ venv: $(STAMPS)/messages $(STAMPS)/package
 test: venv
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/python -m pytest -m 'not system' -n auto --dist worksteal
-	$(BIN)/python -m pytest -m system
+	$(PYTEST) -m 'not system and not linter'
+	$(PYTEST) -m system
 
 noble:
 	+$(MAKE) noble-tests VENV=.noble PYTHON='$(NOBLE_PYTHON)' REQUIREMENTS=requirements.txt
 
 noble-tests: venv
-	$(BIN)/python -m pytest -m 'not system' -n auto --dist worksteal
-	$(BIN)/python -m pytest -m system
+	EXAMPLES_SHARE=0.2 $(PYTEST) -m 'not system and not linter'
+	$(PYTEST) -m system
 	$(BIN)/python -m isotruss_ros.demo --output $(VENV)/demo
 	$(BIN)/python -m paper --output $(VENV)/paper
 

@@ -2,8 +2,7 @@
 
 import os
 
-# Before rclpy is loaded; a caller that has set a domain of its own keeps it. Tests that run side by
-# side have one each.
+# Before rclpy is loaded; a domain that is set is kept. Tests that run side by side have their own.
 _domain = int(os.environ.get('ROS_DOMAIN_ID', os.getpid()))
 _worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
 os.environ['ROS_DOMAIN_ID'] = str(1 + (_domain - 1 + 17 * _worker) % 101)

@@ -172,8 +172,8 @@ def _complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
             except ValueError:
                 yield f'{name} {shown}: must be a number'
                 continue
-            # Beyond what a robot file takes a number is a slip and overflows in products; so does the
-            # reciprocal of a length.
+            # Beyond what a robot file takes a number is a slip and overflows in products; so do
+            # reciprocals.
             if not abs(value) <= MAX_MAGNITUDE:
                 yield f'{name} {shown}: must be finite, at most {MAX_MAGNITUDE:g}'
             elif name in ('pressure', 'length') and value < 1.0 / MAX_MAGNITUDE:

@@ -38,7 +38,8 @@ class NodeProcess:
                 [
                     sys.executable,
                     '-m',
-                    f'isotruss_ros.nodes.{name}',
+                    'isotruss_ros.executables',
+                    name,
                     '--ros-args',
                     *(part for argument in arguments for part in ('-p', argument)),
                 ],

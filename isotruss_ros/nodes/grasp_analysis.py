@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-import sys
 import time
 
 from geometry_msgs.msg import WrenchStamped
@@ -181,7 +180,3 @@ def main(args: Sequence[str] | None = None) -> int:
     :param args: of the command line; those of the process if None.
     """
     return run(GraspAnalysisNode, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

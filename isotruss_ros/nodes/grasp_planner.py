@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 import contextlib
 from dataclasses import dataclass
-import sys
 import time
 
 from isotruss_msgs.action import PlanGrasp
@@ -224,7 +223,3 @@ def main(args: Sequence[str] | None = None) -> int:
     :param args: of the command line; those of the process if None.
     """
     return run(GraspPlanner, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

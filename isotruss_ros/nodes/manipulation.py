@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-import sys
 import time
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -296,7 +295,3 @@ def main(args: Sequence[str] | None = None) -> int:
     :param args: of the command line; those of the process if None.
     """
     return run(Manipulation, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-import sys
 
 from isotruss_ros.core import IsotrussError, load_robot, StampedInput
 from isotruss_ros.core.control.inputs import require_fresh
@@ -169,7 +168,3 @@ def main(args: Sequence[str] | None = None) -> int:
     :param args: of the command line; those of the process if None.
     """
     return run(RollerTrajectory, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

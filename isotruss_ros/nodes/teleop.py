@@ -148,7 +148,3 @@ def main(args: Sequence[str] | None = None) -> int:
             return run(make_node, args)
         finally:
             done.set()
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 
+from isotruss_ros import executables
 import pytest
 import setuptools
 
@@ -98,10 +99,15 @@ def test_descriptions_agree(manifest, setup_arguments):
 
 
 def test_entry_points_are_mains(setup_arguments):
+    nodes = []
     for line in setup_arguments['entry_points']['console_scripts']:
         module, function = re.fullmatch(r'\w+ = ([\w.]+):(\w+)', line).groups()
         entry = getattr(importlib.import_module(module), function, None)
         assert callable(entry), f'{line}: {module} has no {function}()'
+        nodes += [function] if module == executables.__name__ else []
+    assert sorted(nodes) == sorted(executables.NODES)
+    for name in nodes:
+        assert callable(importlib.import_module(f'isotruss_ros.nodes.{name}').main)
 
 
 def test_imports_of_the_package_are_declared(manifest):
@@ -163,7 +169,8 @@ def test_nodes_without_the_interface_package_say_what_to_build():
         'import importlib.util as util\n'
         'find = util.find_spec\n'
         "util.find_spec = lambda name: None if name == 'isotruss_msgs' else find(name)\n"
-        'import isotruss_ros.nodes.simulator\n'
+        'import isotruss_ros.executables as executables\n'
+        "raise SystemExit(executables.run_node('simulator'))\n"
     )
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 1

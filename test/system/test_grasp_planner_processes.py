@@ -70,7 +70,7 @@ def test_leaves_no_process_when_it_is_deactivated_or_destroyed():
 
 @pytest.mark.parametrize('how', [signal.SIGKILL, signal.SIGINT])
 def test_leaves_no_process_when_its_own_is_ended(how):
-    command = [sys.executable, '-m', 'isotruss_ros.nodes.grasp_planner', '--ros-args']
+    command = [sys.executable, '-m', 'isotruss_ros.executables', 'grasp_planner', '--ros-args']
     command += ['-p', 'workers:=2', '-p', 'command_timeout:=5.0']
     process = subprocess.Popen(command, start_new_session=True)
     try:

@@ -16,7 +16,7 @@ from isotruss_ros.demo.client import DemoClient
 from isotruss_ros.demo.path import arc
 from isotruss_ros.demo.processes import NodeError, NodeProcess, running_nodes
 from isotruss_ros.nodes.conversions.messages import read_stamp
-from isotruss_ros.nodes.framework.runner import Interruption
+from isotruss_ros.nodes.framework.runner import Interruption, STOP_SIGNALS
 import numpy as np
 from probe import begin_context, DEADLINE
 import pytest
@@ -129,7 +129,7 @@ def test_the_analysis_falls_back_to_no_answer_when_the_robot_goes(listener, tmp_
         assert 'Traceback' not in analysis.log.read_text()
 
 
-@pytest.mark.parametrize('stop', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('stop', STOP_SIGNALS)
 def test_manipulation_stops_cleanly_with_a_zero_command(listener, tmp_path, stop):
     commands = []
     listener.create_subscription(
@@ -154,7 +154,7 @@ def test_manipulation_stops_cleanly_with_a_zero_command(listener, tmp_path, stop
 
 def test_an_interruption_raises_nowhere_unless_it_comes_twice():
     """Raised in the middle of a conversion it would come out of rclpy as another error."""
-    before = {which: signal.getsignal(which) for which in (signal.SIGINT, signal.SIGTERM)}
+    before = {which: signal.getsignal(which) for which in STOP_SIGNALS}
     try:
         interruption = Interruption()
         assert not interruption.received
@@ -169,14 +169,18 @@ def test_an_interruption_raises_nowhere_unless_it_comes_twice():
             signal.signal(which, handler)
 
 
-def test_stopping_before_anything_happens_is_clean(tmp_path):
-    process = NodeProcess('simulator', {}, tmp_path / 'log')
-    # The handlers are in place once the node prints or lives; either way the exit must be orderly.
-    time_limit = time.monotonic() + DEADLINE
-    while not _has_handler(process) and time.monotonic() < time_limit:
+@pytest.mark.parametrize('which', STOP_SIGNALS)
+def test_a_signal_during_the_start_ends_it_without_a_word(which, tmp_path):
+    process = NodeProcess('manipulation', {}, tmp_path / 'log')
+    # The handlers are there before anything is imported that takes time.
+    deadline = time.monotonic() + DEADLINE
+    while not _has_handler(process):
+        assert time.monotonic() < deadline
         process.require_running()
-    assert process.stop() == 0
-    assert 'Traceback' not in process.log.read_text()
+    process.process.send_signal(which)
+    process.process.send_signal(which)
+    assert process.process.wait(DEADLINE) == 0
+    assert not process.log.read_text()
 
 
 def _has_handler(process):
@@ -230,7 +234,7 @@ def test_teleop_turns_keys_into_twists_and_restores_the_terminal(listener):
     listener.create_subscription(Twist, 'cmd_vel', heard.append, 10)
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
-        [sys.executable, '-m', 'isotruss_ros.nodes.teleop'],
+        [sys.executable, '-m', 'isotruss_ros.executables', 'teleop'],
         stdin=theirs,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
@@ -264,7 +268,7 @@ def test_teleop_turns_keys_into_twists_and_restores_the_terminal(listener):
 
 def test_teleop_without_a_terminal_prints_why_it_ends():
     done = subprocess.run(
-        [sys.executable, '-m', 'isotruss_ros.nodes.teleop'],
+        [sys.executable, '-m', 'isotruss_ros.executables', 'teleop'],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         timeout=DEADLINE,

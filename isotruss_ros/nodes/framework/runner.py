@@ -1,4 +1,4 @@
-"""Run a node as an executable: start or print why not, spin, stop cleanly on Ctrl-C or SIGTERM."""
+"""Run a node as an executable: start or print why not, spin, stop cleanly on a signal."""
 
 from __future__ import annotations
 
@@ -15,6 +15,9 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+
+#: Ctrl-C, `kill`, and a terminal that is closed.
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class StoppableNode(Node):
@@ -34,7 +37,7 @@ class StoppableNode(Node):
 
 class Interruption:
     """
-    Handle Ctrl-C and SIGTERM: the first sets a flag, the second raises KeyboardInterrupt.
+    Handle signals that end a process: the first sets a flag, the second raises an error.
 
     KeyboardInterrupt raised in the middle of a conversion from C comes out of rclpy as another
     error.
@@ -44,7 +47,7 @@ class Interruption:
 
     def __init__(self) -> None:
         self.received = False
-        for which in (signal.SIGINT, signal.SIGTERM):
+        for which in STOP_SIGNALS:
             signal.signal(which, self._handle)
 
     def _handle(self, _signal: int, _frame: FrameType | None) -> None:
@@ -54,7 +57,7 @@ class Interruption:
 
     def ignore(self) -> None:
         """Ignore further signals."""
-        for which in (signal.SIGINT, signal.SIGTERM):
+        for which in STOP_SIGNALS:
             signal.signal(which, signal.SIG_IGN)
 
 

@@ -1,0 +1,65 @@
+"""
+The nodes as executables: `ros2 run isotruss_ros NODE`, `python -m isotruss_ros.executables NODE`.
+
+Importing a node takes about a second. A signal that comes meanwhile ends the process at once: no
+roller turns yet, and there is nothing to print.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+import importlib
+import importlib.util
+import os
+import signal
+import sys
+from types import FrameType
+
+NODES = (
+    'simulator',
+    'manipulation',
+    'grasp_analysis',
+    'path_follower',
+    'roller_trajectory',
+    'grasp_planner',
+    'teleop',
+)
+#: In the words of a terminal, since that is where it is read.
+NO_MESSAGES = (
+    'isotruss_msgs, the interface package of isotruss_ros, is not built. It is the folder\n'
+    'msg_defs of isotruss_ros, where colcon does not look by itself. In the workspace:\n'
+    '  ln -s isotruss_ros/msg_defs src/isotruss_msgs\n'
+    '  colcon build && source install/setup.bash'
+)
+
+
+def _leave(_signal: int, _frame: FrameType | None) -> None:
+    os._exit(0)
+
+
+def run_node(name: str) -> int:
+    """
+    Run a node until it is interrupted.
+
+    :param name: one of `NODES`.
+    :return: exit code of the process.
+    """
+    for which in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(which, _leave)
+    if importlib.util.find_spec('isotruss_msgs') is None:
+        print(NO_MESSAGES, file=sys.stderr)
+        return 1
+    return importlib.import_module(f'isotruss_ros.nodes.{name}').main()
+
+
+def __getattr__(name: str) -> Callable[[], int]:
+    """Return the function of an executable, as the console scripts name it."""
+    if name in NODES:
+        return partial(run_node, name)
+    raise AttributeError(name)
+
+
+if __name__ == '__main__':
+    node = sys.argv.pop(1)
+    sys.exit(run_node(node))
