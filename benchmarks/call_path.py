@@ -80,7 +80,7 @@ def control_cycle() -> tuple[list[str], int]:
         )
         config = robot.configuration(positions)
         held = held or core.HeldObject.attach(config, core.Grasp(MODULE, center, DIAMETER))
-        servo.center = core.StampedInput(tuple(held.pose(config)[:2]), now - 0.002)
+        servo.pose = core.StampedInput(held.pose(config), now - 0.002)
         traced = trace(lambda now=now, found=found: found.append(servo.decide(now)))
         assert found[0].command.status is core.Status.OK, found[0].message
         positions = positions + PERIOD * found[0].command.roller_velocities

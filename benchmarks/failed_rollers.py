@@ -119,7 +119,7 @@ def follow(stuck: str | None, known: bool, detect: bool) -> float:
         servo.twist = StampedInput((velocity.real, velocity.imag, 0.0), now)
         state = RollerState(robot.config.roller_positions, robot.roller_velocities)
         servo.rollers = StampedInput(state, now)
-        servo.center = StampedInput(robot.object_pose[:2], now)
+        servo.pose = StampedInput(robot.object_pose, now)
         robot.command(servo.decide(now).command.roller_velocities)
         robot.advance(PERIOD)
         goal = start + RADIUS * (np.exp(2j * np.pi * (now + PERIOD) / LAP) - 1.0)

@@ -115,7 +115,7 @@ def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> 
         if tracking is not None:
             servo.twist = StampedInput(tracking.twist, now)
             servo.rollers = StampedInput(state, now - PERIOD * (cycle % 2))
-            servo.center = StampedInput(measured[:2], now - PERIOD * (cycle % 2))
+            servo.pose = StampedInput(measured, now - PERIOD * (cycle % 2))
             command = servo.decide(now).command
             scale = command.scale
             robot.command(command.roller_velocities)

@@ -26,7 +26,7 @@ from isotruss_ros.nodes.components.sensors import (
     format_age,
     subscribe_input,
     subscribe_joint_states,
-    subscribe_object_center,
+    subscribe_object_pose,
 )
 from isotruss_ros.nodes.components.servo_settings import apply_settings, FAILED_ROLLERS
 from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
@@ -127,7 +127,7 @@ class Manipulation(ManagedNode):
             Float64MultiArray, 'roller_velocity_controller/commands', RELIABLE
         )
         subscribe_joint_states(self, self._robot, self._servo)
-        subscribe_object_center(self, self._robot, self._servo)
+        subscribe_object_pose(self, self._robot, self._servo)
         if values[params.USE_STAMPED_TWIST]:
             subscribe_input(
                 self, TwistStamped, 'cmd_vel', self._read_stamped_twist, self._servo, 'twist'
@@ -167,7 +167,7 @@ class Manipulation(ManagedNode):
             return details
         details['moves'] = 'the object' if servo.joint is None else f'joint {servo.joint}'
         now = self.now()
-        inputs = {'twist': servo.twist, 'joint states': servo.rollers, 'object pose': servo.center}
+        inputs = {'twist': servo.twist, 'joint states': servo.rollers, 'object pose': servo.pose}
         details |= {f'age of {name} [s]': format_age(given, now) for name, given in inputs.items()}
         if servo.failed:
             details['failed rollers'] = ', '.join(sorted(servo.failed))
@@ -196,7 +196,7 @@ class Manipulation(ManagedNode):
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
-        self._servo.twist = self._servo.rollers = self._servo.center = None
+        self._servo.twist = self._servo.rollers = self._servo.pose = None
 
     def _halt_on_stopped_clock(self, now: Time) -> None:
         """Halt: while the clock is stopped, old inputs do not age."""

@@ -13,10 +13,13 @@ from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedback
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components.sensors import format_age, subscribe_input
-from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
+from isotruss_ros.nodes.conversions.messages import (
+    read_object_pose,
+    stamp_header,
+    to_twist_message,
+)
 from isotruss_ros.nodes.conversions.path_messages import (
     read_object_path,
-    read_object_pose,
     to_feedback_message,
     to_result_message,
 )

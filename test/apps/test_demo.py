@@ -129,7 +129,7 @@ def play(rate):
             lying.external_wrench = wrench
             servo.twist = StampedInput(twist, now)
             servo.rollers = StampedInput(RollerState(seen[0], seen[1]), now - period)
-            servo.center = StampedInput(seen[2][:2], now - period)
+            servo.pose = StampedInput(seen[2], now - period)
             config = simulated.config
             seen = (config.roller_positions, simulated.roller_velocities, simulated.object_pose)
             command = servo.decide(now).command

@@ -130,7 +130,7 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
         measured = RollerState(state.roller_positions, speeds if sensors.speeds else 0.0 * speeds)
         servo.twist = StampedInput(twist, now)
         servo.rollers = StampedInput(measured, now - period * sensors.rollers)
-        servo.center = StampedInput(held.pose(place)[:2], now - period * sensors.pose)
+        servo.pose = StampedInput(held.pose(place), now - period * sensors.pose)
         decision = servo.decide(now)
         command = decision.command
         assert command.status < Status.HALT_NO_TWIST, decision.message

@@ -22,7 +22,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import RejectedInput, StampedInput, Status, TwistServo
+from isotruss_ros.core import Pose, RejectedInput, StampedInput, Status, TwistServo
 from isotruss_ros.nodes.conversions.messages import MessageError, RollerStateReader, stamp_header
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
@@ -230,7 +230,7 @@ def test_any_numbers_move_the_rollers_within_their_limits_or_not_at_all(
     except MessageError as error:
         servo.rollers = RejectedInput(str(error))
     for x, y in (CENTER, center):
-        servo.center = StampedInput((x, y), 0.0)
+        servo.pose = StampedInput(Pose(x, y, 0.0), 0.0)
         for given_twist in ((0.0, 0.02, 0.0), twist):
             if not all(map(math.isfinite, (x, y, *given_twist))):
                 continue  # refused by the readers of messages

@@ -22,7 +22,9 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
 )
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
+    read_angle,
     read_object_center,
+    read_object_pose,
     read_stamp,
     read_twist,
     RollerStateReader,
@@ -31,7 +33,6 @@ from isotruss_ros.nodes.conversions.messages import (
     to_time,
     to_twist_message,
 )
-from isotruss_ros.nodes.conversions.path_messages import read_angle, read_object_pose
 from isotruss_ros.nodes.conversions.plan_messages import to_duration
 import numpy as np
 from probe import DIAMETER, MODULE, N, ROBOT

@@ -9,8 +9,12 @@ from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.core.control.path_servo import Outcome
-from isotruss_ros.nodes.conversions.messages import read_stamp, stamp_header, to_pose_message
-from isotruss_ros.nodes.conversions.path_messages import read_angle
+from isotruss_ros.nodes.conversions.messages import (
+    read_angle,
+    read_stamp,
+    stamp_header,
+    to_pose_message,
+)
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.path_follower import PathFollower
 from isotruss_ros.nodes.simulator import Simulator

@@ -4,20 +4,27 @@ How hard the robot squeezes: the model of the held object in the loop of the twi
 The squeeze and the opening angle of the grip are one thing: each degree less presses by some
 newtons more. The fourth row of (19), which keeps the angle, gets a right-hand side, and what the
 elastic tubes do to the object's pose is predicted by the model and corrected in the same cycle.
+The model is evaluated once a cycle, where the command leads; from there to where the robot comes
+to be in the next cycle it goes on by the rows of (19).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 import math
 
+from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
 from isotruss_ros.core.grasping.equilibrium import FEET, INCLINATIONS
 from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.held_utilisation import held_utilisation
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response, WrenchResponse
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grasp import Grasp, members_at_module
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.manipulation.task import task_jacobian
 from isotruss_ros.core.model.objects import Cylinder, Pose
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
@@ -38,100 +45,92 @@ class SqueezeSettings:
     :ivar friction: coefficient between tube and object.
     :ivar gain: share of the missing force that is made up for in a second [1/s].
     :ivar max_force_rate: the squeeze changes no quicker than this [N/s].
-    :ivar pose_gain: share of the pose error that is corrected in a second [1/s].
+    :ivar pose_gain: share of the object's error in the model that is corrected in a second [1/s].
+    :ivar bias_gain: share of what the model does not explain of the measured pose that is
+        corrected in a second [1/s].
     :ivar min_slip_margin: below this margin a message warns [N].
+    :ivar max_utilisation: of the moment at which tubes wrinkle; commands that lead toward it are
+        slowed, and beyond it only those that lead away are carried out [-].
+    :ivar utilisation_rate: share of what is left to that bound that is used in a second [1/s].
+    :ivar near: farther from where the last command led the model is evaluated again [m].
+    :ivar load: what loads and errors are expected.
     """
 
     force: float
     friction: float
     gain: float = 5.0
     max_force_rate: float = 10.0
-    pose_gain: float = 2.0
+    pose_gain: float = 20.0
+    bias_gain: float = 2.0
     min_slip_margin: float = 0.0
+    max_utilisation: float = 1.0
+    utilisation_rate: float = 5.0
+    near: float = 1e-3
+    load: LoadSettings = field(default_factory=LoadSettings)
 
 
 class SqueezeControl:
     """
     Regulates squeeze and pose of an object that the robot holds.
 
-    :ivar grasp: the model of how it is held in the configuration of the last cycle; None before
-        the first one.
-    :ivar reference: where the object's centre is to be, x + iy [m]: where it was at first, moved
+    :ivar grasp: the model of how it is held where the last command led; None before the first one.
+    :ivar load: the wrench on the object that follows from its measured pose.
+    :ivar reference: (x, y, angle) where the object is to be [m, rad]: where it was at first, moved
         by the twists carried out since; None before the first one.
+    :ivar slip_margin: of the object under the estimated load [N].
     :param settings: what the squeeze is to be.
     """
 
     def __init__(self, settings: SqueezeSettings) -> None:
         self.settings = settings
-        self.grasp: RollingGrasp | None = None
-        self.reference: complex | None = None
-        self._velocity = 0j
+        self.reset()
 
     def reset(self) -> None:
         """Forget how and where the object is held: both follow from the next measured pose."""
-        self.grasp = self.reference = None
-
-    def correct(self, twist: Array, center: tuple[float, float], elapsed: float) -> Array:
-        """
-        Move the reference on, and return the twist with which the object comes back to it.
-
-        :param twist: (3,) commanded [m/s, rad/s].
-        :param center: where the object is, (x, y) [m].
-        :param elapsed: since the cycle before, for which its command held [s].
-        """
-        here = complex(*center)
-        if self.reference is None:
-            self.reference = here
-        else:
-            self.reference += elapsed * self._velocity
-        back = self.settings.pose_gain * (self.reference - here)
-        return twist + np.array([back.real, back.imag, 0.0])
-
-    def advance(self, twist: Array, command: RollerCommand) -> None:
-        """
-        Take note of what is carried out of a twist, which moves the reference from now on.
-
-        :param twist: (3,) commanded [m/s, rad/s].
-        :param command: the command of this cycle; in a direction other than the twist's it ends
-            the reference.
-        """
-        if command.status in (Status.UNREACHABLE, Status.SLIDING):
-            self.reference = None
-        self._velocity = command.scale * complex(twist[0], twist[1])
+        self.grasp: RollingGrasp | None = None
+        self.load = LoadEstimate(self.settings.load)
+        self.reference: Array | None = None
+        self.slip_margin = 0.0
+        self._velocity, self._elapsed = np.zeros(3), 0.0
+        self._pose, self._squeeze, self._utilisation = np.zeros(3), 0.0, 0.0
 
     def warning(self) -> str:
         """Return what is wrong with how the object is held; empty where nothing is."""
-        if self.grasp is None:
-            return ''
-        margin = self.grasp.slip_margin(self.settings.friction)
-        least = self.settings.min_slip_margin
-        if margin >= least:
+        margin, least = self.slip_margin, self.settings.min_slip_margin
+        if self.grasp is None or margin >= least:
             return ''
         return f'the slip margin of {margin:.3g} N is below {least:.3g} N'
 
-    def follow(self, config: Configuration, measured: Pose, diameter: float) -> Hold:
+    def follow(self, config: Configuration, held: Grasp, angle: float, elapsed: float) -> Hold:
         """
-        Take the model to where the robot is.
+        Take model and reference to now, and the load from where the object was measured.
 
-        Contacts that stick roll with the tubes, so that the measured pose counts only when the
-        model starts, or where it has lost the object.
+        Contacts that stick roll with the tubes, so that the model follows the configuration. It
+        starts again from the measured pose where it has lost the object.
 
         :param config: where the robot is.
-        :param measured: pose of the object.
-        :param diameter: of the object [m].
+        :param held: the grasp; its centre is the measured one.
+        :param angle: of the object, measured [rad].
+        :param elapsed: since the cycle before, for which its command held [s].
         :return: whether the object is held in the model; if not, why.
+        :raises GraspError: see `grasp_rows`.
+        :raises ConfigurationError: the configuration is singular.
         :raises StructureError: see `structure_of`.
         """
-        found = None if self.grasp is None else self.grasp.moved_to(config)
-        if found is None or found.hold(self.settings.friction) is not Hold.HELD:
-            cylinder = Cylinder(measured[:2], diameter)
-            start = RollingGrasp.attach(config, cylinder, measured.angle)
-            if isinstance(start, Hold):
-                self.grasp = None
-                return start
-            found = start
-        self.grasp = found
-        return found.hold(self.settings.friction)
+        friction, grasp, self._elapsed = self.settings.friction, self.grasp, elapsed
+        if self.reference is not None:
+            self.reference = self.reference + elapsed * self._velocity
+        if grasp is not None:
+            travel = config.roller_positions - grasp.config.roller_positions
+            if float(np.abs(travel).max()) > self.settings.near:
+                grasp = grasp.moved_to(config, self._wrench(grasp))
+                travel = np.zeros(len(travel))
+        if grasp is not None and grasp.hold(friction) is Hold.HELD:
+            response = wrench_response(grasp.statics, grasp.state, grasp.wrench)
+            if response is not None:
+                self._observe(grasp, response, config, held, angle, travel, elapsed)
+                return Hold.HELD
+        return self._start(config, held, angle)
 
     def solve(self, twist: Array, period: float, solve: Solve) -> RollerCommand:
         """
@@ -145,23 +144,117 @@ class SqueezeControl:
         if self.grasp is None:
             raise ValueError('follow comes before solve')
         grasp, settings = self.grasp, self.settings
-        missing = settings.gain * (settings.force - grasp.squeeze)
-        wanted = float(np.clip(missing, -settings.max_force_rate, settings.max_force_rate))
+        if self.reference is None:
+            self.reference = self._pose + self.load.bias
+        error = _difference(self.reference, self._pose + self.load.bias)
+        # A command that holds for longer than the period must not correct too much.
+        longest = max(period, self._elapsed)
+        wanted = twist + min(settings.pose_gain, 0.5 / longest) * error
+        missing = settings.gain * (settings.force - self._squeeze)
+        rate = float(np.clip(missing, -settings.max_force_rate, settings.max_force_rate))
         slope = squeeze_by_opening(grasp)
-        command = solve(twist, wanted / slope)
+        command = solve(wanted, rate / slope)
         if command.scale < MIN_SCALE or not command.roller_velocities.any():
             return command
-        way = period * command.roller_velocities
-        ahead = grasp.moved_to(grasp.config.moved_to(grasp.config.roller_positions + way))
+        start = self._config.roller_positions
+        there = self._config.moved_to(start + period * command.roller_velocities)
+        ahead = grasp.moved_to(there, self._wrench(grasp))
         if ahead is None:
             return command
         share = period * command.scale
-        moved = np.subtract(ahead.pose, grasp.pose)
-        moved[2] = math.remainder(moved[2], 2.0 * math.pi)
-        # Of the program's own twist, where the wanted one is out of reach.
-        reached = command.achieved_twist / command.scale
-        gained = (ahead.squeeze - grasp.squeeze) / share
-        return solve(twist + reached - moved / share, (2.0 * wanted - gained) / slope)
+        opening_rate = (2.0 * rate - (ahead.squeeze - self._squeeze) / share) / slope
+        if command.status is not Status.SLIDING:
+            moved = _difference(np.array(ahead.pose), self._pose)
+            # Of the program's own twist, where the wanted one is out of reach.
+            reached = command.achieved_twist / command.scale
+            wanted = wanted + reached - moved / share
+        return self._limit_utilisation(solve(wanted, opening_rate), ahead, period)
+
+    def advance(self, twist: Array, command: RollerCommand) -> None:
+        """
+        Take note of what is carried out of a twist, which moves the reference from now on.
+
+        :param twist: (3,) commanded [m/s, rad/s].
+        :param command: the command of this cycle; in a direction other than the twist's it ends
+            the reference.
+        """
+        if command.status in (Status.UNREACHABLE, Status.SLIDING):
+            self.reference = None
+        self._velocity = command.scale * np.asarray(twist)
+
+    def _limit_utilisation(
+        self, command: RollerCommand, ahead: RollingGrasp, period: float
+    ) -> RollerCommand:
+        """Return a command, slowed where it would use too much of what is left of the tubes."""
+        settings, used = self.settings, held_utilisation(ahead)
+        before, after = self._utilisation, float(used.max())
+        self.grasp, self._utilisation = ahead, after
+        left = period * settings.utilisation_rate * (settings.max_utilisation - before)
+        if after - before <= max(left, 0.0):
+            return command
+        share = max(left, 0.0) / (after - before)
+        name = f'member {self._config.robot.member_names[int(used.argmax())]}'
+        slowed = replace(
+            command,
+            roller_velocities=share * command.roller_velocities,
+            achieved_twist=share * command.achieved_twist,
+            scale=share * command.scale,
+            status=Status.SLOWED_UTILISATION,
+            limiting=tuple(dict.fromkeys((*command.limiting, name))),
+        )
+        travel = period * slowed.roller_velocities
+        there = self._config.moved_to(self._config.roller_positions + travel)
+        reached = ahead.moved_to(there, self._wrench(ahead))
+        if reached is not None:
+            self.grasp, self._utilisation = reached, float(held_utilisation(reached).max())
+        return slowed
+
+    def _start(self, config: Configuration, held: Grasp, angle: float) -> Hold:
+        """Begin with the equilibrium near the measured pose."""
+        self.load = LoadEstimate(self.settings.load)
+        found = RollingGrasp.attach(config, Cylinder(held.center, held.diameter), angle)
+        if isinstance(found, Hold):
+            self.grasp = None
+            return found
+        self.grasp, self._config = found, config
+        self._pose, self._squeeze = np.array(found.pose), found.squeeze
+        self.slip_margin = found.slip_margin(self.settings.friction)
+        self._utilisation = float(held_utilisation(found).max())
+        return found.hold(self.settings.friction)
+
+    def _observe(
+        self,
+        grasp: RollingGrasp,
+        response: WrenchResponse,
+        config: Configuration,
+        held: Grasp,
+        angle: float,
+        travel: Array,
+        elapsed: float,
+    ) -> None:
+        """Take the model on by the rows of (19), and the load from what is left."""
+        rows = task_jacobian(config, held) @ travel
+        opened = members_at_module(config, held.module).side * rows[3]
+        pose = np.array(grasp.pose) + rows[:3]
+        offset = _difference(np.array(Pose(*held.center, angle)), pose)
+        radius = grasp.statics.radius
+        change = self.load.update(offset, response.pose, radius, elapsed, self.settings.bias_gain)
+        self.grasp, self._config = grasp, config
+        self._pose = pose + response.pose @ change
+        pressed = 0.5 * float((response.normal @ change).sum())
+        self._squeeze = grasp.squeeze + squeeze_by_opening(grasp) * opened + pressed
+        self.slip_margin = slip_margin(grasp.state, response, self.settings.friction)
+
+    def _wrench(self, grasp: RollingGrasp) -> Array:
+        """Return the estimated wrench (fx, fy, m) [N, N m]."""
+        return self.load.wrench * (1.0, 1.0, grasp.statics.radius)
+
+
+def _difference(pose: Array, other: Array) -> Array:
+    """Return pose minus other, the angle in (-pi, pi] (3,) [m, rad]."""
+    away = pose - other
+    away[2] = math.remainder(away[2], 2.0 * math.pi)
+    return away
 
 
 def squeeze_by_opening(grasp: RollingGrasp) -> float:

@@ -33,7 +33,6 @@ from isotruss_ros.core.manipulation.limits import default_limits, Limit
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, solve_joint_velocity
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.objects import Pose
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
@@ -92,7 +91,7 @@ class TwistServo:
 
     :ivar twist: input of (vx, vy, omega) in the robot frame [m/s, rad/s].
     :ivar rollers: input of the measured `RollerState`.
-    :ivar center: input of (x, y), the measured centre of the object in the robot frame [m].
+    :ivar pose: input of the measured `Pose` of the object, robot frame.
     :ivar stopped: status and reason of a halt that does not depend on inputs; None without one.
     :ivar guard: bounds on the configuration; None for those of the robot file only.
     :ivar slide: whether to slide along limits of lengths and shapes, rather than stop at them.
@@ -120,7 +119,7 @@ class TwistServo:
         self.timeout = timeout
         self.twist: Input = None
         self.rollers: Input = None
-        self.center: Input = None
+        self.pose: Input = None
         self.stopped: tuple[Status, str] | None = None
         self.guard: ShapeGuard | None = ShapeGuard(robot, ShapeBounds())
         self.slide = False
@@ -179,8 +178,8 @@ class TwistServo:
 
         :param now: time on the clock of the inputs [s].
         """
-        self.twist, self.rollers, self.center = limit_stamps(
-            now, self.twist, self.rollers, self.center
+        self.twist, self.rollers, self.pose = limit_stamps(
+            now, self.twist, self.rollers, self.pose
         )
         self._history.discard_old(now, self.timeout + 2.0 * self.period)
         self._detect()
@@ -191,10 +190,10 @@ class TwistServo:
             (given,) = require_fresh(now, self.timeout, twist=self.twist)
             twist = np.asarray(given.value)
             (rollers,) = require_fresh(now, self.timeout, joint_states=self.rollers)
-            center = None
+            pose = None
             if self._joint is None:
-                (center,) = require_fresh(now, self.timeout, object_pose=self.center)
-            command = self._solve(rollers, center, twist, now, failed)
+                (pose,) = require_fresh(now, self.timeout, object_pose=self.pose)
+            command = self._solve(rollers, pose, twist, now, failed)
             notes = (_describe(command), self.squeeze.warning() if self.squeeze else '')
             message = '; '.join(note for note in notes if note)
         except (InputError, HaltError) as error:
@@ -223,7 +222,7 @@ class TwistServo:
     def _solve(
         self,
         rollers: StampedInput,
-        center: StampedInput | None,
+        pose: StampedInput | None,
         twist: Array,
         now: float,
         failed: frozenset[str],
@@ -233,15 +232,16 @@ class TwistServo:
 
         A command for the measured configuration, which is older, would have a first-order error.
         """
-        pose_time = rollers.time if center is None else center.time
+        pose_time = rollers.time if pose is None else pose.time
         before, travel, last = self._expected_travel(rollers, pose_time, now, failed)
         try:
             config, grasp = self._tracker.configuration(rollers.value.positions), None
-            moving = before.any() or travel.any()
-            if center is not None:
-                grasp = Grasp(self.grip_module, center.value, self.object_diameter)
+            moving, angle = before.any() or travel.any(), 0.0
+            if pose is not None:
+                *center, angle = pose.value
+                grasp = Grasp(self.grip_module, tuple(center), self.object_diameter)
                 if moving:
-                    config, grasp = predict_grasp(config, grasp, before, travel)
+                    config, grasp, angle = predict_grasp(config, grasp, angle, before, travel)
             elif moving:
                 config = config.predict(travel)
             watch = None if self.guard is None else self.guard.watch(config, grasp)
@@ -264,7 +264,7 @@ class TwistServo:
             elif self.squeeze is None:
                 command = solve(twist, 0.0)
             else:
-                command = self._regulate(self.squeeze, config, grasp, twist, solve, now)
+                command = self._regulate(self.squeeze, config, grasp, angle, twist, solve, now)
             return command if watch is None else watch.keep(command, last, self.period)
         except HaltError:
             raise
@@ -299,19 +299,19 @@ class TwistServo:
         squeeze: SqueezeControl,
         config: Configuration,
         grasp: Grasp,
+        angle: float,
         twist: Array,
         solve: Solve,
         now: float,
     ) -> RollerCommand:
         """Solve for the squeeze as well, with the model of the held object."""
-        hold = squeeze.follow(config, Pose(*grasp.center, 0.0), grasp.diameter)
-        if hold is not Hold.HELD:
-            raise HaltError(Status.HALT_NOT_HELD, f'the object is not held: {hold.value}')
         # A loop that is late holds its commands for longer than its period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, self.timeout)
-        wanted = squeeze.correct(twist, grasp.center, elapsed)
-        command = squeeze.solve(wanted, self.period, solve)
+        hold = squeeze.follow(config, grasp, angle, elapsed)
+        if hold is not Hold.HELD:
+            raise HaltError(Status.HALT_NOT_HELD, f'the object is not held: {hold.value}')
+        command = squeeze.solve(twist, self.period, solve)
         squeeze.advance(twist, command)
         return command
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from isotruss_ros.core.numerics.arrays import Array, Flags
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np
 
@@ -88,6 +88,7 @@ class MemberCompliance:
         # Pieces of a member in their order: B to D, D to E', C' to E', which runs backward.
         first, last, middle = tube_pieces(topology.n_modules)
         pieces = np.stack([first[used], middle[used], last[topology.following[used]]], axis=1)
+        self._pieces = pieces
         begin, end = (
             frame.points[frame.members.start[pieces]],
             frame.points[frame.members.end[pieces]],
@@ -123,6 +124,16 @@ class MemberCompliance:
         ends = frame.compliance(flat).reshape(3 * count, 6, 3 * count, 6).swapaxes(1, 2)
         ends = frames[:, None] @ ends @ frames.swapaxes(1, 2)
         self._ends = ends.reshape(count, 3, count, 3, 6, 6) / scale
+
+    def locate(self, places: Array) -> tuple[Indices, Array]:
+        """
+        Return the pieces (k,) of the frame that places are on, and where, from their starts [m].
+
+        :param places: (k,) distances from the members' starts [m].
+        """
+        own, piece = np.arange(len(places)), (places[:, None] >= self._joints).sum(axis=1)
+        begins = np.column_stack([np.zeros(len(places)), self._joints[:, 0], self.length])
+        return self._pieces[own, piece], np.abs(places - begins[own, piece])
 
     def at(self, places: Array) -> ContactCompliance:
         """

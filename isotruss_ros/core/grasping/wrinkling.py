@@ -10,11 +10,12 @@ model is void.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from isotruss_ros.core.grasping.contact import ContactState
 from isotruss_ros.core.grasping.contact_points import ContactPoints
 from isotruss_ros.core.grasping.loaded_tubes import spans
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np
 
@@ -37,6 +38,65 @@ class Wrinkling:
     utilisation: Array
     place: Array
     tension: Array
+
+
+class SectionLoads(NamedTuple):
+    """
+    What the sections of the tubes bear where it is largest.
+
+    :ivar moment: (c,) at the forces inside the pieces [N m].
+    :ivar compression: (c,) there [N].
+    :ivar utilisation: (c + 6m,) |M| / M_w there, at the starts and at the ends of all pieces.
+    :ivar member: (c + 6m,) the members on which that is.
+    """
+
+    moment: Array
+    compression: Array
+    utilisation: Array
+    member: Indices
+
+
+def load_sections(
+    structure: Structure,
+    pressure: Array,
+    end_forces: Array,
+    piece: Indices,
+    place: Array,
+    local: Points,
+    owner: Indices,
+) -> SectionLoads:
+    """
+    Return moments and compressions of the tubes, and how near to wrinkling they bring them.
+
+    :param structure: the frame of the robot.
+    :param pressure: (m,) p in each member, gauge [Pa].
+    :param end_forces: (k, 6) on all members of the frame, see `FrameState.end_forces`.
+    :param piece: (c,) number of the member of the frame that each force inside acts on.
+    :param place: (c,) distance from that member's start [m].
+    :param local: (c,) the forces along + i across these members [N].
+    :param owner: (c,) the members of the robot that they act on.
+    """
+    topology, file = structure.config.robot.topology, structure.config.robot.description
+    m, radius = topology.n_modules, 0.5 * file.tube_diameter
+    along, across = local.real, local.imag
+    # At each force: all that acts on the piece between its start and there.
+    before = (piece[:, None] == piece) & (place[:, None] > place)
+    lever = np.where(before, place[:, None] - place, 0.0)
+    moment = end_forces[piece, 1] * place - end_forces[piece, 2] + lever @ across
+    compression = end_forces[piece, 0] + before @ along
+    compression = np.maximum(compression, compression + along)
+    # At the ends of all pieces.
+    tubes = tube_pieces(m).ravel()
+    end_moments = np.concatenate([-end_forces[tubes, 2], end_forces[tubes, 5]])
+    end_compressions = np.concatenate([end_forces[tubes, 0], -end_forces[tubes, 3]])
+    of_pieces = np.concatenate([np.arange(m), topology.previous, np.arange(m)])
+    member = np.concatenate([owner, of_pieces, of_pieces])
+    moments = np.concatenate([np.abs(moment), np.abs(end_moments)])
+    left = (pressure * np.pi * radius**2)[member]
+    left -= np.concatenate([compression, end_compressions])
+    used = np.full(len(moments), np.inf)
+    np.divide(moments, 0.5 * radius * left, out=used, where=left > 0.0)
+    return SectionLoads(moment, compression, used, member)
 
 
 def find_wrinkling(
@@ -72,26 +132,10 @@ def find_wrinkling(
     start, _ = spans(frame, piece)
     place = np.abs(contact_points.points[touching] - start)
     local = (forces * contact_points.axis.conj())[touching]
-    along, across = local.real, local.imag
-    # At each force: all that acts on the piece between its start and there.
-    before = (piece[:, None] == piece) & (place[:, None] > place)
-    lever = np.where(before, place[:, None] - place, 0.0)
-    moment = end_forces[piece, 1] * place - end_forces[piece, 2] + lever @ across
-    compression = end_forces[piece, 0] + before @ along
-    compression = np.maximum(compression, compression + along)
-    # At the ends of all pieces.
-    all_tubes = tube_pieces(m).ravel()
-    end_moments = np.concatenate([-end_forces[all_tubes, 2], end_forces[all_tubes, 5]])
-    end_compressions = np.concatenate([end_forces[all_tubes, 0], -end_forces[all_tubes, 3]])
-    length = np.abs(spans(frame, all_tubes)[1])
-
-    moments = np.concatenate([np.abs(moment), np.abs(end_moments)])
-    owner = np.concatenate([np.arange(m), topology.previous, np.arange(m)])
-    member = np.concatenate([contact_points.member[touching], owner, owner])
-    pull = pressure * np.pi * radius**2
-    left = pull[member] - np.concatenate([compression, end_compressions])
-    used = np.full(len(moments), np.inf)
-    np.divide(moments, 0.5 * radius * left, out=used, where=left > 0.0)
+    owner = contact_points.member[touching]
+    sections = load_sections(structure, pressure, end_forces, piece, place, local, owner)
+    used, member = sections.utilisation, sections.member
+    length = np.abs(spans(frame, tube_pieces(m).ravel())[1])
     ring, whole = file.module.guide_ring_distance, config.member_lengths[topology.previous]
     starts = np.concatenate([np.zeros(m), whole, np.full(m, ring)])
     ends = starts + np.repeat([1.0, -1.0, 1.0], m) * length
@@ -100,7 +144,8 @@ def find_wrinkling(
     last = order[np.searchsorted(member[order], np.arange(m), side='right') - 1]
 
     # The force points away from the object, which presses the wall together on its own side.
-    tension = pull[contact_points.member]
-    tension[touching] += 2.0 / radius * moment * np.sign(across) - compression
+    tension = (pressure * np.pi * radius**2)[contact_points.member]
+    pressed = 2.0 / radius * sections.moment * np.sign(local.imag)
+    tension[touching] += pressed - sections.compression
     tension /= 2.0 * np.pi * radius
     return Wrinkling(used[last], places[last], np.maximum(tension, 0.0))

@@ -181,24 +181,26 @@ class HeldObject:
 
 
 def predict_grasp(
-    config: Configuration, grasp: Grasp, before: Array, travel: Array
-) -> tuple[Configuration, Grasp]:
+    config: Configuration, grasp: Grasp, angle: float, before: Array, travel: Array
+) -> tuple[Configuration, Grasp, float]:
     """
-    Predict configuration and grasp after some roller travel.
+    Predict configuration, grasp and the object's angle after some roller travel.
 
     :param config: configuration when the rollers were measured.
     :param grasp: the grasp when the object was measured.
+    :param angle: of the object then [rad].
     :param before: (r,) roller travel from the measurement of the rollers to that of the object
         [m].
     :param travel: (r,) roller travel from the measurement of the rollers on [m].
-    :return: configuration and grasp after `travel`.
+    :return: configuration, grasp and angle after `travel`.
     :raises GraspError: no such module, or the object is not between its two members.
     :raises ConfigurationError: there is no such configuration.
     """
     measured = config.predict(before) if before.any() else config
-    held = HeldObject.attach(measured, grasp)
+    held = HeldObject.attach(measured, grasp, angle)
     predicted = config.predict(travel)
-    return predicted, held.grasp_in(predicted)
+    *center, angle = held.pose(predicted)
+    return predicted, replace(grasp, center=tuple(center)), angle
 
 
 def _rolled(config: Configuration, members: GraspingMembers, grasp: Grasp) -> float:

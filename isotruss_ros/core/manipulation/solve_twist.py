@@ -85,7 +85,8 @@ def solve_twist(
         speed than it yields is left, see `Regularization`. Zero for the largest progress.
     :param regularization: weights where limits bind.
     :param opening_rate: of the angle between the grasping members [rad/s]: the right-hand side of
-        the fourth row of (19), scaled with the twist; zero while sliding along limits.
+        the fourth row of (19), scaled with the twist; while sliding along limits as far as those
+        of the roller speeds scale it, and zero where the others do not admit that.
     :raises GraspError: the grasp, the twist or a name in `failed` is not usable.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.

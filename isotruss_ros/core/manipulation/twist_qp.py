@@ -91,12 +91,13 @@ def project_target(
     Return the u for which J u comes closest to a target within bounds, at the least cost there.
 
     Minimizes 1/2 |J u - target|^2 + regularization/2 |C u|^2 over the first `rank` rows of J; the
-    others hold as J u = 0. All quantities are without units, |u| is O(1).
+    others hold exactly, or as J u = 0 where the bounds do not admit their targets. All quantities
+    are without units, |u| is O(1).
 
     :param cost: (r, r) C^T C, positive definite.
     :param equality: (k, r) J.
-    :param target: (k,), zero from `rank` on.
-    :param rank: number of rows of J that are to reach the target.
+    :param target: (k,) what J u is to be.
+    :param rank: number of rows of J that need not reach their targets.
     :param inequality: (l, r) G.
     :param lower: (l,) not positive, so that u = 0 is admissible.
     :param upper: (l,) not negative.
@@ -106,19 +107,21 @@ def project_target(
     """
     reached, kept = equality[:rank], equality[rank:]
     box = _box(inequality, lower, upper)
-    problem = QuadraticProgram(
-        reached.T @ reached + regularization * cost,
-        -reached.T @ target[:rank],
-        box.rows,
-        box.bounds,
-        box.low,
-        box.high,
-        kept if len(kept) else None,
-        np.zeros(len(kept)) if len(kept) else None,
-    )
-    found = solve_qp(problem)
-    if found is not None:
-        return found
+    exact = target[rank:]
+    for right in (exact, np.zeros(len(kept))) if exact.any() else (exact,):
+        problem = QuadraticProgram(
+            reached.T @ reached + regularization * cost,
+            -reached.T @ target[:rank],
+            box.rows,
+            box.bounds,
+            box.low,
+            box.high,
+            kept if len(kept) else None,
+            right if len(kept) else None,
+        )
+        found = solve_qp(problem)
+        if found is not None:
+            return found
     raise SolverError(NO_SOLUTION)
 
 

@@ -115,12 +115,12 @@ def describe_reachable_twists(servo: TwistServo) -> str:
 
     :param servo: its inputs are where the robot and the object are.
     """
-    rollers, center = servo.rollers, servo.center
-    if not isinstance(rollers, StampedInput) or not isinstance(center, StampedInput):
+    rollers, pose = servo.rollers, servo.pose
+    if not isinstance(rollers, StampedInput) or not isinstance(pose, StampedInput):
         return 'unknown without joint states and object pose'
     try:
         config = servo.robot.configuration(rollers.value.positions)
-        grasp = Grasp(servo.grip_module, center.value, servo.object_diameter)
+        grasp = Grasp(servo.grip_module, pose.value[:2], servo.object_diameter)
         twists = reachable_twists(config, grasp, servo.failed)
     except IsotrussError as error:
         return f'unknown: {error}'

@@ -6,11 +6,12 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.core import RejectedInput, Robot, StampedInput
+from isotruss_ros.core import Pose, RejectedInput, Robot, StampedInput
 from isotruss_ros.core.control.inputs import Input
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_object_center,
+    read_object_pose,
     read_stamp,
     RollerStateReader,
 )
@@ -84,6 +85,21 @@ def subscribe_object_center(node: Node, robot: Robot, holder: InputHolder) -> No
         return read_object_center(message, robot.frame)
 
     subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'center')
+
+
+def subscribe_object_pose(node: Node, robot: Robot, holder: InputHolder) -> None:
+    """
+    Keep the measured `Pose` of the object, from `object_pose`, as `holder.pose`.
+
+    :param node: subscribes.
+    :param robot: in whose frame the pose must be.
+    :param holder: gets a StampedInput or a RejectedInput.
+    """
+
+    def read(message: PoseStamped) -> Pose:
+        return read_object_pose(message, robot.frame)
+
+    subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'pose')
 
 
 def select_latest(kept: Input, received: StampedInput, timeout: float) -> Input:

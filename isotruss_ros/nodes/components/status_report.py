@@ -54,6 +54,8 @@ class StatusReport:
             message.failed_rollers = list(decision.failed)
         self._publisher.publish(message)
         level = select_level(command.status)
+        if decision.message and command.status in (Status.OK, Status.IDLE):
+            level = Level.WARN  # such as too small a slip margin
         text = decision.message or command.status.name
         if decision.failed:
             level = max(level, Level.WARN)

@@ -116,6 +116,27 @@ def read_object_center(message: PoseStamped, frame: str) -> tuple[float, float]:
     return position.x, position.y
 
 
+def read_angle(message: PoseMessage) -> float:
+    """
+    Return the angle about z of a pose [rad]; tilts about x and y are ignored.
+
+    :param message: pose.
+    """
+    q = message.orientation
+    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
+
+
+def read_object_pose(message: PoseStamped, frame: str) -> Pose:
+    """
+    Return the measured pose of the object.
+
+    :param message: pose of the object.
+    :param frame: the robot's frame.
+    :raises MessageError: another frame, not finite, or no rotation in the quaternion.
+    """
+    return Pose(*read_object_center(message, frame), read_angle(message.pose))
+
+
 def to_pose_message(pose: Pose) -> PoseMessage:
     """
     Return a planar pose as a message.

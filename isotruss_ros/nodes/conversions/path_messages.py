@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from geometry_msgs.msg import Pose as PoseMessage
-from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_ros.core import ObjectPath, PathTracker, Pose, Tracking
 from isotruss_ros.core.control.object_path import MAX_POSES
@@ -14,30 +12,9 @@ from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     MessageError,
     QUATERNION_TOLERANCE,
-    read_object_center,
+    read_angle,
 )
 from nav_msgs.msg import Path
-
-
-def read_angle(message: PoseMessage) -> float:
-    """
-    Return the angle about z of a pose [rad]; tilts about x and y are ignored.
-
-    :param message: pose.
-    """
-    q = message.orientation
-    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
-
-
-def read_object_pose(message: PoseStamped, frame: str) -> Pose:
-    """
-    Return the measured pose of the object.
-
-    :param message: pose of the object.
-    :param frame: the robot's frame.
-    :raises MessageError: another frame, not finite, or no rotation in the quaternion.
-    """
-    return Pose(*read_object_center(message, frame), read_angle(message.pose))
 
 
 def read_object_path(

@@ -3,6 +3,7 @@
 from isotruss_ros.core import (
     GraspError,
     load_robot,
+    Pose,
     RollerState,
     shape_margins,
     ShapeBounds,
@@ -88,7 +89,7 @@ def test_barriers_and_limits_stop_the_joint(joint, twist):
 @pytest.mark.parametrize(('before', 'after'), [(None, 'Z'), ('Z', None), ('Z', 'Q')])
 def test_a_change_of_what_moves_halts_until_the_next_twist(before, after):
     made = servo(before)
-    made.center = StampedInput(CENTER, NOW)
+    made.pose = StampedInput(Pose(*CENTER, 0.0), NOW)
     assert made.decide(NOW).command.status is Status.OK
     made.joint = after
     decision = made.decide(NOW)

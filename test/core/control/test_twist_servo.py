@@ -9,6 +9,7 @@ from isotruss_ros.core import (
     GraspError,
     HeldObject,
     load_robot,
+    Pose,
     RejectedInput,
     Robot,
     RollerFaults,
@@ -25,6 +26,7 @@ import pytest
 ROBOT = load_robot('nine_member')
 MODULE, DIAMETER = 'north/Z', 0.3
 CENTER = tangent_center(ROBOT.home, MODULE, DIAMETER)
+POSE = Pose(*CENTER, 0.0)
 HOME = np.zeros(len(ROBOT.roller_names))
 NOW = 1000.0
 
@@ -34,7 +36,7 @@ def at(positions, velocities=0.0 * HOME):
     return RollerState(np.asarray(positions), np.asarray(velocities))
 
 
-INPUTS = ('twist', 'rollers', 'center')
+INPUTS = ('twist', 'rollers', 'pose')
 
 
 def servo(**given):
@@ -42,7 +44,7 @@ def servo(**given):
     made = TwistServo(ROBOT, MODULE, DIAMETER, period=0.005, timeout=0.2)
     made.twist = StampedInput((0.0, 0.02, 0.1), NOW)
     made.rollers = StampedInput(at(HOME), NOW)
-    made.center = StampedInput(CENTER, NOW)
+    made.pose = StampedInput(POSE, NOW)
     for name, value in given.items():
         setattr(made, name, value)
     return made
@@ -66,7 +68,7 @@ def test_moves_when_all_is_known():
             Status.HALT_INVALID_JOINT_STATES,
         ),
         (
-            'center',
+            'pose',
             Status.HALT_NO_OBJECT_POSE,
             Status.HALT_STALE_OBJECT_POSE,
             Status.HALT_INVALID_OBJECT_POSE,
@@ -110,7 +112,7 @@ def test_an_input_from_ahead_ages_from_when_it_is_first_seen(name):
 
 def test_halts_without_a_grasp_and_where_no_configuration_is():
     assert (
-        servo(center=StampedInput((5.0, 5.0), NOW)).decide(NOW).command.status
+        servo(pose=StampedInput(Pose(5.0, 5.0, 0.0), NOW)).decide(NOW).command.status
         is Status.HALT_NO_GRASP
     )
     impossible = StampedInput(at([5.0, 0, 0, 0, 0, 0]), NOW)
@@ -128,7 +130,10 @@ def test_history_does_not_matter():
     travelled.rollers = StampedInput(at([9.0, 0, 0, 0, 0, 0]), NOW)
     travelled.decide(NOW)
     for made in (travelled, fresh := servo()):
-        made.rollers, made.center = StampedInput(at(there), NOW), StampedInput(center, NOW)
+        made.rollers, made.pose = (
+            StampedInput(at(there), NOW),
+            StampedInput(Pose(*center, 0.0), NOW),
+        )
     assert travelled.decide(NOW).command.roller_velocities == pytest.approx(
         fresh.decide(NOW).command.roller_velocities, abs=1e-10
     )
@@ -140,7 +145,7 @@ def moved(positions):
     held = HeldObject.attach(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER))
     return {
         'rollers': StampedInput(at(there.roller_positions), NOW),
-        'center': StampedInput(held.pose(there)[:2], NOW),
+        'pose': StampedInput(held.pose(there), NOW),
     }
 
 
@@ -153,7 +158,7 @@ def test_looks_ahead_by_the_age_of_the_state_and_half_a_period():
     """The command for an old state of a moving robot is that for where it is by now."""
     speeds = servo().decide(NOW).command.roller_velocities
     made = servo(
-        rollers=StampedInput(at(HOME, speeds), NOW - 0.05), center=StampedInput(CENTER, NOW - 0.05)
+        rollers=StampedInput(at(HOME, speeds), NOW - 0.05), pose=StampedInput(POSE, NOW - 0.05)
     )
     made.period = 0.02
     late = made.decide(NOW).command.roller_velocities
@@ -178,7 +183,7 @@ def test_old_rollers_are_where_they_were_sent_whatever_speeds_are_measured(measu
     now, seen = NOW + 0.12, 0.5 * (ways[1] + ways[2])
     state = moved(seen)
     made.rollers = StampedInput(at(seen, measured * sent), NOW + 0.03)
-    made.center = state['center']._replace(time=NOW + 0.03)
+    made.pose = state['pose']._replace(time=NOW + 0.03)
     made.twist = StampedInput((0.0, 0.02, 0.1), now)
     late = made.decide(now).command.roller_velocities
     exact = servo(**moved(ways[-1] + 0.01 * sent)).decide(NOW).command.roller_velocities
@@ -195,7 +200,7 @@ def test_rollers_and_pose_of_different_ages_fit_together():
         seen = [moved((0.1 - age) * speeds) for age in ages]
         made = servo(
             rollers=StampedInput(at(seen[0]['rollers'].value.positions, speeds), NOW - ages[0]),
-            center=seen[1]['center']._replace(time=NOW - ages[1]),
+            pose=seen[1]['pose']._replace(time=NOW - ages[1]),
         )
         made.period = 1e-9
         late = made.decide(NOW).command.roller_velocities
@@ -271,7 +276,7 @@ def run(made, robot, duration, twist=(0.0, 0.02, 0.1), begin=NOW):
         made.rollers = StampedInput(
             at(robot.config.roller_positions, robot.roller_velocities), now
         )
-        made.center = StampedInput(robot.object_pose[:2], now)
+        made.pose = StampedInput(robot.object_pose, now)
         decisions.append(made.decide(now))
         robot.command(decisions[-1].command.roller_velocities)
         robot.advance(made.period)

@@ -14,6 +14,7 @@ from isotruss_ros.core import (
     tangent_center,
     task_jacobian,
 )
+from isotruss_ros.core.manipulation.grasp import members_at_module
 import numpy as np
 import pytest
 import robots
@@ -497,3 +498,19 @@ def test_limits_scale_the_opening_with_the_twist():
     assert 0.0 < slowed.scale < 1.0
     share = slowed.scale / 0.01
     assert slowed.roller_velocities == pytest.approx(share * free.roller_velocities, rel=1e-5)
+
+
+def test_the_grip_opens_while_the_object_slides_along_limits():
+    config = load_robot('nine_member').home
+    grasp = Grasp('north/Z', tangent_center(config, 'north/Z', 0.3), 0.3)
+    length = config.member_lengths.min()
+    limits = [RollerSpeedLimit(0.5), MemberLengthLimit(length - 2e-3, length + 2e-3)]
+    side = members_at_module(config, grasp.module).side
+    slid = 0
+    for heading in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
+        twist = 0.05 * np.array([np.cos(heading), np.sin(heading), 0.0])
+        command = solve_twist(config, grasp, twist, (), limits, True, 0.005, opening_rate=0.02)
+        opened = side * task_jacobian(config, grasp)[3] @ command.roller_velocities
+        assert opened == pytest.approx(0.02, rel=1e-6)
+        slid += command.status is Status.SLIDING
+    assert slid > 3

@@ -45,7 +45,7 @@ class Pushed:
         state = RollerState(self.config.roller_positions, self.velocities)
         self.servo.twist = StampedInput(np.asarray(twist), self.now)
         self.servo.rollers = StampedInput(state, self.now)
-        self.servo.center = StampedInput(self.held.pose(self.config)[:2], self.now)
+        self.servo.pose = StampedInput(self.held.pose(self.config), self.now)
         command = self.servo.decide(self.now).command
         self.velocities = command.roller_velocities
         way = self.period * self.velocities

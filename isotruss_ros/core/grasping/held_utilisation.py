@@ -1,0 +1,35 @@
+"""How near the tubes of a robot that holds an object are to wrinkling, friction included."""
+
+from __future__ import annotations
+
+from isotruss_ros.core.grasping.equilibrium import FEET
+from isotruss_ros.core.grasping.loaded_tubes import LoadedTubes
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.grasping.wrinkling import load_sections
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+
+
+def held_utilisation(grasp: RollingGrasp) -> Array:
+    """
+    Return the largest |M| / M_w of each member under the forces of a held object, (m,) [-].
+
+    The turning of the tube by friction at its skin is left out.
+
+    :param grasp: how the object is held.
+    :raises StructureError: see `structure_of`.
+    """
+    structure = structure_of(grasp.config)
+    frame, topology = structure.frame, grasp.config.robot.topology
+    state, members = grasp.state, grasp.members
+    forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
+    piece, place = grasp.statics.compliance.locate(state.unknowns[FEET])
+    loaded = LoadedTubes(frame, piece, place, forces)
+    pressure = np.array(structure.pressures)[topology.tube]
+    sections = load_sections(
+        structure, pressure, loaded.end_forces, piece, place, loaded.local_forces, members
+    )
+    used = np.zeros(topology.n_modules)
+    np.maximum.at(used, sections.member, sections.utilisation)
+    return used
