@@ -18,6 +18,7 @@ from functools import partial
 import math
 import os
 import sys
+from typing import TypeAlias
 
 os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
 
@@ -37,15 +38,21 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.grasping.equilibrium import keep_place, NORMAL
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from measuring import print_machine, print_table, timed
 import numpy as np
+from scipy.optimize import root
 
 ROBOT = load_robot('nine_member')
 MODULES = ('north/Z', 'south/P', 'east/Q', 'east/R', 'north/R')
 FRICTION, PERIOD, DURATION, GAIN = 0.5, 0.02, 2.0, 2.0
 #: No path begins with less slip margin than this [N].
 MIN_MARGIN = 1.5
+#: Loads that the controller does not know [N].
+LOAD, ROTATING = 5.0, 3.0
+#: Load (fx, fy, m) [N, N m] at a time [s].
+Load: TypeAlias = Callable[[float], tuple[float, float, float]]
 OPEN, RIGID, MODEL = 'rigid, open loop', 'rigid + pose feedback', 'model in the loop + feedback'
 
 
@@ -103,7 +110,7 @@ def opening(config: Configuration, module: str) -> float:
 def follow(
     path: Path,
     mode: str,
-    load: Callable[[float], tuple[float, float, float]] | None = None,
+    load: Load | None = None,
     scale: float = 1.0,
     least: float = MIN_MARGIN,
 ) -> Run | str:
@@ -221,6 +228,47 @@ def row(name: str, runs: list[Run | str]) -> list[str]:
     ]
 
 
+def constant(size: float) -> Load:
+    """Return a load of a size [N] that is there from the beginning."""
+    return lambda _time: (0.6 * size, 0.8 * size, 0.0)
+
+
+def rotating(time: float) -> tuple[float, float, float]:
+    """Return a load that turns at 3 rad/s, and comes within half a second (fx, fy, m) [N, N m]."""
+    size = ROTATING * min(1.0, 2.0 * time)
+    return size * math.cos(3.0 * time), size * math.sin(3.0 * time), 0.0
+
+
+def print_foretold(paths: list[Path]) -> None:
+    """Print how many paths larger and larger loads end, and how many of them with a margin."""
+    for load in (LOAD, 2.0 * LOAD, 3.0 * LOAD):
+        lost = [path for path in paths if isinstance(follow(path, MODEL, constant(load)), str)]
+        models = [RollingGrasp.attach(path.config, path.cylinder) for path in lost]
+        missed = sum(model.slip_margin(FRICTION) >= load for model in models)
+        print(
+            f'constant {load:g} N: {len(lost)} of {len(paths)} lost; '
+            f'{missed} of these began with a slip margin of at least the load'
+        )
+
+
+def print_ratio(path: Path) -> None:
+    """Print how long a command takes against SciPy's solver of the equilibrium alone."""
+    grasp = RollingGrasp.attach(path.config, path.cylinder)
+    closure = keep_place(complex(*path.cylinder.center), 0.0)
+    start = grasp.state.unknowns.copy()
+    start[NORMAL] *= 0.9
+
+    def equations(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return grasp.statics.equations(unknowns, grasp.wrench, closure)[:2]
+
+    def solve() -> None:
+        assert root(equations, start, jac=True).success
+
+    solved = float(np.median([timed(solve)[0] for _ in range(100)]))
+    command = follow(path, MODEL).time
+    print(f'a command takes {command / solved:.2f} times scipy.optimize.root of one equilibrium')
+
+
 def main() -> None:
     """Print the table."""
     print_machine()
@@ -228,18 +276,10 @@ def main() -> None:
     paths = list(feasible_paths(number))
     rows = [row(mode, [follow(path, mode) for path in paths]) for mode in (OPEN, RIGID, MODEL)]
 
-    def constant(share: float) -> Callable[[float], tuple[float, float, float]]:
-        return lambda _time: (share * 0.6, share * 0.8, 0.0)
-
-    def rotating(size: float) -> Callable[[float], tuple[float, float, float]]:
-        return lambda time: (size * math.cos(3.0 * time), size * math.sin(3.0 * time), 0.0)
-
-    rows.append(row('model, constant 1 N', [follow(p, MODEL, constant(1.0)) for p in paths]))
-    rows.append(row('model, rotating 1 N', [follow(p, MODEL, rotating(1.0)) for p in paths]))
-    rows.append(
-        row('the same, gain 10/s', [follow(p, MODEL, rotating(1.0), gain=10.0) for p in paths])
-    )
     rows.append(row('model, plant 30 % softer', [follow(p, MODEL, scale=0.7) for p in paths]))
+    strong = list(feasible_paths(number, LOAD))
+    rows.append(row('model, constant 5 N', [follow(p, MODEL, constant(LOAD)) for p in strong]))
+    rows.append(row('model, rotating 3 N', [follow(p, MODEL, rotating) for p in strong]))
     header = [
         'controller',
         'held',
@@ -250,6 +290,8 @@ def main() -> None:
         'command [ms]',
     ]
     print_table(header, rows)
+    print_ratio(paths[0])
+    print_foretold(paths + strong)
 
 
 if __name__ == '__main__':

@@ -92,7 +92,8 @@ class SqueezeControl:
         self.reference: Array | None = None
         self.slip_margin = 0.0
         self._velocity, self._elapsed = np.zeros(3), 0.0
-        self._pose, self._squeeze, self._utilisation = np.zeros(3), 0.0, 0.0
+        self._pose, self._squeeze = np.zeros(3), 0.0
+        self._slope = self._utilisation = 0.0
 
     def warning(self) -> str:
         """Return what is wrong with how the object is held; empty where nothing is."""
@@ -152,7 +153,7 @@ class SqueezeControl:
         wanted = twist + min(settings.pose_gain, 0.5 / longest) * error
         missing = settings.gain * (settings.force - self._squeeze)
         rate = float(np.clip(missing, -settings.max_force_rate, settings.max_force_rate))
-        slope = squeeze_by_opening(grasp)
+        slope = self._slope
         command = solve(wanted, rate / slope)
         if command.scale < MIN_SCALE or not command.roller_velocities.any():
             return command
@@ -218,6 +219,7 @@ class SqueezeControl:
             return found
         self.grasp, self._config = found, config
         self._pose, self._squeeze = np.array(found.pose), found.squeeze
+        self._slope = squeeze_by_opening(found)
         self.slip_margin = found.slip_margin(self.settings.friction)
         self._utilisation = float(held_utilisation(found).max())
         return found.hold(self.settings.friction)
@@ -242,7 +244,8 @@ class SqueezeControl:
         self.grasp, self._config = grasp, config
         self._pose = pose + response.pose @ change
         pressed = 0.5 * float((response.normal @ change).sum())
-        self._squeeze = grasp.squeeze + squeeze_by_opening(grasp) * opened + pressed
+        self._slope = squeeze_by_opening(grasp)
+        self._squeeze = grasp.squeeze + self._slope * opened + pressed
         self.slip_margin = slip_margin(grasp.state, response, self.settings.friction)
 
     def _wrench(self, grasp: RollingGrasp) -> Array:

@@ -12,7 +12,7 @@ from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize_with_condition
 from isotruss_ros.core.statics.beam import directions, local_stiffness, with_pins
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, spmatrix
+from scipy.sparse import coo_matrix, csc_matrix, spmatrix
 
 #: A frame that is worse conditioned than this, in its own units, is a mechanism.
 MAX_CONDITION = 1e12
@@ -106,11 +106,6 @@ class Frame:
         values, rows, columns = self._entries
         size = len(self._held)
         return coo_matrix((values, (rows, columns)), shape=(size, size)).tocsc()
-
-    @cached_property
-    def _constraint_forces(self) -> csr_matrix:
-        """Return the forces on the nodes for unit multipliers of the constraints."""
-        return self._rows.T.tocsr()
 
     @cached_property
     def _unknowns(self) -> Indices:
@@ -220,7 +215,8 @@ class Frame:
         pull = np.einsum('kji,kj->ki', self._turn, end_forces)
         carried = np.bincount(self._places.ravel(), pull.ravel(), minlength=len(loads))
         _, multipliers = np.split(solution, [len(right)])
-        carried += self._constraint_forces @ multipliers
+        pushed = self._rows.data * multipliers[self._rows.row]  # by the constraints
+        carried += np.bincount(self._rows.col, pushed, minlength=len(loads))
         reactions = np.where(self._held, carried - loads, 0.0)
         return FrameState(displacements.reshape(-1, 3), reactions.reshape(-1, 3), end_forces)
 
