@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from isotruss_ros.calibration.pressed_tube import ClampedTube, press, Pressed
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
-from paper.clamped_tube import DEPTH, press, Pressed
 from paper.default_tube import default_tube
 from paper.item import Advance, Report
 from paper.membrane import ATMOSPHERE, CONTACT, DISPLACED, STIFFNESS, VOLUME
-from paper.parameters import CYLINDERS, PRESSURE, PRESSURES, TUBE_DIAMETER, TUBE_LENGTH
+from paper.parameters import CYLINDERS, DEPTH, PRESSURE, PRESSURES, TUBE_DIAMETER, TUBE_LENGTH
 from paper.tables import number, Table
 from paper.wrinkling import wrinkling_moment
 
@@ -44,19 +44,21 @@ class Interference:
 
 def compute(advance: Advance) -> Interference:
     """Return stiffnesses for all cylinders."""
-    tube = default_tube()
+    tube = ClampedTube(default_tube(), 0.5 * TUBE_DIAMETER, TUBE_LENGTH)
     curves: dict[bool, list[list[float]]] = {True: [], False: []}
     for done, cylinder in enumerate(CYLINDERS):
         for flattens, found in curves.items():
             found.append(
-                [press(tube, float(x), cylinder, DEPTH, flattens).stiffness for x in POSITIONS]
+                [
+                    press(tube, PRESSURE, float(x), cylinder, DEPTH, flattens).stiffness
+                    for x in POSITIONS
+                ]
             )
         advance((done + 1) / (len(CYLINDERS) + 1))
     middle, middle_round = (
         tuple(
             tuple(
-                press(tube, MIDDLE, cylinder, DEPTH, flattens, pressure=pressure)
-                for cylinder in CYLINDERS
+                press(tube, pressure, MIDDLE, cylinder, DEPTH, flattens) for cylinder in CYLINDERS
             )
             for pressure in PRESSURES
         )
@@ -71,7 +73,7 @@ def compute(advance: Advance) -> Interference:
         np.array(curves[False]),
         middle,
         middle_round,
-        press(tube, MIDDLE, CYLINDERS[0], DEPTH, pinned=True).stiffness,
+        press(replace(tube, pinned=True), PRESSURE, MIDDLE, CYLINDERS[0], DEPTH).stiffness,
         force / np.array([each.stiffness for each in middle[at]]),
     )
 

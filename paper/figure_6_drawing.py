@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from paper.clamped_tube import DEPTH
 from paper.membrane import STIFFNESS
-from paper.parameters import CYLINDERS, PRESSURES
+from paper.parameters import CYLINDERS, DEPTH, PRESSURES
 from paper.style import GREY, MARKERS, PAGE, STEPS
 
 if TYPE_CHECKING:

@@ -24,6 +24,8 @@ EDGES = {'obtuse': (0.89, 1.28), 'equilateral': (1.02, 1.02), 'acute': (1.21, 0.
 TUBE_LENGTH = 0.762
 CYLINDERS = (0.0254, 0.102, 0.203)
 DISCS = (0.127, 0.203, 0.305)
+#: How deep the cylinders are pressed, where nothing else is said [m]: ours.
+DEPTH = 0.010
 CENTIMETRE, KILOPASCAL = 0.01, 1e3
 
 

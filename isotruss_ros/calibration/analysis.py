@@ -1,4 +1,4 @@
-"""From measurements to a tube: slopes of all groups, one beam for all modes, a law for each."""
+"""From measurements to a tube: slopes of all groups, one beam, its local stiffness, power laws."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ from dataclasses import dataclass
 from isotruss_ros.calibration.beam_fit import fit_beam, FittedBeam
 from isotruss_ros.calibration.law import fit_law, FittedLaw
 from isotruss_ros.calibration.linear_range import fit_slope, Slope, TOLERANCE
-from isotruss_ros.calibration.measurements import MeasurementError, Measurements, MODES, Unused
+from isotruss_ros.calibration.local_fit import fit_local_stiffness, FittedLocalStiffness
+from isotruss_ros.calibration.measurements import (
+    MeasurementError,
+    Measurements,
+    MODES,
+    Presses,
+    Unused,
+)
 import numpy as np
 
 #: Of the tube of the paper and of the presets [m].
@@ -23,6 +30,8 @@ class Analysis:
     :ivar slopes: of all groups that have one, by mode.
     :ivar fitted: the beam that comes nearest to the slopes of all modes; None if there is none.
     :ivar refusal: why there is no beam; empty if there is one.
+    :ivar local: the local stiffness; None without such points, or where they do not determine it.
+    :ivar local_refusal: why there is none; empty if there is one, or no such points.
     :ivar laws: Table I: power laws by mode, those that could be fitted, each on its own.
     :ivar missing: by mode, why there is no power law.
     :ivar unused: all rows that no slope rests on.
@@ -31,6 +40,8 @@ class Analysis:
     slopes: Mapping[str, Sequence[Slope]]
     fitted: FittedBeam | None
     refusal: str
+    local: FittedLocalStiffness | None
+    local_refusal: str
     laws: Mapping[str, FittedLaw]
     missing: Mapping[str, str]
     unused: Unused
@@ -73,13 +84,19 @@ def analyse(
         fitted = _beam(slopes, 0.5 * diameter)
     except MeasurementError as error:
         refusal = str(error)
+    local, local_refusal = None, ''
+    if len(measurements.presses.loads):
+        try:
+            local = _local(measurements.presses, fitted)
+        except MeasurementError as error:
+            local_refusal = str(error)
     laws, missing = {}, {}
     for mode, found in slopes.items():
         try:
             laws[mode] = _law(found)
         except MeasurementError as error:
             missing[mode] = str(error)
-    return Analysis(slopes, fitted, refusal, laws, missing, unused)
+    return Analysis(slopes, fitted, refusal, local, local_refusal, laws, missing, unused)
 
 
 def _beam(slopes: Mapping[str, Sequence[Slope]], radius: float) -> FittedBeam:
@@ -91,6 +108,12 @@ def _beam(slopes: Mapping[str, Sequence[Slope]], radius: float) -> FittedBeam:
         np.array([slope.stiffness for slope in found]),
         radius,
     )
+
+
+def _local(presses: Presses, fitted: FittedBeam | None) -> FittedLocalStiffness:
+    if fitted is None:
+        raise MeasurementError('no beam was fitted, and interference bends the tube as well')
+    return fit_local_stiffness(presses, fitted.beam)
 
 
 def _law(slopes: Sequence[Slope]) -> FittedLaw:

@@ -15,6 +15,9 @@ import numpy as np
 
 #: The modes of Fig. 2, in its order.
 MODES = ('axial', 'transverse', 'rotary')
+#: A cylinder that is pressed into the side of the tube, as in Fig. 6; needs its diameter.
+INTERFERENCE = 'interference'
+DIAMETER = 'diameter'
 NUMBERS = ('pressure', 'length', 'displacement', 'load')
 COLUMNS = ('mode', *NUMBERS)
 TRIAL = 'trial'
@@ -54,6 +57,25 @@ class Group:
         return f'{self.mode}, {self.pressure:g} Pa, {self.length:g} m'
 
 
+@dataclass(frozen=True, eq=False)
+class Presses:
+    """
+    Cylinders pressed into the middle of a clamped tube, one point each.
+
+    :ivar pressures: (n,) gauge [Pa].
+    :ivar lengths: (n,) of the tube between the clamps [m].
+    :ivar cylinders: (n,) diameters of the cylinders [m].
+    :ivar depths: (n,) below the skin of the undeformed tube, positive [m].
+    :ivar loads: (n,) positive [N].
+    """
+
+    pressures: Array
+    lengths: Array
+    cylinders: Array
+    depths: Array
+    loads: Array
+
+
 @dataclass
 class Unused:
     """
@@ -85,13 +107,15 @@ class Measurements:
     """
     The contents of a file of measured points.
 
-    :ivar groups: ordered by mode, pressure and length.
+    :ivar groups: of the modes of a beam, ordered by mode, pressure and length.
+    :ivar presses: the points of the mode interference.
     :ivar unused: the rows that are in no group.
     :ivar rows: number of rows in the file, the header aside.
     :ivar ignored_columns: columns of other names.
     """
 
     groups: tuple[Group, ...]
+    presses: Presses
     unused: Unused
     rows: int
     ignored_columns: tuple[str, ...]
@@ -99,13 +123,16 @@ class Measurements:
 
 def read_measurements(path: Path) -> Measurements:
     """
-    Read a CSV file with the columns mode, pressure, length, displacement, load, and maybe trial.
+    Read a CSV file with the columns mode, pressure, length, displacement, load.
+
+    A column trial tells repetitions apart; rows of the mode interference need a column diameter.
 
     :param path: of the file.
     :raises MeasurementError: the file cannot be read, or has other columns.
     """
     unused = Unused()
     points: dict[tuple[int, float, float], list[tuple[int, str, float, float]]] = {}
+    presses: list[tuple[float, ...]] = []
     rows = 0
     try:
         reader = csv.reader(io.StringIO(_text(path), newline=''), skipinitialspace=True)
@@ -122,6 +149,10 @@ def read_measurements(path: Path) -> Measurements:
                 continue
             values = dict(zip(header, cells, strict=True))
             pressure, length, displacement, load = (float(values[name]) for name in NUMBERS)
+            if values['mode'] == INTERFERENCE:
+                cylinder = float(values[DIAMETER])
+                presses.append((pressure, length, cylinder, displacement, load))
+                continue
             points.setdefault((MODES.index(values['mode']), pressure, length), []).append(
                 (reader.line_num, values.get(TRIAL, ''), displacement, load)
             )
@@ -130,7 +161,8 @@ def read_measurements(path: Path) -> Measurements:
     except csv.Error as error:
         raise MeasurementError(f'{path}: line {reader.line_num}: not CSV: {error}') from error
     groups = tuple(_group(*key, points[key]) for key in sorted(points))
-    return Measurements(groups, unused, rows, ignored)
+    pressed = Presses(*np.array(presses).reshape(-1, 5).T)
+    return Measurements(groups, pressed, unused, rows, ignored)
 
 
 def _text(path: Path) -> str:
@@ -147,14 +179,14 @@ def _text(path: Path) -> str:
 def _check_header(path: Path, header: Sequence[str]) -> tuple[str, ...]:
     """Return the columns that are not known; raise if one that is needed is not there."""
     missing = [name for name in COLUMNS if header.count(name) != 1]
-    if missing or header.count(TRIAL) > 1:
+    if missing or header.count(TRIAL) > 1 or header.count(DIAMETER) > 1:
         found = ','.join(header)
         found = found if len(found) <= 60 else found[:57] + '...'
         raise MeasurementError(
             f'{path}: the first line is {found!r}: must name each of the columns '
-            f'{",".join(COLUMNS)} once, and maybe {TRIAL}'
+            f'{",".join(COLUMNS)} once, and maybe {TRIAL} and {DIAMETER}'
         )
-    return tuple(name for name in header if name not in (*COLUMNS, TRIAL))
+    return tuple(name for name in header if name not in (*COLUMNS, TRIAL, DIAMETER))
 
 
 def _complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
@@ -162,11 +194,17 @@ def _complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
     if len(cells) != len(header):
         yield f'{len(cells)} values for {len(header)} columns'
         return
+    pressed = INTERFERENCE in cells
+    positive = ('pressure', 'length')
+    if pressed:
+        positive = (*positive, 'displacement', 'load', DIAMETER)
+        if DIAMETER not in header:
+            yield f'mode {INTERFERENCE}: needs a column {DIAMETER}, that of the cylinder [m]'
     for name, cell in zip(header, cells, strict=True):
         shown = repr(cell if len(cell) <= 30 else cell[:27] + '...')
-        if name == 'mode' and cell not in MODES:
-            yield f'mode {shown}: must be one of {", ".join(MODES)}'
-        elif name in NUMBERS:
+        if name == 'mode' and cell not in (*MODES, INTERFERENCE):
+            yield f'mode {shown}: must be one of {", ".join((*MODES, INTERFERENCE))}'
+        elif name in NUMBERS or (pressed and name == DIAMETER):
             try:
                 value = float(cell)
             except ValueError:
@@ -176,7 +214,7 @@ def _complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
             # reciprocals.
             if not abs(value) <= MAX_MAGNITUDE:
                 yield f'{name} {shown}: must be finite, at most {MAX_MAGNITUDE:g}'
-            elif name in ('pressure', 'length') and value < 1.0 / MAX_MAGNITUDE:
+            elif name in positive and value < 1.0 / MAX_MAGNITUDE:
                 yield f'{name} {shown}: must be positive, at least {1.0 / MAX_MAGNITUDE:g}'
 
 

@@ -7,6 +7,7 @@ import itertools
 
 from isotruss_ros.calibration.analysis import Analysis
 from isotruss_ros.calibration.beam_fit import FittedBeam
+from isotruss_ros.calibration.local_fit import FittedLocalStiffness
 from isotruss_ros.calibration.measurements import Unused
 import numpy as np
 from rich.table import Table
@@ -70,6 +71,22 @@ def beam_table(fitted: FittedBeam) -> Table:
     return result
 
 
+def local_line(analysis: Analysis) -> str:
+    """
+    Return the local stiffness in words, or why there is none; empty without such points.
+
+    :param analysis: what was fitted.
+    """
+    local = analysis.local
+    if local is None:
+        reason = analysis.local_refusal
+        return f'no local stiffness: {reason}' if reason else ''
+    return (
+        f'local_stiffness: {local.value:.4g} of the theory, {local.low:.4g} to {local.high:.4g} '
+        f'(95 %), {local.count} points, deviation {100.0 * local.misfit:.1f} %'
+    )
+
+
 def law_table(analysis: Analysis) -> Table:
     """
     Return the power laws in the manner of Table I, and how far the beam is from each mode.
@@ -113,14 +130,15 @@ def _table(title: str) -> Table:
     return Table(title=title, title_justify='left', box=None, pad_edge=False)
 
 
-def block(fitted: FittedBeam) -> str:
+def block(fitted: FittedBeam, local: FittedLocalStiffness | None = None) -> str:
     """
     Return the block `stiffness` of a robot file, indented to go under the key `tube`.
 
-    :param model: the fitted power law.
     :param fitted: the beam.
+    :param local: the local stiffness; left out if None.
     """
-    lines = [
+    lines = [f'  local_stiffness: {local.value:.8e}'] if local else []
+    lines += [
         f'  stiffness:  # goes under the key tube; diameter {2.0 * fitted.radius:g} m',
         '    model: inflatable_beam',
     ]

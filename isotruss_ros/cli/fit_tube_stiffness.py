@@ -16,7 +16,13 @@ from isotruss_ros.calibration.measurements import (
     MODES,
     read_measurements,
 )
-from isotruss_ros.calibration.report import beam_table, block, law_table, unused_rows
+from isotruss_ros.calibration.report import (
+    beam_table,
+    block,
+    law_table,
+    local_line,
+    unused_rows,
+)
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.plotting.fit_figure import draw
 from rich.console import Console
@@ -53,6 +59,8 @@ def _run(options: argparse.Namespace) -> int:
         console.width = max(console.width, 100)  # files and pipes need no narrow columns
     if analysis.fitted:
         console.print(beam_table(analysis.fitted), '')
+    if local := local_line(analysis):
+        print(local, end='\n\n')
     if any(analysis.slopes.values()):
         console.print(law_table(analysis), '')
     for mode, reason in analysis.missing.items():
@@ -69,7 +77,7 @@ def _finish(analysis: Analysis, path: Path | None) -> int:
             f'fit_tube_stiffness: no block for the robot file: {analysis.refusal}', file=sys.stderr
         )
         return 1
-    text = block(analysis.fitted)
+    text = block(analysis.fitted, analysis.local)
     print(text)
     if path:
         try:
@@ -82,7 +90,10 @@ def _finish(analysis: Analysis, path: Path | None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog='fit_tube_stiffness', description=__doc__)
     parser.add_argument(
-        'points', type=Path, help=f'CSV file with the columns {",".join(COLUMNS)} and maybe trial'
+        'points',
+        type=Path,
+        help=f'CSV file with the columns {",".join(COLUMNS)}, and maybe trial and '
+        'diameter (of the cylinder, in the mode interference)',
     )
     parser.add_argument(
         '--diameter',

@@ -7,6 +7,7 @@ import re
 
 from isotruss_ros import core
 from isotruss_ros.calibration.measurements import MODES
+from isotruss_ros.calibration.pressed_tube import ClampedTube, press
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.core.statics.tube_stiffness import (
@@ -18,12 +19,12 @@ from isotruss_ros.core.statics.tube_stiffness import (
 from matplotlib import rc_context
 import numpy as np
 from paper import figure_4, figure_5, figure_6, figure_7, figure_9, membrane, synthetic, wrinkling
-from paper.clamped_tube import DEPTH, press
 from paper.default_tube import end_stiffnesses
 from paper.items import ITEMS
 from paper.page import FOLDER, page
 from paper.parameters import (
     CYLINDERS,
+    DEPTH,
     DISCS,
     EDGES,
     LENGTHS,
@@ -271,7 +272,8 @@ def test_stiffness_of_the_middle_is_that_of_the_textbook():
     shear = TUBE_LENGTH / (4 * GA)
     for pinned, share in ((False, 192), (True, 48)):
         exact = 1.0 / (TUBE_LENGTH**3 / (share * EI) + shear)
-        found = press(BEAM, TUBE_LENGTH / 2, CYLINDERS[0], 1e-4, False, pinned).stiffness
+        tube = ClampedTube(BEAM, RADIUS, TUBE_LENGTH, pinned=pinned)
+        found = press(tube, PRESSURE, TUBE_LENGTH / 2, CYLINDERS[0], 1e-4, False).stiffness
         assert found == pytest.approx(exact, rel=1e-3)
 
 
@@ -310,7 +312,8 @@ def test_with_flattening_stiffness_grows_with_the_diameter(results):
 def test_stiffness_is_that_of_membrane_elements(results):
     result = results['figure_6']
     own = np.array([[each.stiffness for each in row] for row in result.middle])
-    near_end = [press(BEAM, 0.127, cylinder, DEPTH).stiffness for cylinder in CYLINDERS]
+    tube = ClampedTube(BEAM, RADIUS, TUBE_LENGTH)
+    near_end = [press(tube, PRESSURE, 0.127, cylinder, DEPTH).stiffness for cylinder in CYLINDERS]
     off = np.concatenate(
         [(own / membrane.STIFFNESS - 1.0).ravel(), near_end / membrane.STIFFNESS_NEAR_END - 1.0]
     )

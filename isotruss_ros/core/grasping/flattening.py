@@ -84,7 +84,11 @@ class Flattening:
 
 
 def flattening(
-    radius: float, pressure: ArrayLike, fabric: Fabric | None = None, modes: int = 8
+    radius: float,
+    pressure: ArrayLike,
+    fabric: Fabric | None = None,
+    modes: int = 8,
+    local_stiffness: float = 1.0,
 ) -> Flattening:
     """
     Return the local compliance of tubes.
@@ -93,6 +97,7 @@ def flattening(
     :param pressure: (t,) p in each tube, gauge [Pa].
     :param fabric: E t and G t of the wall; None for pressure and radius alone, f_n = 0.
     :param modes: N, the highest ring mode that spreads along the tube.
+    :param local_stiffness: by which a measured tube is stiffer than this theory [-].
     """
     n = np.arange(2, modes + 1)
     pressure = np.atleast_1d(np.asarray(pressure, dtype=float))[:, None]
@@ -105,7 +110,8 @@ def flattening(
             share = wall / (wall + shear * n**2 * tension / stiffness / radius**2)
             tension = pulled + np.pi * radius * shear * share / n**2
     rest = (1.0 / modes + 1.0 / (modes + 1)) / (2.0 * np.pi * pressure[:, 0])
-    return Flattening(radius, stiffness, tension, rest)
+    measured = local_stiffness
+    return Flattening(radius, measured * stiffness, measured * tension, rest / measured)
 
 
 @functools.lru_cache(maxsize=8)
@@ -120,4 +126,9 @@ def flattening_of(robot: Mechanism, pressures: tuple[float, ...] | None = None) 
     file = robot.description
     if pressures is None:
         pressures = tuple(file.pressures.values())
-    return flattening(0.5 * file.tube_diameter, pressures, tube_stiffness(file).fabric)
+    return flattening(
+        0.5 * file.tube_diameter,
+        pressures,
+        tube_stiffness(file).fabric,
+        local_stiffness=file.local_stiffness,
+    )

@@ -109,6 +109,7 @@ def _describe(path: Path, content: dict[str, Any]) -> RobotDescription:
         module=module,
         tube_diameter=float(content['tube']['diameter']),
         pressures=pressures,
+        local_stiffness=float(content['tube'].get('local_stiffness', 1.0)),
         stiffness=stiffness,
         supports=supports,
         max_speed=float(content['rollers']['max_speed']),

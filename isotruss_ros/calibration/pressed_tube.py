@@ -13,12 +13,28 @@ from isotruss_ros.core.statics.beam import local_stiffness
 from isotruss_ros.core.statics.interior import InteriorPoints
 from isotruss_ros.core.statics.tube_stiffness import TubeStiffness
 import numpy as np
-from paper.parameters import PRESSURE, TUBE_DIAMETER, TUBE_LENGTH
 
 #: Of the points that the cylinder could touch [m].
 SPACING = 0.001
-#: How deep the cylinders are pressed, where nothing else is said [m].
-DEPTH = 0.010
+
+
+@dataclass(frozen=True)
+class ClampedTube:
+    """
+    A straight tube whose ends do not move.
+
+    :ivar stiffness: of the tube as a beam, and the constants of its wall.
+    :ivar radius: R [m].
+    :ivar length: between the clamps [m].
+    :ivar local_stiffness: of the section against flattening, against that of the theory [-].
+    :ivar pinned: whether the ends turn freely, instead of being clamped.
+    """
+
+    stiffness: TubeStiffness
+    radius: float
+    length: float
+    local_stiffness: float = 1.0
+    pinned: bool = False
 
 
 @dataclass(frozen=True)
@@ -35,33 +51,30 @@ class Pressed:
 
 
 def press(
-    tube: TubeStiffness,
+    tube: ClampedTube,
+    pressure: float,
     position: float,
     cylinder: float,
     depth: float,
     flattens: bool = True,
-    pinned: bool = False,
-    pressure: float = PRESSURE,
 ) -> Pressed:
     """
     Press a cylinder into the side of the tube, from above: (5) to (8).
 
-    :param tube: its stiffness.
+    :param tube: the tube.
+    :param pressure: in the tube, gauge [Pa].
     :param position: of the cylinder's centre along the tube [m].
     :param cylinder: its own diameter [m].
     :param depth: of the cylinder below the skin of the undeformed tube [m].
     :param flattens: whether the tube's section flattens; if not, its centre line meets a disc that
         is wider by the tube, as in the paper.
-    :param pinned: whether the ends turn freely, instead of being clamped.
-    :param pressure: in the tube, gauge [Pa].
     """
-    tube_radius = 0.5 * TUBE_DIAMETER
-    radius = 0.5 * cylinder + (0.0 if flattens else tube_radius)
-    center = complex(position, 0.5 * cylinder + tube_radius - depth)
+    radius = 0.5 * cylinder + (0.0 if flattens else tube.radius)
+    center = complex(position, 0.5 * cylinder + tube.radius - depth)
     reach = np.arange(-int(radius / SPACING) - 2, int(radius / SPACING) + 3)
     places = position + SPACING * reach
-    places = places[(places > 0.0) & (places < TUBE_LENGTH)]
-    points = _contact_points(tube, pressure, places, flattens, pinned)
+    places = places[(places > 0.0) & (places < tube.length)]
+    points = _contact_points(tube, pressure, places, flattens)
     contact = solve_contact(points, center, radius)
     force = -float((contact.forces * contact.normals).imag.sum())
     length, _, _ = contact_extents(points, contact, 1)
@@ -69,20 +82,22 @@ def press(
 
 
 def _contact_points(
-    tube: TubeStiffness, pressure: float, places: Array, flattens: bool, pinned: bool
+    tube: ClampedTube, pressure: float, places: Array, flattens: bool
 ) -> ContactPoints:
     """Return points inside one member whose ends turn, if they are pinned, or stand still."""
-    only, length = np.zeros(len(places), dtype=np.intp), np.array([TUBE_LENGTH])
-    section = tube.section_stiffness(length, pressure)
+    only, length = np.zeros(len(places), dtype=np.intp), np.array([tube.length])
+    section = tube.stiffness.section_stiffness(length, pressure)
     inside = InteriorPoints(only, places, length, *section, np.array([[False, False]]))
     ends = np.zeros((6, 6))
-    if pinned:
+    if tube.pinned:
         turns = np.ix_([2, 5], [2, 5])
         ends[turns] = np.linalg.inv(local_stiffness(length, *section)[0][turns])
     points = places.astype(np.complex128)
     skin, dents = points, np.zeros((len(places), len(places)))
     if flattens:
-        kernel = flattening(0.5 * TUBE_DIAMETER, pressure, tube.fabric)
+        kernel = flattening(
+            tube.radius, pressure, tube.stiffness.fabric, local_stiffness=tube.local_stiffness
+        )
         skin = points + 1j * kernel.radius
         dents = kernel.compliance(places, only, only, SPACING)
     return ContactPoints(

@@ -1,0 +1,131 @@
+"""The fourth mode of `fit_tube_stiffness`: cylinders pressed into the side of the tube."""
+
+from isotruss_ros.calibration.analysis import analyse
+from isotruss_ros.calibration.local_fit import fit_local_stiffness
+from isotruss_ros.calibration.measurements import MeasurementError, Presses, read_measurements
+from isotruss_ros.calibration.pressed_tube import ClampedTube, press
+from isotruss_ros.core.grasping.flattening import flattening, flattening_of
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.robot_file import read_robot_file
+from isotruss_ros.core.statics.tube_stiffness import InflatableBeam
+import numpy as np
+import pytest
+import robots
+from ruamel.yaml import YAML
+from test_fit import HEADER, main, points, write
+
+RADIUS = 0.051
+TUBE = InflatableBeam(RADIUS, 4e4, 1.5e4, 5.0)
+CASES = [
+    (pressure, length, cylinder, depth)
+    for pressure in (2e4, 5e4)
+    for length in (0.5, 0.8)
+    for cylinder in (0.0254, 0.2)
+    for depth in (0.004, 0.012)
+]
+
+
+def loads(factor, tube=TUBE):
+    return np.array(
+        [
+            d * press(ClampedTube(tube, RADIUS, length, factor), p, 0.5 * length, c, d).stiffness
+            for p, length, c, d in CASES
+        ]
+    )
+
+
+def presses(values):
+    return Presses(*np.array(CASES).T, values)
+
+
+def test_the_factor_divides_the_whole_kernel():
+    place, alike = 0.005 * np.arange(20.0), np.zeros(20, dtype=int)
+    once, twice = (flattening(RADIUS, 3e4, TUBE.fabric, local_stiffness=f) for f in (1.0, 2.0))
+    one, two = (kernel.compliance(place, alike, alike, 0.005) for kernel in (once, twice))
+    assert two == pytest.approx(0.5 * one, rel=1e-12)
+
+
+@pytest.mark.parametrize('factor', [0.4, 1.0, 2.5])
+def test_loads_without_noise_give_the_factor_back(factor):
+    found = fit_local_stiffness(presses(loads(factor)), TUBE)
+    assert found.value == pytest.approx(factor, rel=1e-6)
+    assert found.count == len(CASES)
+
+
+def test_noisy_loads_have_the_factor_in_their_interval():
+    rng = np.random.default_rng(4)
+    exact, inside = loads(1.3), 0
+    for _ in range(8):
+        noisy = exact * np.exp(0.02 * rng.standard_normal(len(exact)))
+        found = fit_local_stiffness(presses(noisy), TUBE)
+        inside += found.low < 1.3 < found.high
+    assert inside >= 6
+
+
+def test_loads_that_do_not_depend_on_it_are_refused():
+    # A slender tube bends long before it flattens.
+    soft = Presses(*np.array([(3e4, 500.0, 0.2, 1e-3 * (1 + i)) for i in range(4)]).T, np.ones(4))
+    with pytest.raises(MeasurementError, match='does not flatten'):
+        fit_local_stiffness(soft, TUBE)
+
+
+def test_two_points_are_too_few():
+    two = Presses(*np.array(CASES[:2]).T, loads(1.0)[:2])
+    with pytest.raises(MeasurementError, match='2 points'):
+        fit_local_stiffness(two, TUBE)
+
+
+def file_rows(values):
+    """Return the rows of all four modes."""
+    header, *others = points(TUBE)
+    rows = [[*header, 'diameter'], *([*row, ''] for row in others)]
+    for (pressure, length, cylinder, depth), load in zip(CASES, values, strict=True):
+        rows.append(['interference', pressure, length, depth, float(load), 0, cylinder])
+    return rows
+
+
+def test_from_a_file_to_the_kernel_of_a_robot(tmp_path, capsys):
+    path = write(tmp_path, file_rows(loads(1.7)))
+    assert main([str(path), '--block', str(tmp_path / 'block.yaml')]) == 0
+    assert 'local_stiffness: 1.7 of the theory' in capsys.readouterr().out
+    document = robots.example()
+    printed = (tmp_path / 'block.yaml').read_text(encoding='utf-8')
+    document['tube'] |= YAML(typ='safe', pure=True).load(printed)
+    description = read_robot_file(robots.write(document))
+    assert description.local_stiffness == pytest.approx(1.7, rel=1e-5)
+    robot = Robot(description)
+    theory = flattening(
+        0.5 * description.tube_diameter,
+        list(description.pressures.values()),
+        InflatableBeam(RADIUS, 4e4, 1.5e4, 5.0).fabric,
+    )
+    assert flattening_of(robot).stiffness == pytest.approx(1.7 * theory.stiffness, rel=1e-4)
+
+
+def test_without_a_beam_there_is_no_local_stiffness(tmp_path):
+    rows = [[*HEADER, 'diameter']]
+    rows += [['interference', p, length, d, 1.0, c] for p, length, c, d in CASES]
+    analysis = analyse(read_measurements(write(tmp_path, rows)))
+    assert analysis.local is None
+    assert 'no beam' in analysis.local_refusal
+
+
+@pytest.mark.parametrize(
+    ('row', 'complaint'),
+    [
+        (['interference', 3e4, 0.5, -0.01, 1.0, 0.1], "displacement '-0.01': must be positive"),
+        (['interference', 3e4, 0.5, 0.01, 0, 0.1], "load '0': must be positive"),
+        (['interference', 3e4, 0.5, 0.01, 1.0, ''], "diameter '': must be a number"),
+    ],
+)
+def test_rows_that_cannot_be_are_named(row, complaint, tmp_path):
+    found = read_measurements(write(tmp_path, [[*HEADER, 'diameter'], row]))
+    assert len(found.presses.loads) == 0
+    (reason,) = found.unused.lines
+    assert complaint in reason
+
+
+def test_interference_needs_the_column_of_the_diameter(tmp_path):
+    found = read_measurements(write(tmp_path, [HEADER, ['interference', 3e4, 0.5, 0.01, 1.0]]))
+    (reason,) = found.unused.lines
+    assert 'needs a column diameter' in reason
