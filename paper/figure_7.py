@@ -10,6 +10,7 @@ from isotruss_ros.core import (
     GraspAnalysis,
     GraspRequirements,
     load_robot,
+    Measure,
     plan_grasps,
     PlannedGrasp,
     Progress,
@@ -55,7 +56,13 @@ def compute(advance: Advance) -> Sequence[Held]:
         def tell(progress: Progress, done: int = done) -> None:
             advance((done + 0.9 * progress.share) / len(MODULES))
 
-        needs = GraspRequirements(friction=FRICTION, module=module, count=count)
+        needs = GraspRequirements(
+            friction=FRICTION,
+            module=module,
+            count=count,
+            min_margin=0.0,
+            measure=Measure.CLOSURE_MARGIN,
+        )
         plan = plan_grasps(robot.home, CYLINDER, needs, on_progress=tell, thorough=False)
         if len(plan.grasps) < count:
             raise SolverError(f'too few grasps at module {module}: {plan.closest_violation}')

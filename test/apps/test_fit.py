@@ -1,6 +1,5 @@
 """The fit of stiffness laws: what it finds, what it says, what it refuses."""
 
-import csv
 from pathlib import Path
 import re
 import subprocess
@@ -26,6 +25,18 @@ from isotruss_ros.core import deform, load_robot
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.stiffness_law import Law
 from isotruss_ros.core.statics.tube_stiffness import InflatableBeam, tube_stiffness
+from measured_points import (
+    CONSTANTS,
+    HEADER,
+    LENGTHS,
+    points,
+    PRESSURES,
+    RADIUS,
+    RANGES,
+    stiffness,
+    TUBE,
+    write,
+)
 import numpy as np
 from PIL import Image
 import pytest
@@ -34,57 +45,7 @@ from ruamel.yaml import YAML
 from scipy.optimize import curve_fit
 from scipy.stats import t as t_distribution
 
-# The paper's pressures and lengths.
-PRESSURES = (17.2e3, 34.5e3, 51.7e3)
-LENGTHS = (0.254, 0.508, 0.762)
-RADIUS = 0.051
-CONSTANTS = {'membrane_modulus': 4e4, 'membrane_shear_modulus': 1.5e4, 'end_softening': 5.0}
-TUBE = InflatableBeam(RADIUS, **CONSTANTS)
 LAW = Law(0.5, 0.9, -0.2)
-RANGES = {'axial': 0.03, 'transverse': 0.08, 'rotary': 0.35}
-HEADER = ['mode', 'pressure', 'length', 'displacement', 'load']
-
-
-def stiffness(mode, length, pressure, tube=TUBE):
-    """Return the end stiffness of a tube, by the closed forms of clamped beams."""
-    EA, EI, GA = (float(value[0]) for value in tube.section_stiffness([length], pressure))
-    transverse = 1.0 / (length**3 / (12.0 * EI) + length / GA)
-    rotary = EI / length + 0.25 * length**2 * transverse
-    return {'axial': EA / length, 'transverse': transverse, 'rotary': rotary}[mode]
-
-
-def points(tube=TUBE, scatter=0.0, noise=0.0, trials=1, count=12, bend=1.0, softer=1.0, seed=0):
-    """
-    Return the rows of a CSV file, header and trial included.
-
-    :param scatter: of the stiffness of each trial, standard deviation of its logarithm.
-    :param noise: of the loads, part of the largest; each trial also has an offset of this order.
-    :param bend: part of the largest displacement at which the slope changes by `softer`.
-    """
-    rng = np.random.default_rng(seed)
-    rows = [[*HEADER, 'trial']]
-    for mode in MODES:
-        for pressure in PRESSURES:
-            for length in LENGTHS:
-                for trial in range(trials):
-                    k = stiffness(mode, length, pressure, tube)
-                    k *= np.exp(scatter * rng.normal())
-                    x = np.linspace(0.0, RANGES[mode], count)
-                    corner = bend * RANGES[mode]
-                    load = k * (np.minimum(x, corner) + softer * np.maximum(x - corner, 0.0))
-                    load += noise * k * RANGES[mode] * (rng.normal(size=count) + rng.normal())
-                    rows += [
-                        [mode, pressure, length, float(a), float(b), trial]
-                        for a, b in zip(x, load, strict=True)
-                    ]
-    return rows
-
-
-def write(folder, rows):
-    path = folder / 'points.csv'
-    with path.open('w', newline='', encoding='utf-8') as file:
-        csv.writer(file).writerows(rows)
-    return path
 
 
 def run(capsys, path, *options):
@@ -366,7 +327,10 @@ def test_each_trial_has_its_own_offset(tmp_path):
 @pytest.mark.parametrize(
     ('row', 'reason'),
     [
-        (['axal', 3e4, 0.5, 0.01, 1.0], "mode 'axal': must be one of axial, transverse, rotary"),
+        (
+            ['axal', 3e4, 0.5, 0.01, 1.0],
+            "mode 'axal': must be one of axial, transverse, rotary, interference",
+        ),
         (['axial', 3e4, 0.5, 0.01], '4 values for 5 columns'),
         (['axial', 3e4, 0.5, 0.01, 1.0, 2.0], '6 values for 5 columns'),
         (['axial', 3e4, 0.5, 'nan', 1.0], "displacement 'nan': must be finite, at most 1e+12"),

@@ -4,15 +4,16 @@ from isotruss_ros.calibration.analysis import analyse
 from isotruss_ros.calibration.local_fit import fit_local_stiffness
 from isotruss_ros.calibration.measurements import MeasurementError, Presses, read_measurements
 from isotruss_ros.calibration.pressed_tube import ClampedTube, press
+from isotruss_ros.cli.fit_tube_stiffness import main
 from isotruss_ros.core.grasping.flattening import flattening, flattening_of
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.statics.tube_stiffness import InflatableBeam
+from measured_points import HEADER, points, write
 import numpy as np
 import pytest
 import robots
 from ruamel.yaml import YAML
-from test_fit import HEADER, main, points, write
 
 RADIUS = 0.051
 TUBE = InflatableBeam(RADIUS, 4e4, 1.5e4, 5.0)

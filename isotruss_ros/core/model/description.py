@@ -57,7 +57,7 @@ class RobotDescription:
     :ivar module: dimensions of the roller modules.
     :ivar tube_diameter: outer diameter of the tubes [m].
     :ivar pressures: gauge pressures, in the order of the tubes [Pa].
-    :ivar local_stiffness: of the tubes' sections against flattening, as a factor on the theory [-].
+    :ivar local_stiffness: of the section against flattening, as a factor on the theory [-].
     :ivar stiffness: block `stiffness` of the robot file.
     :ivar supports: grounded axes by joint, of x and y.
     :ivar max_speed: largest speed of a roller [m/s].
