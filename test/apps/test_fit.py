@@ -340,7 +340,10 @@ def test_each_trial_has_its_own_offset(tmp_path):
         (['axial', 3e4, 0.5, '0,01', 1.0], "displacement '0,01': must be a number"),
         (['axial', 0, 0.5, 0.01, 1.0], "pressure '0': must be positive, at least 1e-12"),
         (['axial', 3e4, -0.5, 0.01, 1.0], "length '-0.5': must be positive, at least 1e-12"),
-        (['axal', 0, 0.5, 0.01, 1.0], "interference; pressure '0': must be positive, at least 1e-12"),
+        (
+            ['axal', 0, 0.5, 0.01, 1.0],
+            "interference; pressure '0': must be positive, at least 1e-12",
+        ),
     ],
     ids=lambda value: value if isinstance(value, str) else None,
 )
