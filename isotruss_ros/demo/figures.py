@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
-from isotruss_ros.core import analyze_grasp, Configuration, Cylinder, Robot, settle_grasp
+from isotruss_ros.core import analyze_grasp, Configuration, Cylinder, Pose, Robot, settle_grasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
@@ -26,15 +27,55 @@ ARROW_SCALE = 0.004
 BESIDE = 0.55
 
 #: Of what pulls at the object; its arrow is larger than those of the contacts [m/N].
-PULL_COLOR, PULL_SCALE = '#d9480f', 0.05
+PULL_COLOR, PULL_SCALE = '#d9480f', 0.08
 
 Box = tuple[Array, Array]
 
 
+class Panel(NamedTuple):
+    """
+    What one panel shows.
+
+    :ivar title: what happens.
+    :ivar snapshot: the state of robot and object.
+    :ivar pull: (fx, fy, m) that pulls at the object [N, N m]; None if nothing does.
+    """
+
+    title: str
+    snapshot: Snapshot
+    pull: Wrench | None = None
+
+
+def make_panels(records: Sequence[PhaseRecord]) -> list[Panel]:
+    """
+    Return a panel for the end of each phase, and before that one for a pull in its middle.
+
+    :param records: of the phases.
+    """
+    panels = []
+    for record in records:
+        begin, end = record.pulled
+        pulled = [snap for snap in record.snapshots if begin <= snap.time <= end]
+        if record.pull is not None and pulled:
+            size = np.hypot(*record.pull[:2])
+            title = f'{record.name}, pulled with {size:g} N'
+            panels.append(Panel(title, pulled[len(pulled) // 2], record.pull))
+        panels.append(Panel(record.name, record.snapshots[-1]))
+    return panels
+
+
 def draw_panels(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path: Path) -> None:
-    """Write one panel for the end of each phase; the grasp magnified where there is one."""
-    stops = [record.snapshots[-1] for record in records]
-    configs = [robot.configuration(stop.rollers) for stop in stops]
+    """
+    Write a picture of all phases; the grasp magnified where there is one.
+
+    :param robot: the robot.
+    :param diameter: of the object [m].
+    :param records: of the phases.
+    :param path: of the picture.
+    """
+    stops = make_panels(records)
+    travelled = [snap for record in records for snap in record.snapshots]
+    configs = [robot.configuration(stop.snapshot.rollers) for stop in stops]
     box = _box(configs)
     columns = -(-len(stops) // 2)
     figure = Figure(figsize=(5.4 * columns, 6.6), layout='constrained')
@@ -45,30 +86,39 @@ def draw_panels(robot: Robot, diameter: float, records: Sequence[PhaseRecord], p
     shown = len(stops)
     for axes in (*panels[shown:], *views):
         axes.set_axis_off()
-    travelled: list[Snapshot] = []
     for i, stop in enumerate(stops):
-        axes = panels[i]
+        axes, pose = panels[i], stop.snapshot.pose
         draw_robot(axes, configs[i])
-        travelled += records[i].snapshots
-        _draw_path(axes, travelled)
-        _draw_pull(axes, records[i])
-        draw_object(axes, stop.pose, diameter)
-        cylinder = Cylinder(stop.pose[:2], diameter)
+        _draw_path(axes, [snap for snap in travelled if snap.time <= stop.snapshot.time])
+        draw_object(axes, pose, diameter)
+        cylinder = Cylinder(pose[:2], diameter)
         analysis = analyze_grasp(configs[i], cylinder)
         draw_forces(axes, cylinder, analysis, ARROW_SCALE)
+        wrench = (0.0, 0.0, 0.0)
+        if stop.pull is not None:
+            wrench = stop.pull
+            _draw_pull(axes, pose, wrench)
         frame(axes, *box)
         held = ''
         if analysis.contact_lengths:
             views[i].set_axis_on()
             draw_grasp(views[i], configs[i], cylinder, analysis, scale=ARROW_SCALE)
             grasped = len(analysis.contact_lengths) > 1
-            held = ', held' if grasped and settle_grasp(configs[i], cylinder).held else ''
-        axes.set_title(f'({"abcdefgh"[i]}) {records[i].name}{held}', loc='left')
+            settled = settle_grasp(configs[i], cylinder, external_wrench=wrench)
+            held = ', held' if grasped and settled.held else ''
+        axes.set_title(f'({"abcdefgh"[i]}) {stop.title}{held}', loc='left')
     figure.savefig(path, dpi=110)
 
 
 def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path: Path) -> None:
-    """Write the whole motion as an animated GIF."""
+    """
+    Write the whole motion as an animated GIF.
+
+    :param robot: the robot.
+    :param diameter: of the object [m].
+    :param records: of the phases.
+    :param path: of the animation.
+    """
     snapshots = [snap for record in records for snap in record.snapshots]
     times = np.array([snap.time for snap in snapshots])
     ticks = np.arange(times[0], times[-1], SPEED_UP / FRAMES_PER_SECOND)
@@ -87,7 +137,7 @@ def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path:
         _draw_path(axes, chosen[: i + 1])
         for record in records:
             if record.pulled[0] <= chosen[i].time <= record.pulled[1]:
-                _draw_arrow(axes, chosen[i], record.pull)
+                _draw_pull(axes, chosen[i].pose, record.pull)
         draw_object(axes, chosen[i].pose, diameter)
         cylinder = Cylinder(chosen[i].pose[:2], diameter)
         draw_forces(axes, cylinder, analyze_grasp(configs[i], cylinder), ARROW_SCALE)
@@ -107,25 +157,15 @@ def _draw_path(axes: object, snapshots: Sequence[Snapshot]) -> None:
     )
 
 
-def _draw_pull(axes: object, record: PhaseRecord) -> None:
-    """Mark where an external wrench pulled at the object, with an arrow in the middle."""
-    begin, end = record.pulled
-    snapshots = [snap for snap in record.snapshots if begin <= snap.time <= end]
-    if not snapshots:
-        return
-    places = np.array([snap.pose[:2] for snap in snapshots])
-    axes.plot(*places.T, color=PULL_COLOR, lw=2.4, zorder=8)
-    _draw_arrow(axes, snapshots[len(snapshots) // 2], record.pull)
-
-
-def _draw_arrow(axes: object, snapshot: Snapshot, pull: Wrench) -> None:
-    """Draw what pulls at the object, as an arrow with its size."""
-    place = np.array(snapshot.pose[:2])
+def _draw_pull(axes: object, pose: Pose, pull: Wrench) -> None:
+    """Draw what pulls at the object as an arrow with its size."""
+    place = np.array(pose[:2])
     tip = place + PULL_SCALE * np.array(pull[:2])
-    arrow = {'arrowstyle': '-|>', 'color': PULL_COLOR, 'lw': 2.0}
+    arrow = {'arrowstyle': '-|>', 'color': PULL_COLOR, 'lw': 2.5, 'shrinkA': 0.0}
     axes.annotate('', tip, place, arrowprops=arrow, zorder=12)
+    label = f'{np.hypot(*pull[:2]):g} N'
     axes.annotate(
-        f'{np.hypot(*pull[:2]):g} N', tip, (4, -2), textcoords='offset points', color=PULL_COLOR
+        label, tip, (5, 0), textcoords='offset points', color=PULL_COLOR, weight='bold', zorder=12
     )
 
 

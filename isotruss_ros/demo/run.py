@@ -71,7 +71,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     console.print(grasp_table([part for record in records[2:] for part in record.parts()]))
     robot = load_robot(ROBOT)
     with console.status('drawing'):
-        draw_panels(robot, OBJECT_DIAMETER, records, options.output / 'demo.png')
+        shown = [record for record in records if record.name != 'approach']
+        draw_panels(robot, OBJECT_DIAMETER, shown, options.output / 'demo.png')
         animate(robot, OBJECT_DIAMETER, records[1:], options.output / 'demo.gif')
     console.print(f'written: {options.output / "demo.png"}, {options.output / "demo.gif"}')
     return _verdict(moved, console)
