@@ -31,7 +31,7 @@ GRIP_MODULE = 'north/Z'
 FRICTION = 0.5
 #: Normal force of each of the two members [N]: the object bears more than the pull, and the tubes
 #: have a reserve to wrinkling for the turn in place, where a side is short.
-SQUEEZE = 25.0
+SQUEEZE = 24.0
 #: What pulls at the object in the middle of the arc, out of the grip [N, N m].
 PULL = (0.0, -5.0, 0.0)
 #: Longer than the default [s], for a machine that is busy otherwise.

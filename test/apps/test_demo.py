@@ -134,12 +134,13 @@ def play(rate):
             seen = (config.roller_positions, simulated.roller_velocities, simulated.object_pose)
             command = servo.decide(now).command
             record.statuses.add(command.status)
-            assert command.scale == 1.0
+            # A load that comes or goes at once moves the tubes quicker than the servo may.
+            assert command.scale == 1.0 or (phase.pull is not None and command.scale > 0.5)
             simulated.command(command.roller_velocities)
             simulated.advance(period)
             assert lying.grasp is not None
             margins.append(lying.slip_margin)
-            exact += period * np.array(twist)
+            exact += period * command.scale * np.array(twist)
             now += period
             record.snapshots.append(
                 Snapshot(now, simulated.config.roller_positions, simulated.object_pose)
@@ -163,7 +164,8 @@ def test_object_ends_where_the_commands_put_it(played):
     pose = simulated.object_pose
     assert math.hypot(pose.x - exact[0], pose.y - exact[1]) < 1e-4
     assert abs(math.remainder(pose.angle - exact[2], 2.0 * math.pi)) < math.radians(0.1)
-    assert set().union(*(record.statuses for record in records)) <= {Status.OK, Status.IDLE}
+    odd = set().union(*(record.statuses for record in records)) - {Status.OK, Status.IDLE}
+    assert odd <= {Status.SLOWED_UTILISATION}
 
 
 def test_constraints_hold_after_the_whole_path(played):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.planning.force_bounds import GraspLoads
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,6 +17,7 @@ class ClosedGrip:
     :ivar path: configurations from where all grasping members touch the object to the grasp.
     :ivar center: of the object, x and y: where it lay, or where it went as the grip closed [m].
     :ivar analysis: of the grasp, the object held fast.
+    :ivar loads: of the grasp.
     :ivar squeeze: mean normal force of the grasping members [N].
     :ivar slip_margin: smallest wrench, moment over d/2, at which a contact slips or lets go, the
         object free [N]; zero where it is not held then, or by more than two members.
@@ -24,5 +26,6 @@ class ClosedGrip:
     path: tuple[Configuration, ...]
     center: tuple[float, float]
     analysis: GraspAnalysis
+    loads: GraspLoads
     squeeze: float
     slip_margin: float

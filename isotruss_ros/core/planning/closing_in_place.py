@@ -27,7 +27,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closed_grip import ClosedGrip
 from isotruss_ros.core.planning.closing_motion import press
 from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
-from isotruss_ros.core.planning.force_bounds import exceeded_bound
+from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads, GraspLoads
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
 import numpy as np
@@ -85,17 +85,20 @@ class ClosingInPlace:
                 needs.friction,
                 needs.external_wrench,
             )
-            over = exceeded_bound(needs, analysis)
+            loads = grasp_loads(analysis, grasp)
+            over = exceeded_bound(needs, loads)
             if over is not None:
                 self._record(over)
                 break
             if needs.squeeze is not None and not _reached(grasp, needs.squeeze):
                 continue
-            closed = self._require(path, grasp, analysis)
+            closed = self._require(path, grasp, analysis, loads)
             if closed is None:
                 continue
             # The path as far as here is shorter than all of it.
-            score = rate_grasp(needs, analysis, closed.slip_margin, -grasp.squeeze)
+            score = rate_grasp(
+                needs, analysis, loads.max_total_force, closed.slip_margin, -grasp.squeeze
+            )
             if score <= best_score:
                 break
             best, best_score = closed, score
@@ -209,7 +212,11 @@ class ClosingInPlace:
         return moved
 
     def _require(
-        self, path: list[Configuration], grasp: RollingGrasp, analysis: GraspAnalysis
+        self,
+        path: list[Configuration],
+        grasp: RollingGrasp,
+        analysis: GraspAnalysis,
+        loads: GraspLoads,
     ) -> ClosedGrip | None:
         """Return the grip if it bears what it must, or None."""
         needs = self._needs
@@ -233,7 +240,7 @@ class ClosingInPlace:
             distance = 1.0 - max(0.0, fast) / needs.min_margin if needs.min_margin else 1.0
             self._record(Violation('min_margin', fast, needs.min_margin, distance))
             return None
-        return ClosedGrip(tuple(path), self._center(grasp), analysis, grasp.squeeze, margin)
+        return ClosedGrip(tuple(path), self._center(grasp), analysis, loads, grasp.squeeze, margin)
 
     def _center(self, grasp: RollingGrasp) -> tuple[float, float]:
         """Return where the object is: where it lay, if it stayed there."""

@@ -1,25 +1,56 @@
-"""The bounds on what a grasp does to tubes and object."""
+"""What a grasp does to tubes and object, and the bounds on it."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
+from isotruss_ros.core.grasping.held_utilisation import held_utilisation
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.requirements import GraspRequirements
 
 
-def exceeded_bound(needs: GraspRequirements, analysis: GraspAnalysis) -> Violation | None:
+class GraspLoads(NamedTuple):
+    """
+    What a grasp does to tubes and object.
+
+    :ivar max_contact_force: largest normal force of one member [N].
+    :ivar max_total_force: sum of the normal forces [N].
+    :ivar max_utilisation: largest bending moment of a member over its wrinkling moment [-].
+    """
+
+    max_contact_force: float
+    max_total_force: float
+    max_utilisation: float
+
+
+def grasp_loads(analysis: GraspAnalysis, grasp: RollingGrasp | None = None) -> GraspLoads:
+    """
+    Return the loads of a grasp, the larger ones of an object held fast and of the free one.
+
+    :param analysis: of the object held fast.
+    :param grasp: how the free object is held; None for one that the ground holds.
+    :raises StructureError: see `structure_of`.
+    """
+    forces, total = list(analysis.contact_forces.values()), float(analysis.normal_forces.sum())
+    used = max(analysis.utilisation.values())
+    if grasp is not None:
+        pressing = grasp.state.normal_forces
+        forces += pressing.tolist()
+        total = max(total, float(pressing.sum()))
+        used = max(used, float(held_utilisation(grasp).max()))
+    return GraspLoads(max(forces, default=0.0), total, used)
+
+
+def exceeded_bound(needs: GraspRequirements, loads: GraspLoads) -> Violation | None:
     """
     Return the first bound on forces and bending moments that a grasp exceeds; None if none.
 
     :param needs: what a grasp must fulfil.
-    :param analysis: of the grasp.
+    :param loads: of the grasp.
     """
-    values = {
-        'max_contact_force': max(analysis.contact_forces.values(), default=0.0),
-        'max_total_force': float(analysis.normal_forces.sum()),
-        'max_utilisation': max(analysis.utilisation.values()),
-    }
-    for name, value in values.items():
+    for name, value in loads._asdict().items():
         bound = getattr(needs, name)
         if value > bound:
             return Violation(name, value, bound, 1.0 - bound / value)

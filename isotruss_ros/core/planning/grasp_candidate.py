@@ -15,6 +15,7 @@ from isotruss_ros.core.planning.approach import Approach
 from isotruss_ros.core.planning.closed_grip import ClosedGrip
 from isotruss_ros.core.planning.closing_in_place import ClosingInPlace
 from isotruss_ros.core.planning.closing_qp import Closing
+from isotruss_ros.core.planning.force_bounds import GraspLoads
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.squeeze import Squeeze
@@ -50,6 +51,7 @@ class Squeezed:
     :ivar points: (n,) nodes in the grasp [m].
     :ivar center: of the object in the grasp, x and y [m].
     :ivar analysis: of the grasp; None if it is none.
+    :ivar loads: of the grasp; None if it is none.
     :ivar squeeze: mean normal force of the grasping members [N].
     :ivar slip_margin: see `PlannedGrasp` [N].
     :ivar rigidity: the least from the touch to the grasp.
@@ -62,6 +64,7 @@ class Squeezed:
     points: Points
     center: tuple[float, float]
     analysis: GraspAnalysis | None
+    loads: GraspLoads | None
     squeeze: float
     slip_margin: float
     rigidity: float
@@ -114,6 +117,7 @@ def squeeze_candidate(candidate: GraspCandidate) -> Squeezed:
             opened.points,
             candidate.closing.cylinder.center,
             None,
+            None,
             0.0,
             0.0,
             0.0,
@@ -126,6 +130,7 @@ def squeeze_candidate(candidate: GraspCandidate) -> Squeezed:
         found.path[-1].points,
         found.center,
         found.analysis,
+        found.loads,
         found.squeeze,
         found.slip_margin,
         min(shape_margins(config).rigidity for config in found.path),

@@ -45,10 +45,11 @@ class PlannedGrasp:
     :ivar closure_margin: see `GraspAnalysis.closure_margin`: of the object held fast; negative
         where that is open, which an object that is free does not mind [N].
     :ivar required_friction: see `GraspAnalysis.required_friction`.
-    :ivar max_contact_force: largest sum of the normal forces of one member [N].
-    :ivar total_force: sum of the normal forces [N].
-    :ivar utilisation: largest of all members, see `GraspAnalysis.utilisation`; above 1 all numbers
-        are outside of the model.
+    :ivar max_contact_force: largest sum of the normal forces of one member, of the object held
+        fast or free [N].
+    :ivar total_force: sum of the normal forces, likewise [N].
+    :ivar utilisation: largest of all members, likewise, see `GraspAnalysis.utilisation`; above 1
+        all numbers are outside of the model.
     :ivar travel: path length of the roller that travels furthest [m].
     :ivar rigidity: the smallest rigidity index along the path, 1 at home.
     :ivar path: (k, r) roller positions from the present ones to the grasp, straight between [m].

@@ -110,20 +110,25 @@ class GraspRequirements:
 
 
 def rate_grasp(
-    needs: GraspRequirements, analysis: GraspAnalysis, slip_margin: float, shortness: float
+    needs: GraspRequirements,
+    analysis: GraspAnalysis,
+    total_force: float,
+    slip_margin: float,
+    shortness: float,
 ) -> float:
     """
     Return the score of a grasp by the measure; larger is better.
 
     :param needs: the requirements, with the measure.
     :param analysis: of the grasp.
+    :param total_force: sum of the normal forces [N].
     :param slip_margin: of the free object [N].
     :param shortness: the larger, the shorter is the path.
     """
     if needs.measure is Measure.TRAVEL:
         return shortness
     if needs.measure is Measure.TOTAL_FORCE:
-        return -float(analysis.normal_forces.sum())
+        return -total_force
     if needs.measure is Measure.STIFFNESS:
         along = np.array(needs.direction) / np.linalg.norm(needs.direction)
         return float(along @ analysis.stiffness @ along)

@@ -19,7 +19,7 @@ from isotruss_ros.core.planning.closed_grip import ClosedGrip
 from isotruss_ros.core.planning.closing_motion import GAP_TOLERANCE, press
 from isotruss_ros.core.planning.closing_qp import Closing
 from isotruss_ros.core.planning.force_balance import Imbalance, imbalance
-from isotruss_ros.core.planning.force_bounds import exceeded_bound
+from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
@@ -99,7 +99,9 @@ class Squeeze:
         mean = float(pressed.analysis.normal_forces.sum()) / len(pressed.depths)
         freed = settle_grasp(pressed.config, cylinder, needs.friction, needs.external_wrench)
         margin = freed.slip_margin if freed.held else 0.0
-        return ClosedGrip(path, cylinder.center, pressed.analysis, mean, margin)
+        return ClosedGrip(
+            path, cylinder.center, pressed.analysis, grasp_loads(pressed.analysis), mean, margin
+        )
 
     def closing_path(self, pressed: Pressed) -> tuple[Configuration, ...]:
         """
@@ -197,7 +199,7 @@ class Squeeze:
         total = float(analysis.normal_forces.sum())
         if total == 0.0:
             return Violation('force_closure', 0.0, 1.0, 30.0), settings.increase
-        over = exceeded_bound(needs, analysis)
+        over = exceeded_bound(needs, grasp_loads(analysis))
         if over is not None:
             return over, 0.95 * over.bound / over.value
         friction, margin = analysis.required_friction, analysis.closure_margin

@@ -141,14 +141,14 @@ def test_scores_are_those_of_the_measure():
     stiffness += 2.0 * (x * y * k[0, 1] + x * turn * k[0, 2] + y * turn * k[1, 2])
     expected = {
         Measure.TRAVEL: -0.7,
-        Measure.TOTAL_FORCE: -there.analysis.normal_forces.sum(),
+        Measure.TOTAL_FORCE: -31.0,
         Measure.CLOSURE_MARGIN: there.analysis.closure_margin,
         Measure.SLIP_MARGIN: 2.5,
         Measure.STIFFNESS: stiffness,
     }
     for measure in Measure:
         needs = GraspRequirements(measure=measure, direction=DIRECTION)
-        score = rate_grasp(needs, there.analysis, 2.5, -0.7)
+        score = rate_grasp(needs, there.analysis, 31.0, 2.5, -0.7)
         assert score == pytest.approx(expected[measure])
 
 
