@@ -73,7 +73,9 @@ def carry(
         grasp = HELD.grasp_in(config)
         watch = guard.watch(config, grasp)
         limits = (*LIMITS, *watch.limits)
-        command = solve_twist(config, grasp, twist, failed, limits, slide=True, period=0.01)
+        command = solve_twist(
+            config, grasp, twist, failed, limits, slide_along_limits=True, period=0.01
+        )
         command = watch.keep(command, STILL, STEP)
         try:
             config = config.moved_to(config.roller_positions + STEP * command.roller_velocities)

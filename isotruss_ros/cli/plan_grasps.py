@@ -1,4 +1,4 @@
-"""Executable `plan_grasps`: find grasps of an object that lies free, and the way to them."""
+"""Executable `plan_grasps`: find grasps of a free object, and the motions to them."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=usual.min_rigidity,
         metavar='R',
-        help='of every shape on the way, against 1 at home (default %(default)s)',
+        help='of every configuration of the motion, against 1 at home (default %(default)s)',
     )
     group.add_argument('--min-length', type=float, metavar='M', help='of members [m]')
     group.add_argument('--max-length', type=float, metavar='M', help='of members [m]')

@@ -35,7 +35,7 @@ RATE = 1000.0
 #: Each thing is done for this long [s].
 DURATION = 3.0
 #: What is allocated at first and then kept does not count [s]; nor what the first times that a
-#: node is configured anew leave in the middleware, some 50 kB each until nothing more comes.
+#: node is configured again leave in the middleware, some 50 kB each until nothing more comes.
 WARM_UP = 20.0
 WARM_UP_ROUNDS = 40
 #: The median of a late quarter may exceed that of an early one by this much [MB].
@@ -88,7 +88,7 @@ class Soak:
         self._r.until(lambda: time.monotonic() >= end, each)
 
     def _watch(self) -> None:
-        """Check what was said, and sample the memory now and then."""
+        """Check the statuses, and sample the memory now and then."""
         for _, status in self._w.probe.seen['status']:
             self.statuses[Status(status.code).name] += 1
             if status.code >= Status.HALT_NO_TWIST:
@@ -138,8 +138,8 @@ class Soak:
         self._for(DURATION)
         assert self._w.code() == Status.HALT_EMERGENCY_STOP
         self._w.probe.stops.publish(Bool(data=False))
-        said = 'message is false'
-        self._r.until(lambda: said in self._w.probe.last('status').message, self._watch)
+        words = 'message is false'
+        self._r.until(lambda: words in self._w.probe.last('status').message, self._watch)
         assert self._w.call(self._release, Trigger.Request()).success
 
     def _change_parameters(self) -> None:

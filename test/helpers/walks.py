@@ -114,7 +114,7 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
     period = float(rng.choice(PERIODS, p=[0.15, 0.35, 0.3, 0.1, 0.1]))
     sensors = Sensors.of(seed, period) if sensors is None else sensors
     servo = TwistServo(ROBOT, grasp.module, grasp.diameter, period, timeout=0.2)
-    servo.slide = slide
+    servo.slide_along_limits = slide
     if not guarded:
         servo.guard = None
     result = Walk(np.full(3, np.inf), Counter(), Counter())

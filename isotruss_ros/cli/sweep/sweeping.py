@@ -46,7 +46,7 @@ def sweep(
         pure=False,
     )
     left: dict[Future, tuple[int, int]] = dict(zip(futures, pairs, strict=True))
-    del futures  # what is given is kept by nobody
+    del futures  # nothing else keeps what was computed
     try:
         for future in as_completed(left):
             i, j = left.pop(future)

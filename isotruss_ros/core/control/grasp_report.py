@@ -84,7 +84,7 @@ class GraspReport:
 
     :ivar code: OK if there is one, WRINKLED if it is outside of the model.
     :ivar message: why there is none, or what is special about the grasp; may be empty.
-    :ivar time: for which the answer holds, that of the older sample; that of the call if there is
+    :ivar time: for which the report holds, that of the older input; that of the call if there is
         none [s].
     :ivar grasp: the answer; None if there is none.
     """

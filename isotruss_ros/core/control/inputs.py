@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.numerics.arrays import Array
 
-#: Stamps may be this far ahead, since clocks are never exactly synchronous [s].
+#: By default stamps may be this far ahead, since clocks are never exactly synchronous [s].
 CLOCK_SKEW = 0.01
 
 
@@ -74,12 +74,15 @@ class InputError(IsotrussError):
         self.name, self.fault = name, fault
 
 
-def require_fresh(now: float, timeout: float, **inputs: Input) -> tuple[StampedInput, ...]:
+def require_fresh(
+    now: float, timeout: float, clock_skew: float = CLOCK_SKEW, **inputs: Input
+) -> tuple[StampedInput, ...]:
     """
     Return inputs that can be used.
 
     :param now: time on the clock of the inputs [s].
-    :param timeout: largest age; into the future it is `CLOCK_SKEW` [s].
+    :param timeout: largest age [s].
+    :param clock_skew: stamps may be this far in the future [s].
     :param inputs: the inputs by name, with underscores for spaces.
     :raises InputError: the first of them that is missing, rejected, timed out, or stamped in the
         future.
@@ -95,29 +98,30 @@ def require_fresh(now: float, timeout: float, **inputs: Input) -> tuple[StampedI
             raise InputError(
                 name, InputFault.STALE, f'{words}: {age:.3f} s old; must be at most {timeout} s'
             )
-        if age < -CLOCK_SKEW:
+        if age < -clock_skew:
             raise InputError(
                 name,
                 InputFault.INVALID,
-                f'{words}: stamped {-age:.3f} s in the future; must be at most {CLOCK_SKEW:g} s: '
+                f'{words}: stamped {-age:.3f} s in the future; must be at most {clock_skew:g} s: '
                 'synchronise the clocks',
             )
     return tuple(inputs.values())
 
 
-def limit_stamps(now: float, *inputs: Input) -> tuple[Input, ...]:
+def limit_stamps(now: float, *inputs: Input, clock_skew: float = CLOCK_SKEW) -> tuple[Input, ...]:
     """
-    Return inputs, those stamped ahead by no more than `CLOCK_SKEW` with the present time instead.
+    Return inputs, those stamped ahead by no more than the skew with the present time instead.
 
     An input that is kept so ages from its first use on.
 
     :param now: time on the clock of the inputs [s].
     :param inputs: as received.
+    :param clock_skew: stamps may be this far in the future [s].
     """
     return tuple(
         [
             given._replace(time=now)
-            if isinstance(given, StampedInput) and 0.0 < given.time - now <= CLOCK_SKEW
+            if isinstance(given, StampedInput) and 0.0 < given.time - now <= clock_skew
             else given
             for given in inputs
         ]

@@ -1,11 +1,11 @@
 """
 A path of the object: poses one after the other, and where along them it should be at which time.
 
-From pose to pose, position and angle change evenly, the angle the short way round, in the time of
-the slower of the two: the centre at `speed`, or the turn at `turn_rate`. So one of the limits is
-reached on every piece and none is exceeded. A smooth path is first cut into short pieces of
-centripetal Catmull-Rom splines through the poses, which make neither cusps nor loops between two
-poses (Yuksel, Schaefer and Keyser, Computer-Aided Design 2011).
+From pose to pose, position and angle change evenly, the angle in the shorter direction, in the
+time of the slower of the two: the centre at `speed`, or the turn at `turn_rate`. So one of the
+limits is reached on every piece and none is exceeded. A smooth path is first cut into short pieces
+of centripetal Catmull-Rom splines through the poses, which make neither cusps nor loops between
+two poses (Yuksel, Schaefer and Keyser, Computer-Aided Design 2011).
 """
 
 from __future__ import annotations
@@ -19,18 +19,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 
-#: More poses, or a longer way, are a mistake; so are greater speeds [m/s, rad/s].
+#: More poses, or a longer path, are a mistake; so are greater speeds [m/s, rad/s].
 MAX_POSES = 10_000
 MAX_DURATION = 86_400.0
 MAX_SPEED, MAX_TURN_RATE = 10.0, 100.0
-#: A half turn has no short way round; this much less has one [rad].
+#: A half turn has no shorter direction; this much less has one [rad].
 HALF_TURN_MARGIN = 1e-6
 #: Poses nearer to each other than this are one [m, rad].
 SAME = 1e-9
-#: The pieces of a smooth path are about this long [m] or turn about this far [rad].
-PIECE, PIECE_TURN = 0.005, 0.02
 MAX_PIECES_OF_A_SPAN = 200
-#: More of them in all would hold up whoever waits for the path, and fill the memory.
+#: More of them in all would take long to compute, and fill the memory.
 MAX_PIECES = 100_000
 
 
@@ -42,22 +40,30 @@ class ObjectPath:
         turns, and begins where the first pose has it.
     :ivar times: (n,) when each pose is due, from 0 [s].
     :ivar duration: of the whole path [s].
-    :ivar length: of the way of the centre [m].
+    :ivar length: of the path of the centre [m].
     :param poses: (n, 3) two or more; those that repeat the one before are left out.
     :param speed: of the centre along the path [m/s].
     :param turn_rate: largest rate of turn [rad/s].
     :param smooth: whether the path rounds its corners; straight from pose to pose if not.
+    :param piece: the pieces of a smooth path are about this long [m] ...
+    :param piece_turn: ... or turn about this far [rad].
     :raises PathError: names what cannot be followed and what would be right.
     """
 
     def __init__(
-        self, poses: ArrayLike, speed: float, turn_rate: float, smooth: bool = False
+        self,
+        poses: ArrayLike,
+        speed: float,
+        turn_rate: float,
+        smooth: bool = False,
+        piece: float = 0.005,
+        piece_turn: float = 0.02,
     ) -> None:
         self.speed = _limit('speed', speed, MAX_SPEED, 'm/s')
         self.turn_rate = _limit('turn rate', turn_rate, MAX_TURN_RATE, 'rad/s')
         self.poses = _distinct(_unwrapped(_checked(poses)))
         if smooth:
-            self.poses = _distinct(_smoothed(self.poses, self._durations()))
+            self.poses = _distinct(_smoothed(self.poses, self._durations(), piece, piece_turn))
         self.times = np.concatenate([[0.0], np.cumsum(self._durations())])
         if self.duration > MAX_DURATION:
             raise PathError(
@@ -68,8 +74,8 @@ class ObjectPath:
     def _durations(self) -> Array:
         """Return the time from each pose to the next (n - 1,) [s]."""
         steps = np.diff(self.poses, axis=0)
-        way = np.hypot(steps[:, 0], steps[:, 1])
-        return np.maximum(way / self.speed, np.abs(steps[:, 2]) / self.turn_rate)
+        length = np.hypot(steps[:, 0], steps[:, 1])
+        return np.maximum(length / self.speed, np.abs(steps[:, 2]) / self.turn_rate)
 
     @property
     def duration(self) -> float:
@@ -78,7 +84,7 @@ class ObjectPath:
 
     @property
     def length(self) -> float:
-        """Return the way of the centre [m]."""
+        """Return the length of the centre's path [m]."""
         steps = np.diff(self.poses, axis=0)
         return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
@@ -124,14 +130,14 @@ def _checked(poses: ArrayLike) -> Array:
 
 
 def _unwrapped(poses: Array) -> Array:
-    """Return the poses, each turned the short way from the one before."""
+    """Return the poses, each turned in the shorter direction from the one before."""
     turns = np.diff(poses[:, 2])
     turns = turns - 2.0 * math.pi * np.round(turns / (2.0 * math.pi))
     far = np.flatnonzero(np.abs(turns) > math.pi - HALF_TURN_MARGIN)
     if len(far):
         raise PathError(
             f'pose {far[0] + 1} of the path is half a turn from the one before, '
-            'and both ways round are as short; put a pose in between'
+            'and both directions are as short; put a pose in between'
         )
     unwrapped = poses.copy()
     unwrapped[1:, 2] = poses[0, 2] + np.cumsum(turns)
@@ -149,7 +155,7 @@ def _distinct(poses: Array) -> Array:
     return poses[np.concatenate([[True], differs])]
 
 
-def _smoothed(poses: Array, durations: Array) -> Array:
+def _smoothed(poses: Array, durations: Array, piece: float, piece_turn: float) -> Array:
     """
     Cut the splines through poses into short pieces.
 
@@ -167,13 +173,13 @@ def _smoothed(poses: Array, durations: Array) -> Array:
     tangents[0], tangents[-1] = 2.0 * chords[0] - first, 2.0 * chords[-1] - last
     steps = np.diff(poses, axis=0)
     wanted = np.maximum(
-        np.hypot(steps[:, 0], steps[:, 1]) / PIECE, np.abs(steps[:, 2]) / PIECE_TURN
+        np.hypot(steps[:, 0], steps[:, 1]) / piece, np.abs(steps[:, 2]) / piece_turn
     )
     counts = np.clip(np.ceil(wanted), 1, MAX_PIECES_OF_A_SPAN).astype(int)
     total = int(counts.sum())
     if total > MAX_PIECES:
         raise PathError(
-            f'the smooth path has {total} pieces of about {PIECE:g} m or {PIECE_TURN:g} rad; '
+            f'the smooth path has {total} pieces of about {piece:g} m or {piece_turn:g} rad; '
             f'must be at most {MAX_PIECES}: give fewer poses, or do not smooth it'
         )
     span = np.repeat(np.arange(len(counts)), counts)

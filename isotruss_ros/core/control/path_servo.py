@@ -1,8 +1,8 @@
 """
-Path servo: in every cycle, go on along the path, wait, or give up, by what is known and how old.
+Path servo: in every cycle, follow the path, wait, or abort, by the inputs and their ages.
 
-Whatever is not known stops the object: a pose that is missing, too old or refused ends the path,
-and while the manipulation is stopped, or timed out, path time stands still and the twist is zero.
+An unusable input stops the object: a pose that is missing, too old or rejected ends the path, and
+while the manipulation is stopped, or timed out, path time stands still and the twist is zero.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Outcome(enum.IntEnum):
 
 class ServoFeedback(NamedTuple):
     """
-    How the manipulation answered the last twist: `Status` code, scale 0 to 1, and why.
+    How the manipulation carried out the last twist.
 
     :ivar code: number of the `Status`.
     :ivar scale: part of the twist that was carried out, 0 to 1.
@@ -69,7 +69,7 @@ class Step(NamedTuple):
     tracking: Tracking | None
 
 
-#: What each way to finish means for who asked.
+#: The outcome for each phase that ends the path.
 OUTCOMES = {
     PathPhase.REACHED: Outcome.REACHED,
     PathPhase.OFF_PATH: Outcome.OFF_PATH,
@@ -79,10 +79,10 @@ OUTCOMES = {
 
 class PathServo:
     """
-    State of following: the latest inputs, each a sample, a refusal, or None for none yet.
+    State of following a path: its settings and the latest input of each kind.
 
-    :ivar pose: sample of the measured `Pose` of the object, robot frame.
-    :ivar servo_feedback: sample of the `ServoFeedback` of the manipulation.
+    :ivar pose: input of the measured `Pose` of the object, robot frame.
+    :ivar servo_feedback: input of the `ServoFeedback` of the manipulation.
     :ivar tracker: of the present path, or of the last one; None before the first.
     :param period: time from cycle to cycle [s].
     :param timeout: inputs older than this are not relied on [s].
@@ -112,7 +112,7 @@ class PathServo:
         """
         Return where the object is.
 
-        :param now: time on the clock of the samples [s].
+        :param now: time on the clock of the inputs [s].
         :raises InputError: its pose is missing, stale or invalid.
         """
         return require_fresh(now, self.timeout, object_pose=self.pose)[0].value
@@ -123,9 +123,9 @@ class PathServo:
 
         :param path: of the object.
         :param settings: of the tracking.
-        :param now: time on the clock of the samples [s].
+        :param now: time on the clock of the inputs [s].
         :raises PathError: it does not begin where the object is.
-        :raises InputError: nobody knows where the object is.
+        :raises InputError: there is no usable pose of the object.
         """
         self.tracker = None
         measured = self.measured(now)
@@ -144,7 +144,7 @@ class PathServo:
         """
         Return what to do in the cycle that begins now; never raises for an input.
 
-        :param now: time on the clock of the samples [s].
+        :param now: time on the clock of the inputs [s].
         """
         elapsed, self._before = now - self._before, now
         try:
@@ -166,7 +166,7 @@ class PathServo:
             (given,) = require_fresh(now, self.timeout, status=self.servo_feedback)
         except InputError as error:
             return True, 0.0, str(error)
-        answer: ServoFeedback = given.value
-        if not 0.0 <= answer.scale <= 1.0:
-            return True, 0.0, f'status: scale {answer.scale}: must be from 0 to 1'
-        return answer.code >= Status.HALT_NO_TWIST, answer.scale, answer.message
+        feedback: ServoFeedback = given.value
+        if not 0.0 <= feedback.scale <= 1.0:
+            return True, 0.0, f'status: scale {feedback.scale}: must be from 0 to 1'
+        return feedback.code >= Status.HALT_NO_TWIST, feedback.scale, feedback.message

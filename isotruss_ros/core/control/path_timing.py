@@ -7,10 +7,6 @@ import math
 
 import numpy as np
 
-#: What limits of the robot slow is not slowed below this rate by them: the way on may lead away.
-CRAWL = 0.1
-#: A robot that follows at less than this rate makes no progress.
-STANDSTILL = 0.05
 #: Measurements that are older than this are taken as so old [s].
 MEMORY = 1.0
 
@@ -26,14 +22,24 @@ class PathClock:
     :param ramp_time: from rest to rate 1 and back [s].
     :param progress_timeout: how long a time counts for progress [s].
     :param period: of the control loop; a longer cycle than two counts as two [s].
+    :param min_rate: limits of the robot do not slow below this rate: the rest of the path may lead
+        away from them.
+    :param standstill_rate: a robot that follows at less than this rate makes no progress.
     """
 
     def __init__(
-        self, duration: float, ramp_time: float, progress_timeout: float, period: float
+        self,
+        duration: float,
+        ramp_time: float,
+        progress_timeout: float,
+        period: float,
+        min_rate: float = 0.1,
+        standstill_rate: float = 0.05,
     ) -> None:
         self.time = self.rate = self.waited = 0.0
         self._duration, self._ramp = duration, ramp_time
-        self._least_progress = STANDSTILL * progress_timeout
+        self._min_rate = min_rate
+        self._least_progress = standstill_rate * progress_timeout
         self._mark = self._now = 0.0
         self._period = period
         self._known = deque([(0.0, 0.0)], maxlen=_samples(period))
@@ -45,7 +51,7 @@ class PathClock:
 
     @period.setter
     def period(self, period: float) -> None:
-        """Go on with another period, from the cycle after the one that is under way."""
+        """Change the period, from the next cycle on."""
         self._period = period
         self._known = deque(self._known, maxlen=_samples(period))
 
@@ -87,14 +93,14 @@ class PathClock:
         :param elapsed: since the last call [s].
         :param room: 0 to 1, the rate that the lag of the robot allows; obeyed at once.
         :param scale: 0 to 1, what part of the last twist the limits of the robot left; followed at
-            the pace of the ramp, since the answer to a slower twist comes some cycles later.
+            the pace of the ramp, since the status of a slower twist is received some cycles later.
         :param held: whether the robot is stopped.
         """
         self._now += max(elapsed, 0.0)
         if self._now > self._known[-1][0]:
             self._known.append((self._now, self.time))
         step = self.step(elapsed)
-        wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, CRAWL)
+        wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, self._min_rate)
         most = step / self._ramp
         rate = min(max(wanted, self.rate - most), self.rate + most)
         left = self._duration - self.time

@@ -26,14 +26,8 @@ import numpy as np
 #: K times the delay of the loop is at most this. An integrator under feedback with a delay that
 #: varies up to T is stable while K T < 3/2 (Yorke 1970); half of that is the margin.
 MAX_GAIN_TIMES_DELAY = 0.75
-#: Path time runs freely up to this share of the tolerances and stands still from the second on.
-FREE, STANDING = 0.5, 0.9
-#: At the end the error must be below this share of the tolerances.
-REACHED_SHARE = 0.5
 #: Zero divided by this is zero.
 TINY = 1e-12
-#: The feedback is at most this share of the path's own speed and turn rate.
-MAX_CORRECTION = 0.5
 
 
 class PathPhase(enum.Enum):
@@ -63,6 +57,12 @@ class TrackingSettings:
     :ivar angle_gain: the same for the orientation [1/s].
     :ivar ramp_time: from rest to the full speed of the path, and back [s].
     :ivar progress_timeout: the object may stand still for this long [s].
+    :ivar free_share: path time runs freely up to this share of the tolerances ...
+    :ivar standing_share: ... and stands still from this one on.
+    :ivar reached_share: at the end the error must be below this share of the tolerances.
+    :ivar max_correction: the feedback is at most this share of the path's own speed and turn rate.
+    :ivar min_rate: of path time, where limits of the robot slow it [-].
+    :ivar standstill_rate: of path time; at less the object stands still [-].
     :raises PathError: names the value and what would be right.
     """
 
@@ -72,12 +72,23 @@ class TrackingSettings:
     angle_gain: float = 2.0
     ramp_time: float = 0.5
     progress_timeout: float = 3.0
+    free_share: float = 0.5
+    standing_share: float = 0.9
+    reached_share: float = 0.5
+    max_correction: float = 0.5
+    min_rate: float = 0.1
+    standstill_rate: float = 0.05
 
     def __post_init__(self) -> None:
-        """Refuse what is not a positive number; gains may be 0."""
+        """Reject what is not a positive number; gains may be 0."""
         for name, value in vars(self).items():
             if not (value > 0.0 or (value == 0.0 and name.endswith('gain'))) or value == math.inf:
                 raise PathError(f'{name} {value!r}: must be a positive number')
+        if not self.free_share < self.standing_share <= 1.0:
+            raise PathError(
+                f'free_share {self.free_share!r} and standing_share {self.standing_share!r}: '
+                'the first must be smaller, the second at most 1'
+            )
 
 
 class Tracking(NamedTuple):
@@ -104,7 +115,7 @@ class Tracking(NamedTuple):
 
 def pose_error(wanted: Array, measured: Pose) -> Array:
     """
-    Return what is missing to the pose wanted (3,), the short way round [m, rad].
+    Return what is missing to the pose wanted (3,), in the shorter direction [m, rad].
 
     :param wanted: (3,) pose x, y [m], angle [rad] in the robot frame.
     :param measured: pose of the object in the robot frame.
@@ -130,14 +141,19 @@ class PathTracker:
         self.path = path
         self.settings = settings
         self.clock = PathClock(
-            path.duration, settings.ramp_time, settings.progress_timeout, period
+            path.duration,
+            settings.ramp_time,
+            settings.progress_timeout,
+            period,
+            settings.min_rate,
+            settings.standstill_rate,
         )
         self.max_position_error = self.max_angle_error = 0.0
         self._watched, self._squares = 0.0, 0.0
 
     @property
     def period(self) -> float:
-        """Return the time from cycle to cycle; the rate may change on the way [s]."""
+        """Return the time from cycle to cycle; the rate may change on the path [s]."""
         return self.clock.period
 
     @period.setter
@@ -170,7 +186,8 @@ class PathTracker:
             position_error / self.settings.position_tolerance,
             angle_error / self.settings.angle_tolerance,
         )
-        room = min(max((STANDING - share) / (STANDING - FREE), 0.0), 1.0)
+        standing, free = self.settings.standing_share, self.settings.free_share
+        room = min(max((standing - share) / (standing - free), 0.0), 1.0)
         here, over = self.path.pose(self.clock.time), self.clock.at_end
         self.clock.advance(elapsed, room, scale, held)
         phase = self._phase(share, over, min(room, scale), held)
@@ -202,8 +219,8 @@ class PathTracker:
         twist = error * min(settings.position_gain, most)
         twist[2] = error[2] * min(settings.angle_gain, most)
         speed, turn = math.hypot(twist[0], twist[1]), abs(float(twist[2]))
-        twist[:2] *= min(1.0, MAX_CORRECTION * path.speed / max(speed, TINY))
-        twist[2] *= min(1.0, MAX_CORRECTION * path.turn_rate / max(turn, TINY))
+        twist[:2] *= min(1.0, settings.max_correction * path.speed / max(speed, TINY))
+        twist[2] *= min(1.0, settings.max_correction * path.turn_rate / max(turn, TINY))
         return twist
 
     def _phase(self, share: float, over: bool, pace: float, held: bool) -> PathPhase:
@@ -216,7 +233,7 @@ class PathTracker:
         """
         if share > 1.0:
             return PathPhase.OFF_PATH
-        if over and not held and share <= REACHED_SHARE:
+        if over and not held and share <= self.settings.reached_share:
             return PathPhase.REACHED
         if self.clock.waited > self.settings.progress_timeout:
             return PathPhase.OFF_PATH if over and not held else PathPhase.STUCK
@@ -227,7 +244,7 @@ class PathTracker:
         return PathPhase.SLOWED if pace < 1.0 else PathPhase.FOLLOWING
 
     def _words(self, phase: PathPhase, error: str) -> str:
-        """Return what to say of a path that is finished; nothing of one that is not."""
+        """Return the message for a path that is finished; empty for one that is not."""
         where = 'the end of the path' if self.clock.at_end else 'the path'
         if phase is PathPhase.STUCK:
             return f'no progress for {self.clock.waited:.3g} s, {error} off {where}'

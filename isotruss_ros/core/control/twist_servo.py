@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.control.command_history import CommandHistory
 from isotruss_ros.core.control.inputs import (
+    CLOCK_SKEW,
     Input,
     InputError,
     InputFault,
@@ -92,9 +93,10 @@ class TwistServo:
     :ivar twist: input of (vx, vy, omega) in the robot frame [m/s, rad/s].
     :ivar rollers: input of the measured `RollerState`.
     :ivar pose: input of the measured `Pose` of the object, robot frame.
+    :ivar clock_skew: stamps may be this far in the future [s].
     :ivar stopped: status and reason of a halt that does not depend on inputs; None without one.
     :ivar guard: bounds on the configuration; None for those of the robot file only.
-    :ivar slide: whether to slide along limits of lengths and shapes, rather than stop at them.
+    :ivar slide_along_limits: rather than stop at limits of lengths and shapes.
     :ivar detector: detects rollers that fail; None for no detection.
     :ivar squeeze: regulates how hard the robot squeezes; None keeps the angle of the grip (14).
     :param robot: the robot.
@@ -117,12 +119,13 @@ class TwistServo:
         self.object_diameter = object_diameter
         self.period = period
         self.timeout = timeout
+        self.clock_skew = CLOCK_SKEW
         self.twist: Input = None
         self.rollers: Input = None
         self.pose: Input = None
         self.stopped: tuple[Status, str] | None = None
         self.guard: ShapeGuard | None = ShapeGuard(robot, ShapeBounds())
-        self.slide = False
+        self.slide_along_limits = False
         self.detector: FailureDetector | None = None
         self.squeeze: SqueezeControl | None = None
         self._joint: str | None = None
@@ -179,7 +182,7 @@ class TwistServo:
         :param now: time on the clock of the inputs [s].
         """
         self.twist, self.rollers, self.pose = limit_stamps(
-            now, self.twist, self.rollers, self.pose
+            now, self.twist, self.rollers, self.pose, clock_skew=self.clock_skew
         )
         self._history.discard_old(now, self.timeout + 2.0 * self.period)
         self._detect()
@@ -187,12 +190,14 @@ class TwistServo:
         try:
             if self.stopped is not None:
                 raise HaltError(*self.stopped)
-            (given,) = require_fresh(now, self.timeout, twist=self.twist)
+            (given,) = require_fresh(now, self.timeout, self.clock_skew, twist=self.twist)
             twist = np.asarray(given.value)
-            (rollers,) = require_fresh(now, self.timeout, joint_states=self.rollers)
+            (rollers,) = require_fresh(
+                now, self.timeout, self.clock_skew, joint_states=self.rollers
+            )
             pose = None
             if self._joint is None:
-                (pose,) = require_fresh(now, self.timeout, object_pose=self.pose)
+                (pose,) = require_fresh(now, self.timeout, self.clock_skew, object_pose=self.pose)
             command = self._solve(rollers, pose, twist, now, failed)
             notes = (_describe(command), self.squeeze.warning() if self.squeeze else '')
             message = '; '.join(note for note in notes if note)
@@ -254,7 +259,7 @@ class TwistServo:
                     twist,
                     failed,
                     limits,
-                    self.slide,
+                    self.slide_along_limits,
                     self.period,
                     opening_rate=opening_rate,
                 )
@@ -283,7 +288,7 @@ class TwistServo:
                 f'twist with {twist[2]:.4g} rad/s: a joint has no orientation; must be 0',
             )
         found = solve_joint_velocity(
-            config, {self._joint: twist[:2]}, failed, limits, self.slide, self.period
+            config, {self._joint: twist[:2]}, failed, limits, self.slide_along_limits, self.period
         )
         return RollerCommand(
             found.roller_velocities,

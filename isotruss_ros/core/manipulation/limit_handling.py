@@ -114,7 +114,7 @@ def apply_limits(
     free: Array,
     admitted: Flags,
     max_speed: float,
-    slide: bool,
+    slide_along_limits: bool,
     period: float,
     regularization: Regularization,
 ) -> LimitedVelocities:
@@ -128,7 +128,7 @@ def apply_limits(
     :param free: (w,) roller speeds that carry out the task without limits, for 1 m/s of it [-].
     :param admitted: (k,) which rows admit them at the speed of the task.
     :param max_speed: largest speed of a roller [m/s].
-    :param slide: whether to slide along limits on the configuration, rather than stop at them.
+    :param slide_along_limits: rather than stop at limits on the configuration.
     :param period: for which the command holds [s]; zero switches regularization off.
     :param regularization: weights, see there.
     :raises SolverError: a quadratic program was not solved.
@@ -142,7 +142,7 @@ def apply_limits(
         upper = np.minimum(rows.upper / unit, MAX_REACH)
     matrix = rows.matrix[:, working.places]
     reach = min(asked / unit, MAX_SCALE)
-    scaling = [not slide or isinstance(limit, RollerSpeedLimit) for limit in limits]
+    scaling = [not slide_along_limits or isinstance(limit, RollerSpeedLimit) for limit in limits]
     scaled = np.array(scaling, dtype=bool)[rows.limit]
     direction = task.direction / gain
     penalty = PENALTIES[0]
@@ -162,7 +162,7 @@ def apply_limits(
     )
     value = matrix @ solution
     beyond = np.maximum(value - upper, lower - value)
-    slid = slide and bool((beyond > BINDING_TOLERANCE).any())
+    slid = slide_along_limits and bool((beyond > BINDING_TOLERANCE).any())
     if slid:
         solution = project_target(
             working.cost,

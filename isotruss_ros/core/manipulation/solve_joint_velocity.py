@@ -62,20 +62,20 @@ def solve_joint_velocity(
     velocities: Mapping[str, ArrayLike],
     failed: Collection[str] = (),
     limits: Sequence[Limit] | None = None,
-    slide: bool = False,
+    slide_along_limits: bool = False,
     period: float = 0.0,
 ) -> JointCommand:
     """
     Find the roller velocities of the least cost (11) that move joints with given velocities.
 
     Velocities that are unreachable are replaced by the closest reachable ones; where limits bind
-    they are scaled, or, with `slide`, deflected, as in `solve_twist`.
+    they are scaled, or, with `slide_along_limits`, deflected, as in `solve_twist`.
 
     :param config: configuration of the robot.
     :param velocities: (vx, vy) by joint in the robot frame [m/s]; other joints are free to move.
     :param failed: names of the rollers that have failed and stand still.
     :param limits: limits in place of those of the robot file.
-    :param slide: whether to slide along limits of lengths and shapes, rather than stop at them.
+    :param slide_along_limits: rather than stop at limits of lengths and shapes.
     :param period: period of the loop [s], see `solve_twist`.
     :raises GraspError: no such joint, a velocity that is not two finite numbers, none at all, or
         no such roller.
@@ -107,7 +107,7 @@ def solve_joint_velocity(
         motion,
         desired,
         default_limits(robot) if limits is None else limits,
-        slide,
+        slide_along_limits,
         period,
     )
     achieved = dict(zip(velocities, command.achieved_twist.reshape(-1, 2), strict=True))

@@ -61,7 +61,7 @@ def solve_twist(
     twist: ArrayLike,
     failed: Collection[str] = (),
     limits: Sequence[Limit] | None = None,
-    slide: bool = False,
+    slide_along_limits: bool = False,
     period: float = 0.0,
     regularization: Regularization = REGULARIZATION,
     opening_rate: float = 0.0,
@@ -73,14 +73,14 @@ def solve_twist(
     in all cases. A twist
     that is unreachable is replaced by the closest reachable one, in the measure
     |v|^2 + |omega d/2|^2. When limits bind, the direction is kept and the size scaled; or, with
-    `slide`, the closest twist that they admit is carried out, see `apply_limits`.
+    `slide_along_limits`, the closest twist that they admit is carried out, see `apply_limits`.
 
     :param config: configuration of the robot.
     :param grasp: the grasp.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
     :param failed: names of the rollers that have failed and stand still.
     :param limits: limits in place of those of the robot file.
-    :param slide: whether to slide along limits of lengths and shapes, rather than stop at them.
+    :param slide_along_limits: rather than stop at limits of lengths and shapes.
     :param period: period of the loop [s]: where limits bind, progress that takes far more roller
         speed than it yields is left, see `Regularization`. Zero for the largest progress.
     :param regularization: weights where limits bind.
@@ -107,7 +107,7 @@ def solve_twist(
         jacobian[:3],
         desired,
         limits,
-        slide,
+        slide_along_limits,
         period,
         regularization,
         opening_rate,
@@ -121,7 +121,7 @@ def carry_out(
     motion: Array,
     desired: Array,
     limits: Sequence[Limit],
-    slide: bool,
+    slide_along_limits: bool,
     period: float,
     regularization: Regularization = REGULARIZATION,
     opening_rate: float = 0.0,
@@ -135,7 +135,7 @@ def carry_out(
     :param motion: (k, r) rows of the motion on the roller speeds.
     :param desired: (k,) the motion.
     :param limits: limits of rollers and configuration.
-    :param slide: whether to slide along limits of lengths and shapes, rather than stop at them.
+    :param slide_along_limits: rather than stop at limits of lengths and shapes.
     :param period: period of the loop [s], see `solve_twist`.
     :param regularization: weights where limits bind.
     :param opening_rate: right-hand side of the grip's row [rad/s].
@@ -168,7 +168,7 @@ def carry_out(
         free,
         admitted,
         robot.description.max_speed,
-        slide,
+        slide_along_limits,
         period,
         regularization,
     )

@@ -257,7 +257,7 @@ class ObjectGaps(NamedTuple):
     Distances between an object that stands still and the parts of a robot, m of each kind.
 
     :ivar members: (m,) between the skin of the straight tubes and the object's surface [m],
-        negative where the tubes would have to give way.
+        negative where the tubes would be indented.
     :ivar modules: (m,) between the discs of modules and that surface [m].
     :ivar rods: (m,) between the connection rods and that surface [m].
     :ivar openings: (m,) angle between the two sides that meet at each module [rad].

@@ -22,7 +22,7 @@ class FreeObject:
     Whether it does is looked at whenever the rollers have come to rest: then the object moves to
     its equilibrium between the two members, and from there on it is at rest in the grip.
     Where no two sides of a module press on it any more, it lies free again. While it lies, the
-    ground holds it: the model knows no pushing. A tube that would have to give way by more than
+    ground holds it: the model knows no pushing. A tube that would be indented by more than
     its own diameter lies on the object, and does not grip it.
 
     :param cylinder: the object, where it lies.

@@ -12,7 +12,7 @@ from isotruss_ros.core.model.topology import check_roller_names
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: A roller that loses more than this of its way is not slipping but broken.
+#: A roller that loses more than this of its travel is not slipping but broken.
 MAX_SLIP = 0.5
 
 
@@ -22,14 +22,14 @@ class RollerFaults:
     How the rollers differ from perfect ones.
 
     Slip is that of a friction drive: the tube follows the roller's surface less a share of the
-    way, in both directions. The encoders turn with the rollers and see nothing of it, so that the
-    shape drifts away from the one that they tell. No two rollers pinch alike: each has a share of
-    its own, drawn once, even between half and one and a half times `slip`.
+    travel, in both directions. The encoders turn with the rollers and do not measure it, so that
+    the configuration drifts away from the measured one. No two rollers pinch alike: each has a
+    share of its own, drawn once, even between half and one and a half times `slip`.
 
     :ivar speed_limit: larger commands are cut to this [m/s].
-    :ivar noise: standard deviation of the speed of a moving roller, drawn anew each step [m/s].
+    :ivar noise: standard deviation of the speed of a moving roller, drawn again each step [m/s].
     :ivar stuck: names of rollers that do not move.
-    :ivar slip: mean share of the way that the tube does not follow, 0 to 0.5.
+    :ivar slip: mean share of the travel that the tube does not follow, 0 to 0.5.
     """
 
     speed_limit: float = float('inf')
@@ -136,9 +136,9 @@ class SimulatedRobot:
             speeds = speeds + moving * self._random.normal(0.0, self._faults.noise, len(speeds))
         self.roller_velocities = np.zeros_like(speeds)
         if duration > 0.0 and moving.any():
-            way = duration * speeds
-            self.config = self.config.moved_to(self.config.roller_positions + self._grip * way)
-            self.roller_positions = self.roller_positions + way
+            travel = duration * speeds
+            self.config = self.config.moved_to(self.config.roller_positions + self._grip * travel)
+            self.roller_positions = self.roller_positions + travel
             self.roller_velocities = speeds
         self._object.follow(self.config)
         if not moving.any() and not self._rests:

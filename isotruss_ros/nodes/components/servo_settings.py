@@ -67,7 +67,7 @@ def apply_settings(servo: TwistServo, values: params.Parameters) -> None:
     servo.object_diameter = values[params.OBJECT_DIAMETER]
     servo.period = 1.0 / values[params.RATE]
     servo.timeout = values[params.COMMAND_TIMEOUT]
-    servo.slide = values[SLIDE_ALONG_LIMITS]
+    servo.slide_along_limits = values[SLIDE_ALONG_LIMITS]
     bounds = ShapeBounds(values[MIN_RIGIDITY], values[MIN_CLEARANCE], values[MIN_OBJECT_CLEARANCE])
     servo.guard = ShapeGuard(servo.robot, bounds)
     time = values[FAILURE_TIME] or math.inf  # 0 means never

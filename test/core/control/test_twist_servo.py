@@ -75,7 +75,7 @@ def test_moves_when_all_is_known():
         ),
     ],
 )
-def test_halts_with_the_status_of_each_doubt(name, missing, stale, invalid):
+def test_halts_with_the_status_of_each_input_fault(name, missing, stale, invalid):
     good = getattr(servo(), name)
     for given, status in (
         (None, missing),
@@ -288,7 +288,7 @@ def simulated(*stuck):
     return SimulatedRobot(ROBOT.home, held, RollerFaults(stuck=frozenset(stuck)))
 
 
-def test_stuck_roller_is_detected_and_the_object_goes_where_it_is_told_again():
+def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
     made = servo()
     stuck = int(np.abs(made.decide(NOW).command.roller_velocities).argmax())
     name, robot = ROBOT.roller_names[stuck], simulated(ROBOT.roller_names[stuck])
@@ -327,7 +327,7 @@ def test_twists_are_bent_along_limits_only_where_that_is_asked_for():
     ends = []
     for slide in (False, True):
         made = TwistServo(robot, MODULE, DIAMETER, period=0.01, timeout=0.2)
-        made.slide = slide
+        made.slide_along_limits = slide
         held = HeldObject.attach(robot.home, Grasp(MODULE, CENTER, DIAMETER))
         moving = SimulatedRobot(robot.home, held, RollerFaults())
         decisions = run(made, moving, 4.0, twist=(0.02, 0.05, 0.0))

@@ -154,7 +154,7 @@ def test_tangent_object_at_a_right_angle_touches_both_tubes(clockwise):
 
 @robots.examples(60)
 @given(robots.robots(), robots.generators(), NUMBERS)
-def test_snug_object_touches_both_sides(robot, rng, number):
+def test_tangent_object_touches_both_grasping_members(robot, rng, number):
     config, grasp, ends = robots.random_grasp(robot, rng, number)
     try:
         center = complex(*tangent_center(config, grasp.module, grasp.diameter))

@@ -63,7 +63,7 @@ def test_object_is_where_it_was_grasped(robot, rng, number, angle):
 
 @robots.examples(25)
 @given(robots.robots(), robots.generators(), NUMBERS)
-def test_pose_depends_on_the_shape_and_not_on_the_way(robot, rng, number):
+def test_pose_depends_on_the_configuration_and_not_on_the_path(robot, rng, number):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
     held = HeldObject.attach(config, grasp)
     away = robots.random_state(robot, rng)
@@ -242,7 +242,7 @@ def figure_nine(rate, pace):
         pytest.param(20.0, 300.0 / 28.0, id='5 min at 20 Hz'),
     ],
 )
-def test_object_does_not_drift_on_the_way_of_figure_nine(rate, pace):
+def test_object_does_not_drift_on_the_path_of_figure_nine(rate, pace):
     twists = figure_nine(rate, pace)
     home = load_robot('nine_member').home
     held = HeldObject.attach(home, grasp_at(home))

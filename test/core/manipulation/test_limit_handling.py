@@ -76,7 +76,7 @@ def test_sliding_carries_out_the_nearest_twist_that_limits_allow(robot, rng, num
     # Rollers are quick enough: only the walls are in the way.
     limits = [RollerSpeedLimit(10.0), wall]
     twist = 0.1 * rng.standard_normal(3)
-    command = solve_twist(config, grasp, twist, (), limits, slide=True)
+    command = solve_twist(config, grasp, twist, (), limits, slide_along_limits=True)
     scaled = solve_twist(config, grasp, twist, (), limits)
     if command.scale == 1.0:
         assert command.roller_velocities == pytest.approx(scaled.roller_velocities)
@@ -116,7 +116,7 @@ def test_speed_alone_never_bends_a_twist(robot, rng, number):
     limits = [RollerSpeedLimit(0.1), MemberLengthLimit(0.01, 100.0)]
     twist = 10.0 * rng.standard_normal(3)
     scaled = solve_twist(config, grasp, twist, (), limits)
-    slid = solve_twist(config, grasp, twist, (), limits, slide=True)
+    slid = solve_twist(config, grasp, twist, (), limits, slide_along_limits=True)
     assert slid.status is scaled.status
     assert slid.scale == pytest.approx(scaled.scale, rel=1e-6)
     assert slid.roller_velocities == pytest.approx(scaled.roller_velocities, abs=1e-6)

@@ -34,7 +34,7 @@ class Pushed:
         self.config, self.velocities = config, np.zeros(len(config.robot.roller_names))
         self.held = HeldObject.attach(config, grasp)
         self.servo = TwistServo(config.robot, grasp.module, grasp.diameter, period, 1.0)
-        self.servo.slide = slide
+        self.servo.slide_along_limits = slide
         self.now = 0.0
         if bounds is not None:
             self.servo.guard = ShapeGuard(config.robot, bounds)
@@ -140,7 +140,7 @@ def test_leaving_is_always_allowed(seed):
 
 @robots.examples(12)
 @given(robots.robots(), robots.generators(), strategies.booleans())
-def test_any_robot_keeps_its_bounds_and_who_begins_beyond_gets_no_further(robot, rng, slide):
+def test_any_robot_keeps_its_bounds_and_gets_no_further_beyond_them(robot, rng, slide):
     module = str(rng.choice(robot.module_names))
     try:
         grasp = Grasp(module, tangent_center(robot.home, module, 0.2), 0.2)
