@@ -13,9 +13,9 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from isotruss_ros.core.control.command_history import CommandHistory
 from isotruss_ros.core.control.inputs import (
     CLOCK_SKEW,
+    CommandHistory,
     Input,
     InputError,
     InputFault,
@@ -190,21 +190,21 @@ class TwistServo:
         try:
             if self.stopped is not None:
                 raise HaltError(*self.stopped)
-            (given,) = require_fresh(now, self.timeout, self.clock_skew, twist=self.twist)
-            twist = np.asarray(given.value)
-            (rollers,) = require_fresh(
-                now, self.timeout, self.clock_skew, joint_states=self.rollers
-            )
-            pose = None
+            inputs = {'twist': self.twist, 'joint_states': self.rollers}
             if self._joint is None:
-                (pose,) = require_fresh(now, self.timeout, self.clock_skew, object_pose=self.pose)
-            command = self._solve(rollers, pose, twist, now, failed)
+                inputs['object_pose'] = self.pose
+            given, rollers, *pose = require_fresh(now, self.timeout, self.clock_skew, **inputs)
+            twist = np.asarray(given.value)
+            command = self._solve(rollers, pose[0] if pose else None, twist, now, failed)
             notes = (_describe(command), self.squeeze.warning() if self.squeeze else '')
             message = '; '.join(note for note in notes if note)
         except (InputError, HaltError) as error:
-            status = (
-                error.status if isinstance(error, HaltError) else HALTS[error.name, error.fault]
-            )
+            if isinstance(error, HaltError):
+                status = error.status
+            else:
+                status = HALTS[error.name, error.fault]
+                if error.name != 'twist':  # which comes first, so that it can be used
+                    twist = np.asarray(self.twist.value)
             if self.squeeze is not None:
                 self.squeeze.reset()
             stopped = np.zeros(len(self.robot.roller_names))

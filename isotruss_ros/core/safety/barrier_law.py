@@ -1,5 +1,5 @@
 """
-How a margin may be used up: the control barrier function that all barriers on shapes share.
+What a barrier is, and how its margin may be used up: the control barrier function of all barriers.
 
 A margin h is what is left between a value and the bound that it must not fall below. It may fall
 at
@@ -16,8 +16,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple, Protocol, TypeAlias
 
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grasp import Grasp
+from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
 #: What is beyond the bound must not get further, rounding aside.
@@ -90,3 +94,61 @@ class BarrierLaw:
         share = np.minimum(left / self.band, 1.0)
         with np.errstate(divide='ignore'):
             return self.rate * left / (1.0 - share)
+
+
+#: Numbers of values, or all of them.
+Selection: TypeAlias = Indices | slice
+EVERYTHING = slice(None)
+
+
+class ActiveValues(NamedTuple):
+    """
+    The values of a barrier that are near their bound in one configuration.
+
+    :ivar indices: (k,) numbers of the values.
+    :ivar values: (k,) the values.
+    :ivar node_rows: (k, 2n) their derivatives by the node coordinates.
+    """
+
+    indices: Indices
+    values: Array
+    node_rows: Array
+
+
+NOTHING = ActiveValues(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, 0)))
+
+
+class Barrier(Protocol):
+    """Values of a configuration that must not fall below a bound."""
+
+    @property
+    def status(self) -> Status:
+        """Return the status of a command that this barrier slows."""
+
+    @property
+    def law(self) -> BarrierLaw:
+        """Return the bound, and how it may be approached."""
+
+    def active(self, config: Configuration, grasp: Grasp | None) -> ActiveValues:
+        """
+        Return the values within the band of the law, for a robot and what it holds.
+
+        :param config: configuration of the robot.
+        :param grasp: the grasp; None without an object.
+        """
+
+    def values(self, config: Configuration, grasp: Grasp | None, indices: Selection) -> Array:
+        """
+        Return values of these numbers in one configuration.
+
+        :param config: configuration of the robot.
+        :param grasp: the grasp; None without an object.
+        :param indices: numbers of the values.
+        """
+
+    def names(self, indices: Indices) -> list[str]:
+        """
+        Return the names of the values of these numbers.
+
+        :param indices: numbers of the values.
+        """

@@ -9,7 +9,7 @@ from isotruss_ros.core.manipulation.grasp import Grasp
 from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.safety.barriers import ActiveValues, Barrier
+from isotruss_ros.core.safety.barrier_law import ActiveValues, Barrier
 import numpy as np
 
 #: Keeps shares of motions that change nothing finite.

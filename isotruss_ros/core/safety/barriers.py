@@ -1,9 +1,9 @@
-"""Barriers: values of a configuration that must not fall below a bound."""
+"""Barriers: rigidity, distances between parts of the robot, and to the object that it holds."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple, Protocol, TypeAlias
+import math
+from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
@@ -12,81 +12,68 @@ from isotruss_ros.core.manipulation.grasp import Grasp
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import grasp_rows
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.safety.barrier_law import BarrierLaw
+from isotruss_ros.core.safety.barrier_law import (
+    ActiveValues,
+    BarrierLaw,
+    EVERYTHING,
+    NOTHING,
+    Selection,
+)
 from isotruss_ros.core.safety.distances import collision_model
-from isotruss_ros.core.safety.neighbor_list import NeighborList
 import numpy as np
 
-#: Numbers of values, or all of them.
-Selection: TypeAlias = Indices | slice
-EVERYTHING = slice(None)
+#: Pairs that are this much farther apart than near are in the list too [m].
+SKIN = 0.05
 
 
-class ActiveValues(NamedTuple):
+class NeighborList(NamedTuple):
     """
-    The values of a barrier that are near their bound in one configuration.
+    The pairs that could come near, found where the robot was a while ago (Verlet's list).
 
-    :ivar indices: (k,) numbers of the values.
-    :ivar values: (k,) the values.
-    :ivar node_rows: (k, 2n) their derivatives by the node coordinates.
+    It saves work and changes no result: the distance of two parts changes by no more than
+    what both of them have moved.
+
+    :ivar config: where the robot was.
+    :ivar grasp: what it held.
+    :ivar spare: how far from being near all other pairs were, at least [m].
+    :ivar pairs: (k,) numbers of the pairs in the list.
     """
 
-    indices: Indices
-    values: Array
-    node_rows: Array
+    config: Configuration
+    grasp: Grasp | None
+    spare: float
+    pairs: Indices
 
-
-NOTHING = ActiveValues(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, 0)))
-
-
-class Barrier(Protocol):
-    """Values of a configuration that must not fall below a bound."""
-
-    @property
-    def status(self) -> Status:
-        """Return the status of a command that this barrier slows."""
-
-    @property
-    def law(self) -> BarrierLaw:
-        """Return the bound, and how it may be approached."""
-
-    def active(self, config: Configuration, grasp: Grasp | None) -> ActiveValues:
+    @classmethod
+    def find(
+        cls, config: Configuration, grasp: Grasp | None, distances: Array, near: float
+    ) -> NeighborList:
         """
-        Return the values within the band of the law, for a robot and what it holds.
+        Make the list.
 
-        :param config: configuration of the robot.
-        :param grasp: the grasp; None without an object.
+        :param config: where the robot is.
+        :param grasp: what it holds; None where no distance depends on that.
+        :param distances: of all pairs there [m].
+        :param near: pairs closer than this are near [m].
         """
+        pairs = np.flatnonzero(distances < near + SKIN)
+        spare = SKIN if len(pairs) else float(distances.min(initial=np.inf)) - near
+        return cls(config, grasp, spare, pairs)
 
-    def values(self, config: Configuration, grasp: Grasp | None, indices: Selection) -> Array:
+    def is_valid(self, config: Configuration, grasp: Grasp | None) -> bool:
         """
-        Return values of these numbers in one configuration.
+        Tell whether no other pair can be near in another state.
 
-        :param config: configuration of the robot.
-        :param grasp: the grasp; None without an object.
-        :param indices: numbers of the values.
+        :param config: where the robot is.
+        :param grasp: what it holds, None as in `find`.
         """
-
-    def names(self, indices: Indices) -> list[str]:
-        """
-        Return the names of the values of these numbers.
-
-        :param indices: numbers of the values.
-        """
-
-
-def find_active(
-    barriers: Sequence[Barrier], config: Configuration, grasp: Grasp | None
-) -> list[tuple[Barrier, ActiveValues]]:
-    """
-    Return the barriers that have values near their bound, with these.
-
-    :param barriers: the barriers.
-    :param config: configuration of the robot.
-    :param grasp: the grasp; None without an object.
-    """
-    found = [(barrier, barrier.active(config, grasp)) for barrier in barriers]
-    return [(barrier, active) for barrier, active in found if len(active.indices)]
+        then = self.grasp
+        moved = float(np.abs(config.points - self.config.points).max())
+        if grasp is None or then is None:
+            return grasp is then and 2.0 * moved < self.spare
+        if grasp.module != then.module or grasp.diameter != then.diameter:
+            return False
+        return moved + max(moved, math.dist(grasp.center, then.center)) < self.spare
 
 
 class RigidityBarrier:

@@ -18,12 +18,9 @@ from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.safety.barrier_law import BarrierLaw
+from isotruss_ros.core.safety.barrier_law import Barrier, BarrierLaw, EVERYTHING
 from isotruss_ros.core.safety.barrier_limit import BarrierLimit, BarrierViolation
 from isotruss_ros.core.safety.barriers import (
-    Barrier,
-    EVERYTHING,
-    find_active,
     ObjectBarrier,
     RigidityBarrier,
     SelfCollisionBarrier,
@@ -105,7 +102,8 @@ class ShapeGuard:
         :raises GraspError: see `grasp_rows`.
         """
         barriers = self._barriers if grasp is not None else self._without_object
-        found = find_active(barriers, config, grasp)
+        found = [(barrier, barrier.active(config, grasp)) for barrier in barriers]
+        found = [(barrier, active) for barrier, active in found if len(active.indices)]
         limits: list[BarrierLimit] = []
         if found:
             rows = config.module_rows(np.concatenate([active.node_rows for _, active in found]))

@@ -1,7 +1,7 @@
 """What was sent is added up as by a sum over every moment, back to when nothing is known."""
 
 from hypothesis import given
-from isotruss_ros.core.control.command_history import CommandHistory, LOT
+from isotruss_ros.core.control.inputs import CommandHistory, LOT
 import numpy as np
 import pytest
 import robots

@@ -10,9 +10,8 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
-from isotruss_ros.core.safety.barrier_law import BarrierLaw
+from isotruss_ros.core.safety.barrier_law import BarrierLaw, EVERYTHING
 from isotruss_ros.core.safety.barriers import (
-    EVERYTHING,
     ObjectBarrier,
     RigidityBarrier,
     SelfCollisionBarrier,

@@ -9,8 +9,8 @@ from isotruss_ros.core import (
     load_robot,
     tangent_center,
 )
-from isotruss_ros.core.safety.barrier_law import BarrierLaw
-from isotruss_ros.core.safety.barriers import EVERYTHING, ObjectBarrier
+from isotruss_ros.core.safety.barrier_law import BarrierLaw, EVERYTHING
+from isotruss_ros.core.safety.barriers import ObjectBarrier
 from isotruss_ros.core.safety.distances import collision_model
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
