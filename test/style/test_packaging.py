@@ -98,6 +98,20 @@ def test_descriptions_agree(manifest, setup_arguments):
     assert manifest.find('maintainer').get('email') == setup_arguments['maintainer_email']
 
 
+def test_both_packages_have_what_a_release_needs(manifest):
+    messages = ElementTree.parse(ROOT / 'msg_defs' / 'package.xml').getroot()
+    urls = [
+        [(url.get('type'), url.text) for url in each.findall('url')]
+        for each in (manifest, messages)
+    ]
+    assert urls[0] == urls[1]
+    assert [kind for kind, _ in urls[0]] == ['website', 'repository', 'bugtracker']
+    assert (ROOT / 'msg_defs' / 'LICENSE').read_bytes() == (ROOT / 'LICENSE').read_bytes()
+    for folder in (ROOT, ROOT / 'msg_defs'):
+        changes = (folder / 'CHANGELOG.rst').read_text()
+        assert f'\n{manifest.findtext("version")} (' in changes
+
+
 def test_entry_points_are_mains(setup_arguments):
     nodes = []
     for line in setup_arguments['entry_points']['console_scripts']:
