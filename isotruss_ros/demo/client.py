@@ -108,7 +108,11 @@ class DemoClient(Node):
         self._record.max_roller_speed = max(self._record.max_roller_speed, speed)
 
     def _take_status(self, message: ManipulationStatus) -> None:
-        self._last_status = message
+        last, self._last_status = self._last_status, message
+        if last is not None:
+            held = read_stamp(message.header) - read_stamp(last.header)
+            v, turn = last.commanded.linear, last.commanded.angular.z
+            self._record.accepted += held * last.scale * np.array([v.x, v.y, turn])
         self._record.statuses.add(Status(message.code))
         self._status_times.append(read_stamp(message.header))
 
@@ -226,7 +230,7 @@ class DemoClient(Node):
             record.commanded += np.array(twist) * (now - sent)
             record.longest_cycle = max(record.longest_cycle, now - sent)
             if record.pull is not None:
-                away = np.array(self._pose[:2]) - begin - record.commanded[:2]
+                away = np.array(self._pose[:2]) - begin - record.accepted[:2]
                 record.max_shift = max(record.max_shift, float(np.hypot(*away)))
             progress(min(1.0, (now - start) / phase.duration))
         times = self._status_times

@@ -27,6 +27,8 @@ class PhaseRecord:
 
     :ivar name: of the phase.
     :ivar commanded: (dx, dy, dangle), the integral of the published twists [m, rad].
+    :ivar accepted: (dx, dy, dangle), the integral of the twists by which the manipulation node
+        reports to move the object, scaled by its limits [m, rad].
     :ivar measured: (dx, dy, dangle) of the measured pose; the angle unwrapped [m, rad].
     :ivar max_speed: largest commanded speed of the object, turns times 0.1 m [m/s].
     :ivar pull: (fx, fy, m) that pulled at the object [N, N m]; None if nothing did.
@@ -43,6 +45,7 @@ class PhaseRecord:
 
     name: str
     commanded: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    accepted: np.ndarray = field(default_factory=lambda: np.zeros(3))
     measured: np.ndarray = field(default_factory=lambda: np.zeros(3))
     max_speed: float = 0.0
     pull: tuple[float, float, float] | None = None
@@ -57,13 +60,18 @@ class PhaseRecord:
 
     @property
     def position_error(self) -> float:
-        """Return the distance of the measured from the commanded end [m]."""
-        return float(np.linalg.norm((self.measured - self.commanded)[:2]))
+        """Return the distance of the measured end from that of the accepted twists [m]."""
+        return float(np.linalg.norm((self.measured - self.accepted)[:2]))
 
     @property
     def angle_error(self) -> float:
-        """Return the angle between the measured and the commanded end [rad]."""
-        return abs(float((self.measured - self.commanded)[2]))
+        """Return the angle of the measured end from that of the accepted twists [rad]."""
+        return abs(float((self.measured - self.accepted)[2]))
+
+    @property
+    def refused(self) -> float:
+        """Return the distance of the commanded end from that of the accepted twists [m]."""
+        return float(np.linalg.norm((self.accepted - self.commanded)[:2]))
 
     @property
     def delay(self) -> float:

@@ -36,8 +36,8 @@ SQUEEZE = 24.0
 PULL = (0.0, -5.0, 0.0)
 #: Longer than the default [s], for a machine that is busy otherwise.
 COMMAND_TIMEOUT = 1.0
-#: Largest error of the final pose, against the integral of the commanded twists, of nodes that
-#: come to their turns in time.
+#: Largest error of the final pose, against the integral of the twists that limits left, of nodes
+#: that come to their turns in time.
 MAX_POSITION_ERROR = 1e-3
 MAX_ANGLE_ERROR = np.deg2rad(0.25)
 
@@ -149,6 +149,12 @@ def _verdict(records: Sequence[PhaseRecord], console: Console) -> int:
                 f'{record.name}: a pull of {size:g} N moved the object by up to '
                 f'{1e3 * record.max_shift:.1f} mm, and it came back to '
                 f'{1e3 * record.position_error:.2f} mm'
+            )
+        if record.refused > MAX_POSITION_ERROR + record.delay:
+            console.print(
+                f'{record.name}: limits left out {1e3 * record.refused:.1f} mm of what was '
+                'commanded',
+                style='yellow',
             )
         faults = []
         if record.held < 1.0:
