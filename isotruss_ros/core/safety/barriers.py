@@ -36,12 +36,14 @@ class NeighborList(NamedTuple):
     :ivar config: where the robot was.
     :ivar grasp: what it held.
     :ivar spare: how far from being near all other pairs were, at least [m].
+    :ivar clear: the same of the pairs in the list; not positive where some were near.
     :ivar pairs: (k,) numbers of the pairs in the list.
     """
 
     config: Configuration
     grasp: Grasp | None
     spare: float
+    clear: float
     pairs: Indices
 
     @classmethod
@@ -57,12 +59,12 @@ class NeighborList(NamedTuple):
         :param near: pairs closer than this are near [m].
         """
         pairs = np.flatnonzero(distances < near + SKIN)
-        spare = SKIN if len(pairs) else float(distances.min(initial=np.inf)) - near
-        return cls(config, grasp, spare, pairs)
+        clear = float(distances.min(initial=np.inf)) - near
+        return cls(config, grasp, SKIN if len(pairs) else clear, clear, pairs)
 
-    def is_valid(self, config: Configuration, grasp: Grasp | None) -> bool:
+    def motion(self, config: Configuration, grasp: Grasp | None) -> float:
         """
-        Tell whether no other pair can be near in another state.
+        Return by how much distances have changed since, at most [m]; infinite for another object.
 
         :param config: where the robot is.
         :param grasp: what it holds, None as in `find`.
@@ -70,10 +72,10 @@ class NeighborList(NamedTuple):
         then = self.grasp
         moved = float(np.abs(config.points - self.config.points).max())
         if grasp is None or then is None:
-            return grasp is then and 2.0 * moved < self.spare
+            return 2.0 * moved if grasp is then else math.inf
         if grasp.module != then.module or grasp.diameter != then.diameter:
-            return False
-        return moved + max(moved, math.dist(grasp.center, then.center)) < self.spare
+            return math.inf
+        return moved + max(moved, math.dist(grasp.center, then.center))
 
 
 class RigidityBarrier:
@@ -154,12 +156,14 @@ class SelfCollisionBarrier:
         :param grasp: not used.
         """
         near = self.law.active_below
-        if self._neighbors is None or not self._neighbors.is_valid(config, None):
-            everything = self._model.distances(config)
-            self._neighbors = NeighborList.find(config, None, everything, near)
-        pairs = self._neighbors.pairs
-        if not len(pairs):
+        found = self._neighbors
+        motion = math.inf if found is None else found.motion(config, None)
+        if found is None or motion >= found.spare:
+            found = NeighborList.find(config, None, self._model.distances(config), near)
+            self._neighbors, motion = found, 0.0
+        if motion < found.clear:
             return NOTHING
+        pairs = found.pairs
         distances = self._model.distances(config, pairs)
         close = distances < near
         if not close.any():
@@ -209,10 +213,13 @@ class ObjectBarrier:
         :param grasp: what it holds.
         """
         near = self.law.active_below
-        if self._neighbors is None or not self._neighbors.is_valid(config, grasp):
+        found = self._neighbors
+        motion = math.inf if found is None else found.motion(config, grasp)
+        if found is None or motion >= found.spare:
             everything = self.values(config, grasp, EVERYTHING)
-            self._neighbors = NeighborList.find(config, grasp, everything, near)
-        if not len(self._neighbors.pairs):
+            found = NeighborList.find(config, grasp, everything, near)
+            self._neighbors, motion = found, 0.0
+        if motion < found.clear:
             return NOTHING
         distances = self.values(config, grasp, EVERYTHING)
         parts = np.flatnonzero(distances < near)
