@@ -16,6 +16,7 @@ from isotruss_ros.core.grasping.member_compliance import MemberCompliance
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.statics.pressures import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
@@ -55,6 +56,7 @@ def held_object_statics(
     members: Indices,
     stiffness_scale: float = 1.0,
     flattening: bool = True,
+    pressure: Pressure | None = None,
 ) -> HeldObjectStatics:
     """
     Return the equations of an object between two members.
@@ -64,15 +66,18 @@ def held_object_statics(
     :param members: (2,) numbers of the grasping members.
     :param stiffness_scale: stiffness of the robot against that of the model.
     :param flattening: whether the tubes' sections flatten where they are touched.
+    :param pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
     :raises StructureError: see `structure_of`.
     """
-    compliance = MemberCompliance(structure_of(config), members, stiffness_scale)
+    structure = structure_of(config, pressure)
+    compliance = MemberCompliance(structure, members, stiffness_scale)
     aside = (compliance.axis.conj() * (complex(*cylinder.center) - compliance.start)).imag
     radius = 0.5 * cylinder.diameter
     dents = no_indentation
     if flattening:
         tubes = config.robot.topology.tube[members]
-        tables = [skin_indentation(config.robot, int(tube), radius) for tube in tubes]
+        pressures = None if pressure is None else structure.pressures
+        tables = [skin_indentation(config.robot, int(tube), radius, pressures) for tube in tubes]
         dents = Indentation(tables, stiffness_scale)
     return HeldObjectStatics(
         compliance,

@@ -20,7 +20,7 @@ def held_utilisation(grasp: RollingGrasp) -> Array:
     :param grasp: how the object is held.
     :raises StructureError: see `structure_of`.
     """
-    structure = structure_of(grasp.config)
+    structure = structure_of(grasp.config, grasp.pressure)
     frame, topology = structure.frame, grasp.config.robot.topology
     state, members = grasp.state, grasp.members
     forces = (state.normal_forces + 1j * state.friction_forces) * state.normals

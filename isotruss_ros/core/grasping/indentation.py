@@ -33,11 +33,20 @@ class SkinIndentation:
     :param robot: whose tube it is.
     :param tube: its number.
     :param radius: of the object [m].
+    :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
     """
 
-    def __init__(self, robot: Mechanism, tube: int, radius: float) -> None:
+    def __init__(
+        self,
+        robot: Mechanism,
+        tube: int,
+        radius: float,
+        pressures: tuple[float, ...] | None = None,
+    ) -> None:
         depths = DEPTHS * min(radius, 0.5 * robot.description.tube_diameter)
-        forces = np.array([_pressing_force(robot, tube, radius, depth) for depth in depths])
+        forces = np.array(
+            [_pressing_force(robot, tube, radius, depth, pressures) for depth in depths]
+        )
         self._places = np.append(0.0, forces**POWER)
         spline = CubicSpline(self._places, np.append(0.0, depths), bc_type='natural')
         self._coefficients = spline.c
@@ -80,24 +89,33 @@ class Indentation:
 
 
 @functools.lru_cache(maxsize=32)
-def skin_indentation(robot: Mechanism, tube: int, radius: float) -> SkinIndentation:
+def skin_indentation(
+    robot: Mechanism, tube: int, radius: float, pressures: tuple[float, ...] | None = None
+) -> SkinIndentation:
     """
     Return the dents of one tube by one object; the tables of the last few are kept.
 
     :param robot: the robot.
     :param tube: number of the tube.
     :param radius: of the object [m].
+    :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
     """
-    return SkinIndentation(robot, tube, radius)
+    return SkinIndentation(robot, tube, radius, pressures)
 
 
-def _pressing_force(robot: Mechanism, tube: int, radius: float, depth: float) -> float:
+def _pressing_force(
+    robot: Mechanism,
+    tube: int,
+    radius: float,
+    depth: float,
+    pressures: tuple[float, ...] | None,
+) -> float:
     """Return the force with which a cylinder presses on a tube that it dents this deep [N]."""
     half = np.sqrt(radius**2 - (radius - depth) ** 2)
     place = half * np.linspace(-1.0, 1.0, POINTS)
     spacing = 2.0 * half / (POINTS - 1)
     alike = np.zeros(POINTS, dtype=np.intp)
-    dents = flattening_of(robot).compliance(place, alike, alike + tube, spacing)
+    dents = flattening_of(robot, pressures).compliance(place, alike, alike + tube, spacing)
     line = place.astype(np.complex128)
     still = ContactPoints(
         points=line,

@@ -23,6 +23,7 @@ from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.objects import Cylinder, Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.statics.pressures import Pressure
 import numpy as np
 
 
@@ -39,6 +40,7 @@ class RollingGrasp:
     :ivar state: their solution.
     :ivar wrench: (fx, fy, m / radius) on the object [N].
     :ivar stiffness_scale: stiffness of the robot against that of the model.
+    :ivar pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
     """
 
     config: Configuration
@@ -49,6 +51,7 @@ class RollingGrasp:
     state: HeldState
     wrench: Array
     stiffness_scale: float = 1.0
+    pressure: Pressure | None = None
 
     @classmethod
     def attach(
@@ -58,6 +61,7 @@ class RollingGrasp:
         angle: float = 0.0,
         external_wrench: Array | None = None,
         stiffness_scale: float = 1.0,
+        pressure: Pressure | None = None,
     ) -> RollingGrasp | Hold:
         """
         Find the equilibrium near a pose, of which the past is not known, see `settle_grasp`.
@@ -67,6 +71,7 @@ class RollingGrasp:
         :param angle: its measured orientation [rad].
         :param external_wrench: (fx, fy, m) on the object [N, N m]; none if None.
         :param stiffness_scale: stiffness of the robot against that of the model.
+        :param pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
         :return: which condition has no solution, if one has none.
         :raises StructureError: see `structure_of`.
         """
@@ -74,7 +79,9 @@ class RollingGrasp:
         members = np.sort(np.argsort(depths, kind='stable')[-2:])
         if depths[members].min() <= -config.robot.description.tube_diameter:
             return Hold.NO_CONTACT
-        statics = held_object_statics(config, cylinder, members, stiffness_scale)
+        statics = held_object_statics(
+            config, cylinder, members, stiffness_scale, pressure=pressure
+        )
         center = complex(*cylinder.center)
         start = static_start(statics, center, depths[members])
         wrench = scaled_wrench(external_wrench, statics.radius)
@@ -83,7 +90,15 @@ class RollingGrasp:
             return Hold.NO_BALANCE
         anchors = find_anchors(state.unknowns, _travel(config, members), statics)
         return cls(
-            config, cylinder.diameter, members, anchors, statics, state, wrench, stiffness_scale
+            config,
+            cylinder.diameter,
+            members,
+            anchors,
+            statics,
+            state,
+            wrench,
+            stiffness_scale,
+            pressure,
         )
 
     @property
@@ -121,7 +136,9 @@ class RollingGrasp:
         """
         wrench = scaled_wrench(external_wrench, self.statics.radius)
         cylinder = Cylinder(self.pose[:2], self.diameter)
-        statics = held_object_statics(config, cylinder, self.members, self.stiffness_scale)
+        statics = held_object_statics(
+            config, cylinder, self.members, self.stiffness_scale, pressure=self.pressure
+        )
         closure = roll(self.anchors, _travel(config, self.members), statics)
         state = statics.solve(self.state.unknowns, wrench, closure)
         if state is None:
@@ -135,6 +152,7 @@ class RollingGrasp:
             state,
             wrench,
             self.stiffness_scale,
+            self.pressure,
         )
 
     def hold(self, friction: float) -> Hold:

@@ -11,6 +11,7 @@ from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response,
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.objects import Cylinder, Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.statics.pressures import Pressure
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -62,6 +63,7 @@ def settle_grasp(
     cylinder: Cylinder,
     friction: float = 0.5,
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
+    pressure: Pressure | None = None,
 ) -> SettledGrasp:
     """
     Find the equilibrium of a grasped object near its measured pose.
@@ -74,8 +76,10 @@ def settle_grasp(
     :param cylinder: the object, where it was measured.
     :param friction: coefficient between tube and object, not negative.
     :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
+    :param pressure: gauge, measured [Pa], see `tube_pressures`; that of the robot file if None.
     :raises GraspError: an argument is not usable.
-    :raises StructureError: the robot is a mechanism, or its stiffness laws are contradictory.
+    :raises StructureError: a pressure is not usable, the robot is a mechanism, or its stiffness
+        laws are contradictory.
     """
     (mu,) = finite_array([friction], 1, 'friction', GraspError)
     if mu < 0.0:
@@ -83,7 +87,7 @@ def settle_grasp(
     wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
     if np.count_nonzero(member_depths(config, cylinder) > 0.0) > 2:
         return _not_settled(cylinder, Hold.OTHER_CONTACT)
-    found = RollingGrasp.attach(config, cylinder, external_wrench=wrench)
+    found = RollingGrasp.attach(config, cylinder, external_wrench=wrench, pressure=pressure)
     if isinstance(found, Hold):
         return _not_settled(cylinder, found)
     return _assess(cylinder, found, float(mu))

@@ -15,7 +15,7 @@ def test_between_its_depths_the_table_is_the_contact(diameter):
     table = skin_indentation(ROBOT, 0, radius)
     for share in (0.005, 0.02, 0.1, 0.4, 0.75):
         depth = share * min(radius, 0.051)
-        force = indentation._pressing_force(ROBOT, 0, radius, depth)
+        force = indentation._pressing_force(ROBOT, 0, radius, depth, None)
         assert table(force)[0] == pytest.approx(depth, rel=0.02)
 
 
@@ -31,9 +31,11 @@ def test_the_derivative_is_that_of_the_depth(force):
 def test_a_larger_object_dents_less_and_the_contact_points_do_not_count(monkeypatch):
     depths = [skin_indentation(ROBOT, 0, 0.5 * d)(20.0)[0] for d in (0.0254, 0.1, 0.3, 0.7)]
     assert depths == sorted(depths, reverse=True)
-    coarse = indentation._pressing_force(ROBOT, 0, 0.15, 0.01)
+    coarse = indentation._pressing_force(ROBOT, 0, 0.15, 0.01, None)
     monkeypatch.setattr(indentation, 'POINTS', 121)
-    assert indentation._pressing_force(ROBOT, 0, 0.15, 0.01) == pytest.approx(coarse, rel=5e-3)
+    assert indentation._pressing_force(ROBOT, 0, 0.15, 0.01, None) == pytest.approx(
+        coarse, rel=5e-3
+    )
 
 
 def test_softer_tubes_dent_as_under_more_force():

@@ -329,3 +329,14 @@ def test_random_grasps_are_balanced_or_say_what_has_no_solution(monkeypatch):
 def test_bad_arguments_are_refused(arguments, words):
     with pytest.raises(GraspError, match=words):
         settle_grasp(CONFIG, CYLINDER, **arguments)
+
+
+def test_measured_pressures_stiffen_the_tubes():
+    config, cylinder = gripped(35.0, squeeze=0.1)
+    file = config.robot.description.pressures
+    as_filed = settle_grasp(config, cylinder)
+    same = settle_grasp(config, cylinder, pressure=dict(file))
+    harder = settle_grasp(config, cylinder, pressure={tube: 2.0 * p for tube, p in file.items()})
+    for name, force in as_filed.normal_forces.items():
+        assert same.normal_forces[name] == pytest.approx(force, rel=1e-12)
+        assert 1.02 * force < harder.normal_forces[name] < 2.0 * force
