@@ -197,3 +197,73 @@ def test_gaps_and_clocks_that_run_back_say_nothing():
         watched.update(rollers.move(command), 0.0, command)  # the same sample again and again
     assert watched.failed == set()
     assert set(run(watched, rollers, steady(command, 2.0), start=5.0)) == set(NAMES)
+
+
+FAST = 1000.0
+#: Of each threshold.
+PERCENT = 0.01
+
+
+def found_at(speeds, moves=lambda _time: 0.0, rate=FAST, seconds=5.0):
+    """
+    Return when one roller is found to have failed by the default criterion; None if it is not.
+
+    :param speeds: commanded speed by time.
+    :param moves: share of it that the roller does, by time.
+    """
+    watched, position = FailureDetector(('a',), FailureCriterion()), 0.0
+    for k in range(round(seconds * rate) + 1):
+        # Half a cycle later than its end, where no command begins.
+        time = (k - 0.5) / rate
+        command = speeds(time) if k else 0.0
+        position += command * moves(time) / rate
+        watched.update(np.array([position]), 10.0 + k / rate, np.array([command]))
+        if watched.failed:
+            return k / rate
+    return None
+
+
+def test_time_is_that_of_the_criterion():
+    assert found_at(lambda _time: 0.05) == pytest.approx(1.0, abs=0.003)
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_slower_commands_than_2_mm_a_second_do_not_count(sign):
+    assert found_at(lambda _time: sign * 0.002 * (1.0 - PERCENT), seconds=20.0) is None
+    assert found_at(lambda _time: sign * 0.002 * (1.0 + PERCENT)) is not None
+    # Neither as time nor as travel that is added to that of faster ones.
+    assert found_at(lambda time: sign * (0.00198 if time % 11.0 < 10.01 else 0.1)) is None
+    for fast in (0.97, 1.03):
+        seconds = 10.0 + fast
+        found = found_at(lambda time: sign * (0.00198 if time < 10.0 else 0.1), seconds=seconds)
+        assert (found is not None) == (fast > 1.0)
+
+
+@pytest.mark.parametrize('speed', [0.0021, 0.0022, 0.0024])
+def test_a_slow_roller_is_found_when_it_had_time_to_settle_after_2_mm(speed):
+    assert found_at(lambda _time: speed) == pytest.approx(0.002 / speed + 0.2, abs=0.0025)
+
+
+@pytest.mark.parametrize('half_period', [0.1 * (1.0 - PERCENT), 0.1 * (1.0 + PERCENT)])
+def test_oscillations_count_from_a_tenth_of_a_second_one_way(half_period):
+    found = found_at(lambda time: 0.1 if time % (2.0 * half_period) < half_period else -0.1)
+    assert (found is not None) == (half_period > 0.1)
+
+
+@pytest.mark.parametrize('off', [-PERCENT, PERCENT])
+def test_a_roller_that_moves_a_quarter_of_what_it_could_follow_works(off):
+    # After 1 s, of the range that was commanded 0.2 s before.
+    share = 0.25 * 0.8 * (1.0 + off)
+    found = found_at(lambda _time: 0.015, lambda _time: share)
+    assert (found is None) == (off > 0.0)
+
+
+def test_a_roller_that_works_is_timed_again_after_2_cm():
+    found = found_at(lambda _time: 0.025, lambda time: float(time < 0.8))
+    assert found == pytest.approx(0.8 + 1.0, abs=0.004)
+
+
+@pytest.mark.parametrize('off', [-PERCENT, PERCENT])
+def test_samples_half_a_second_apart_are_evidence(off):
+    found = found_at(lambda _time: 0.1, rate=1.0 / (0.5 * (1.0 + off)), seconds=20.0)
+    assert (found is not None) == (off < 0.0)
