@@ -1,7 +1,7 @@
 """
 Change one operator or number of the core at a time, and print the changes that no test notices.
 
-usage: mutate.py [--sample N] [--seed S] [--jobs J] FILES
+usage: mutate.py [--sample N] [--seed S] [--jobs J] [--own] FILES
 
 Each mutant runs the tests of its own package, `test/core/<package>`, those of the file of the same
 name first, in a forked process that compiles the changed file in place of the file; nothing is
@@ -14,6 +14,7 @@ import argparse
 import ast
 from collections import Counter
 from collections.abc import Callable, Iterator
+import importlib
 import importlib.abc
 from importlib.machinery import SourceFileLoader
 import importlib.util
@@ -26,25 +27,11 @@ import time
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
-OPERATORS = {
-    ast.Add: ast.Sub,
-    ast.Sub: ast.Add,
-    ast.Mult: ast.Div,
-    ast.Div: ast.Mult,
-    ast.Pow: ast.Mult,
-    ast.Mod: ast.Mult,
-    ast.FloorDiv: ast.Mult,
-    ast.USub: ast.UAdd,
-}
-#: Reversed: of real numbers, < and <= differ only where nothing ever is.
-COMPARISONS = {
-    ast.Lt: ast.GtE,
-    ast.GtE: ast.Lt,
-    ast.Gt: ast.LtE,
-    ast.LtE: ast.Gt,
-    ast.Eq: ast.NotEq,
-    ast.NotEq: ast.Eq,
-}
+SWAPPED = [(ast.Add, ast.Sub), (ast.Mult, ast.Div)]
+#: Comparisons are reversed: of real numbers, < and <= differ only where nothing ever is.
+SWAPPED += [(ast.Lt, ast.GtE), (ast.Gt, ast.LtE), (ast.Eq, ast.NotEq)]
+CHANGES = dict(SWAPPED) | {new: old for old, new in SWAPPED}
+CHANGES |= {ast.Pow: ast.Mult, ast.Mod: ast.Mult, ast.FloorDiv: ast.Mult, ast.USub: ast.UAdd}
 SKIPPED_FIELDS = {'annotation', 'returns', 'slice', 'decorator_list'}
 SKIPPED = (ast.Raise, ast.JoinedStr, ast.Assert, ast.Import, ast.ImportFrom)
 
@@ -53,43 +40,36 @@ class Site(NamedTuple):
     """A place that can be changed: its line, what changes, and the change."""
 
     line: int
-    kind: str
     words: str
     change: Callable[[], None]
 
 
 class Mutant(NamedTuple):
-    """The changed site `index` of a file."""
+    """A file whose site `index` is changed; none if None."""
 
     path: Path
-    index: int
+    index: int | None
 
 
 def find_sites(node: ast.AST, arithmetic: bool = False) -> Iterator[Site]:
-    """
-    Yield what can be changed, in the order of the file.
-
-    :param arithmetic: whether the node is an operand.
-    """
+    """Yield what can be changed; whole numbers where they are operands of arithmetic."""
     operand = getattr(node, 'op', None)
-    if isinstance(node, ast.BinOp | ast.AugAssign | ast.UnaryOp) and type(operand) in OPERATORS:
-        new = OPERATORS[type(operand)]()
+    if isinstance(node, ast.BinOp | ast.AugAssign | ast.UnaryOp) and type(operand) in CHANGES:
+        new = CHANGES[type(operand)]()
         words = f'{type(operand).__name__} -> {type(new).__name__}'
-        yield Site(node.lineno, 'operator', words, lambda: setattr(node, 'op', new))
+        yield Site(node.lineno, words, lambda: setattr(node, 'op', new))
     if isinstance(node, ast.Compare):
         for at, old in enumerate(node.ops):
-            if type(old) in COMPARISONS:
-                yield _reverse(node, at, COMPARISONS[type(old)]())
+            if type(old) in CHANGES:
+                yield _reverse(node, at, CHANGES[type(old)]())
     if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+        value = node.value + 1
         if isinstance(node.value, float):
-            # Up and down in turn, by the place in the line.
-            factor = 1.1 if node.col_offset % 2 else 0.9
-            value = node.value * factor if node.value else 0.1
-        else:
-            value = node.value + 1
+            # Up or down, by the place in the line.
+            value = node.value * (1.1 if node.col_offset % 2 else 0.9) or 0.1
         if isinstance(node.value, float) or arithmetic:
             words = f'{node.value!r} -> {value!r}'
-            yield Site(node.lineno, 'constant', words, lambda: setattr(node, 'value', value))
+            yield Site(node.lineno, words, lambda: setattr(node, 'value', value))
     for name, field in ast.iter_fields(node):
         if name in SKIPPED_FIELDS:
             continue
@@ -100,7 +80,7 @@ def find_sites(node: ast.AST, arithmetic: bool = False) -> Iterator[Site]:
 
 def _reverse(node: ast.Compare, at: int, new: ast.cmpop) -> Site:
     words = f'{type(node.ops[at]).__name__} -> {type(new).__name__}'
-    return Site(node.lineno, 'comparison', words, lambda: node.ops.__setitem__(at, new))
+    return Site(node.lineno, words, lambda: node.ops.__setitem__(at, new))
 
 
 class MutantFinder(importlib.abc.MetaPathFinder):
@@ -108,9 +88,10 @@ class MutantFinder(importlib.abc.MetaPathFinder):
 
     def __init__(self, mutant: Mutant) -> None:
         tree = ast.parse(mutant.path.read_text(encoding='utf-8'))
-        list(find_sites(tree))[mutant.index].change()
+        if mutant.index is not None:
+            list(find_sites(tree))[mutant.index].change()
         path = str(mutant.path)
-        code = compile(ast.fix_missing_locations(tree), path, 'exec')
+        code = compile(tree, path, 'exec')
 
         class Loader(SourceFileLoader):
             def get_code(self, fullname: str) -> object:
@@ -126,7 +107,7 @@ class MutantFinder(importlib.abc.MetaPathFinder):
         return self._spec if fullname == self._name else None
 
 
-def run_tests(mutant: Mutant) -> int:
+def run_tests(mutant: Mutant, only_own: bool) -> int:
     """Return 0 if the tests of the package pass with a mutant."""
     from hypothesis import Phase, settings
     import pytest
@@ -137,12 +118,13 @@ def run_tests(mutant: Mutant) -> int:
     package = ROOT / 'test' / 'core' / mutant.path.parent.name
     own = package / f'test_{mutant.path.stem}.py'
     files = [own] if own.exists() else []
-    files += [path for path in sorted(package.glob('test_*.py')) if path != own]
+    if not (only_own and files):
+        files += [path for path in sorted(package.glob('test_*.py')) if path != own]
     options = ['-x', '-q', '-p', 'no:cacheprovider', '-p', 'no:xdist', '--tb=no']
     return int(pytest.main([*map(str, files), *options]))
 
 
-def fork(mutant: Mutant) -> int:
+def fork(mutant: Mutant, only_own: bool) -> int:
     """Start the tests of a mutant in a process of its own; return its id."""
     child = os.fork()
     if child:
@@ -153,9 +135,32 @@ def fork(mutant: Mutant) -> int:
         os.dup2(quiet, stream)
     code = 1
     try:
-        code = run_tests(mutant)
+        code = run_tests(mutant, only_own)
     finally:
         os._exit(min(code, 100))
+
+
+def run_all(
+    mutants: list[Mutant], jobs: int, timeout: float, only_own: bool
+) -> Iterator[tuple[Mutant, int]]:
+    """Yield mutants with the status of their tests as they end; SIGKILL if they take too long."""
+    waiting, running = mutants[::-1], {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                mutant = waiting.pop()
+                running[fork(mutant, only_own)] = mutant, time.monotonic() + timeout
+            child, status = os.waitpid(-1, os.WNOHANG)
+            if child:
+                yield running.pop(child)[0], status
+                continue
+            for child, (_, deadline) in running.items():
+                if time.monotonic() > deadline:
+                    os.killpg(child, signal.SIGKILL)
+            time.sleep(0.02)
+    finally:
+        for child in running:
+            os.killpg(child, signal.SIGKILL)
 
 
 def main() -> None:
@@ -166,6 +171,7 @@ def main() -> None:
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--jobs', type=int, default=os.cpu_count())
     parser.add_argument('--timeout', type=float, default=600.0, help='for one mutant [s]')
+    parser.add_argument('--own', action='store_true', help='only the tests of the same name')
     options = parser.parse_args()
     files = [path.resolve() for path in options.files]
     os.chdir(ROOT)
@@ -176,35 +182,24 @@ def main() -> None:
     waiting = [Mutant(path, i) for path, found in sites.items() for i in range(len(found))]
     if options.sample is not None:
         waiting = random.Random(options.seed).sample(waiting, min(options.sample, len(waiting)))
+    unchanged = [Mutant(path, None) for path in {path.parent: path for path in files}.values()]
     # What the package imports is imported once; the package itself by each process.
-    import hypothesis  # noqa: F401
-    import isotruss_ros.core
-    import pytest  # noqa: F401
-
+    for name in ('hypothesis', 'pytest', 'isotruss_ros.core'):
+        importlib.import_module(name)
     for name in [name for name in sys.modules if name.split('.')[0] == 'isotruss_ros']:
         del sys.modules[name]
-    running: dict[int, tuple[Mutant, float]] = {}
     total, killed = Counter(), Counter()
-    waiting.reverse()
-    while waiting or running:
-        while waiting and len(running) < options.jobs:
-            mutant = waiting.pop()
-            running[fork(mutant)] = mutant, time.monotonic() + options.timeout
-        done, status = os.waitpid(-1, os.WNOHANG)
-        if not done:
-            for child, (_, deadline) in running.items():
-                if time.monotonic() > deadline:
-                    os.killpg(child, signal.SIGKILL)
-            time.sleep(0.02)
+    limits = options.jobs, options.timeout, options.own
+    for (path, index), status in run_all(unchanged + waiting, *limits):
+        if index is None:
+            reason = 'take too long' if status == signal.SIGKILL else 'fail'
+            assert status == 0, f'{path.parent.name}: its tests {reason} without any change'
             continue
-        mutant, _ = running.pop(done)
-        package = mutant.path.parent.name
-        total[package] += 1
-        if status:
-            killed[package] += 1
-            continue
-        site = sites[mutant.path][mutant.index]
-        print(f'{mutant.path.relative_to(ROOT)}:{site.line}: {site.kind} {site.words}', flush=True)
+        total[path.parent.name] += 1
+        killed[path.parent.name] += status not in (0, signal.SIGKILL)
+        site, late = sites[path][index], ' (timed out)' if status == signal.SIGKILL else ''
+        if late or not status:
+            print(f'{path.relative_to(ROOT)}:{site.line}: {site.words}{late}', flush=True)
     for package in sorted(total):
         print(f'{package}: {killed[package]} of {total[package]} mutants killed')
 
