@@ -22,7 +22,7 @@ unexport FASTRTPS_DEFAULT_PROFILES_FILE FASTDDS_DEFAULT_PROFILES_FILE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test noble demo paper docs colcon bench fuzz soak mutate format clean noble-tests FORCE
+.PHONY: help venv test noble demo paper docs colcon bench fuzz soak mutate coverage format clean noble-tests FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation'
@@ -34,6 +34,7 @@ help:
 	@echo 'make bench    run the benchmarks'
 	@echo 'make fuzz     fuzz the readers of files, MINUTES=10 each (x86-64)'
 	@echo 'make soak     run the nodes at 1 kHz for MINUTES=15, and WALKS=1000 walks at the edge of the shapes'
+	@echo 'make coverage run the tests and list lines and branches of the core that none of them runs'
 	@echo 'make mutate   list changes of the core that no test notices, FILES=isotruss_ros/core/...'
 	@echo 'make format   format the sources and fix what can be fixed'
 	@echo 'make venv     only set up .venv'
@@ -81,6 +82,10 @@ soak: MINUTES = 15
 soak: venv
 	$(BIN)/python test/helpers/soak.py --minutes $(MINUTES)
 	$(BIN)/python test/helpers/walks.py --walks $(WALKS)
+
+coverage: venv
+	$(PYTEST) -m 'not system and not linter' --cov=isotruss_ros.core --cov-branch \
+		--cov-report=term-missing:skip-covered
 
 mutate: venv
 	$(BIN)/python tools/mutate.py $(FILES)
