@@ -1,5 +1,7 @@
 """The equations of a held object: derivatives, balance, touch, rolling."""
 
+from dataclasses import replace
+
 from grips import gripped
 from isotruss_ros.core.grasping.equilibrium import (
     ANGLE,
@@ -9,6 +11,7 @@ from isotruss_ros.core.grasping.equilibrium import (
     FRICTION,
     INCLINATIONS,
     keep_place,
+    no_indentation,
     NORMAL,
     roll,
     SIZE,
@@ -71,7 +74,9 @@ def test_jacobian_is_the_derivative_of_the_residual(statics):
                 assert jacobian[:, i] == pytest.approx((ahead - back) / 2e-6, abs=1e-7)
 
 
-def test_the_equilibrium_balances_and_touches(statics):
+@pytest.mark.parametrize('indentation', [no_indentation, dents])
+def test_the_equilibrium_balances_and_touches(statics, indentation):
+    statics = replace(statics, indentation=indentation)
     wrench = np.array([1.0, -2.0, 0.5])
     state = statics.solve(start(statics), wrench, keep_place(CENTER_POINT, 0.2))
     forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
@@ -79,17 +84,19 @@ def test_the_equilibrium_balances_and_touches(statics):
     assert abs(left) < 1e-9 * state.normal_forces.sum()
     assert state.friction_forces.sum() == pytest.approx(wrench[2])
     assert state.unknowns[ANGLE] == pytest.approx(0.2)
-    # The bent centre lines touch a disc of both radii, tangentially.
+    # The bent centre lines touch a disc of both radii less the dents, tangentially. Friction acts
+    # at the dented skin, with that arm about the centre line.
+    arms = statics.tube_radius - indentation(state.normal_forces)[0]
     unknowns = state.unknowns
     local = forces * statics.compliance.axis.conj()
-    moments = -statics.tube_radius * state.friction_forces
+    moments = -arms * state.friction_forces
     loads = np.column_stack([local.real, local.imag, moments])
     given = statics.compliance.at(unknowns[FEET]).respond(loads)
     points = statics.compliance.start + statics.compliance.axis * (
         unknowns[FEET] + given[:, 0] + 1j * given[:, 1]
     )
     away = points - state.center
-    assert np.abs(away) == pytest.approx(statics.radius + statics.tube_radius, abs=1e-10)
+    assert np.abs(away) == pytest.approx(statics.radius + arms, abs=1e-10)
     along = statics.compliance.axis * (1.0 + 1j * given[:, 2])
     assert (away.conj() * along).real == pytest.approx(0.0, abs=1e-10)
 

@@ -86,6 +86,18 @@ def test_inflatable_beam_against_the_formulas_with_a_thickness():
     assert rigidities.shear == pytest.approx([P + 0.5 * G * S0] * 3, rel=1e-12)
 
 
+def test_the_default_coefficients_each_on_its_own():
+    pull = PRESSURE * np.pi * RADIUS**2
+    axial, flexural, shear = InflatableBeam(RADIUS).section_stiffness(LENGTHS, PRESSURE)
+    ends = 2.0 * np.pi / (4.0 - np.pi) * PRESSURE * RADIUS
+    wall = 6.0e4 * 2.0 * np.pi * RADIUS
+    assert axial == pytest.approx(LENGTHS / (LENGTHS / wall + 2.0 / ends), rel=1e-12)
+    assert flexural == pytest.approx(
+        [6.0e4 * np.pi * RADIUS**3 + 0.5 * pull * RADIUS**2] * 3, rel=1e-12
+    )
+    assert shear == pytest.approx([pull + 0.5 * 1.0e4 * 2.0 * np.pi * RADIUS] * 3, rel=1e-12)
+
+
 def test_ends_and_wall_are_springs_in_series():
     model = InflatableBeam(RADIUS, 5e4, 1e4, end_softening=3.0)
     axial, _, _ = end_stiffnesses(model.section_stiffness(LENGTHS, PRESSURE), LENGTHS)
