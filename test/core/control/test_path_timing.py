@@ -102,3 +102,49 @@ def test_path_time_is_remembered_for_a_second():
         # It is set to where it is to be one cycle from now.
         assert moving.time_then(0.0, age) == pytest.approx(now - PERIOD - age, abs=1e-9)
     assert 1.0 <= now - moving.time_then(0.0, 9.0) < 2.5
+
+
+def test_it_begins_at_rest_and_ends_at_the_end():
+    resting = clock(1.0)
+    assert (resting.time, resting.rate, resting.waited) == (0.0, 0.0, 0.0)
+    assert resting.time_then(0.0, 0.0) == resting.time_then(0.0, 5.0) == 0.0
+    assert not resting.at_end
+    for _ in range(400):
+        resting.advance(PERIOD, 1.0, 1.0, False)
+    assert resting.at_end
+    assert resting.time == 1.0
+
+
+def test_path_time_goes_on_between_cycles():
+    moving = clock(100.0, 0.0, 1.0)
+    for _ in range(100):
+        moving.advance(PERIOD, 1.0, 1.0, False)
+    assert moving.time_then(0.4 * PERIOD, 0.0) == pytest.approx(moving.time - 0.6 * PERIOD)
+    # Cycles that come early or late: what was to be the time of each is where the path was.
+    for elapsed in (0.5 * PERIOD, 1.5 * PERIOD, PERIOD):
+        before = moving.time
+        moving.advance(elapsed, 1.0, 1.0, False)
+        assert moving.time - before == pytest.approx(elapsed)
+        assert moving.time_then(0.0, 0.0) == pytest.approx(before, abs=0.51 * PERIOD)
+
+
+def test_progress_is_counted_from_the_last_one():
+    moving = clock(1000.0, 0.0, 1.0, progress_timeout=20.0)
+    for _ in range(190):
+        moving.advance(PERIOD, 1.0, 1.0, False)
+    # Nearly a second of the path: less than a twentieth of the timeout.
+    assert moving.waited == pytest.approx(190 * PERIOD)
+    for _ in range(15):
+        moving.advance(PERIOD, 1.0, 1.0, False)
+    assert moving.waited == pytest.approx(4 * PERIOD, abs=1.1 * PERIOD)
+    for _ in range(10):
+        moving.advance(PERIOD, 1.0, 1.0, True)
+    assert moving.waited == pytest.approx(14 * PERIOD, abs=1.1 * PERIOD)
+
+
+def test_a_limit_that_slows_a_little_slows_the_clock():
+    moving = clock(100.0, 0.0, 1.0)
+    moving.advance(PERIOD, 1.0, 0.995, False)
+    assert moving.rate == pytest.approx(0.995)
+    moving.advance(PERIOD, 1.0, 1.0, False)
+    assert moving.rate == 1.0

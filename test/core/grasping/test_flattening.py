@@ -188,3 +188,15 @@ def test_pressure_is_that_of_the_gas_and_the_walls_tension():
         assert area < length * analysis.contact_widths[name]
     paper = squeezed(0.3, flattening=False)
     assert paper.contact_areas == paper.contact_pressures == paper.contact_widths == {}
+
+
+def test_a_measured_factor_scales_all_of_the_compliance():
+    alone = np.zeros(40, dtype=int)
+    place = 0.005 * np.arange(40)
+    theory, stiffer = (
+        flattening(RADIUS, PRESSURE, FABRIC, local_stiffness=factor).compliance(
+            place, alone, alone, 0.005
+        )
+        for factor in (1.0, 1.7)
+    )
+    assert stiffer == pytest.approx(theory / 1.7, rel=1e-9)

@@ -235,6 +235,17 @@ def test_section_at_another_pressure_changes_by_the_pull_of_the_pressure():
     )
 
 
+@pytest.mark.parametrize(('key', 'left'), [('flexural_rigidity', 0.05), ('shear_rigidity', 0.05)])
+def test_section_of_which_too_little_pressure_leaves_little_is_answered(key, left):
+    pull = 0.5 * PRESSURE * np.pi * RADIUS**2
+    lost = {'flexural_rigidity': 0.5 * pull * RADIUS**2, 'shear_rigidity': pull}[key]
+    model = Section(**SECTION | {key: lost + left}, radius=RADIUS, pressure=PRESSURE)
+    found = model.section_stiffness([0.5], 0.5 * PRESSURE)
+    assert {'flexural_rigidity': found.flexural, 'shear_rigidity': found.shear}[
+        key
+    ] == pytest.approx([left], rel=1e-9)
+
+
 def test_section_of_which_too_little_pressure_leaves_nothing_is_refused():
     model = Section(1.9e4, 25.0, 200.0, RADIUS, 34.5e3)
     with pytest.raises(
