@@ -31,8 +31,9 @@ def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path):
     while not (tmp_path / 'roller_trajectory.log').exists():
         time.sleep(0.01)
     demo.send_signal(signal.SIGINT)
-    printed, _ = demo.communicate(timeout=DEADLINE)
-    assert demo.returncode == 130
+    printed, _ = demo.communicate(timeout=3.0 * DEADLINE)
+    # Where a signal interrupts code that is being made, Python itself reports it as well.
+    assert demo.returncode in (130, -signal.SIGINT), printed
     assert 'demo stopped' in printed
     assert 'Traceback' not in printed
 
