@@ -40,11 +40,10 @@ from isotruss_ros.nodes.conversions.messages import (
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.qos import ACKNOWLEDGE_TIME, RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
 import numpy as np
-from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from std_msgs.msg import Float64MultiArray
@@ -81,8 +80,6 @@ SPECS = (
     MIN_SLIP_MARGIN,
     *SERVO_SPECS,
 )
-#: Subscribers have this long to acknowledge the last command.
-ACKNOWLEDGE_TIME = Duration(seconds=0.5)
 
 
 class Manipulation(ManagedNode):
@@ -99,7 +96,10 @@ class Manipulation(ManagedNode):
         self._servo: TwistServo | None = None
         self._cycle: Cycle | None = None
         self._stop = EmergencyStop(
-            self, lambda: self.values[params.REQUIRE_EMERGENCY_STOP], self._apply_stop
+            self,
+            lambda: self.values[params.REQUIRE_EMERGENCY_STOP],
+            self._apply_stop,
+            self._wait_for_zero,
         )
         self._failed_rollers = FailedRollers(self, lambda: self._servo, self._apply_failures)
         self.create_service(SetBool, 'set_joint_mode', self._set_joint_mode)
@@ -151,7 +151,7 @@ class Manipulation(ManagedNode):
         """Command zero velocities, and wait until the subscribers have received them."""
         self._cycle = None
         self._send_zeros()
-        if not self._commands.wait_for_all_acked(ACKNOWLEDGE_TIME):
+        if not self._wait_for_zero():
             self.get_logger().warning('not every subscriber acknowledged the last command, zero')
 
     def cleanup(self) -> None:
@@ -176,6 +176,10 @@ class Manipulation(ManagedNode):
 
     def _send_zeros(self) -> None:
         self._commands.publish(to_command_message(np.zeros(len(self._robot.roller_names))))
+
+    def _wait_for_zero(self) -> bool:
+        """Return whether the subscribers have received the last command, zero."""
+        return not self.active or self._commands.wait_for_all_acked(ACKNOWLEDGE_TIME)
 
     def _halt(self) -> tuple[Status, str] | None:
         """Return why the rollers are halted whatever the inputs are."""

@@ -20,7 +20,7 @@ from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.qos import ACKNOWLEDGE_TIME, RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 import numpy as np
 from rclpy.parameter import Parameter
@@ -30,8 +30,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 RATE = replace(params.RATE, default=100.0, bounds=(10.0, 1000.0))
 SPECS = (params.ROBOT, RATE, params.COMMAND_TIMEOUT, params.REQUIRE_EMERGENCY_STOP)
-#: Private to this node: `manipulation` has an emergency stop of its own to be released.
-RELEASE = '~/release_emergency_stop'
+#: The services are private to this node: `manipulation` has an emergency stop of its own.
+NAMESPACE = '~/'
 
 
 class RollerTrajectory(ManagedNode):
@@ -50,7 +50,11 @@ class RollerTrajectory(ManagedNode):
         self._servo: RollerTrajectoryServo | None = None
         self._cycle: Cycle | None = None
         self._stop = EmergencyStop(
-            self, lambda: self.values[params.REQUIRE_EMERGENCY_STOP], self._apply_stop, RELEASE
+            self,
+            lambda: self.values[params.REQUIRE_EMERGENCY_STOP],
+            self._apply_stop,
+            self._wait_for_zero,
+            NAMESPACE,
         )
         self.start()
 
@@ -119,6 +123,10 @@ class RollerTrajectory(ManagedNode):
             self.get_logger().warning(f'trajectory rejected: {error}')
             return
         self.diagnostics.set_status(Level.OK, f'following a trajectory of {path.duration:.1f} s')
+
+    def _wait_for_zero(self) -> bool:
+        """Return whether the subscribers have received the last command, zero."""
+        return not self.active or self._commands.wait_for_all_acked(ACKNOWLEDGE_TIME)
 
     def _apply_stop(self) -> None:
         if self._stop.reason is not None:

@@ -1,5 +1,8 @@
 """The emergency stop over DDS: what follows it, what was lost, and what came before the node."""
 
+import subprocess
+import sys
+
 from isotruss_ros.core import Status
 from isotruss_ros.nodes.framework.subscriptions import MAX_BATCH
 from isotruss_ros.nodes.manipulation import Manipulation
@@ -39,10 +42,10 @@ def burst(publisher, count):
 
 LONG = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 PLAIN = QoSProfile(depth=1000)
-HASTY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+HASTY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-@pytest.mark.parametrize('profile', [LONG, PLAIN, HASTY], ids=['latched', 'reliable', 'hasty'])
+@pytest.mark.parametrize('profile', [LONG, PLAIN], ids=['latched', 'volatile'])
 def test_a_stop_counts_however_many_messages_follow(profile):
     """All of it is there before the node looks."""
     with world(node()) as w:
@@ -68,11 +71,10 @@ def test_a_stop_counts_however_many_messages_follow_from_another_process(tmp_pat
             assert release(r.w).success
 
 
-@pytest.mark.parametrize('profile', [LONG, HASTY], ids=['latched', 'hasty'])
-def test_lost_messages_count_as_a_stop(profile):
+def test_lost_messages_count_as_a_stop():
     """Far more than is kept for the node while it does not look."""
     with world(node()) as w:
-        publisher = w.probe.create_publisher(Bool, 'emergency_stop', profile)
+        publisher = w.probe.create_publisher(Bool, 'emergency_stop', LONG)
         until_heard_by_both(w, publisher)
         w.until_code(Status.OK, w.probe.send_all)
         for _ in range(7000):
@@ -93,17 +95,64 @@ def test_a_flood_takes_no_cycle_from_the_loop():
         w.until_code(Status.OK, w.probe.send_all)
         parts = []
         take = w.nodes[1]._stop._receive
-        for heard in w.nodes[1].subscriptions:
-            if heard.topic_name == '/emergency_stop':
-                heard.callback.__self__._callback = lambda messages: (
-                    parts.append(len(messages)),
-                    take(messages),
-                )
+        w.nodes[1]._stop._messages._callback = lambda messages: (
+            parts.append(len(messages)),
+            take(messages),
+        )
         for _ in range(990):
             publisher.publish(Bool(data=False))
         w.until(lambda: sum(parts) == 2 * 990, w.probe.send_all)
         assert max(parts) <= MAX_BATCH < 500
         assert w.code() == Status.OK
+
+
+def test_a_best_effort_publisher_counts_as_a_stop():
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        w.probe.create_publisher(Bool, 'emergency_stop', HASTY)
+        status = w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+        assert 'a publisher of emergency_stop is best-effort' in status.message
+
+
+def test_the_service_stops_and_responds(tmp_path):
+    with robot(tmp_path) as r:
+        r.start('simulator')
+        r.start('manipulation')
+        r.until_moving()
+        client = r.w.probe.create_client(Trigger, 'emergency_stop')
+        response = r.w.call(client, Trigger.Request())
+        assert response.success
+        r.until(lambda: r.w.code() == Status.HALT_EMERGENCY_STOP and not r.moving())
+        r.check_at_rest()
+
+
+ONCE = """
+import time
+import rclpy
+from rclpy.qos import QoSProfile, DurabilityPolicy
+from std_msgs.msg import Bool
+
+rclpy.init()
+durability = DurabilityPolicy.{durability}
+profile = QoSProfile(depth=1, durability=durability)
+publisher = rclpy.create_node('button').create_publisher(Bool, 'emergency_stop', profile)
+while not publisher.get_subscription_count():
+    time.sleep(0.001)
+publisher.publish(Bool(data=True))
+time.sleep(0.1)
+"""
+
+
+@pytest.mark.parametrize('durability', ['VOLATILE', 'TRANSIENT_LOCAL'])
+def test_a_process_that_publishes_once_and_exits_stops_the_robot(tmp_path, durability):
+    """As `ros2 topic pub --once` does: after the first match, and gone 0.1 s later."""
+    with robot(tmp_path) as r:
+        r.start('simulator')
+        r.start('manipulation')
+        r.until_moving()
+        subprocess.run([sys.executable, '-c', ONCE.format(durability=durability)], check=True)
+        r.until(lambda: r.w.code() == Status.HALT_EMERGENCY_STOP and not r.moving())
+        r.check_at_rest()
 
 
 def test_a_stop_from_before_the_node_came_up_counts():

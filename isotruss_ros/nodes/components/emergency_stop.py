@@ -1,26 +1,29 @@
-"""The emergency stop: set by a topic, kept, and released by a service only."""
+"""The emergency stop: set by a topic or a service, kept, and released by a service only."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from isotruss_ros.nodes.framework.subscriptions import subscribe_every
+from isotruss_ros.nodes.framework.subscriptions import EveryMessage
 from rclpy.node import Node
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-TOPIC = 'emergency_stop'
-SERVICE = 'release_emergency_stop'
+#: Of the topic, and of the service that does the same and answers.
+NAME = 'emergency_stop'
+RELEASE = 'release_emergency_stop'
 
 
 class EmergencyStop:
     """
     Keep a stop until it is released, in whatever state the node is.
 
-    :param node: subscribes and offers the service, until it is destroyed.
+    :param node: subscribes and offers the services, until it is destroyed.
     :param required: returns whether nothing may move before a message was received.
     :param changed: called when `reason` is another one.
-    :param service: name of the service that releases the stop.
+    :param wait_for_zero: returns whether zero velocity is what the drives have, if the node
+        commands them; waits for it a moment.
+    :param namespace: of the services, relative to that of the node.
     """
 
     def __init__(
@@ -28,15 +31,27 @@ class EmergencyStop:
         node: Node,
         required: Callable[[], bool],
         changed: Callable[[], None],
-        service: str = SERVICE,
+        wait_for_zero: Callable[[], bool],
+        namespace: str = '',
     ) -> None:
         self._required, self._changed = required, changed
-        self._service = node.resolve_service_name(service)
+        self._wait_for_zero = wait_for_zero
+        self._service = node.resolve_service_name(namespace + NAME)
+        self._release_service = node.resolve_service_name(namespace + RELEASE)
         #: Last message of the topic; None before the first.
         self._last: bool | None = None
-        self._stopped = self._lost = False
-        subscribe_every(node, Bool, TOPIC, self._receive, self._record_loss)
-        node.create_service(Trigger, service, self._release)
+        self._stopped = False
+        #: What else stops the rollers; the first of the reasons is kept.
+        self._cause: str | None = None
+        self._messages = EveryMessage(
+            node,
+            Bool,
+            NAME,
+            self._receive,
+            lambda why: self._stop_for(f'{why}: one of its messages may have been true'),
+        )
+        node.create_service(Trigger, namespace + NAME, self._answer_stop)
+        node.create_service(Trigger, namespace + RELEASE, self._release)
 
     @property
     def reason(self) -> str | None:
@@ -44,16 +59,13 @@ class EmergencyStop:
         if self._stopped:
             last = 'true' if self._last else 'false'
             return (
-                f'stopped by the topic {TOPIC}; its last message is {last}; '
-                f'released by the service {self._service} only'
+                f'stopped by the topic {NAME}; its last message is {last}; '
+                f'released by the service {self._release_service} only'
             )
-        if self._lost:
-            return (
-                f'messages of {TOPIC} were lost: one of them may have been true; '
-                f'released by the service {self._service} only'
-            )
+        if self._cause is not None:
+            return f'{self._cause}; released by the service {self._release_service} only'
         if self._last is None and self._required():
-            return f'no message of {TOPIC} received yet, and require_emergency_stop is set'
+            return f'no message of {NAME} received yet, and require_emergency_stop is set'
         return None
 
     def _receive(self, messages: list[Bool]) -> None:
@@ -63,20 +75,34 @@ class EmergencyStop:
         if (self._last, self._stopped) != before:
             self._changed()
 
-    def _record_loss(self) -> None:
-        """Stop: a lost message may have been true."""
-        if not self._lost:
-            self._lost = True
+    def _stop_for(self, cause: str) -> None:
+        """Stop for another reason than a message."""
+        if self._cause is None:
+            self._cause = cause
             self._changed()
+
+    def _answer_stop(
+        self, _request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        """Stop, and respond once the drives have received zero."""
+        self._stop_for(f'stopped by the service {self._service}')
+        response.success = self._wait_for_zero()
+        response.message = self.reason or ''
+        if not response.success:
+            response.message = (
+                'zero was commanded, but not every subscriber has acknowledged it; '
+                + response.message
+            )
+        return response
 
     def _release(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._last:
             response.success = False
-            response.message = f'the last message of {TOPIC} is true; publish false first'
+            response.message = f'the last message of {NAME} is true; publish false first'
             return response
         response.success = True
-        stopped = self._stopped or self._lost
+        stopped = self._stopped or self._cause is not None
         response.message = 'released' if stopped else 'nothing was stopped'
-        self._stopped = self._lost = False
+        self._stopped, self._cause = False, None
         self._changed()
         return response

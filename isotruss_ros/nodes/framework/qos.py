@@ -12,6 +12,7 @@ What holds until the next message, however late that comes, is latched.
 
 from __future__ import annotations
 
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 
@@ -31,22 +32,20 @@ def _last(
 #: For `subscribe_newest`, which explains why the depth is not 1.
 NEWEST = _last(20, ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = _last(1)
+#: Subscribers have this long to acknowledge the last command.
+ACKNOWLEDGE_TIME = Duration(seconds=0.5)
 #: What tools that show `/diagnostics` expect.
 DIAGNOSTICS = _last(10)
-#: For `subscribe_latched`: publishers that latch, and those that do not.
-LATCHED = (
-    _last(100, durability=DurabilityPolicy.TRANSIENT_LOCAL),
-    _last(100, ReliabilityPolicy.BEST_EFFORT),
-)
-#: For `subscribe_every`. Of reliable publishers all messages are kept, up to the 5000 of Fast DDS;
-#: then the publishers wait, and where they do not, an event reports the loss. A best-effort queue
-#: that is full drops messages without an event, so its depth has to be known, and larger than it
-#: is ever filled.
-EVERY = (
+#: For `subscribe_latched`: publishers that latch, and those that do not. Reliable both: what a
+#: publisher sends before a best-effort subscription has discovered it is lost.
+LATCHED = (_last(100, durability=DurabilityPolicy.TRANSIENT_LOCAL), _last(100))
+#: For `EveryMessage`, reliable for the same reason. All messages are kept, up to the 5000 of
+#: Fast DDS; then the publishers wait, and where they do not, an event reports the loss.
+EVERY = tuple(
     QoSProfile(
         history=HistoryPolicy.KEEP_ALL,
         reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    ),
-    _last(1000, ReliabilityPolicy.BEST_EFFORT),
+        durability=durability,
+    )
+    for durability in (DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE)
 )

@@ -7,16 +7,22 @@ rclpy takes one message of a queue in every turn of the executor; these take wha
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
+import time
 from typing import Any
 
 from isotruss_ros.nodes.framework.qos import EVERY, LATCHED, NEWEST
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import HistoryPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
-#: `subscribe_every` takes so many messages at once, within a millisecond; others get their turn.
+#: `EveryMessage` takes so many messages at once, within a millisecond; others get their turn.
 MAX_BATCH = 200
+#: So many messages may wait; Fast DDS keeps 5000, and drops more than that without an event.
+MAX_BACKLOG = 1000
+#: Between the callbacks with a message and with the match of its publisher, at most [s].
+MATCH_DELAY = 1.0
 
 
 def subscribe_newest(node: Node, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
@@ -34,7 +40,7 @@ def subscribe_newest(node: Node, kind: type, topic: str, callback: Callable[[Any
     """
 
     def take(message: Any) -> None:
-        callback(_take_waiting(message, subscription, 1 + NEWEST.depth)[-1])
+        callback(_take_waiting([message], subscription, 1 + NEWEST.depth)[-1])
 
     def warn_of_type(_event: Any) -> None:
         node.get_logger().warning(
@@ -52,7 +58,7 @@ def subscribe_newest(node: Node, kind: type, topic: str, callback: Callable[[Any
 
 def subscribe_latched(node: Node, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
     """
-    Call back with the messages of every publisher, latched ones from before included.
+    Call back with the messages of every reliable publisher, latched ones from before included.
 
     A subscription with transient-local durability never matches a volatile publisher, such as
     `ros2 topic pub` without options: a stop would not be received. So there are two subscriptions,
@@ -63,74 +69,108 @@ def subscribe_latched(node: Node, kind: type, topic: str, callback: Callable[[An
     :param topic: relative name of the topic.
     :param callback: called with each message.
     """
-    # One of the two not matching is as it should be: no warnings.
-    quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
     for profile in LATCHED:
-        node.create_subscription(kind, topic, callback, profile, event_callbacks=quiet)
+        # That the latched one does not match a volatile publisher is as it should be; rclpy warns
+        # of a publisher that the other one does not match either.
+        volatile = profile.durability == DurabilityPolicy.VOLATILE
+        events = SubscriptionEventCallbacks(use_default_callbacks=volatile)
+        node.create_subscription(kind, topic, callback, profile, event_callbacks=events)
 
 
-def subscribe_every(
-    node: Node,
-    kind: type,
-    topic: str,
-    callback: Callable[[list[Any]], None],
-    lost: Callable[[], None],
-) -> None:
+class EveryMessage:
     """
-    Call back with every message of every publisher, or report that some were lost.
+    Call back with every message of every reliable publisher, or report that some may be missing.
 
     :param node: subscribes twice, for the same reason as in `subscribe_latched`.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
     :param callback: called with one or more messages, in the order in which they were received.
-    :param lost: called when messages were lost, or may have been.
+    :param missing: called with the reason when messages were lost or may have been, and when a
+        publisher is best-effort.
     """
-    for profile in EVERY:
-        _Queue(node, kind, topic, profile, callback, lost)
-
-
-class _Queue:
-    """One of the two subscriptions of `subscribe_every`; the node keeps it alive."""
 
     def __init__(
         self,
         node: Node,
         kind: type,
         topic: str,
-        profile: QoSProfile,
         callback: Callable[[list[Any]], None],
-        lost: Callable[[], None],
+        missing: Callable[[str], None],
     ) -> None:
-        self._callback, self._lost = callback, lost
-        # A bounded queue that is full drops its oldest messages and raises no event.
-        bounded = profile.history == HistoryPolicy.KEEP_LAST
-        self._depth = profile.depth if bounded else None
-        self._backlog = 0
+        self._topic, self._callback, self._missing = topic, callback, missing
+        #: Publishers that came after the last message.
+        self._silent = 0
+        self._received = -math.inf
+        #: How many each subscription has received since its queue was empty.
+        self._backlogs = [0] * len(EVERY)
+        self._subscriptions = [
+            self._subscribe(node, kind, index, profile) for index, profile in enumerate(EVERY)
+        ]
+
+    def _subscribe(self, node: Node, kind: type, index: int, profile: QoSProfile) -> Subscription:
+        # Of the two, the volatile one requests nothing but reliability: it matches all publishers
+        # that the other one matches.
+        volatile = profile.durability == DurabilityPolicy.VOLATILE
         events = SubscriptionEventCallbacks(
-            message_lost=lambda _: lost(), use_default_callbacks=False
+            incompatible_qos=self._report_best_effort if volatile else None,
+            matched=self._follow_publishers if volatile else None,
+            message_lost=lambda _: self._report_loss(),
+            use_default_callbacks=False,
         )
-        self._subscription = node.create_subscription(
-            kind, topic, self._take, profile, event_callbacks=events
+
+        def take(first: Any) -> None:
+            self._pass_on(index, [first])
+
+        return node.create_subscription(kind, self._topic, take, profile, event_callbacks=events)
+
+    def _pass_on(self, index: int, taken: list[Any]) -> None:
+        """Call back with messages of a subscription and those that wait behind them."""
+        messages = _take_waiting(taken, self._subscriptions[index], MAX_BATCH)
+        if messages:
+            self._silent, self._received = 0, time.monotonic()
+            self._callback(messages)
+        full = len(messages) == MAX_BATCH
+        self._backlogs[index] = self._backlogs[index] + MAX_BATCH if full else 0
+        if self._backlogs[index] >= MAX_BACKLOG:
+            self._backlogs[index] = 0
+            self._report_loss()
+
+    def _report_loss(self) -> None:
+        self._missing(f'messages of {self._topic} were lost')
+
+    def _report_best_effort(self, _event: Any) -> None:
+        self._missing(
+            f'a publisher of {self._topic} is best-effort, and its messages are not received: it '
+            'must publish with the reliability RELIABLE'
         )
 
-    def _take(self, first: Any) -> None:
-        messages = _take_waiting(first, self._subscription, MAX_BATCH)
-        self._callback(messages)
-        # So many were received since the queue was empty: perhaps too many for it.
-        self._backlog = self._backlog + MAX_BATCH if len(messages) == MAX_BATCH else 0
-        if self._depth is not None and self._backlog >= self._depth:
-            self._backlog = 0
-            self._lost()
+    def _follow_publishers(self, event: Any) -> None:
+        """
+        Report a publisher that left before any message was received.
+
+        One that is discovered, publishes and exits at once may be gone before this side has
+        matched it: then its message is lost, and nothing else tells so.
+        """
+        # The executor may call back with a message before it does so with the match.
+        if time.monotonic() - self._received > MATCH_DELAY:
+            self._silent += event.total_count_change
+        if event.current_count_change == event.total_count_change:
+            return
+        for index in range(len(self._subscriptions)):
+            self._pass_on(index, [])
+        if self._silent > 0:
+            self._silent = 0
+            self._missing(f'a publisher of {self._topic} left before a message was received')
 
 
-def _take_waiting(first: Any, subscription: Subscription, most: int) -> list[Any]:
+def _take_waiting(taken: list[Any], subscription: Subscription, most: int) -> list[Any]:
     """
-    Return a message with those that wait behind it, in order.
+    Return messages with those that wait behind them, in order.
 
-    :param first: the message with which the subscription called back.
+    :param taken: the message with which the subscription called back, if it did.
     :param most: number of messages to return; a flood has no end.
     """
-    messages = [first]
+    messages = list(taken)
     while len(messages) < most:
         taken = subscription.handle.take_message(subscription.msg_type, False)
         if taken is None:
