@@ -3,6 +3,7 @@
 PYTHON ?= python3
 MINUTES ?= 10
 WALKS ?= 1000
+PLANT ?= elastic
 VENV := .venv
 # .noble has Ubuntu 24.04's versions of the Python packages, and only what package.xml declares.
 NOBLE_PYTHON ?= $(shell tools/find_python.sh 3.12 '$(PYTHON)')
@@ -22,10 +23,11 @@ unexport FASTRTPS_DEFAULT_PROFILES_FILE FASTDDS_DEFAULT_PROFILES_FILE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test noble demo paper docs colcon bench fuzz soak mutate coverage format clean noble-tests FORCE
+.PHONY: help venv test noble demo view paper docs colcon bench fuzz soak mutate coverage format clean noble-tests FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation'
+	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic or kinematic'
 	@echo 'make test     style and tests; those of ament run with make colcon'
 	@echo 'make noble    the tests, the demo and the paper with the versions of Ubuntu 24.04, in .noble'
 	@echo 'make paper    compute and draw what the paper shows: docs/paper.md'
@@ -60,6 +62,9 @@ noble-tests: venv
 
 demo: venv
 	$(BIN)/python -m isotruss_ros.demo
+
+view: venv
+	$(BIN)/python -m isotruss_ros.demo.view --plant $(PLANT)
 
 paper: venv
 	$(BIN)/python -m paper

@@ -25,7 +25,10 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
-        (f'share/{package_name}/config', glob('config/*.yaml') + glob('config/*.json')),
+        (
+            f'share/{package_name}/config',
+            glob('config/*.yaml') + glob('config/*.json') + glob('config/*.rviz'),
+        ),
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
     ],
     # Only what `isotruss_ros.core` imports, so that it installs where there is no ROS.
@@ -33,6 +36,7 @@ setup(
     extras_require={
         'demo': ['matplotlib', 'pillow', 'rich'],
         'sweep': ['distributed'],
+        'viewer': ['viser', 'mcap', 'rosbags'],
         # colcon runs pytest where it finds it here.
         'test': ['pytest', 'pytest-timeout', 'hypothesis', 'psutil', 'anastruct', 'PyNiteFEA'],
     },
@@ -46,6 +50,10 @@ setup(
             'roller_trajectory = isotruss_ros.executables:roller_trajectory',
             'grasp_planner = isotruss_ros.executables:grasp_planner',
             'teleop = isotruss_ros.executables:teleop',
+            'viewer = isotruss_ros.executables:viewer',
+            'record = isotruss_ros.executables:record',
+            'view = isotruss_ros.demo.view:main',
+            'replay = isotruss_ros.cli.replay:main',
             'demo = isotruss_ros.demo.__main__:main',
             'plan_grasps = isotruss_ros.cli.plan_grasps:main',
             'fit_tube_stiffness = isotruss_ros.cli.fit_tube_stiffness:main',

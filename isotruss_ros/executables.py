@@ -24,6 +24,8 @@ NODES = (
     'roller_trajectory',
     'grasp_planner',
     'teleop',
+    'viewer',
+    'record',
 )
 #: In the words of a terminal, since that is where it is read.
 NO_MESSAGES = (

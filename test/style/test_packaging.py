@@ -32,7 +32,17 @@ ROSDEP_KEYS = {
     'yaml': 'python3-yaml',
 }
 # No rosdep keys: what needs them is taken, and tested, where they are installed.
-ONLY_FROM_PYPI = {'anastruct', 'PyNiteFEA', 'daqp', 'distributed', 'qpsolvers', 'quadprog'}
+ONLY_FROM_PYPI = {
+    'anastruct',
+    'PyNiteFEA',
+    'daqp',
+    'distributed',
+    'qpsolvers',
+    'quadprog',
+    'viser',
+    'mcap',
+}
+ONLY_FROM_PYPI |= {'playwright', 'rosbags'}
 # Distribution name to import name, where they differ.
 IMPORT_NAMES = {'pillow': 'PIL', 'pyyaml': 'yaml', 'ruamel.yaml': 'ruamel'}
 

@@ -1,0 +1,78 @@
+"""Executable `replay`: shows a recording in the browser, without ROS."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import sys
+import time
+
+from isotruss_ros.core import ConfigurationError, IsotrussError, load_robot
+from isotruss_ros.viewer.picture import Picture
+from isotruss_ros.viewer.recording import read_recording, show_message
+from isotruss_ros.viewer.view import LOCAL, View
+
+#: Pictures per second [Hz].
+RATE = 20.0
+
+
+def replay(view: View, path: Path, speed: float) -> int:
+    """
+    Show a recording once, as fast as it was recorded, and return the number of messages.
+
+    :param view: shows it.
+    :param path: of the MCAP file.
+    :param speed: against that of the recording.
+    :raises RecordingError: the file cannot be read.
+    """
+    count, began, shown = 0, time.monotonic(), -1.0
+    first = None
+    for now, topic, message in read_recording(path):
+        first = now if first is None else first
+        try:
+            show_message(view.picture, topic, message, now)
+        except ConfigurationError as error:
+            print(f'{topic}: {error}', file=sys.stderr)
+        count += 1
+        if now - shown >= speed / RATE:
+            view.update(now)
+            shown = now
+            time.sleep(max(0.0, (now - first) / speed - (time.monotonic() - began)))
+    return count
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Show a recording again and again until Ctrl-C.
+
+    :param arguments: of the command line; those of the process if None.
+    :return: 0 after Ctrl-C, 1 where the recording cannot be shown.
+    """
+    parser = argparse.ArgumentParser(prog='replay', description=__doc__)
+    parser.add_argument('file', type=Path, help='MCAP file of the node record')
+    parser.add_argument('--robot', default='nine_member', help='preset, or path of a robot file')
+    parser.add_argument('--diameter', type=float, default=0.3, help='of the object [m]')
+    parser.add_argument('--speed', type=float, default=1.0, help='against that of the recording')
+    parser.add_argument('--port', type=int, default=8080, help='of the server')
+    parser.add_argument('--once', action='store_true', help='end after the recording')
+    options = parser.parse_args(arguments)
+    if not options.speed > 0.0:
+        parser.error(f'--speed {options.speed}: must be positive')
+    try:
+        robot = load_robot(options.robot)
+        view = View(Picture(robot, options.diameter), LOCAL, options.port)
+        print(f'replay: {view.address}', flush=True)
+        while replay(view, options.file, options.speed) and not options.once:
+            view.picture.samples.clear()
+        view.close()
+    except IsotrussError as error:
+        print(f'replay failed: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        pass
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,73 @@
+"""Executable `view`: plant, nodes and viewer; prints the address for a browser."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import signal
+import sys
+import tempfile
+import time
+
+from isotruss_ros.core import IsotrussError
+from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
+
+PLANTS = ('kinematic', 'elastic')
+DIAMETER = 0.3
+#: By so much the tubes are indented at first, so that the object is squeezed [m].
+INDENTATION = 0.01
+#: The corner of 60 degrees needs 0.58.
+FRICTION = 0.8
+RATE = 50.0
+#: How often the processes are looked at [s].
+PERIOD = 0.2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Run the nodes until Ctrl-C.
+
+    :param arguments: of the command line; those of the process if None.
+    :return: 0 after Ctrl-C, 1 where a node ended.
+    """
+    parser = argparse.ArgumentParser(prog='view', description=__doc__)
+    parser.add_argument('--plant', choices=PLANTS, default=PLANTS[1], help='of the simulator')
+    parser.add_argument('--port', type=int, default=8080, help='of the viewer')
+    options = parser.parse_args(arguments)
+    domain = keep_to_this_machine()
+    shown = {'object_diameter': DIAMETER, 'friction': FRICTION}
+    common = shown | {'rate': RATE, 'command_timeout': 1.0}
+    nodes = [
+        ('simulator', common | {'plant': options.plant, 'indentation': INDENTATION}),
+        ('manipulation', common),
+        ('grasp_analysis', {**common, 'rate': 20.0}),
+        ('viewer', shown | {'port': options.port}),
+    ]
+    print(f'plant {options.plant}; ROS_DOMAIN_ID={domain}, this machine only; Ctrl-C ends it')
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            return _run(nodes, Path(folder))
+    except KeyboardInterrupt:
+        return 0
+    except IsotrussError as error:
+        print(f'view failed: {error}', file=sys.stderr)
+        return 1
+
+
+def _run(nodes: Sequence[tuple[str, dict[str, object]]], folder: Path) -> int:
+    with running_nodes(nodes, folder) as processes:
+        printed = False
+        while True:
+            for process in processes:
+                process.require_running()
+            words = processes[-1].log.read_text(errors='replace')
+            if not printed and 'viewer: http' in words:
+                print('viewer: http' + words.partition('viewer: http')[2].split()[0], flush=True)
+                printed = True
+            time.sleep(PERIOD)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

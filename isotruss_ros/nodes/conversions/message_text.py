@@ -1,0 +1,63 @@
+"""The definition of a message as text, with those of the messages in it, as recordings hold it."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from typing import Any
+
+#: Between the definitions of one schema.
+SEPARATOR = '=' * 80
+#: Names of the interface definition language, and of message files.
+NAMES = {'double': 'float64', 'float': 'float32', 'boolean': 'bool', 'octet': 'byte'}
+
+
+def type_name(kind: Any) -> str:
+    """
+    Return the name of a message type, as `package/msg/Name`.
+
+    :param kind: class of the message.
+    """
+    package, folder, *_ = kind.__module__.split('.')
+    return f'{package}/{folder}/{kind.__name__}'
+
+
+def schema_text(kind: Any) -> str:
+    """
+    Return the definition of a message and of all that it contains.
+
+    :param kind: class of the message.
+    """
+    found: dict[str, str] = {}
+    _collect(kind, found)
+    first, *others = found.items()
+    parts = [first[1], *(f'MSG: {name}\n{text}' for name, text in others)]
+    return f'\n{SEPARATOR}\n'.join(parts)
+
+
+def _collect(kind: Any, found: dict[str, str]) -> None:
+    """Add the definition of a type, and those of its fields."""
+    package, folder, name = type_name(kind).split('/')
+    short = f'{package}/{name}'
+    if short in found:
+        return
+    found[short] = ''
+    lines = []
+    for field, described in kind.get_fields_and_field_types().items():
+        inner, suffix = _split(described)
+        lines.append(f'{NAMES.get(inner, inner)}{suffix} {field}')
+        if '/' in inner:
+            package, inner = inner.split('/')
+            module = importlib.import_module(f'{package}.{folder}')
+            _collect(getattr(module, inner), found)
+    found[short] = '\n'.join(lines) + '\n'
+
+
+def _split(described: str) -> tuple[str, str]:
+    """Return the type of the elements, and the brackets of an array."""
+    sequence = re.fullmatch(r'sequence<([^,>]+)(?:, (\d+))?>', described)
+    if sequence:
+        bound = f'<={sequence[2]}' if sequence[2] else ''
+        return sequence[1], f'[{bound}]'
+    array = re.fullmatch(r'([^\[]+)(\[\d+\])', described)
+    return (array[1], array[2]) if array else (described, '')

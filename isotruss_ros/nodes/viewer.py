@@ -1,0 +1,238 @@
+"""Node `viewer`: shows robot, object and grasp in a browser, and commands where allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import time
+
+from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
+from isotruss_msgs.msg import GraspState, ManipulationStatus
+from isotruss_ros.core import ConfigurationError, load_robot
+from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.diagnostics import WarningThrottle
+from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
+from isotruss_ros.nodes.framework.runner import run, StoppableNode
+from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
+from isotruss_ros.viewer.controls import Controls, OBJECT, RELEASE, STOP
+from isotruss_ros.viewer.drag import drag_twist
+from isotruss_ros.viewer.picture import Picture
+from isotruss_ros.viewer.view import LOCAL, View
+from rcl_interfaces.srv import SetParameters
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+HOST = params.Spec(
+    'host', LOCAL, 'Address that is served: only this machine, unless another', read_only=True
+)
+PORT = params.Spec('port', 8080, 'Port of the server', bounds=(1, 65535), read_only=True)
+RATE = params.Spec('rate', 20.0, 'Pictures per second [Hz]', bounds=(1.0, 60.0), read_only=True)
+MAX_SPEED = params.Spec(
+    'max_speed', 0.05, 'Largest speed of what is dragged [m/s]', bounds=(0.001, 1.0)
+)
+SPECS = (
+    params.ROBOT,
+    params.OBJECT_DIAMETER,
+    params.FRICTION,
+    HOST,
+    PORT,
+    RATE,
+    MAX_SPEED,
+)
+#: Parameters of other nodes by the name of a request.
+SETTINGS = {
+    'friction': ('friction', ('manipulation', 'grasp_analysis')),
+    'diameter': ('object_diameter', ('manipulation', 'grasp_analysis')),
+    'squeeze': ('squeeze_force', ('manipulation',)),
+}
+ZERO = (0.0, 0.0, 0.0)
+#: The release of a stop is tried for so long [s].
+RELEASE_TIME = 2.0
+
+
+class Viewer(StoppableNode):
+    """
+    Show the newest messages; publish twists while the control is on and a handle was dragged.
+
+    :param parameter_overrides: values of parameters other than the defaults.
+    :raises IsotrussError: a parameter is unusable.
+    """
+
+    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
+        super().__init__('viewer', parameter_overrides=list(parameter_overrides))
+        self.values = params.Parameters(self, SPECS)
+        self.picture = Picture(
+            load_robot(self.values[params.ROBOT]), self.values[params.OBJECT_DIAMETER]
+        )
+        self._throttle = WarningThrottle(self.get_logger())
+        self._view: View | None = None
+        self._controls: Controls | None = None
+        self._moving = self._pulling = False
+        self._release_until = 0.0
+        self._subscribe()
+        self._twists = self.create_publisher(Twist, 'cmd_vel', RELIABLE)
+        self._wrenches = self.create_publisher(WrenchStamped, 'external_wrench', RELIABLE)
+        self._stops = self.create_publisher(Bool, 'emergency_stop', LATCHED[0])
+        self._release = self.create_client(Trigger, 'release_emergency_stop')
+        self._set = {
+            name: self.create_client(SetParameters, f'{name}/set_parameters')
+            for name in ('manipulation', 'grasp_analysis')
+        }
+
+    def serve(self) -> None:
+        """
+        Start the server and print its address.
+
+        :raises ViewError: the address cannot be served.
+        """
+        host = self.values[HOST]
+        if host != LOCAL:
+            self.get_logger().warning(
+                f'host {host}: whoever reaches this address can watch the robot and command it'
+            )
+        self._view = View(self.picture, host, self.values[PORT])
+        self._controls = Controls(self._view.server, self.picture, self.values[params.FRICTION])
+        print(f'viewer: {self._view.address}', flush=True)
+        # Steady clock: a browser is watched in wall time.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1.0 / self.values[RATE], self._step, clock=steady)
+
+    def stop(self) -> None:
+        """Publish a zero twist where one was published before, and end the server."""
+        if self._moving:
+            self._twists.publish(Twist())
+        if self._view is not None:
+            self._view.close()
+
+    def _subscribe(self) -> None:
+        picture = self.picture
+        for kind, topic, receive in (
+            (JointState, 'joint_states', self._receive_joint_states),
+            (PoseStamped, 'object_pose', picture.receive_object_pose),
+            (GraspState, 'grasp/state', picture.receive_state),
+            (ManipulationStatus, 'manipulation/status', picture.receive_status),
+            (MarkerArray, 'grasp/markers', picture.receive_markers),
+        ):
+            subscribe_newest(
+                self, kind, topic, lambda message, to=receive: to(message, time.monotonic())
+            )
+
+    def _receive_joint_states(self, message: JointState, now: float) -> None:
+        try:
+            self.picture.receive_joint_states(message, now)
+        except ConfigurationError as error:
+            self._throttle.warn('joint_states', str(error))
+
+    def _step(self) -> None:
+        controls, picture = self._controls, self.picture
+        for name, value in controls.take():
+            self._carry_out(name, value)
+        position = self._dragged_position()
+        picture.goal = controls.target
+        controls.update(position)
+        self._publish_twist(position)
+        self._publish_wrench()
+        self._view.update(time.monotonic())
+
+    def _dragged_position(self) -> tuple[float, float] | None:
+        """Return where the object or the joint is that the handle drags."""
+        picture, name = self.picture, self._controls.dragged
+        if name == OBJECT:
+            fresh = picture.is_fresh('object_pose', time.monotonic())
+            return picture.pose[:2] if fresh else None
+        place = picture.robot.node_names.index(name)
+        return tuple(picture.config.nodes[place].tolist())
+
+    def _publish_twist(self, position: tuple[float, float] | None) -> None:
+        target = self._controls.target
+        if not self._controls.on or target is None or position is None:
+            if self._moving:
+                self._twists.publish(Twist())
+            self._moving = False
+            return
+        velocity = drag_twist(position, target, self.values[MAX_SPEED])
+        self._twists.publish(to_twist_message((*velocity, 0.0)))
+        self._moving = True
+
+    def _publish_wrench(self) -> None:
+        wrench = self._controls.wrench if self._controls.on else ZERO
+        if wrench == ZERO and not self._pulling:
+            return
+        message = WrenchStamped()
+        stamp_header(message.header, self.get_clock().now(), self.picture.robot.frame)
+        message.wrench.force.x, message.wrench.force.y, message.wrench.torque.z = wrench
+        self._wrenches.publish(message)
+        # Once one was published it goes on: an old one is not relied on.
+        self._pulling = True
+
+    def _carry_out(self, name: str, value: float | str) -> None:
+        if name == STOP:
+            self._stops.publish(Bool(data=True))
+            self._controls.switch_off()
+        elif name == RELEASE:
+            self._stops.publish(Bool(data=False))
+            self._release_until = time.monotonic() + RELEASE_TIME
+            self._ask_for_release()
+        elif name == 'drag':
+            joint = '' if value == OBJECT else value
+            mode = 'object' if value == OBJECT else 'joint'
+            self._send_parameters('manipulation', {'joint': joint, 'mode': mode})
+        else:
+            parameter, nodes = SETTINGS[name]
+            if name == 'diameter':
+                self.picture.diameter = value
+            for node in nodes:
+                self._send_parameters(node, {parameter: value})
+
+    def _ask_for_release(self) -> None:
+        """Call the service until it succeeds: it does once the message before has arrived."""
+        if not self._release.service_is_ready():
+            self._throttle.warn('release', 'no node offers release_emergency_stop')
+            return
+
+        def repeat(future: Future) -> None:
+            response = future.result()
+            if response.success or time.monotonic() > self._release_until:
+                self.get_logger().info(f'release: {response.message}')
+            else:
+                self._ask_for_release()
+
+        self._release.call_async(Trigger.Request()).add_done_callback(repeat)
+
+    def _send_parameters(self, node: str, values: dict[str, float | str]) -> None:
+        """Set parameters of another node; what it rejects is logged."""
+        client = self._set[node]
+        if not client.service_is_ready():
+            self._throttle.warn(node, f'{node} is not there: its parameters are not set')
+            return
+        request = SetParameters.Request(
+            parameters=[Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
+        )
+
+        def report(future: Future) -> None:
+            for result in future.result().results:
+                if not result.successful:
+                    self.get_logger().warning(f'{node}: {result.reason}')
+
+        client.call_async(request).add_done_callback(report)
+
+
+def _make_node() -> Viewer:
+    node = Viewer()
+    node.serve()
+    return node
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """
+    Serve the view until it is interrupted.
+
+    :param args: of the command line; those of the process if None.
+    """
+    return run(_make_node, args)

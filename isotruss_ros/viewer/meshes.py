@@ -1,0 +1,62 @@
+"""Triangles of tubes around their centre lines, and the colours of utilisation."""
+
+from __future__ import annotations
+
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+import numpy as np
+
+#: Corners of a cross section.
+CORNERS = 12
+#: A pinched end is this share of the diameter thick, and opens over so many diameters.
+PINCH, TAPER = 0.15, 0.8
+#: Colours of utilisation: unloaded, half, nearly wrinkled, wrinkled.
+USED = np.array([0.0, 0.4, 0.8, 1.0])
+COLORS = np.array([[111, 159, 200], [143, 181, 115], [242, 153, 0], [217, 26, 26]])
+
+
+def tube_vertices(line: Points, diameter: float, samples: int) -> Array:
+    """
+    Return the vertices (samples * CORNERS, 3) of a tube with pinched ends [m].
+
+    :param line: (s,) centre line [m].
+    :param diameter: of the tube [m].
+    :param samples: cross sections.
+    """
+    along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(line)))])
+    length = along[-1]
+    taper = min(TAPER * diameter, 0.5 * length)
+    ends = taper * np.linspace(0.0, 1.0, 5)[:-1]
+    middle = np.linspace(taper, length - taper, samples - 2 * len(ends))
+    part = np.concatenate([ends, middle, length - ends[::-1]])
+    centers = np.interp(part, along, line.real) + 1j * np.interp(part, along, line.imag)
+    tangents = np.gradient(centers)
+    sides = 1j * tangents / np.abs(tangents)
+    near = np.minimum(part, length - part) / taper
+    # A quarter of an ellipse: the tube closes as a pinched bag does.
+    shape = PINCH + (1.0 - PINCH) * np.sqrt(1.0 - (1.0 - np.minimum(near, 1.0)) ** 2)
+    angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+    radius = 0.5 * diameter * shape[:, None]
+    around = centers[:, None] + sides[:, None] * radius * np.cos(angle)
+    height = radius * np.sin(angle)
+    return np.stack([around.real, around.imag, height], axis=-1).reshape(-1, 3)
+
+
+def tube_faces(samples: int) -> Indices:
+    """
+    Return the triangles (f, 3) of `tube_vertices`.
+
+    :param samples: cross sections.
+    """
+    ring, corner = np.meshgrid(np.arange(samples - 1), np.arange(CORNERS), indexing='ij')
+    first, after = ring * CORNERS + corner, ring * CORNERS + (corner + 1) % CORNERS
+    quads = np.stack([first, after, after + CORNERS, first + CORNERS], axis=-1).reshape(-1, 4)
+    return np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+def color_of(utilisation: float) -> tuple[int, int, int]:
+    """
+    Return the colour (r, g, b), 0 to 255, of a tube.
+
+    :param utilisation: largest bending moment over the wrinkling moment [-].
+    """
+    return tuple(int(np.interp(utilisation, USED, channel)) for channel in COLORS.T)

@@ -1,0 +1,90 @@
+"""Status in words, and plots of squeeze and pose error over time."""
+
+from __future__ import annotations
+
+from isotruss_ros.core import GraspCode, Status
+from isotruss_ros.viewer.picture import HISTORY, Picture
+import numpy as np
+import viser
+from viser import uplot
+
+#: Plots are sent at every so many updates: they are the largest part of what is sent.
+PLOT_EVERY = 5
+
+
+class Panels:
+    """
+    Show words and plots of a picture beside the scene.
+
+    :param server: of the view.
+    """
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._words = server.gui.add_markdown('**waiting for messages**')
+        self._squeeze = self._add_plot(server, 'squeeze [N]')
+        self._error = self._add_plot(server, 'pose error [mm]')
+        self._shown, self._count = '', 0
+
+    def update(self, picture: Picture, now: float) -> None:
+        """
+        Show a picture.
+
+        :param picture: what to show.
+        :param now: time on the clock of its messages [s].
+        """
+        words = describe(picture, now)
+        if words != self._shown:
+            self._words.content = self._shown = words
+        picture.sample(now)
+        self._count += 1
+        if self._count % PLOT_EVERY:
+            return
+        samples = [s for s in picture.samples if now - s.time <= HISTORY]
+        time = np.array([s.time - now for s in samples])
+        self._squeeze.data = (time, np.array([s.squeeze for s in samples]))
+        self._error.data = (time, 1e3 * np.array([s.error for s in samples]))
+
+    def _add_plot(self, server: viser.ViserServer, name: str) -> viser.GuiUplotHandle:
+        return server.gui.add_uplot(
+            (np.array([-1.0, 0.0]), np.array([np.nan, np.nan])),
+            (uplot.Series(label='t'), uplot.Series(label=name, stroke='#1f4fd9', width=2)),
+            title=name,
+            scales={'x': uplot.Scale(time=False, auto=True), 'y': uplot.Scale(auto=True)},
+            legend=uplot.Legend(show=False),
+            aspect=2.4,
+        )
+
+
+def describe(picture: Picture, now: float) -> str:
+    """
+    Return the state of grasp and manipulation in words, as Markdown.
+
+    :param picture: what is shown.
+    :param now: time on the clock of its messages [s].
+    """
+    parts = []
+    state = picture.state
+    if not picture.is_fresh('state', now):
+        parts.append('**no grasp analysis**')
+    elif state.code >= 10:
+        parts.append(f'**no result**: {GraspCode(state.code)}: {state.message}')
+    else:
+        held = '**held**' if state.held else f'**not held**: {state.hold_message}'
+        closed = 'yes' if state.force_closure else 'no'
+        parts += [
+            held,
+            f'slip margin {state.slip_margin:.1f} N',
+            f'force closure, held fast: {closed}',
+            f'utilisation {max(state.utilisation, default=0.0):.2f} of the wrinkling moment',
+        ]
+        parts += [f'{state.message}'] if state.message else []
+    if not picture.is_fresh('status', now):
+        parts.append('no manipulation')
+    else:
+        status = picture.status
+        parts.append(f'manipulation: {Status(status.code)}'.replace('_', ' '))
+        parts += [status.message] if status.message else []
+    if picture.is_fresh('object_pose', now):
+        x, y, angle = picture.pose
+        parts.append(f'object at ({x:.3f}, {y:.3f}) m, {np.degrees(angle):.1f}°')
+    return '  \n'.join(parts)

@@ -1,0 +1,184 @@
+"""
+What the view shows, kept from messages.
+
+Messages are read by their fields, so that those of rclpy and those that are read from a recording
+without ROS serve alike.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+import math
+from typing import Any
+
+from isotruss_ros.core import Robot
+from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+#: What is older than this is not shown as if it were present [s].
+TIMEOUT = 1.0
+#: So much of the past is plotted [s].
+HISTORY = 20.0
+#: Samples that are kept of it, for 20 Hz.
+SAMPLES = 400
+#: Type of a marker that is a strip of lines, and action of one that is deleted.
+DELETE = 2
+#: Namespaces of the markers of grasp_analysis that are drawn.
+DEFORMED, REGIONS, FORCES = 'deformed', 'contact_regions', 'contact_forces'
+
+
+@dataclass
+class Sample:
+    """
+    One point of the plots.
+
+    :ivar time: [s].
+    :ivar squeeze: mean normal force of the grasping members [N]; NaN if unknown.
+    :ivar error: distance of the object from its goal [m]; NaN without a goal.
+    """
+
+    time: float
+    squeeze: float
+    error: float
+
+
+@dataclass
+class Picture:
+    """
+    The latest messages, as the view needs them.
+
+    :ivar robot: the robot.
+    :ivar config: its configuration by the last joint states.
+    :ivar pose: (x, y, angle) of the object [m, rad]; None before the first message.
+    :ivar goal: (x, y) to which the object is dragged [m]; None without one.
+    :ivar diameter: of the object [m].
+    :ivar state: last grasp/state; None before the first.
+    :ivar status: last manipulation/status; None before the first.
+    :ivar lines: points (k, 3) [m] of the markers by namespace and id.
+    :ivar samples: points of the plots.
+    """
+
+    robot: Robot
+    diameter: float
+    pose: tuple[float, float, float] | None = None
+    goal: tuple[float, float] | None = None
+    state: Any = None
+    status: Any = None
+    lines: dict[tuple[str, int], Array] = field(default_factory=dict)
+    samples: deque[Sample] = field(default_factory=lambda: deque(maxlen=SAMPLES))
+
+    def __post_init__(self) -> None:
+        """Begin at home."""
+        self.config = self.robot.home
+        self._tracker = ConfigurationTracker(self.robot.home)
+        self._received: dict[str, float] = {}
+
+    def is_fresh(self, name: str, now: float) -> bool:
+        """
+        Return whether a message was received lately.
+
+        :param name: `joint_states`, `object_pose`, `state`, `status` or `markers`.
+        :param now: on the clock of the `receive` functions [s].
+        """
+        return now - self._received.get(name, -math.inf) < TIMEOUT
+
+    def receive_joint_states(self, message: Any, now: float) -> None:
+        """
+        Find the configuration of the measured roller positions.
+
+        :param message: sensor_msgs/JointState.
+        :param now: time of arrival [s].
+        :raises ConfigurationError: no configuration of the robot fits.
+        """
+        positions = dict(zip(message.name, message.position, strict=True))
+        names = self.robot.roller_names
+        if all(name in positions and math.isfinite(positions[name]) for name in names):
+            self.config = self._tracker.configuration([positions[name] for name in names])
+            self._received['joint_states'] = now
+
+    def receive_object_pose(self, message: Any, now: float) -> None:
+        """
+        Keep the pose of the object.
+
+        :param message: geometry_msgs/PoseStamped in the robot's frame.
+        :param now: time of arrival [s].
+        """
+        position, q = message.pose.position, message.pose.orientation
+        pose = (position.x, position.y, 2.0 * math.atan2(q.z, q.w))
+        if all(map(math.isfinite, pose)):
+            self.pose = pose
+            self._received['object_pose'] = now
+
+    def receive_state(self, message: Any, now: float) -> None:
+        """
+        Keep the analysis of the grasp.
+
+        :param message: isotruss_msgs/GraspState.
+        :param now: time of arrival [s].
+        """
+        self.state = message
+        self._received['state'] = now
+
+    def receive_status(self, message: Any, now: float) -> None:
+        """
+        Keep the status of the manipulation.
+
+        :param message: isotruss_msgs/ManipulationStatus.
+        :param now: time of arrival [s].
+        """
+        self.status = message
+        self._received['status'] = now
+
+    def receive_markers(self, message: Any, now: float) -> None:
+        """
+        Keep the lines of the bent tubes, the contact regions and the forces.
+
+        :param message: visualization_msgs/MarkerArray of grasp_analysis.
+        :param now: time of arrival [s].
+        """
+        for marker in message.markers:
+            key = (marker.ns, marker.id)
+            if marker.action == DELETE:
+                self.lines.pop(key, None)
+            elif marker.ns in (DEFORMED, REGIONS, FORCES):
+                self.lines[key] = np.array([(p.x, p.y, p.z) for p in marker.points])
+                if marker.ns == DEFORMED:
+                    self._received['markers'] = now
+
+    def select_lines(self, name: str, now: float) -> list[Array]:
+        """
+        Return the lines of a namespace in the order of their ids, none that are out of date.
+
+        :param name: namespace of the markers.
+        :param now: as above [s].
+        """
+        if not self.is_fresh('markers', now):
+            return []
+        return [self.lines[key] for key in sorted(self.lines) if key[0] == name]
+
+    def is_held(self, now: float) -> bool | None:
+        """
+        Return whether the object is held; None if that is unknown.
+
+        :param now: as above [s].
+        """
+        if not self.is_fresh('state', now) or self.state.code >= 10:
+            return None
+        return bool(self.state.held)
+
+    def sample(self, now: float) -> Sample:
+        """
+        Add a point to the plots and return it.
+
+        :param now: as above [s].
+        """
+        squeeze = error = math.nan
+        if self.is_held(now) is not None and len(self.state.squeeze):
+            squeeze = float(np.mean(self.state.squeeze))
+        if self.goal is not None and self.pose is not None:
+            error = math.dist(self.goal, self.pose[:2])
+        point = Sample(now, squeeze, error)
+        self.samples.append(point)
+        return point

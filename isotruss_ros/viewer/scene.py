@@ -1,0 +1,158 @@
+"""The robot, the object and the forces as objects of the 3D scene."""
+
+from __future__ import annotations
+
+import math
+
+from isotruss_ros.core.grasping.deformed_shape import member_lines
+from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.viewer.meshes import color_of, tube_faces, tube_vertices
+from isotruss_ros.viewer.picture import DEFORMED, FORCES, Picture, REGIONS
+import numpy as np
+import viser
+
+#: Cross sections of a tube.
+SECTIONS = 28
+HELD, NOT_HELD, UNKNOWN = (51, 179, 77), (217, 51, 51), (190, 190, 190)
+MODULE, REGION, FORCE, MARK = (59, 59, 59), (242, 191, 26), (31, 79, 217), (20, 20, 20)
+#: Thickness of rods and of contact regions [m].
+ROD, STRIPE = 0.03, 0.02
+
+
+class Scene:
+    """
+    Draw a picture; what has not changed is not sent.
+
+    :param server: of the view.
+    :param picture: what is shown first.
+    """
+
+    def __init__(self, server: viser.ViserServer, picture: Picture) -> None:
+        scene = server.scene
+        lines = member_lines(picture.config)
+        points = picture.config.points
+        low = np.array([points.real.min(), points.imag.min()])
+        high = np.array([points.real.max(), points.imag.max()])
+        x, y = 0.5 * (low + high)
+        server.initial_camera.position = (x, y - 0.5, 0.95 * float((high - low).max()))
+        server.initial_camera.look_at = (x, y, 0.0)
+        server.initial_camera.up = (0.0, 1.0, 0.0)
+        # Shadows would take most of the time of a browser without a graphics card.
+        scene.configure_default_lights(cast_shadow=False)
+        scene.add_grid('/grid', 6.0, 6.0, position=(x, y, -0.3), cell_size=0.25, section_size=1.0)
+        self._diameter = picture.robot.description.tube_diameter
+        faces = tube_faces(SECTIONS)
+        self._tubes = [
+            scene.add_mesh_simple(
+                f'/tubes/{name}', self._vertices(line), faces, color=color_of(0.0), side='double'
+            )
+            for name, line in zip(picture.robot.member_names, lines, strict=True)
+        ]
+        self._lines = lines
+        self._modules = scene.add_line_segments(
+            '/modules', _module_lines(picture), MODULE, thickness=ROD
+        )
+        nothing = np.zeros((1, 2, 3), dtype=np.float32)
+        self._regions = scene.add_line_segments(
+            '/contact_regions', nothing, REGION, thickness=STRIPE, visible=False
+        )
+        self._forces = scene.add_arrows(
+            '/contact_forces',
+            nothing,
+            FORCE,
+            shaft_radius=0.006,
+            head_radius=0.016,
+            head_length=0.04,
+            visible=False,
+        )
+        self._scene = scene
+        self._shown: dict[str, object] = {}
+        self._make_object(picture)
+
+    def update(self, picture: Picture, now: float) -> None:
+        """
+        Show a picture.
+
+        :param picture: what to show.
+        :param now: time on the clock of its messages [s].
+        """
+        if picture.diameter != self._shown['diameter']:
+            self._object.remove()
+            self._make_object(picture)
+        self._move_tubes(picture, now)
+        if self._has_changed('config', picture.config.roller_positions.tobytes()):
+            self._modules.points = _module_lines(picture)
+        held = picture.is_held(now)
+        if self._has_changed('held', held):
+            self._object.color = UNKNOWN if held is None else HELD if held else NOT_HELD
+        if self._has_changed('pose', picture.pose) and picture.pose is not None:
+            x, y, angle = picture.pose
+            self._frame.position = (x, y, 0.0)
+            self._frame.wxyz = (math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle))
+            self._frame.visible = True
+        top = 0.5 * self._diameter + 0.02
+        regions = [line for line in picture.select_lines(REGIONS, now) if len(line) > 1]
+        pieces = [np.stack([line[:-1], line[1:]], axis=1) for line in regions]
+        self._show_lines(self._regions, pieces, top)
+        forces = [line[None] for line in picture.select_lines(FORCES, now) if len(line) == 2]
+        self._show_lines(self._forces, forces, top)
+
+    def _vertices(self, line: Points) -> Array:
+        return tube_vertices(line, self._diameter, SECTIONS).astype(np.float32)
+
+    def _has_changed(self, name: str, value: object) -> bool:
+        changed = name not in self._shown or self._shown[name] != value
+        self._shown[name] = value
+        return changed
+
+    def _make_object(self, picture: Picture) -> None:
+        diameter = picture.diameter
+        self._shown = {'diameter': diameter}
+        self._frame = self._scene.add_frame('/object', show_axes=False, visible=False)
+        self._object = self._scene.add_cylinder(
+            '/object/body', 0.5 * diameter, self._diameter, color=UNKNOWN
+        )
+        # A mark shows how the object turns.
+        mark = np.array([[[0.0, 0.0, 0.0], [0.45 * diameter, 0.0, 0.0]]], dtype=np.float32)
+        mark[..., 2] = 0.5 * self._diameter + 0.005
+        self._scene.add_line_segments('/object/mark', mark, MARK, thickness=0.012)
+
+    def _move_tubes(self, picture: Picture, now: float) -> None:
+        bent = picture.select_lines(DEFORMED, now)
+        if len(bent) == len(self._tubes):
+            lines = [points[:, 0] + 1j * points[:, 1] for points in bent]
+        else:
+            lines = list(member_lines(picture.config))
+        used = np.zeros(len(self._tubes))
+        if picture.is_held(now) is not None:
+            used = np.array(picture.state.utilisation)
+        for i, (tube, line) in enumerate(zip(self._tubes, lines, strict=True)):
+            if not np.array_equal(line, self._lines[i]):
+                tube.vertices = self._vertices(line)
+            if self._has_changed(f'color {i}', color_of(used[i])):
+                tube.color = color_of(used[i])
+        self._lines = lines
+
+    def _show_lines(
+        self,
+        handle: viser.LineSegmentsHandle | viser.ArrowHandle,
+        pieces: list[Array],
+        height: float,
+    ) -> None:
+        shown = bool(pieces)
+        if self._has_changed(f'{handle.name} shown', shown):
+            handle.visible = shown
+        if not shown:
+            return
+        points = np.concatenate(pieces).astype(np.float32)
+        points[..., 2] = height
+        if self._has_changed(handle.name, points.tobytes()):
+            handle.points = points
+
+
+def _module_lines(picture: Picture) -> Array:
+    """Return (2 n, 2, 3) rods from the joints to the bars between pinch points, and the bars."""
+    topology, points = picture.robot.topology, picture.config.points
+    joint, b, c = points[topology.joint], points[topology.b], points[topology.c]
+    ends = np.concatenate([np.stack([0.5 * (b + c), joint], 1), np.stack([b, c], 1)])
+    return np.stack([ends.real, ends.imag, np.zeros(ends.shape)], axis=-1).astype(np.float32)

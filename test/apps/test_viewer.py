@@ -1,0 +1,108 @@
+"""The live view without a browser: meshes, drags, recordings."""
+
+import importlib.util
+import math
+
+from builtin_interfaces.msg import Time
+from isotruss_msgs.msg import GraspState, ManipulationStatus
+from isotruss_ros.core import load_robot
+from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
+from isotruss_ros.viewer.drag import drag_twist, REACHED
+from isotruss_ros.viewer.meshes import color_of, CORNERS, tube_faces, tube_vertices
+from isotruss_ros.viewer.picture import Picture, TIMEOUT
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import MarkerArray
+
+ROBOT = load_robot('nine_member')
+RECORDS = all(map(importlib.util.find_spec, ('mcap', 'rosbags')))
+
+
+def test_a_tube_is_closed_around_its_line_and_as_wide_as_its_diameter():
+    line = np.array([0.0, 0.5 + 0.0j, 1.0])
+    vertices = tube_vertices(line, 0.1, 28).reshape(28, CORNERS, 3)
+    radius = np.linalg.norm(vertices[:, :, 1:], axis=2)
+    assert radius[14] == pytest.approx(0.05)
+    assert radius[0] == pytest.approx(0.15 * 0.05)
+    assert radius.max() <= 0.05 + 1e-12
+    assert vertices[:, 0, 0] == pytest.approx(np.sort(vertices[:, 0, 0]))
+    edges = np.sort(tube_faces(28)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    _, count = np.unique(edges, axis=0, return_counts=True)
+    # Two triangles at every edge but those of the two open ends.
+    assert (count == 1).sum() == 2 * CORNERS
+    assert set(count) == {1, 2}
+
+
+def test_a_wrinkling_tube_is_red_and_an_unloaded_one_is_not():
+    red, green, blue = color_of(1.2)
+    assert red > 200 > 60 > max(green, blue)
+    assert color_of(0.0)[2] > color_of(0.0)[0]
+
+
+def test_a_drag_goes_straight_to_its_target_and_not_faster_than_allowed():
+    x, y = 0.0, 0.0
+    for _ in range(2000):
+        vx, vy = drag_twist((x, y), (0.3, 0.4), 0.05)
+        assert math.hypot(vx, vy) <= 0.05 + 1e-12
+        assert 0.4 * vx == pytest.approx(0.3 * vy)
+        x, y = x + 0.01 * vx, y + 0.01 * vy
+    assert math.dist((x, y), (0.3, 0.4)) <= REACHED
+    assert (vx, vy) == (0.0, 0.0)
+
+
+def test_what_is_old_is_not_shown_as_held():
+    picture = Picture(ROBOT, 0.3)
+    assert picture.is_held(0.0) is None
+    picture.receive_state(GraspState(code=0, held=True), 1.0)
+    assert picture.is_held(1.0) is True
+    assert picture.is_held(1.0 + TIMEOUT) is None
+    picture.receive_state(GraspState(code=21, held=False), 2.0)
+    assert picture.is_held(2.0) is None
+
+
+def test_joint_states_move_the_picture_as_they_move_the_robot():
+    picture = Picture(ROBOT, 0.3)
+    positions = [0.02, -0.01, 0.0, 0.01, 0.0, 0.015]
+    picture.receive_joint_states(
+        JointState(name=list(ROBOT.roller_names), position=positions), 0.0
+    )
+    assert picture.config.nodes == pytest.approx(ROBOT.configuration(positions).nodes, abs=1e-9)
+
+
+@pytest.mark.skipif(not RECORDS, reason='needs mcap and rosbags')
+def test_a_recording_is_read_without_ros(tmp_path):
+    from isotruss_ros.viewer.recording import read_recording, show_message
+    from mcap.writer import Writer
+    from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+
+    for kind in (JointState, GraspState, ManipulationStatus, MarkerArray):
+        first = schema_text(kind).split('=' * 80)[0]
+        name = type_name(kind)
+        fields = get_types_from_msg(first, name)[name][1]
+        assert [field for field, _ in fields] == list(kind.get_fields_and_field_types())
+    types = get_typestore(Stores.ROS2_JAZZY).types
+    header = types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](1, 2), 'truss')
+    positions = np.array([0.02, -0.01, 0.0, 0.01, 0.0, 0.015])
+    nothing = np.zeros(0)
+    joints = types['sensor_msgs/msg/JointState'](
+        header, list(ROBOT.roller_names), positions, nothing, nothing
+    )
+    packed = get_typestore(Stores.ROS2_JAZZY).serialize_cdr(joints, 'sensor_msgs/msg/JointState')
+    path = tmp_path / 'joints.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start('ros2')
+        schema = writer.register_schema(
+            type_name(JointState), 'ros2msg', schema_text(JointState).encode()
+        )
+        channel = writer.register_channel('/joint_states', 'cdr', schema)
+        writer.add_message(channel, 5_000_000_000, bytes(packed), 5_000_000_000)
+        writer.finish()
+    ((time, topic, message),) = read_recording(path)
+    assert (time, topic) == (5.0, '/joint_states')
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1, 2)
+    assert Time.get_fields_and_field_types().keys() == {'sec', 'nanosec'}
+    picture = Picture(ROBOT, 0.3)
+    show_message(picture, topic, message, time)
+    assert picture.config.nodes == pytest.approx(ROBOT.configuration(positions).nodes, abs=1e-9)
