@@ -7,11 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 import time
+from typing import TYPE_CHECKING
 
 from isotruss_ros.core import ConfigurationError, IsotrussError, load_robot
+from isotruss_ros.viewer.names import LOCAL, MissingPackageError
 from isotruss_ros.viewer.picture import Picture
-from isotruss_ros.viewer.recording import read_recording, show_message
-from isotruss_ros.viewer.view import LOCAL, View
+
+if TYPE_CHECKING:
+    from isotruss_ros.viewer.view import View
 
 #: Pictures per second [Hz].
 RATE = 20.0
@@ -25,7 +28,12 @@ def replay(view: View, path: Path, speed: float) -> int:
     :param path: of the MCAP file.
     :param speed: against that of the recording.
     :raises RecordingError: the file cannot be read.
+    :raises MissingPackageError: mcap or rosbags is not installed.
     """
+    try:
+        from isotruss_ros.viewer.recording import read_recording, show_message
+    except ModuleNotFoundError as error:
+        raise MissingPackageError(error) from error
     count, began, shown = 0, time.monotonic(), -1.0
     first = None
     for now, topic, message in read_recording(path):
@@ -60,6 +68,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not options.speed > 0.0:
         parser.error(f'--speed {options.speed}: must be positive')
     try:
+        try:
+            from isotruss_ros.viewer.view import View
+        except ModuleNotFoundError as error:
+            raise MissingPackageError(error) from error
         robot = load_robot(options.robot)
         view = View(Picture(robot, options.diameter), LOCAL, options.port)
         print(f'replay: {view.address}', flush=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 import time
+from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
@@ -12,11 +13,14 @@ from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.qos import NEWEST
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
-from mcap.writer import Writer
+from isotruss_ros.viewer.names import MissingPackageError
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from visualization_msgs.msg import MarkerArray
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
 
 FILE = params.Spec(
     'file', '', 'MCAP file to be written, never over another; empty: by date and time', None, True
@@ -67,7 +71,12 @@ class Record(StoppableNode):
         Create the file and return its path.
 
         :raises ParameterError: it exists or cannot be created.
+        :raises MissingPackageError: mcap is not installed.
         """
+        try:
+            from mcap.writer import Writer
+        except ModuleNotFoundError as error:
+            raise MissingPackageError(error) from error
         name = self._values[FILE] or time.strftime('isotruss_%Y-%m-%d_%H-%M-%S.mcap')
         try:
             self._stream = Path(name).open('xb')  # noqa: SIM115 - open until `stop`

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import time
+from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
@@ -14,10 +15,9 @@ from isotruss_ros.nodes.framework.diagnostics import WarningThrottle
 from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
-from isotruss_ros.viewer.controls import Controls, OBJECT, RELEASE, STOP
 from isotruss_ros.viewer.drag import drag_twist
+from isotruss_ros.viewer.names import LOCAL, MissingPackageError, OBJECT, RELEASE, STOP
 from isotruss_ros.viewer.picture import Picture
-from isotruss_ros.viewer.view import LOCAL, View
 from rcl_interfaces.srv import SetParameters
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -27,6 +27,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
+
+if TYPE_CHECKING:
+    from isotruss_ros.viewer.controls import Controls
+    from isotruss_ros.viewer.view import View
 
 HOST = params.Spec(
     'host', LOCAL, 'Address that is served: only this machine, unless another', read_only=True
@@ -90,7 +94,13 @@ class Viewer(StoppableNode):
         Start the server and print its address.
 
         :raises ViewError: the address cannot be served.
+        :raises MissingPackageError: viser is not installed.
         """
+        try:
+            from isotruss_ros.viewer.controls import Controls
+            from isotruss_ros.viewer.view import View
+        except ModuleNotFoundError as error:
+            raise MissingPackageError(error) from error
         host = self.values[HOST]
         if host != LOCAL:
             self.get_logger().warning(

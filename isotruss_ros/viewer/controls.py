@@ -11,14 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import queue
 
+from isotruss_ros.viewer.names import OBJECT, RELEASE, STOP
 from isotruss_ros.viewer.picture import Picture
 import viser
 
 #: Radius of the handle [m], and its colour.
 HANDLE, COLOR = 0.05, (31, 79, 217)
-OBJECT = 'object'
-#: Names of the requests that are no settings.
-STOP, RELEASE = 'stop', 'release'
 
 
 @dataclass(frozen=True)

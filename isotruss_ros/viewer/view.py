@@ -8,8 +8,6 @@ from isotruss_ros.viewer.picture import Picture
 from isotruss_ros.viewer.scene import Scene
 import viser
 
-LOCAL = '127.0.0.1'
-
 
 class ViewError(IsotrussError, RuntimeError):
     """The view cannot be served."""
