@@ -37,6 +37,7 @@ setup(
         'demo': ['matplotlib', 'pillow', 'rich'],
         'sweep': ['distributed'],
         'viewer': ['viser', 'mcap', 'rosbags'],
+        'mujoco': ['mujoco>=3.11,<4'],
         # colcon runs pytest where it finds it here.
         'test': ['pytest', 'pytest-timeout', 'hypothesis', 'psutil', 'anastruct', 'PyNiteFEA'],
     },
@@ -57,6 +58,7 @@ setup(
             'demo = isotruss_ros.demo.__main__:main',
             'plan_grasps = isotruss_ros.cli.plan_grasps:main',
             'fit_tube_stiffness = isotruss_ros.cli.fit_tube_stiffness:main',
+            'export_mujoco = isotruss_ros.cli.export_mujoco:main',
         ],
     },
 )

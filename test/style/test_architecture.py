@@ -21,7 +21,15 @@ CORE = [
     ['core'],
 ]
 NODES = [['nodes.framework'], ['nodes.conversions'], ['nodes.components'], ['nodes']]
-REST = [['calibration'], ['plotting'], ['viewer'], *NODES, ['cli', 'demo'], ['executables']]
+REST = [
+    ['mujoco_plant'],
+    ['calibration'],
+    ['plotting'],
+    ['viewer'],
+    *NODES,
+    ['cli', 'demo'],
+    ['executables'],
+]
 ORDER = {name: place for place, line in enumerate(CORE + REST) for name in line}
 #: At the top of the sources only.
 NOT_INSTALLED = {'paper', 'examples', 'benchmarks', 'test'}

@@ -1,0 +1,60 @@
+"""Executable `export_mujoco`: write a robot as a MuJoCo model, self-contained."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import sys
+
+from isotruss_ros.core import Cylinder, IsotrussError, load_robot
+from isotruss_ros.mujoco_plant.mjcf import export_mjcf
+from isotruss_ros.mujoco_plant.options import PlantOptions
+
+WRITTEN, BAD_ARGUMENTS = 0, 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Write the model and return the exit code.
+
+    :param arguments: of the command line; those of the process if None.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        objects = [Cylinder((x, y), diameter) for x, y, diameter in options.object]
+        settings = PlantOptions(friction=options.friction)
+        text = export_mjcf(load_robot(options.robot), objects, settings)
+        options.model.write_text(text, encoding='utf-8')
+    except (IsotrussError, OSError) as error:
+        print(f'export_mujoco: {error}', file=sys.stderr)
+        return BAD_ARGUMENTS
+    print(f'{options.model}: open it with python -m mujoco.viewer --mjcf={options.model}')
+    return WRITTEN
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='export_mujoco',
+        description='Write a robot at home as a MuJoCo model (MJCF).',
+        epilog='exit codes: 0 written, 2 bad arguments',
+    )
+    parser.add_argument('robot', help='preset, or path of a robot file')
+    parser.add_argument('model', type=Path, help='file to write')
+    parser.add_argument(
+        '--object',
+        type=float,
+        nargs=3,
+        action='append',
+        default=[],
+        metavar=('X', 'Y', 'D'),
+        help='a round object: centre and diameter [m]; may be repeated',
+    )
+    parser.add_argument(
+        '--friction', type=float, default=0.5, help='between tube and object (default %(default)s)'
+    )
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,284 @@
+"""
+The robot as a MuJoCo model (MJCF): one body a joint, hinged modules, tubes as chains of capsules.
+
+A module hangs on its joint by a hinge. At its B a rigid guide arm BD is hinged; from D a chain of
+rigid capsules leads to E', with elastic joints between them (see `springs`), and ends in the
+guide arm E'C', which an equality connects to C' of the next module. Bisection (3) is one fixed
+tendon a module, linear in the angles of the joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import xml.etree.ElementTree as ET
+
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.safety.distances import nearest_on_segment
+from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.springs import Springs, springs_of
+import numpy as np
+
+#: Mass of a joint [kg], of a piece of tube and of a guide arm [kg]: invented.
+JOINT_MASS, PIECE_MASS = 0.1, 0.05
+#: Moment of inertia of light bodies [kg m^2] and drag of hinges without a spring [N m s].
+INERTIA, HINGE_DRAG = 1e-3, 0.05
+#: The armature of an elastic joint is its stiffness times the square of the time step times this:
+#: its oscillation is slow enough for the integrator, and fast against the motion of the robot.
+ARMATURE = 10.0
+#: Colours by kind of body.
+TUBE_COLOR, MODULE_COLOR, OBJECT_COLOR = '0.25 0.5 0.75 1', '0.2 0.2 0.2 1', '0.85 0.45 0.15 1'
+
+
+def segment_counts(
+    robot: Robot, objects: Sequence[Cylinder], options: PlantOptions, reach: float = 0.5
+) -> Indices:
+    """
+    Return the number of segments of each member, (m,): more next to an object.
+
+    :param robot: the robot.
+    :param objects: at the start.
+    :param options: numbers of segments.
+    :param reach: members closer to an object's surface than this share of its diameter count [-].
+    """
+    topology, points = robot.topology, robot.home.points
+    begin, end = points[topology.b], points[topology.c[topology.following]]
+    counts = np.full(topology.n_modules, options.segments)
+    for cylinder in objects:
+        distance = nearest_on_segment(complex(*cylinder.center), begin, end).distance
+        near = 0.5 * (cylinder.diameter + robot.description.tube_diameter)
+        counts[distance < near + reach * cylinder.diameter] = options.contact_segments
+    return counts
+
+
+def export_mjcf(
+    robot: Robot,
+    objects: Sequence[Cylinder] = (),
+    options: PlantOptions | None = None,
+    segments: Indices | None = None,
+) -> str:
+    """
+    Return a self-contained MJCF text of the robot at home.
+
+    :param robot: the robot.
+    :param objects: round objects, where they are.
+    :param options: masses, mesh and contact; the defaults if None.
+    :param segments: (m,) numbers of segments; by `segment_counts` if None.
+    :raises StructureError: the stiffness model has no stiffness for a member.
+    """
+    options = options or PlantOptions()
+    counts = segment_counts(robot, objects, options) if segments is None else segments
+    springs = springs_of(robot, robot.home.member_lengths, counts)
+    root = ET.Element('mujoco', model=robot.name)
+    ET.SubElement(root, 'compiler', angle='radian', autolimits='true')
+    _add_options(root, options)
+    world = ET.SubElement(root, 'worldbody')
+    ET.SubElement(world, 'light', pos='0.7 0.7 4', dir='0 0 -1', diffuse='0.8 0.8 0.8')
+    equality, tendon = ET.Element('equality'), ET.Element('tendon')
+    modules = _add_joints(world, robot, options)
+    for i in range(robot.topology.n_modules):
+        _add_member(modules[i], robot, i, int(counts[i]), springs, options)
+        _add_constraints(equality, tendon, robot, i, counts)
+    for number, cylinder in enumerate(objects):
+        _add_object(world, equality, number, cylinder, options)
+    root.extend([tendon, equality])
+    ET.indent(root)
+    return ET.tostring(root, encoding='unicode') + '\n'
+
+
+def _add_options(root: ET.Element, options: PlantOptions) -> None:
+    ET.SubElement(
+        root,
+        'option',
+        timestep=f'{options.time_step:g}',
+        gravity=_text([*options.gravity, 0.0]),
+        integrator='implicitfast',
+        solver='Newton',
+        cone='elliptic',
+        impratio='100',
+        iterations='50',
+        tolerance='1e-10',
+    )
+    ET.SubElement(root, 'visual').append(ET.Element('global', offwidth='1280', offheight='960'))
+    default = ET.SubElement(root, 'default')
+    # The stiffest contact and equality that the time step allows: the tubes give, not they.
+    stiff = {'solref': f'{2.0 * options.time_step:g} 1', 'solimp': '0.99 0.999 0.0001'}
+    ET.SubElement(default, 'equality', solref=stiff['solref'], solimp='0.999 0.9999 0.0001')
+    ET.SubElement(
+        default,
+        'geom',
+        contype='0',
+        conaffinity='0',
+        condim='3',
+        friction=f'{options.friction:g} 0 0',
+        **stiff,
+    )
+
+
+def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[ET.Element]:
+    """Add joints and modules; return the elements of the modules."""
+    topology, points = robot.topology, robot.home.points
+    held = set(topology.grounded.tolist())
+    bodies = []
+    for node, name in enumerate(topology.joint_names):
+        body = ET.SubElement(world, 'body', name=name, pos=_place(points[node]))
+        _inertial(body, JOINT_MASS)
+        for axis, letter in enumerate('xy'):
+            if 2 * node + axis not in held:
+                _slide(body, f'{name}:{letter}', axis, damping=options.joint_drag)
+        bodies.append(body)
+    modules = []
+    for i, name in enumerate(topology.module_names):
+        a, b, c = points[topology.joint[i]], points[topology.b[i]], points[topology.c[i]]
+        body = ET.SubElement(bodies[topology.joint[i]], 'body', name=name)
+        _inertial(body, options.module_mass, 0.5 * (b + c) - a, 0.01)
+        _hinge(body, f'{name}:turn', damping=HINGE_DRAG)
+        ET.SubElement(body, 'site', name=f'{name}/C', pos=_place(c - a), size='0.01')
+        for start, end, size in ((0.0, 0.5 * (b + c) - a, 0.012), (b - a, c - a, 0.02)):
+            ends = f'{_place(start)} {_place(end)}'
+            ET.SubElement(
+                body, 'geom', type='capsule', fromto=ends, size=f'{size:g}', rgba=MODULE_COLOR
+            )
+        modules.append(body)
+    return modules
+
+
+def _add_member(
+    module: ET.Element,
+    robot: Robot,
+    i: int,
+    count: int,
+    springs: Springs,
+    options: PlantOptions,
+) -> None:
+    """Add the chain from B of module i to C of the next."""
+    topology, points, file = robot.topology, robot.home.points, robot.description
+    a, b = points[topology.joint[i]], points[topology.b[i]]
+    angle = float(np.angle(points[topology.c[topology.following[i]]] - b))
+    ring, segment = file.module.guide_ring_distance, float(springs.segment[i])
+    radius, name = 0.5 * file.tube_diameter, topology.module_names[i]
+    step = options.time_step
+
+    def spring(stiffness: float) -> dict[str, float]:
+        armature = ARMATURE * stiffness * step**2
+        return {
+            'stiffness': stiffness,
+            'armature': armature,
+            'damping': float(np.sqrt(stiffness * armature)),
+        }
+
+    body = ET.SubElement(module, 'body', name=f'{name}/B', pos=_place(b - a))
+    body.set('euler', _text([0.0, 0.0, angle]))
+    _inertial(body, PIECE_MASS)
+    _hinge(body, f'{name}:arm', damping=HINGE_DRAG)
+    _capsule(body, f'{name}#B', ring, radius)
+    for piece in range(count + 1):
+        before = ring if piece == 0 else segment * (0.5 if piece == 1 else 1.0)
+        body = ET.SubElement(body, 'body', name=f'{name}#{piece}', pos=_text([before, 0.0, 0.0]))
+        _inertial(body, PIECE_MASS)
+        if piece == 0:
+            _hinge(body, f'{name}:ring', **spring(springs.ring[i]))
+        else:
+            along = springs.end_slide[i] if piece == 1 else springs.middle_slide[i]
+            _slide(body, f'{name}:x{piece}', 0, **spring(along))
+            _slide(body, f'{name}:y{piece}', 1, **spring(springs.shear[i]))
+            _hinge(body, f'{name}:bend{piece}', **spring(springs.bend[i]))
+        whole = 0 < piece < count
+        _capsule(body, f'{name}#{piece}', segment * (1.0 if whole else 0.5), radius)
+    body = ET.SubElement(body, 'body', name=f'{name}/E', pos=_text([0.5 * segment, 0.0, 0.0]))
+    _inertial(body, PIECE_MASS)
+    _slide(body, f'{name}:x{count + 1}', 0, **spring(springs.end_slide[i]))
+    _hinge(body, f'{name}:end', **spring(springs.ring[i]))
+    _capsule(body, f'{name}#E', ring, radius)
+
+
+def _add_constraints(
+    equality: ET.Element, tendon: ET.Element, robot: Robot, i: int, counts: Indices
+) -> None:
+    """Connect member i with C of the next module; bisect at module i."""
+    topology, names = robot.topology, robot.topology.module_names
+    ring = robot.description.module.guide_ring_distance
+    ET.SubElement(
+        equality,
+        'connect',
+        name=f'{names[i]}:connect',
+        body1=f'{names[i]}/E',
+        body2=names[topology.following[i]],
+        anchor=_text([ring, 0.0, 0.0]),
+    )
+    # Both arms and twice the rod: q_arm(i) + q_turn(before) + chain(before) - q_turn(i) = 0.
+    before = names[topology.previous[i]]
+    bends = [f'{before}:bend{k + 1}' for k in range(counts[topology.previous[i]])]
+    joints = [f'{names[i]}:arm', f'{before}:turn', f'{before}:arm', f'{before}:ring', *bends]
+    fixed = ET.SubElement(tendon, 'fixed', name=f'{names[i]}:bisection')
+    for joint in (*joints, f'{before}:end'):
+        ET.SubElement(fixed, 'joint', joint=joint, coef='1')
+    ET.SubElement(fixed, 'joint', joint=f'{names[i]}:turn', coef='-1')
+    ET.SubElement(equality, 'tendon', name=f'{names[i]}:bisect', tendon1=f'{names[i]}:bisection')
+
+
+def _add_object(
+    world: ET.Element, equality: ET.Element, number: int, cylinder: Cylinder, options: PlantOptions
+) -> None:
+    """Add a round object with planar joints, and equalities that can hold it."""
+    name, radius = f'object{number}', 0.5 * cylinder.diameter
+    body = ET.SubElement(world, 'body', name=name, pos=_place(complex(*cylinder.center)))
+    _inertial(body, options.object_mass, inertia=0.5 * options.object_mass * radius**2)
+    for axis, letter in enumerate('xy'):
+        _slide(body, f'{name}:{letter}', axis, damping=options.object_drag)
+    _hinge(body, f'{name}:turn', damping=options.object_drag * radius**2)
+    for letter in ('x', 'y', 'turn'):
+        held = {'name': f'{name}:hold_{letter}', 'joint1': f'{name}:{letter}', 'active': 'false'}
+        ET.SubElement(equality, 'joint', **held)
+    geom = {'name': name, 'type': 'sphere', 'size': f'{radius:.9g}', 'rgba': OBJECT_COLOR}
+    ET.SubElement(body, 'geom', contype='1', conaffinity='1', **geom)
+    mark = f'0 0 {radius:.6g} {0.9 * radius:.6g} 0 {radius:.6g}'
+    ET.SubElement(body, 'geom', type='capsule', fromto=mark, size='0.008', rgba='1 1 1 1')
+
+
+def _capsule(body: ET.Element, name: str, length: float, radius: float) -> None:
+    ET.SubElement(
+        body,
+        'geom',
+        name=name,
+        type='capsule',
+        # Set by `pos` and `size`, because the plant moves both with the length of the piece.
+        pos=_text([0.5 * length, 0.0, 0.0]),
+        euler=_text([0.0, 0.5 * np.pi, 0.0]),
+        size=_text([radius, 0.5 * length]),
+        conaffinity='1',
+        # Not zero, so that the compiler counts it among the conveyors.
+        surfacevel='0 0 1e-9',
+        rgba=TUBE_COLOR,
+    )
+
+
+def _inertial(
+    body: ET.Element, mass: float, place: complex = 0.0, inertia: float = INERTIA
+) -> None:
+    ET.SubElement(
+        body, 'inertial', pos=_place(place), mass=f'{mass:g}', diaginertia=_text([inertia] * 3)
+    )
+
+
+def _slide(body: ET.Element, name: str, axis: int, **values: float) -> None:
+    direction = '1 0 0' if axis == 0 else '0 1 0'
+    _joint(body, name, 'slide', direction, values)
+
+
+def _hinge(body: ET.Element, name: str, **values: float) -> None:
+    _joint(body, name, 'hinge', '0 0 1', values)
+
+
+def _joint(body: ET.Element, name: str, kind: str, axis: str, values: dict[str, float]) -> None:
+    numbers = {key: f'{value:.9g}' for key, value in values.items()}
+    ET.SubElement(body, 'joint', name=name, type=kind, axis=axis, **numbers)
+
+
+def _place(point: complex) -> str:
+    return _text([complex(point).real, complex(point).imag, 0.0])
+
+
+def _text(values: Sequence[float] | Array) -> str:
+    return ' '.join(f'{value:.12g}' for value in values)

@@ -1,0 +1,58 @@
+"""What the robot file does not say: masses, damping, mesh and contact of the MuJoCo model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.errors import IsotrussError
+import numpy as np
+
+#: Largest number of segments of a member; finer ones only cost time.
+MAX_SEGMENTS = 64
+
+
+class PlantError(IsotrussError, ValueError):
+    """The MuJoCo plant cannot be made, or it left what it can simulate."""
+
+
+@dataclass(frozen=True)
+class PlantOptions:
+    """
+    Settings of the MuJoCo model. Masses and damping are invented: the plant is quasi-static.
+
+    :ivar friction: coefficient between tube and object.
+    :ivar object_mass: of each object [kg].
+    :ivar module_mass: of each roller module [kg].
+    :ivar gravity: (x, y) in the plane of the robot [m/s^2].
+    :ivar time_step: of the integrator [s].
+    :ivar segments: of members near which no object is at the start.
+    :ivar contact_segments: of the members next to an object at the start.
+    :ivar joint_drag: resistance of each joint of the robot against its speed [N s/m].
+    :ivar object_drag: resistance of the ground against an object's speed [N s/m].
+    :raises PlantError: a value is not usable.
+    """
+
+    friction: float = 0.5
+    object_mass: float = 0.5
+    module_mass: float = 1.0
+    gravity: tuple[float, float] = (0.0, 0.0)
+    time_step: float = 0.002
+    segments: int = 4
+    contact_segments: int = 8
+    joint_drag: float = 25.0
+    object_drag: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        positive = (self.object_mass, self.module_mass, self.time_step)
+        not_negative = (self.friction, self.joint_drag, self.object_drag)
+        values = np.array([*positive, *not_negative, *self.gravity], dtype=float)
+        if not np.isfinite(values).all() or min(positive) <= 0.0 or min(not_negative) < 0.0:
+            raise PlantError(
+                'MuJoCo plant: masses and time step must be positive numbers, friction and drag '
+                f'not negative, gravity finite: {self}'
+            )
+        if not 1 <= min(self.segments, self.contact_segments) <= MAX_SEGMENTS or (
+            max(self.segments, self.contact_segments) > MAX_SEGMENTS
+        ):
+            raise PlantError(f'MuJoCo plant: members have 1 to {MAX_SEGMENTS} segments: {self}')

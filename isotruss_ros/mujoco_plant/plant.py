@@ -1,0 +1,319 @@
+"""The plant: a MuJoCo model whose tubes are driven by the rollers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.objects import Cylinder, Pose
+from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.mujoco_plant.engine import load_mujoco
+from isotruss_ros.mujoco_plant.mjcf import ARMATURE, export_mjcf, segment_counts
+from isotruss_ros.mujoco_plant.options import PlantError, PlantOptions
+from isotruss_ros.mujoco_plant.springs import springs_of
+import numpy as np
+from numpy.typing import ArrayLike
+
+#: Steps after which stiffness and geometry follow the lengths of the members.
+REFRESH = 10
+
+
+class ContactForce(NamedTuple):
+    """
+    The force of a member on an object.
+
+    :ivar normal: with which it presses [N].
+    :ivar friction: on the object, counter-clockwise positive [N].
+    :ivar point: where the resultant acts, x + iy in the robot frame [m].
+    """
+
+    normal: float
+    friction: float
+    point: complex
+
+
+class MujocoPlant:
+    """
+    A robot with objects that MuJoCo moves; the rollers travel as they are commanded.
+
+    :ivar travel: (r,) travel of the tube through each roller since home [m].
+    :ivar model: MuJoCo's model.
+    :ivar data: MuJoCo's state.
+    :param robot: starts at home.
+    :param objects: round objects, free from the start.
+    :param options: masses, mesh and contact; the defaults if None.
+    :raises PlantError: MuJoCo is not installed.
+    :raises StructureError: the stiffness model has no stiffness for a member.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        objects: Sequence[Cylinder] = (),
+        options: PlantOptions | None = None,
+    ) -> None:
+        self._mj = load_mujoco()
+        self.robot, self.options = robot, options or PlantOptions()
+        self._objects = tuple(objects)
+        self._counts = segment_counts(robot, objects, self.options)
+        text = export_mjcf(robot, objects, self.options, self._counts)
+        self.model = self._mj.MjModel.from_xml_string(text)
+        self.data = self._mj.MjData(self.model)
+        self.travel = np.zeros(len(robot.roller_names))
+        self._speeds = np.zeros_like(self.travel)
+        self._home = robot.home.member_lengths
+        self._wrench = np.zeros((len(objects), 3))
+        self._due = 0.0
+        self._find_addresses()
+        self._refresh()
+        self._mj.mj_forward(self.model, self.data)
+
+    @property
+    def time(self) -> float:
+        """Return the simulated time since the start [s]."""
+        return float(self.data.time)
+
+    @property
+    def nodes(self) -> Array:
+        """Return the (n, 2) node positions in `Robot.node_names` order, robot frame [m]."""
+        topology = self.robot.topology
+        nodes = np.empty((topology.n_nodes, 2))
+        nodes[: len(topology.joint_names)] = self.data.xpos[self._joint_bodies, :2]
+        nodes[topology.b] = self.data.xpos[self._b_bodies, :2]
+        nodes[topology.c] = self.data.site_xpos[self._c_sites, :2]
+        return nodes
+
+    def object_pose(self, number: int = 0) -> Pose:
+        """
+        Return the pose of an object; its angle counts turns.
+
+        :param number: of the object.
+        """
+        x, y, angle = self.data.qpos[self._object_qpos[number]]
+        center = self._objects[number].center
+        return Pose(float(x + center[0]), float(y + center[1]), float(angle))
+
+    def hold_object(self, pose: ArrayLike, number: int = 0) -> None:
+        """
+        Hold an object fast at a pose until it is released.
+
+        :param pose: (x, y, angle) in the robot frame [m, rad].
+        :param number: of the object.
+        :raises PlantError: not three finite numbers.
+        """
+        place = finite_array(pose, 3, 'the pose (x, y, angle) of the object', PlantError)
+        place[:2] -= self._objects[number].center
+        self.data.qpos[self._object_qpos[number]] = place
+        self.data.qvel[self._object_dofs[number]] = 0.0
+        self.model.eq_data[self._object_holds[number], 0] = place
+        self.data.eq_active[self._object_holds[number]] = 1
+        self._mj.mj_forward(self.model, self.data)
+
+    def release_object(self, number: int = 0) -> None:
+        """
+        Let go an object that was held fast.
+
+        :param number: of the object.
+        """
+        self.data.eq_active[self._object_holds[number]] = 0
+
+    def pull(self, wrench: ArrayLike, number: int = 0) -> None:
+        """
+        Pull at an object from now on.
+
+        :param wrench: (fx, fy, m) about its centre, robot frame [N, N m].
+        :param number: of the object.
+        :raises PlantError: not three finite numbers.
+        """
+        self._wrench[number] = finite_array(wrench, 3, 'the wrench (fx, fy, m)', PlantError)
+        self.data.qfrc_applied[self._object_dofs[number]] = self._wrench[number]
+
+    def load_joint(self, joint: str, force: ArrayLike) -> None:
+        """
+        Pull at a joint of the robot from now on.
+
+        :param joint: name of the joint.
+        :param force: (fx, fy) in the robot frame [N].
+        :raises PlantError: not two finite numbers.
+        """
+        body = self._body(joint)
+        self.data.xfrc_applied[body, :2] = finite_array(force, 2, 'the load (fx, fy)', PlantError)
+
+    def set_friction(self, friction: float) -> None:
+        """
+        Change the coefficient of friction between tubes and objects.
+
+        :param friction: not negative.
+        """
+        self.model.geom_friction[:, 0] = friction
+
+    def advance(self, duration: float, speeds: ArrayLike) -> None:
+        """
+        Let time pass by whole steps; what is left of the duration counts for the next call.
+
+        :param duration: not negative [s].
+        :param speeds: (r,) of the tube through each roller [m/s].
+        :raises PlantError: the simulation became unstable.
+        :raises ConfigurationError: not one finite speed a roller.
+        :raises StructureError: a member has no length left.
+        """
+        self._speeds = self.robot.check_rollers(speeds, 'roller velocities [m/s]')
+        self._due += duration
+        steps = int(self._due / self.options.time_step + 1e-6)
+        self._due -= steps * self.options.time_step
+        moving = bool(self._speeds.any())
+        self._move_surface()
+        for _ in range(steps):
+            if moving:
+                self.travel = self.travel + self.options.time_step * self._speeds
+                self._set_rest_lengths()
+                if self._since_refresh >= REFRESH:
+                    self._refresh()
+            self._since_refresh += 1
+            self._mj.mj_step(self.model, self.data)
+        if (
+            not np.isfinite(self.data.qpos).all()
+            or np.asarray(self.data.warning.number)[self._bad].any()
+        ):
+            raise PlantError(
+                f'MuJoCo plant: the simulation became unstable at {self.data.time:.3f} s; '
+                'take a smaller time step'
+            )
+
+    def settle(self, duration: float = 2.0) -> None:
+        """
+        Let the robot come to rest with its rollers still.
+
+        :param duration: simulated [s].
+        """
+        self.advance(duration, np.zeros_like(self.travel))
+
+    def contact_forces(self, number: int = 0) -> dict[str, ContactForce]:
+        """
+        Return the forces of members on an object, by member; none where nothing touches.
+
+        :param number: of the object.
+        """
+        mine = self._mj.mj_name2id(self.model, self._mj.mjtObj.mjOBJ_GEOM, f'object{number}')
+        center = complex(*self.object_pose(number)[:2])
+        found: dict[str, list[tuple[complex, complex, float]]] = {}
+        wrench = np.zeros(6)
+        for index, contact in enumerate(self.data.contact):
+            pair = contact.geom.tolist()
+            if mine not in pair:
+                continue
+            member = self._member_of_geom[pair[0] if pair[1] == mine else pair[1]]
+            if member < 0:
+                continue
+            self._mj.mj_contactForce(self.model, self.data, index, wrench)
+            force = contact.frame.reshape(3, 3).T @ wrench[:3]
+            sign = 1.0 if pair[1] == mine else -1.0
+            at, on = complex(*contact.pos[:2]), sign * complex(force[0], force[1])
+            found.setdefault(self.robot.member_names[member], []).append((on, at, wrench[0]))
+        return {name: _resultant(parts, center) for name, parts in found.items()}
+
+    def _find_addresses(self) -> None:
+        """Look up where joints, bodies and geoms of all members stand in MuJoCo's arrays."""
+        model, topology = self.model, self.robot.topology
+        names = topology.module_names
+        warning = self._mj.mjtWarning
+        self._bad = [
+            int(bad)
+            for bad in (warning.mjWARN_BADQPOS, warning.mjWARN_BADQVEL, warning.mjWARN_BADQACC)
+        ]
+        self._joint_bodies = [self._body(name) for name in topology.joint_names]
+        self._b_bodies = [self._body(f'{name}/B') for name in names]
+        self._c_sites = [model.site(f'{name}/C').id for name in names]
+        slides, rest, kinds, pieces = [], [], [], []
+        for i, (name, count) in enumerate(zip(names, self._counts.tolist(), strict=True)):
+            for k in range(1, count + 2):
+                end = k in (1, count + 1)
+                slides.append((model.joint(f'{name}:x{k}').id, i))
+                rest.append(0.5 if end else 1.0)
+                kinds.append((slides[-1][0], i, 0 if end else 1))
+            for k in range(1, count + 1):
+                kinds.append((model.joint(f'{name}:y{k}').id, i, 2))
+                kinds.append((model.joint(f'{name}:bend{k}').id, i, 3))
+            kinds.append((model.joint(f'{name}:ring').id, i, 4))
+            kinds.append((model.joint(f'{name}:end').id, i, 4))
+            for k in range(count + 1):
+                whole = 1.0 if 0 < k < count else 0.5
+                # A piece's origin has gone along by its share of the member's change of length.
+                share = 0.0 if k == 0 else (k - 0.5) / count
+                pieces.append((model.geom(f'{name}#{k}').id, i, whole, share))
+            pieces.append((model.geom(f'{name}#B').id, i, 0.0, 0.0))
+            pieces.append((model.geom(f'{name}#E').id, i, 0.0, 1.0))
+        joints, self._slide_member = np.array(slides).T
+        self._slide_qpos, self._slide_rest = model.jnt_qposadr[joints], np.array(rest)
+        self._spring_joint, self._spring_member, self._spring_kind = np.array(kinds).T
+        self._spring_dof = model.jnt_dofadr[self._spring_joint]
+        geoms, members, whole, share = np.array(pieces).T
+        self._piece_geom, self._piece_member = geoms.astype(int), members.astype(int)
+        self._piece_whole, self._piece_share = whole, share
+        self._member_of_geom = np.full(model.ngeom, -1)
+        self._member_of_geom[self._piece_geom] = self._piece_member
+        objects = [
+            [f'object{n}:{c}' for c in ('x', 'y', 'turn')] for n in range(len(self._objects))
+        ]
+        self._object_qpos = [
+            np.array([model.joint(joint).qposadr[0] for joint in row]) for row in objects
+        ]
+        self._object_dofs = [
+            np.array([model.joint(joint).dofadr[0] for joint in row]) for row in objects
+        ]
+        self._object_holds = [
+            np.array([model.equality(joint.replace(':', ':hold_')).id for joint in row])
+            for row in objects
+        ]
+
+    def _body(self, name: str) -> int:
+        return int(self.model.body(name).id)
+
+    def _set_rest_lengths(self) -> None:
+        change = (self.robot.topology.incidence @ self.travel) / self._counts
+        self.model.qpos_spring[self._slide_qpos] = self._slide_rest * change[self._slide_member]
+
+    def _move_surface(self) -> None:
+        """Give each piece the speed of the tube along it."""
+        topology = self.robot.topology
+        through = np.zeros(topology.n_modules)
+        through[topology.driven] = self._speeds
+        stretch = through - through[topology.following]
+        member = self._piece_member
+        # The capsule's axis is its z.
+        self.model.geom_surfacevel[self._piece_geom, 2] = (
+            through[member] - self._piece_share * stretch[member]
+        )
+
+    def _refresh(self) -> None:
+        """Let stiffness, damping and geometry follow the lengths of the members."""
+        self._since_refresh = 0
+        lengths = self._home + self.robot.topology.incidence @ self.travel
+        springs = springs_of(self.robot, lengths, self._counts)
+        table = np.stack(
+            [springs.end_slide, springs.middle_slide, springs.shear, springs.bend, springs.ring]
+        )
+        stiffness = table[self._spring_kind, self._spring_member]
+        self.model.jnt_stiffness[self._spring_joint] = stiffness
+        armature = ARMATURE * stiffness * self.options.time_step**2
+        self.model.dof_armature[self._spring_dof] = armature
+        self.model.dof_damping[self._spring_dof] = np.sqrt(stiffness * armature)
+        tube = self._piece_whole > 0.0
+        half = 0.5 * self._piece_whole * springs.segment[self._piece_member]
+        geoms = self._piece_geom[tube]
+        self.model.geom_size[geoms, 1] = half[tube]
+        self.model.geom_pos[geoms, 0] = half[tube]
+        self.model.geom_rbound[geoms] = half[tube] + self.model.geom_size[geoms, 0]
+
+
+def _resultant(parts: Sequence[tuple[complex, complex, float]], center: complex) -> ContactForce:
+    """Return the resultant of contacts with the pieces of one member."""
+    total = sum(on for on, _, _ in parts)
+    weight = sum(normal for _, _, normal in parts)
+    if weight <= 0.0:
+        return ContactForce(0.0, 0.0, parts[0][1])
+    at = sum(normal * place for _, place, normal in parts) / weight
+    inward = (center - at) / abs(center - at)
+    along = inward.conjugate() * total
+    return ContactForce(along.real, -along.imag, at)

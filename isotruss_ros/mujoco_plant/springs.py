@@ -1,0 +1,63 @@
+"""
+The springs of a tube cut into rigid pieces.
+
+A long tube piece DE' of length L becomes N segments of length l = L / N with one elastic joint in
+the middle of each. About its middle a Timoshenko segment has the diagonal compliance l / EA,
+l / GA + l^3 / (12 EI), l / EI: so loads at the ends of a member bend it exactly as its beam,
+whatever N. The guide arms BD and CE, pinned at B and C, turn by g / (3 EI) + 1 / (GA g) per unit
+moment at D and E, and stretch with the first and last piece.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.kinematics.mechanism import Mechanism
+from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Springs:
+    """
+    Stiffness and rest length of the elastic joints, member by member.
+
+    :ivar segment: (m,) length of a segment [m].
+    :ivar middle_slide: (m,) along, of the joints between whole pieces [N/m].
+    :ivar end_slide: (m,) along, of the first and the last [N/m].
+    :ivar shear: (m,) across [N/m].
+    :ivar bend: (m,) hinges within the piece [N m/rad].
+    :ivar ring: (m,) hinges at D and E' [N m/rad].
+    """
+
+    segment: Array
+    middle_slide: Array
+    end_slide: Array
+    shear: Array
+    bend: Array
+    ring: Array
+
+
+def springs_of(robot: Mechanism, lengths: Array, segments: Indices) -> Springs:
+    """
+    Return the springs of all members.
+
+    :param robot: its file has the stiffness model.
+    :param lengths: (m,) of the members, pinch to pinch, without load [m].
+    :param segments: (m,) numbers of segments.
+    :raises StructureError: the stiffness model has no stiffness for a length.
+    """
+    file = robot.description
+    pressure = np.array(list(file.pressures.values()))[robot.topology.tube]
+    tube = tube_stiffness(file).section_stiffness(lengths, pressure)
+    ring = file.module.guide_ring_distance
+    segment = (lengths - 2.0 * ring) / segments
+    return Springs(
+        segment=segment,
+        middle_slide=tube.axial / segment,
+        end_slide=tube.axial / (0.5 * segment + ring),
+        shear=1.0 / (segment / tube.shear + segment**3 / (12.0 * tube.flexural)),
+        bend=tube.flexural / segment,
+        ring=1.0 / (ring / (3.0 * tube.flexural) + 1.0 / (tube.shear * ring)),
+    )

@@ -1,0 +1,23 @@
+"""The command export_mujoco: a file that MuJoCo opens by itself."""
+
+from isotruss_ros.cli.export_mujoco import main
+from mujoco_worlds import needs_mujoco
+import pytest
+
+
+@needs_mujoco
+@pytest.mark.parametrize('name', ['nine_member', 'triangle'])
+def test_the_file_is_opened_by_mujoco_and_rests(name, tmp_path):
+    import mujoco
+
+    path = tmp_path / 'model.xml'
+    assert main([name, str(path), '--object', '5', '5', '0.3']) == 0
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 100)
+    assert abs(data.qpos).max() < 1e-9
+
+
+def test_a_robot_that_does_not_exist_is_refused(tmp_path, capsys):
+    assert main(['nobody', str(tmp_path / 'model.xml')]) == 2
+    assert 'export_mujoco: ' in capsys.readouterr().err

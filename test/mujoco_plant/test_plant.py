@@ -1,0 +1,143 @@
+"""What MuJoCo moves, against the package's kinematics and statics."""
+
+import importlib
+
+from isotruss_ros.core import analyze_grasp, Cylinder, deform, load_robot, settle_grasp
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.mujoco_plant import engine
+from isotruss_ros.mujoco_plant.options import PlantError, PlantOptions
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+from mujoco_worlds import gripped_plant, move_to, needs_mujoco
+import numpy as np
+import pytest
+
+
+@needs_mujoco
+@pytest.mark.parametrize('name', ['nine_member', 'triangle'])
+def test_unloaded_nodes_are_where_the_kinematics_puts_them(name):
+    robot = load_robot(name)
+    plant = MujocoPlant(robot)
+    np.testing.assert_allclose(plant.nodes, robot.home.nodes, atol=1e-9)
+    travel = 0.1 * np.random.default_rng(3).uniform(-1.0, 1.0, len(robot.roller_names))
+    move_to(plant, travel)
+    plant.settle(4.0)  # drag against soft members leaves some micrometres for a while
+    config = robot.configuration(travel)
+    np.testing.assert_allclose(plant.nodes, config.nodes, atol=1e-6)
+
+
+@needs_mujoco
+def test_the_capsules_of_a_member_join_at_any_length():
+    robot = load_robot('triangle')
+    plant = MujocoPlant(robot)
+    move_to(plant, [0.15, -0.1])
+    plant.settle(4.0)
+    for name in robot.module_names:
+        geoms = [plant.data.geom(f'{name}#{piece}') for piece in ('B', 0, 1, 2, 3, 4, 'E')]
+        halves = [plant.model.geom(geom.name).size[1] * geom.xmat[2::3] for geom in geoms]
+        ends = [geom.xpos + half for geom, half in zip(geoms, halves, strict=True)]
+        starts = [geom.xpos - half for geom, half in zip(geoms, halves, strict=True)]
+        np.testing.assert_allclose(ends[:-1], starts[1:], atol=1e-3)
+
+
+@needs_mujoco
+def test_small_joint_loads_move_all_nodes_as_deform_says():
+    robot = load_robot('nine_member')
+    plant = MujocoPlant(robot)
+    move_to(plant, [0.1, -0.05, 0.08, 0.02, -0.06, 0.04])
+    plant.settle(4.0)
+    config = robot.configuration(plant.travel)
+    before = plant.nodes
+    plant.load_joint('Z', (0.05, 0.03))
+    plant.settle(4.0)
+    expected = deform(config, {'Z': (0.05, 0.03)})
+    moved = np.array([expected.displacement(node)[:2] for node in robot.node_names])
+    np.testing.assert_allclose(plant.nodes - before, moved, atol=2e-3 * np.abs(moved).max())
+
+
+@needs_mujoco
+def test_a_grasp_presses_needs_friction_and_gives_as_statics_says():
+    plant, config, cylinder = gripped_plant(0.04, friction=0.0)
+    found = plant.contact_forces()
+    expected = analyze_grasp(config, cylinder, 0.5, flattening=False).contact_forces
+    assert found.keys() == expected.keys()
+    for member, force in found.items():
+        # Capsules bend in steps, and the object touches the middle of one.
+        assert force.normal == pytest.approx(expected[member], rel=0.05)
+        assert force.friction == pytest.approx(0.0, abs=0.01)
+    plant.set_friction(0.8)
+    plant.release_object()
+    plant.settle(3.0)
+    start = np.array(plant.object_pose())
+    forces = plant.contact_forces().values()
+    settled = settle_grasp(config, Cylinder(tuple(start[:2]), cylinder.diameter), 0.8)
+    required = max(abs(force.friction) / force.normal for force in forces)
+    assert required == pytest.approx(settled.required_friction, rel=0.03)
+    plant.pull((1.0, 0.0, 0.0))
+    plant.settle(3.0)
+    gives = np.linalg.solve(settled.stiffness, [1.0, 0.0, 0.0])
+    np.testing.assert_allclose(
+        np.array(plant.object_pose()) - start, gives, atol=0.1 * np.abs(gives).max()
+    )
+
+
+@needs_mujoco
+def test_a_carried_object_follows_and_is_dropped_when_friction_is_too_low():
+    plant, config, _ = gripped_plant(0.04, friction=0.8)
+    plant.release_object()
+    plant.settle(2.0)
+    start = np.array(plant.object_pose())
+    held = RollingGrasp.attach(config, Cylinder(tuple(start[:2]), 0.3), start[2])
+    travel = plant.travel + np.array([0.01, -0.01, 0.01, 0.01, -0.005, 0.01])
+    there = config.moved_to(travel)
+    move_to(plant, travel)
+    found, expected = np.array(plant.object_pose()), np.array(held.moved_to(there).pose)
+    way = np.linalg.norm(found[:2] - start[:2])
+    assert way > 0.01
+    assert np.linalg.norm((found - expected)[:2]) < max(1e-3, 0.05 * way)
+    assert len(plant.contact_forces()) == 2
+    needed = max(abs(f.friction) / f.normal for f in plant.contact_forces().values())
+    plant.set_friction(1.05 * needed)
+    plant.settle(2.0)
+    assert len(plant.contact_forces()) == 2
+    plant.set_friction(0.9 * needed)
+    plant.settle(6.0)
+    assert np.linalg.norm(np.array(plant.object_pose())[:2] - found[:2]) > 0.01
+
+
+@needs_mujoco
+def test_the_same_commands_lead_to_the_same_state():
+    ends = []
+    for _ in range(2):
+        plant, _, _ = gripped_plant(0.03, friction=0.6)
+        plant.release_object()
+        plant.settle(0.5)
+        ends.append(plant.data.qpos.copy())
+    np.testing.assert_array_equal(*ends)
+
+
+@needs_mujoco
+def test_several_objects_in_one_world():
+    robot = load_robot('nine_member')
+    plant = MujocoPlant(robot, [Cylinder((4.0, 4.0), 0.3), Cylinder((5.0, 4.0), 0.1)])
+    plant.pull((1.0, 0.0, 0.0), number=0)
+    plant.settle(0.5)
+    assert plant.object_pose(0).x > 4.01
+    assert plant.object_pose(1)[:2] == pytest.approx((5.0, 4.0))
+
+
+def test_without_mujoco_a_sentence_says_what_to_install(monkeypatch):
+    def missing(name):
+        raise ImportError(f'No module named {name!r}')
+
+    engine.load_mujoco.cache_clear()
+    monkeypatch.setattr(importlib, 'import_module', missing)
+    with pytest.raises(PlantError, match=r"pip install 'isotruss_ros\[mujoco\]'"):
+        MujocoPlant(load_robot('triangle'))
+
+
+@pytest.mark.parametrize(
+    'values', [{'object_mass': 0.0}, {'friction': -0.1}, {'segments': 0}, {'time_step': np.nan}]
+)
+def test_unusable_options_are_refused(values):
+    with pytest.raises(PlantError, match='MuJoCo plant'):
+        PlantOptions(**values)
