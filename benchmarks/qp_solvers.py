@@ -1,0 +1,144 @@
+"""
+How often and how fast quadratic programs are solved, beside other solvers.
+
+Programs come from walks at the edge of the shapes and from the planning of grasps. Each is varied:
+targets by 1 %, bounds by half of themselves or to zero, so that many meet at a corner, equalities
+by a thousandth, one in ten of them next to parallel. Counted is what is not solved: no answer, or
+one that is beyond a constraint by 1e-7 or costs more than another solver's.
+
+    python benchmarks/qp_solvers.py [PROGRAMS]
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import sys
+import time
+
+os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
+sys.path.append(str(Path(__file__).parents[1] / 'test' / 'helpers'))
+
+from isotruss_ros.core import Cylinder, load_robot, plan_grasps
+from isotruss_ros.core.grasping import force_closure
+from isotruss_ros.core.manipulation import twist_qp
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
+from isotruss_ros.core.planning import closing_qp
+from measuring import print_machine, print_table
+import numpy as np
+import qpsolvers
+import walks
+
+PROGRAMS, KEPT, WALKS = 20_000, 3000, 30
+PEERS = {'daqp': {'primal_tol': 1e-9}, 'quadprog': {}}
+SOURCES = {'twist': twist_qp, 'closing': closing_qp, 'force closure': force_closure}
+
+
+def harvest() -> dict[str, list[QuadraticProgram]]:
+    """Return programs by source, as walks and plans pose them."""
+    kept: dict[str, list[QuadraticProgram]] = {name: [] for name in SOURCES}
+    for name, module in SOURCES.items():
+
+        def record(problem: QuadraticProgram, name: str = name) -> Array | None:
+            if len(kept[name]) < KEPT:
+                kept[name].append(QuadraticProgram(*(copied(part) for part in problem)))
+            return solve_qp(problem)
+
+        module.solve_qp = record
+    for seed in range(WALKS):
+        walks.walk(seed, 300, slide=seed % 3 == 2)
+    home = load_robot('nine_member').home
+    for diameter in (0.2, 0.25, 0.3, 0.35, 0.4):
+        plan_grasps(home, Cylinder((0.0, -0.8), diameter), thorough=False)
+    return kept
+
+
+def copied(part: Array | None) -> Array | None:
+    """Return a copy of a part of a program."""
+    return None if part is None else np.array(part)
+
+
+def varied(problem: QuadraticProgram, rng: np.random.Generator) -> QuadraticProgram:
+    """Return a program near one that occurred, with more constraints in one corner."""
+    shift = 1e-2 * rng.standard_normal(len(problem.gradient))
+    bounds = problem.bounds * rng.uniform(0.5, 1.5, len(problem.bounds))
+    # Bounds of rows that have none stay infinite.
+    bounds[(rng.random(len(bounds)) < 0.2) & np.isfinite(bounds)] = 0.0
+    equality = problem.equality
+    if equality is not None:
+        equality = equality * (1.0 + 1e-3 * rng.standard_normal(equality.shape))
+        if rng.random() < 0.1:
+            equality[-1] = equality[0] + 1e-6 * equality[-1]
+    gradient = problem.gradient + problem.hessian @ shift
+    return problem._replace(gradient=gradient, bounds=bounds, equality=equality)
+
+
+def by_peer(problem: QuadraticProgram, name: str) -> Array | None:
+    """Solve a program by another solver."""
+    rows = len(problem.rows) > 0
+    return qpsolvers.solve_problem(
+        qpsolvers.Problem(
+            problem.hessian,
+            problem.gradient,
+            problem.rows if rows else None,
+            problem.bounds if rows else None,
+            problem.equality,
+            problem.target,
+            problem.lower,
+            problem.upper,
+        ),
+        name,
+        **PEERS[name],
+    ).x
+
+
+def cost_of(problem: QuadraticProgram, x: Array | None) -> float:
+    """Return the cost at a point, infinite where it is none or not admissible."""
+    if x is None:
+        return np.inf
+    beyond = max((problem.rows @ x - problem.bounds).max(initial=0.0), 0.0)
+    beyond = max(beyond, (problem.lower - x).max(), (x - problem.upper).max())
+    if problem.equality is not None:
+        beyond = max(beyond, np.abs(problem.equality @ x - problem.target).max())
+    value = 0.5 * x @ problem.hessian @ x + problem.gradient @ x
+    return np.inf if not beyond < 1e-7 else float(value)
+
+
+def main() -> None:
+    """Print how many programs each solver left, and its median time."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else PROGRAMS
+    print_machine()
+    rng, programs = np.random.default_rng(1), harvest()
+    solvers = {'this package': solve_qp}
+    for peer in PEERS:
+        solvers[peer] = lambda problem, peer=peer: by_peer(problem, peer)
+    for source, posed in programs.items():
+        left, times = dict.fromkeys(solvers, 0), {name: [] for name in solvers}
+        for _ in range(count // len(programs)):
+            problem = varied(posed[rng.integers(len(posed))], rng)
+            costs = {}
+            for name, solve in solvers.items():
+                start = time.thread_time_ns()
+                found = solve(problem)
+                times[name].append(1e-3 * (time.thread_time_ns() - start))
+                costs[name] = cost_of(problem, found)
+            best = min(costs.values())
+            if best < np.inf:
+                for name, cost in costs.items():
+                    left[name] += not cost <= best + 1e-5 * (1.0 + abs(best))
+        rows = [
+            (
+                name,
+                str(left[name]),
+                f'{np.median(times[name]):.0f}',
+                f'{np.quantile(times[name], 0.99):.0f}',
+            )
+            for name in solvers
+        ]
+        print(f'\n{source}: {count // len(programs)} programs near {len(posed)} that occurred')
+        print_table(('solver', 'not solved', 'median [us]', 'p99 [us]'), rows)
+
+
+if __name__ == '__main__':
+    main()
