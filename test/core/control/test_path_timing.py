@@ -148,3 +148,14 @@ def test_a_limit_that_slows_a_little_slows_the_clock():
     assert moving.rate == pytest.approx(0.995)
     moving.advance(PERIOD, 1.0, 1.0, False)
     assert moving.rate == 1.0
+
+
+def test_path_time_stands_while_a_cycle_is_late():
+    moving = clock(100.0, 0.0, 1.0)
+    for _ in range(10):
+        moving.advance(PERIOD, 1.0, 1.0, False)
+    due = moving.time
+    moving.advance(3.0 * PERIOD, 1.0, 1.0, False)
+    assert moving.time_then(0.0, 0.0) == pytest.approx(due)
+    assert moving.time_then(0.0, PERIOD) == pytest.approx(due)
+    assert moving.time_then(0.0, 2.5 * PERIOD) == pytest.approx(due - 0.5 * PERIOD)

@@ -242,3 +242,8 @@ def test_directions_measure_along_and_to_the_left_of_the_member():
     moved = np.array([3.0, 4.0, 0.5, -4.0, 3.0, -0.5])
     along = directions(np.array([0.6 + 0.8j]))[0] @ moved
     np.testing.assert_allclose(along, [5.0, 0.0, 0.5, 0.0, 5.0, -0.5], atol=1e-15)
+
+
+def test_pins_of_the_softest_member_are_those_of_any_other():
+    soft, stiff = (member(1.0, size, size, size, pinned=(True, False)) for size in (1e-3, 1.0))
+    assert soft == pytest.approx(1e-3 * stiff, rel=1e-9)

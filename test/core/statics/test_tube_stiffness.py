@@ -209,6 +209,9 @@ def test_power_law_that_no_beam_has_is_refused_with_what_would_be_right():
     needed = float(re.findall(r'([\d.]+) N m/rad', message)[-1])
     mended = PowerLaw(Law(1e3, 0.0, 0.0), Law(1e3, 0.0, 0.0), Law(1.001 * needed, 0.0, 0.0), 0.0)
     mended.section_stiffness([0.508], PRESSURE)
+    short = PowerLaw(Law(1e3, 0.0, 0.0), Law(1e3, 0.0, 0.0), Law(0.99 * needed, 0.0, 0.0), 0.0)
+    with pytest.raises(StructureError, match='no beam has'):
+        short.section_stiffness([0.508], PRESSURE)
 
 
 @pytest.mark.parametrize('exponent', [1e12, -1e12, 40.0])
