@@ -69,6 +69,8 @@ MODE = params.Spec(
 )
 JOINT = params.Spec('joint', '', "In the mode 'joint': name of the joint")
 MODES = ('object', 'joint')
+#: The type of the publishers of cmd_vel is looked up this often while no twist comes [s].
+TYPE_CHECK_PERIOD = 1.0
 SPECS = (
     params.ROBOT,
     MODE,
@@ -134,6 +136,7 @@ class Manipulation(ManagedNode):
             )
         else:
             subscribe_newest(self, Twist, 'cmd_vel', self._receive_twist)
+        self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
@@ -283,6 +286,23 @@ class Manipulation(ManagedNode):
     def _read_stamped_twist(self, message: TwistStamped) -> tuple[float, float, float]:
         check_frame('twist', message.header, self._robot.frame)
         return read_twist(message.twist)
+
+    def _check_twist_type(self) -> None:
+        """Reject the twists of a publisher of the other type, which are never received."""
+        twist, servo = self._servo.twist, self._servo
+        if isinstance(twist, StampedInput) and self.now() - twist.time < servo.timeout:
+            return
+        stamped = self.values[params.USE_STAMPED_TWIST]
+        wrong, right = ('Twist', 'TwistStamped') if stamped else ('TwistStamped', 'Twist')
+        found = self.get_publishers_info_by_topic('cmd_vel')
+        rejected = RejectedInput(
+            f'cmd_vel has a publisher of {wrong}, which is not received: publish {right}, or '
+            f'set use_stamped_twist to {str(not stamped).lower()}'
+        )
+        if any(publisher.topic_type == f'geometry_msgs/msg/{wrong}' for publisher in found):
+            servo.twist = rejected
+        elif twist == rejected:
+            servo.twist = None
 
     def _step(self, now: Time) -> None:
         began = time.perf_counter()

@@ -321,6 +321,24 @@ def test_parameters_change_at_run_time_or_are_rejected_with_the_reason():
         w.until_code(Status.OK, w.probe.send_all)
 
 
+def test_whole_numbers_are_taken_for_real_parameters():
+    """As `-p rate:=100` and `ros2 param set` give them."""
+    with world(node(rate=100)) as w:
+        manipulation = w.nodes[1]
+        assert manipulation.get_parameter('rate').value == 100.0
+        assert manipulation.set_parameters([Parameter('rate', value=50)])[0].successful
+        assert manipulation.get_parameter('rate').value == 50.0
+        result = manipulation.set_parameters([Parameter('rate', value=0)])[0]
+        assert not result.successful
+        assert 'range' in result.reason
+
+
+def test_an_unknown_parameter_is_warned_of(capfd):
+    with world(node(gripmodule=MODULE)):
+        pass
+    assert 'parameter gripmodule: unknown, and not used' in capfd.readouterr().err
+
+
 def test_parameters_are_described():
     with world(node()) as w:
         names = ['robot', 'object_diameter', 'grip_module', 'rate', 'command_timeout']

@@ -1,7 +1,8 @@
 """Bytes that are no message, and floods of messages, over DDS."""
 
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import Twist, TwistStamped, WrenchStamped
 from isotruss_ros.core import Status
+from isotruss_ros.demo.processes import NodeProcess
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
@@ -48,6 +49,30 @@ def test_bytes_that_are_no_message_are_dropped():
         strings.publish(String())  # should something have been a message after all
         w.probe.seen['status'].clear()
         w.until(lambda: bool(w.probe.seen['status']), w.probe.send_twist)
+
+
+@pytest.mark.parametrize('stamped', [False, True])
+def test_a_publisher_of_the_other_type_of_twist_is_named(tmp_path, stamped):
+    """Of another process: in one process a topic has one type."""
+    other = Twist if stamped else TwistStamped
+    with world(twist_type=other) as w:
+        log = tmp_path / 'manipulation.log'
+        node = NodeProcess('manipulation', {'use_stamped_twist': stamped}, log)
+        try:
+
+            def measured():
+                w.probe.send_joints()
+                w.probe.send_pose()
+
+            status = w.until_code(Status.HALT_INVALID_TWIST, measured)
+            words = f'cmd_vel has a publisher of {other.__name__}, which is not received'
+            assert words in status.message
+            assert f'set use_stamped_twist to {str(not stamped).lower()}' in status.message
+            w.probe.destroy_publisher(w.probe.twists)
+            w.until_code(Status.HALT_NO_TWIST, measured)
+        finally:
+            node.stop()
+        assert words in log.read_text()
 
 
 def test_floods_on_every_input_do_no_harm():

@@ -100,12 +100,20 @@ class Parameters:
         self._unconfigured = unconfigured
         self._check: Callable[[dict[str, Value]], None] | None = None
         self._apply: Callable[[], None] | None = None
+        self._real = {spec.name for spec in specs if isinstance(spec.default, float)}
         managed = unconfigured is not None
+        # What the command line gives to a node is in no public attribute of rclpy.
+        given = node._parameter_overrides
+        given |= {p.name: p for p in self._read_whole_numbers([*given.values()])}
         for spec in specs:
             try:
                 node.declare_parameter(spec.name, spec.default, spec.descriptor(managed))
             except ParameterException as error:
                 raise ParameterError(f'parameter {spec.name}: {error}') from error
+        for name in sorted(given):
+            if not node.has_parameter(name):
+                node.get_logger().warning(f'parameter {name}: unknown, and not used')
+        node.add_pre_set_parameters_callback(self._read_whole_numbers)
         node.add_on_set_parameters_callback(self._check_change)
         node.add_post_set_parameters_callback(self._apply_change)
 
@@ -134,6 +142,15 @@ class Parameters:
     def release(self) -> None:
         """Remove the functions of `on_change`: the node is no longer configured."""
         self._check = self._apply = None
+
+    def _read_whole_numbers(self, parameters: list[Parameter]) -> list[Parameter]:
+        """Return parameters with whole numbers, such as 100, made real where they must be."""
+        return [
+            Parameter(p.name, value=float(p.value))
+            if p.name in self._real and p.type_ == Parameter.Type.INTEGER
+            else p
+            for p in parameters
+        ]
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
         """Return whether parameters can be set."""
