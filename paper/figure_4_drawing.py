@@ -41,9 +41,11 @@ def draw(result: TubeFit) -> Figure:
         slopes = result.analysis.slopes[mode]
         _draw_loads(panels[0, i], mode, slopes, beam)
         _draw_stiffnesses(panels[1, i], mode, slopes, beam, law)
+    # Room for the legend; Matplotlib 3.6 places none outside by itself.
+    figure.get_layout_engine().set(rect=(0.0, 0.07, 1.0, 0.93))
     figure.legend(
         handles=_handles(),
-        loc='outside lower center',
+        loc='lower center',
         ncols=5,
         handlelength=1.6,
         columnspacing=1.2,

@@ -10,12 +10,15 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.demo.processes import running_nodes
 import numpy as np
 from PIL import Image
+from probe import begin_context
 import pytest
 import rclpy
 from rclpy.qos import qos_profile_sensor_data
 
 CHROMIUM = shutil.which('chromium')
 PACKAGES = all(map(importlib.util.find_spec, ('viser', 'playwright')))
+pytestmark = pytest.mark.system
+
 #: In which everything here comes about, on a machine that is busy and draws without hardware [s].
 DEADLINE = 90.0
 #: The server; the next port that is free where this is taken.
@@ -28,7 +31,7 @@ class Observer:
     """The newest pose and status on the topics."""
 
     def __init__(self):
-        rclpy.init()
+        begin_context()
         self._node = rclpy.create_node('observer')
         self.seen = {}
         for kind, topic in (
