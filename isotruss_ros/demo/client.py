@@ -119,6 +119,11 @@ class DemoClient(Node):
     def _take_grasp(self, message: GraspState) -> None:
         self._record.grasps.append(message)
 
+    def destroy_node(self) -> None:
+        """End the executor too, which outlives the context otherwise and complains."""
+        self._own_executor.shutdown()
+        super().destroy_node()
+
     def begin(self, name: str) -> PhaseRecord:
         """
         Begin a phase: messages received from now on belong to its record.

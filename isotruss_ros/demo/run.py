@@ -100,8 +100,9 @@ def _play(
     console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
     # Python's own: those of rclpy would close the context before the nodes are stopped.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    client = DemoClient(load_robot(ROBOT).roller_names)
+    client = None
     try:
+        client = DemoClient(load_robot(ROBOT).roller_names)
         with running_nodes(started, output) as nodes:
 
             def check() -> None:
@@ -131,7 +132,8 @@ def _play(
                 records += [client.play(phase, check, bar(phase.name)) for phase in figure_9(PULL)]
             return records, plan
     finally:
-        client.destroy_node()
+        if client is not None:
+            client.destroy_node()
         rclpy.try_shutdown()
 
 
