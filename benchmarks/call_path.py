@@ -1,10 +1,12 @@
 """
 How many files of the package a twist and a closure flag pass through.
 
-One control cycle of `TwistServo.decide` with fresh inputs of a moving robot, and one analysis of
-`GraspMonitor.report` after robot and object have moved. Counted by `sys.setprofile`: the files of
-the package whose functions are called, and the moves between them: every call or return that
-leads from one of its files to another. Calls into other packages do not count.
+One control cycle of `TwistServo.decide` with fresh inputs of a moving robot; one `analyze_grasp`,
+which finds closure by (10); and one analysis of `GraspMonitor.report` after robot and object have
+moved, whose flag says that a free object is held, so that `settle_grasp` runs beside
+(10). Counted by `sys.setprofile`: the files of the package whose functions are called, and the
+moves between them: every call or return that leads from one of its files to another. Calls into
+other packages do not count.
 
     python benchmarks/call_path.py
 """
@@ -28,7 +30,11 @@ import numpy as np
 PACKAGE = str(Path(isotruss_ros.__file__).parent)
 MODULE, DIAMETER, PERIOD, TWIST = 'east/Q', 0.3, 0.005, (0.02, 0.03, 0.1)
 #: Files and moves of commit b828dad, counted in the same manner.
-BEFORE = {'twist to roller command': (23, 168), 'closure flag': (20, 430)}
+BEFORE = {
+    'twist to roller command': (23, 168),
+    'closure by (10)': (20, 430),
+    'flag of the node: held': (20, 430),
+}
 
 
 def trace(call: Callable[[], object]) -> tuple[list[str], int]:
@@ -88,6 +94,15 @@ def control_cycle() -> tuple[list[str], int]:
     return traced
 
 
+def closure() -> tuple[list[str], int]:
+    """Trace one analysis of a grasp in a configuration that was not analysed before."""
+    robot = core.load_robot('nine_member')
+    cylinder = core.Cylinder(core.tangent_center(robot.home, MODULE, DIAMETER, 0.002), DIAMETER)
+    core.analyze_grasp(robot.home, cylinder)
+    config = robot.configuration(np.full(len(robot.roller_names), 1e-5))
+    return trace(lambda: core.analyze_grasp(config, cylinder))
+
+
 def analysis_cycle() -> tuple[list[str], int]:
     """Trace one analysis of the grasp monitor, once it has run for some cycles."""
     robot = core.load_robot('nine_member')
@@ -108,7 +123,8 @@ def main() -> None:
     rows = []
     for name, run in (
         ('twist to roller command', control_cycle),
-        ('closure flag', analysis_cycle),
+        ('closure by (10)', closure),
+        ('flag of the node: held', analysis_cycle),
     ):
         files, moves = run()
         rows.append((name, *(str(n) for n in (*BEFORE[name], len(files), moves))))

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
-
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.kinematics.robot import Robot
@@ -15,67 +12,12 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.safety.barrier_law import (
     ActiveValues,
     BarrierLaw,
-    EVERYTHING,
     NOTHING,
     Selection,
 )
 from isotruss_ros.core.safety.distances import collision_model
+from isotruss_ros.core.safety.neighbor_list import NeighborList
 import numpy as np
-
-#: Pairs that are this much farther apart than near are in the list too [m].
-SKIN = 0.05
-
-
-class NeighborList(NamedTuple):
-    """
-    The pairs that could come near, found where the robot was a while ago (Verlet's list).
-
-    It saves work and changes no result: the distance of two parts changes by no more than
-    what both of them have moved.
-
-    :ivar config: where the robot was.
-    :ivar grasp: what it held.
-    :ivar spare: how far from being near all other pairs were, at least [m].
-    :ivar clear: the same of the pairs in the list; not positive where some were near.
-    :ivar pairs: (k,) numbers of the pairs in the list.
-    """
-
-    config: Configuration
-    grasp: Grasp | None
-    spare: float
-    clear: float
-    pairs: Indices
-
-    @classmethod
-    def find(
-        cls, config: Configuration, grasp: Grasp | None, distances: Array, near: float
-    ) -> NeighborList:
-        """
-        Make the list.
-
-        :param config: where the robot is.
-        :param grasp: what it holds; None where no distance depends on that.
-        :param distances: of all pairs there [m].
-        :param near: pairs closer than this are near [m].
-        """
-        pairs = np.flatnonzero(distances < near + SKIN)
-        clear = float(distances.min(initial=np.inf)) - near
-        return cls(config, grasp, SKIN if len(pairs) else clear, clear, pairs)
-
-    def motion(self, config: Configuration, grasp: Grasp | None) -> float:
-        """
-        Return by how much distances have changed since, at most [m]; infinite for another object.
-
-        :param config: where the robot is.
-        :param grasp: what it holds, None as in `find`.
-        """
-        then = self.grasp
-        moved = float(np.abs(config.points - self.config.points).max())
-        if grasp is None or then is None:
-            return 2.0 * moved if grasp is then else math.inf
-        if grasp.module != then.module or grasp.diameter != then.diameter:
-            return math.inf
-        return moved + max(moved, math.dist(grasp.center, then.center))
 
 
 class RigidityBarrier:
@@ -146,7 +88,7 @@ class SelfCollisionBarrier:
     def __init__(self, robot: Robot, law: BarrierLaw) -> None:
         self.law = law
         self._model = collision_model(robot)
-        self._neighbors: NeighborList | None = None
+        self._neighbors = NeighborList(law.active_below)
 
     def active(self, config: Configuration, grasp: Grasp | None) -> ActiveValues:
         """
@@ -155,21 +97,12 @@ class SelfCollisionBarrier:
         :param config: where the robot is.
         :param grasp: not used.
         """
-        near = self.law.active_below
-        found = self._neighbors
-        motion = math.inf if found is None else found.motion(config, None)
-        if found is None or motion >= found.spare:
-            found = NeighborList.find(config, None, self._model.distances(config), near)
-            self._neighbors, motion = found, 0.0
-        if motion < found.clear:
+        pairs, distances = self._neighbors.find_close(
+            config, None, lambda indices: self.values(config, grasp, indices)
+        )
+        if not len(pairs):
             return NOTHING
-        pairs = found.pairs
-        distances = self._model.distances(config, pairs)
-        close = distances < near
-        if not close.any():
-            return NOTHING
-        pairs = pairs[close]
-        return ActiveValues(pairs, distances[close], self._model.gradients(config, pairs))
+        return ActiveValues(pairs, distances, self._model.gradients(config, pairs))
 
     def values(self, config: Configuration, grasp: Grasp | None, indices: Selection) -> Array:
         """
@@ -203,7 +136,7 @@ class ObjectBarrier:
     def __init__(self, robot: Robot, law: BarrierLaw) -> None:
         self.law = law
         self._model = collision_model(robot)
-        self._neighbors: NeighborList | None = None
+        self._neighbors = NeighborList(law.active_below)
 
     def active(self, config: Configuration, grasp: Grasp) -> ActiveValues:
         """
@@ -212,22 +145,14 @@ class ObjectBarrier:
         :param config: where the robot is.
         :param grasp: what it holds.
         """
-        near = self.law.active_below
-        found = self._neighbors
-        motion = math.inf if found is None else found.motion(config, grasp)
-        if found is None or motion >= found.spare:
-            everything = self.values(config, grasp, EVERYTHING)
-            found = NeighborList.find(config, grasp, everything, near)
-            self._neighbors, motion = found, 0.0
-        if motion < found.clear:
-            return NOTHING
-        distances = self.values(config, grasp, EVERYTHING)
-        parts = np.flatnonzero(distances < near)
+        parts, distances = self._neighbors.find_close(
+            config, grasp, lambda indices: self.values(config, grasp, indices)
+        )
         if not len(parts):
             return NOTHING
         motion = grasp_rows(config, grasp).nodes[:2]
         rows = self._model.object_gradients(config, complex(*grasp.center), parts, motion)
-        return ActiveValues(parts, distances[parts], rows)
+        return ActiveValues(parts, distances, rows)
 
     def values(self, config: Configuration, grasp: Grasp, indices: Selection) -> Array:
         """

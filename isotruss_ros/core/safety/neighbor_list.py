@@ -1,0 +1,94 @@
+"""Which distances need measuring: Verlet's neighbour list."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import math
+from typing import NamedTuple
+
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grasp import Grasp
+from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.safety.barrier_law import EVERYTHING, Selection
+import numpy as np
+
+#: Pairs that are this much farther apart than close are in the list too [m].
+SKIN = 0.05
+NO_PAIRS = np.zeros(0, dtype=np.intp)
+
+
+class Measured(NamedTuple):
+    """
+    A state in which distances were measured.
+
+    :ivar config: where the robot was.
+    :ivar grasp: what it held; None where no distance depends on that.
+    :ivar spare: how far the smallest of the distances was from being close [m].
+    """
+
+    config: Configuration
+    grasp: Grasp | None
+    spare: float
+
+    def holds(self, config: Configuration, grasp: Grasp | None) -> bool:
+        """
+        Return whether none of the distances can be close in another state.
+
+        :param config: where the robot is.
+        :param grasp: what it holds, None as in the measured state.
+        """
+        if self.spare <= 0.0:
+            return False
+        then = self.grasp
+        moved = float(np.abs(config.points - self.config.points).max())
+        if grasp is None or then is None:
+            return grasp is then and 2.0 * moved < self.spare
+        if grasp.module != then.module or grasp.diameter != then.diameter:
+            return False
+        return moved + max(moved, math.dist(grasp.center, then.center)) < self.spare
+
+
+class NeighborList:
+    """
+    Pairs of parts that may be close, measured only when they may have become so.
+
+    It saves work and changes no result: the distance of two parts changes by no more than what
+    both of them have moved. The pairs near each other are in a list; all others are measured
+    again when they may have entered it, those of the list when one of them may be close.
+
+    :param near: pairs closer than this are close [m].
+    """
+
+    def __init__(self, near: float) -> None:
+        self._near = near
+        self._pairs = NO_PAIRS
+        self._others: Measured | None = None
+        self._listed: Measured | None = None
+
+    def find_close(
+        self,
+        config: Configuration,
+        grasp: Grasp | None,
+        measure: Callable[[Selection], Array],
+    ) -> tuple[Indices, Array]:
+        """
+        Return the numbers of the pairs that are close, and their distances [m].
+
+        :param config: where the robot is.
+        :param grasp: what it holds; None where no distance depends on that.
+        :param measure: distances [m] of pairs of these numbers, in this state.
+        """
+        if self._others is None or not self._others.holds(config, grasp):
+            distances = measure(EVERYTHING)
+            self._pairs = np.flatnonzero(distances < self._near + SKIN)
+            spare = SKIN if len(self._pairs) else distances.min(initial=np.inf) - self._near
+            self._others = Measured(config, grasp, float(spare))
+            distances = distances[self._pairs]
+        elif not len(self._pairs) or (self._listed and self._listed.holds(config, grasp)):
+            return NO_PAIRS, np.zeros(0)
+        else:
+            distances = measure(self._pairs)
+        smallest = float(distances.min(initial=np.inf))
+        self._listed = Measured(config, grasp, smallest - self._near)
+        close = distances < self._near
+        return self._pairs[close], distances[close]
