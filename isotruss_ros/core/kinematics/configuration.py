@@ -86,20 +86,12 @@ class Configuration:
             self.points, _targets(self.robot, self.roller_positions)
         )
 
-    def node_velocities(self, roller_velocities: ArrayLike) -> Array:
-        """
-        Return the node velocities by equation (12).
-
-        :param roller_velocities: (r,) speed of the tube through each roller [m/s].
-        :return: (n, 2) [m/s].
-        """
-        rollers = self.robot.check_rollers(roller_velocities, 'roller velocities [m/s]')
-        return self._velocities(rollers).view(np.float64).reshape(-1, 2)
-
     @cached_property
     def node_jacobian(self) -> Array:
         """
         Return the (2n, r) velocities of the nodes (x0, y0, x1, y1, ...) for 1 m/s at each roller.
+
+        They follow by equation (12).
 
         :raises ConfigurationError: the configuration is singular.
         """
@@ -167,7 +159,10 @@ class Configuration:
             return self
         if np.abs(travel).max() > first_order:
             return self.moved_to(self.roller_positions + travel)
-        points = self.points + self._velocities(travel)
+        # (12): xdot = R^-1 (Ldot, 0), with Ldot = C phidot.
+        right = np.zeros(self.robot.constraints.n_rows)
+        right[: self.robot.topology.n_modules] = self.robot.topology.incidence @ travel
+        points = self.points + self.factor.solve(right).view(np.complex128)
         return Configuration(self.robot, self.roller_positions + travel, points)
 
     def module_rows(self, node_rows: Array) -> Array:
@@ -183,12 +178,6 @@ class Configuration:
         topology = self.robot.topology
         by_length = self.factor.solve_transposed(node_rows.T)[: topology.n_modules]
         return (by_length - by_length[topology.previous]).T  # dL_i = dphi_i - dphi_following(i)
-
-    def _velocities(self, rollers: Array) -> Points:
-        # (12): xdot = R^-1 (Ldot, 0), with Ldot = C phidot.
-        right = np.zeros(self.robot.constraints.n_rows)
-        right[: self.robot.topology.n_modules] = self.robot.topology.incidence @ rollers
-        return self.factor.solve(right).view(np.complex128)
 
 
 def follow_branch(

@@ -27,7 +27,7 @@ def contact_rows(config, module, center):
     radius = 0.5 * DIAMETER
     hand, grasp = [], []
     units = np.eye(len(config.robot.roller_names))
-    velocities = [config.node_velocities(unit).view(complex).ravel() for unit in units]
+    velocities = list(config.node_jacobian.T.copy().view(complex))
     for start, end, flow in (
         (topology.b[i], topology.c[topology.following[i]], 1.0),
         (topology.c[i], topology.b[topology.previous[i]], -1.0),

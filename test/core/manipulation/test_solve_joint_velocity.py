@@ -13,7 +13,7 @@ PLACES = [ROBOT.topology.joint_names.index(joint) for joint in 'ZQ']
 
 def moved(config, command, joint):
     """Return the velocity of a joint by the forward kinematics."""
-    nodes = config.node_velocities(command.roller_velocities)
+    nodes = (config.node_jacobian @ command.roller_velocities).reshape(-1, 2)
     return nodes[ROBOT.topology.joint_names.index(joint)]
 
 
@@ -36,7 +36,7 @@ def test_several_joints_move_at_once_and_no_cheaper_command_does_it():
     incidence = ROBOT.topology.incidence
     cost = np.linalg.norm(incidence @ command.roller_velocities)
     rows = np.stack(
-        [config.node_velocities(unit)[PLACES].ravel() for unit in np.eye(len(ROBOT.roller_names))],
+        [unit.reshape(-1, 2)[PLACES].ravel() for unit in config.node_jacobian.T],
         axis=1,
     )
     _, values, free = np.linalg.svd(rows)

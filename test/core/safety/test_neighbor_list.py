@@ -2,12 +2,12 @@
 
 from types import SimpleNamespace
 
-from helpers.robots import examples
 from hypothesis import given, strategies
 from isotruss_ros.core import ConfigurationError, Grasp, load_robot, tangent_center
 from isotruss_ros.core.safety.distances import collision_model
 from isotruss_ros.core.safety.neighbor_list import NeighborList
 import numpy as np
+import robots
 
 ROBOT = load_robot('nine_member')
 MODEL = collision_model(ROBOT)
@@ -27,7 +27,7 @@ def walk(seed, count=60, step=2e-3):
         yield config
 
 
-@examples(10)
+@robots.examples(10)
 @given(strategies.integers(0, 10**6))
 def test_finds_the_pairs_that_measuring_all_finds(seed):
     robot_pairs, object_parts, measured = NeighborList(NEAR), NeighborList(NEAR), []
