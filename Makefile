@@ -10,6 +10,8 @@ NOBLE_PYTHON ?= $(shell tools/find_python.sh 3.12 '$(PYTHON)')
 REQUIREMENTS := requirements.txt requirements-extra.txt
 BIN := $(VENV)/bin
 STAMPS := $(VENV)/stamps
+# Share of the random examples of the properties; all of them run where pytest is called by hand.
+export EXAMPLES_SHARE ?= 0.5
 PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
 
 # Tests and demo keep to this machine, and two runs at once on it have domains of their own.
@@ -52,10 +54,10 @@ test: venv
 	$(PYTEST) -m system
 
 noble:
-	+$(MAKE) noble-tests VENV=.noble PYTHON='$(NOBLE_PYTHON)' REQUIREMENTS=requirements.txt
+	+$(MAKE) noble-tests EXAMPLES_SHARE=0.2 VENV=.noble PYTHON='$(NOBLE_PYTHON)' REQUIREMENTS=requirements.txt
 
 noble-tests: venv
-	EXAMPLES_SHARE=0.2 $(PYTEST) -m 'not system and not linter'
+	$(PYTEST) -m 'not system and not linter'
 	$(PYTEST) -m system
 	$(BIN)/python -m isotruss_ros.demo --output $(VENV)/demo
 	$(BIN)/python -m paper --output $(VENV)/paper
@@ -89,7 +91,7 @@ soak: venv
 	$(BIN)/python test/helpers/walks.py --walks $(WALKS)
 
 coverage: venv
-	$(PYTEST) -m 'not system and not linter' --cov=isotruss_ros.core --cov-branch \
+	EXAMPLES_SHARE=1 $(PYTEST) -m 'not system and not linter' --cov=isotruss_ros.core --cov-branch \
 		--cov-report=term-missing:skip-covered
 
 mutate: venv

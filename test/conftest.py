@@ -1,11 +1,24 @@
-"""Tests keep to this machine, and away from whatever else runs on it."""
+"""Tests keep to this machine, and away from each other and whatever else runs on it."""
 
+import itertools
 import os
 
-# Before rclpy is loaded; a domain that is set is kept. Tests that run side by side have their own.
-_domain = int(os.environ.get('ROS_DOMAIN_ID', os.getpid()))
-_worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
-os.environ['ROS_DOMAIN_ID'] = str(1 + (_domain - 1 + 17 * _worker) % 101)
+import pytest
+
+# Before rclpy is loaded; a domain that is set is where the counting begins.
+_FIRST = int(os.environ.get('ROS_DOMAIN_ID', os.getpid()))
+_WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
+_WORKERS = int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1'))
+#: Workers take turns with the 101 domains whose ports are free on Linux.
+_domains = (1 + (_FIRST - 1 + turn) % 101 for turn in itertools.count(_WORKER, _WORKERS))
+os.environ['ROS_DOMAIN_ID'] = str(next(_domains))
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 # Before NumPy is loaded: BLAS threads that wait for each other make a busy machine crawl.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
+
+@pytest.fixture(autouse=True)
+def own_domain(request, monkeypatch):
+    """Give tests of processes a domain each: one that was killed leaves its traces in its own."""
+    if request.node.get_closest_marker('system'):
+        monkeypatch.setenv('ROS_DOMAIN_ID', str(next(_domains)))

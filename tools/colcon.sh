@@ -21,7 +21,7 @@ find "$folder/build" -name '*.xml' -path '*test_results*' -delete
 tests='style core/model/test_robot_file.py nodes/test_simulator_node.py system/test_processes.py'
 expected=$(python -m pytest --collect-only -q $(printf 'test/%s ' $tests) | grep -c ::)
 colcon test "$@" --event-handlers console_direct+ --return-code-on-test-failure \
-    --pytest-args $(printf 'test/%s ' $tests) || failed=1
+    --pytest-args -n auto $(printf 'test/%s ' $tests) || failed=1
 colcon test-result --test-result-base "$folder/build" --verbose
 # A plugin can turn one skip into that of the whole run, which would pass.
 ran=$(sed -n 's/.*<testsuite [^>]*tests="\([0-9]*\)".*/\1/p' "$folder"/build/isotruss_ros/pytest.xml)

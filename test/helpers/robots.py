@@ -25,7 +25,7 @@ _folder = tempfile.TemporaryDirectory(prefix='isotruss_test_')
 atexit.register(_folder.cleanup)
 
 
-#: Share of the random examples that are run; `make noble` repeats the tests with fewer.
+#: Share of the random examples that are run; `make test` and `make noble` are content with fewer.
 SHARE = float(os.environ.get('EXAMPLES_SHARE', '1'))
 
 

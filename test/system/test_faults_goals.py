@@ -21,6 +21,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 pytestmark = pytest.mark.system
 
 Result = FollowObjectPath.Result
+#: A goal ends when inputs are late, and a busy machine delays them.
+PATIENT = {'command_timeout': 2.0}
 
 
 def check_rests(r):
@@ -67,43 +69,44 @@ class Paths:
         return future.result().status, future.result().result.code
 
 
-class Ways:
-    """Sends the rollers on ways from where they are."""
+class Trajectories:
+    """Sends the rollers on trajectories from where they are."""
 
     def __init__(self, r):
         self._r = r
         topic = 'joint_trajectory_controller/joint_trajectory'
         self._publisher = r.w.probe.create_publisher(JointTrajectory, topic, 1)
 
-    def send(self, way):
+    def send(self, travel):
         """Send a trajectory."""
         begin = self._r.travel()
         points = [
-            JointTrajectoryPoint(positions=(begin + share * way).tolist()) for share in (0.0, 1.0)
+            JointTrajectoryPoint(positions=(begin + share * travel).tolist())
+            for share in (0.0, 1.0)
         ]
-        points[1].time_from_start = Duration(sec=round(20.0 * np.abs(way).max()))
+        points[1].time_from_start = Duration(sec=round(20.0 * np.abs(travel).max()))
         names = list(ROBOT.roller_names)
         self._publisher.publish(JointTrajectory(joint_names=names, points=points))
 
-    def go(self, way):
+    def go(self, travel):
         """Send a trajectory until the rollers move."""
         w = self._r.w
         w.until(lambda: self._publisher.get_subscription_count() > 0)
         w.until(lambda: w.probe.last('joints') is not None)
-        w.until(self._r.moving, lambda: self.send(way), period=0.5)
+        w.until(self._r.moving, lambda: self.send(travel), period=0.5)
 
 
 def test_a_path_ends_with_its_node_and_the_next_one_works(tmp_path):
     with robot(tmp_path) as r:
         w, paths = r.w, Paths(r)
         for name in ('simulator', 'manipulation', 'path_follower'):
-            r.start(name)
+            r.start(name, **PATIENT)
         w.until(lambda: w.code() == Status.HALT_NO_TWIST)
         paths.go(0.2)
         r.signal('path_follower', signal.SIGKILL)
         check_rests(r)
         assert w.code() == Status.HALT_NO_TWIST
-        r.start('path_follower')
+        r.start('path_follower', **PATIENT)
         w.probe.seen['diagnostics'].clear()
         w.until(lambda: bool(w.report('path_follower').name))
         check_rests(r)  # nobody goes on with the old path
@@ -115,7 +118,7 @@ def test_a_path_is_cancelled_or_preempted_by_another_process(tmp_path):
     with robot(tmp_path) as r:
         w, paths = r.w, Paths(r)
         for name in ('simulator', 'manipulation', 'path_follower'):
-            r.start(name)
+            r.start(name, **PATIENT)
         w.until(lambda: w.code() == Status.HALT_NO_TWIST)
         first = paths.go(0.2)
         second = paths.accepted(paths.ask(-0.2))
@@ -139,26 +142,26 @@ def test_a_path_is_cancelled_or_preempted_by_another_process(tmp_path):
 
 def test_a_trajectory_ends_with_its_node_and_the_next_one_works(tmp_path):
     with robot(tmp_path) as r:
-        w, ways = r.w, Ways(r)
-        r.start('simulator')
-        r.start('roller_trajectory')
-        ways.go(np.full(N, 0.2))
+        w, trajectories = r.w, Trajectories(r)
+        r.start('simulator', **PATIENT)
+        r.start('roller_trajectory', **PATIENT)
+        trajectories.go(np.full(N, 0.2))
         r.signal('roller_trajectory', signal.SIGKILL)
         check_rests(r)
-        r.start('roller_trajectory')
+        r.start('roller_trajectory', **PATIENT)
         w.until(lambda: 'no trajectory' in w.report('roller_trajectory').message)
         check_rests(r)
-        ways.go(np.full(N, -0.05))
+        trajectories.go(np.full(N, -0.05))
         w.until(lambda: 'have arrived' in w.report('roller_trajectory').message)
 
 
 def test_an_emergency_stop_of_another_process_ends_a_trajectory(tmp_path):
     with robot(tmp_path) as r:
-        w, ways = r.w, Ways(r)
+        w, trajectories = r.w, Trajectories(r)
         release = w.probe.create_client(Trigger, 'roller_trajectory/release_emergency_stop')
-        r.start('simulator')
-        r.start('roller_trajectory')
-        ways.go(np.full(N, 0.2))
+        r.start('simulator', **PATIENT)
+        r.start('roller_trajectory', **PATIENT)
+        trajectories.go(np.full(N, 0.2))
         w.probe.stops.publish(Bool(data=True))
         w.probe.stops.publish(Bool(data=False))
         check_rests(r)
@@ -166,7 +169,7 @@ def test_an_emergency_stop_of_another_process_ends_a_trajectory(tmp_path):
         assert not w.command().any()
         w.until(lambda: 'emergency stop' in w.report('roller_trajectory').message)
         at = r.travel()
-        ways.send(np.full(N, 0.05))
+        trajectories.send(np.full(N, 0.05))
         said = (
             'trajectory rejected: stopped by the topic emergency_stop; its last message is false'
         )
@@ -174,5 +177,5 @@ def test_an_emergency_stop_of_another_process_ends_a_trajectory(tmp_path):
         check_rests(r)
         assert np.array_equal(r.travel(), at)
         assert w.call(release, Trigger.Request()).success
-        ways.go(np.full(N, -0.05))
+        trajectories.go(np.full(N, -0.05))
         w.until(lambda: 'have arrived' in w.report('roller_trajectory').message)

@@ -67,7 +67,11 @@ def test_processes_carry_the_object_along_an_arc(context, tmp_path):
                 process.require_running()
 
         client.wait_until_idle(check)
-        client.wait(lambda: client.last_grasp() is not None, check, 'an analysis')
+        client.wait(
+            lambda: client.last_grasp() and client.last_grasp().code == GraspState.OK,
+            check,
+            'an analysis',
+        )
         radius, heading, angle = 0.05, 0.5, -0.4
         phase = arc('arc', 2.0, radius, heading, angle)
         record = client.play(phase, check, lambda done: None)

@@ -35,9 +35,9 @@ class Wanted(NamedTuple):
 
 class RollerTrajectory:
     """
-    A path of the rollers, followed by speeds from measured positions.
+    Waypoints of the rollers at given times, straight lines of travel between them.
 
-    :ivar duration: of the whole path [s].
+    :ivar duration: of the whole trajectory [s].
     :param robot: the robot.
     :param positions: (k, r) waypoints [m], at least one.
     :param times: (k,) when to be there [s], from 0 on, increasing, at most a day.
@@ -49,18 +49,18 @@ class RollerTrajectory:
         given = positions if np.iterable(positions) else [positions]
         rows = [robot.check_rollers(row, 'roller positions [m]') for row in given]
         if not rows:
-            raise ConfigurationError(
-                'a path of the rollers without a point: must have one or more'
-            )
+            raise ConfigurationError('a trajectory without a point: must have one or more')
         self._positions = np.array(rows)
-        self._times = finite_array(times, len(rows), 'times of the path [s]', ConfigurationError)
+        self._times = finite_array(
+            times, len(rows), 'times of the trajectory [s]', ConfigurationError
+        )
         steps = np.diff(self._times)
         good = np.append(self._times[0] >= 0.0, steps > 0.0) & (self._times <= MAX_DURATION)
         if not good.all():
             place = int(good.argmin())
             raise ConfigurationError(
-                f'time {self._times[place]:.9g} s of point {place} of the path: must be later '
-                f'than that of the point before, from 0 to {MAX_DURATION:g} s'
+                f'time {self._times[place]:.9g} s of point {place} of the trajectory: must be '
+                f'later than that of the point before, from 0 to {MAX_DURATION:g} s'
             )
         with np.errstate(over='ignore'):  # too quick is too quick
             self._slopes = np.diff(self._positions, axis=0) / steps[:, None]
@@ -68,7 +68,7 @@ class RollerTrajectory:
         fastest = robot.description.max_speed
         if quickest > fastest * (1.0 + 1e-6):
             raise ConfigurationError(
-                f'the path asks a roller for {quickest:.9g} m/s; must be at most {fastest:g}'
+                f'the trajectory asks a roller for {quickest:.9g} m/s; must be at most {fastest:g}'
             )
         self.duration = float(self._times[-1])
 
@@ -116,7 +116,7 @@ class RollerStep(NamedTuple):
     What to do in this cycle.
 
     :ivar speeds: (r,) of the rollers [m/s].
-    :ivar ended: whether the path is over, well or not.
+    :ivar ended: whether the trajectory is over, well or not.
     :ivar failure: why it was given up; empty while it goes on and when the rollers arrived.
     """
 
@@ -127,10 +127,10 @@ class RollerStep(NamedTuple):
 
 class RollerTrajectoryServo:
     """
-    State of following one path.
+    State of following one trajectory.
 
-    :ivar rollers: sample of the measured `RollerState`, a refusal, or None for none yet.
-    :ivar time: how far on the path the rollers are [s].
+    :ivar rollers: input of the measured `RollerState`.
+    :ivar time: of the trajectory, where the rollers are [s].
     :param robot: the robot.
     :param timeout: measurements older than this are not used [s].
     :param settings: tolerances and gain.
@@ -144,59 +144,59 @@ class RollerTrajectoryServo:
         self.timeout = timeout
         self.rollers: Input = None
         self.time = 0.0
-        self._path: RollerTrajectory | None = None
+        self._trajectory: RollerTrajectory | None = None
         self._before = self._waited = 0.0
         self._near_since: float | None = None
 
     @property
     def busy(self) -> bool:
-        """Tell whether there is a path to follow."""
-        return self._path is not None
+        """Return whether there is a trajectory to follow."""
+        return self._trajectory is not None
 
-    def begin(self, path: RollerTrajectory, now: float) -> None:
+    def begin(self, trajectory: RollerTrajectory, now: float) -> None:
         """
-        Take a path, in place of another one if there is any; one that is refused changes nothing.
+        Take a trajectory in place of any other; one that is rejected changes nothing.
 
-        :param path: the trajectory.
-        :param now: time on the clock of the samples [s].
+        :param trajectory: the new one.
+        :param now: time on the clock of the inputs [s].
         :raises InputError: the joint states are missing, timed out or rejected.
-        :raises ConfigurationError: the path does not begin there.
+        :raises ConfigurationError: the trajectory does not begin there.
         """
         state = require_fresh(now, self.timeout, joint_states=self.rollers)[0].value
-        away = np.abs(path.at(0.0).positions - state.positions)
+        away = np.abs(trajectory.at(0.0).positions - state.positions)
         worst = int(away.argmax())
         if away[worst] > self.settings.start_tolerance:
             raise ConfigurationError(
-                f'the path begins {away[worst]:.4g} m from where roller '
+                f'the trajectory begins {away[worst]:.4g} m from where roller '
                 f'{self._robot.roller_names[worst]} is; must begin within '
                 f'{self.settings.start_tolerance} m'
             )
-        self._path, self._before = path, now
+        self._trajectory, self._before = trajectory, now
         self.time, self._waited, self._near_since = 0.0, 0.0, None
 
     def end(self) -> None:
-        """Let the path go."""
-        self._path = None
+        """Give the trajectory up."""
+        self._trajectory = None
 
     def decide(self, now: float) -> RollerStep:
         """
-        Return what to do in the cycle that begins now, on a path; never raises for an input.
+        Return what to do in the cycle that begins now; never raises for an input.
 
-        :param now: time on the clock of the samples [s].
+        :param now: time on the clock of the inputs [s].
         """
         still = np.zeros(len(self._robot.roller_names))
         # Cycles come late on a busy machine, or seldom by a clock that ticks seldom.
         elapsed, self._before = min(max(0.0, now - self._before), self.timeout), now
-        path = self._path
-        if path is None:
-            return RollerStep(still, True, 'there is no path to follow')
+        trajectory = self._trajectory
+        if trajectory is None:
+            return RollerStep(still, True, 'there is no trajectory to follow')
         try:
             (measured,) = require_fresh(now, self.timeout, joint_states=self.rollers)
         except IsotrussError as error:
-            self._path = None
+            self._trajectory = None
             return RollerStep(still, True, str(error))
-        positions, ahead = measured.value.positions, min(self.time + elapsed, path.duration)
-        wanted, behind = path.at(ahead), path.at(self.time).positions - positions
+        positions, ahead = measured.value.positions, min(self.time + elapsed, trajectory.duration)
+        wanted, behind = trajectory.at(ahead), trajectory.at(self.time).positions - positions
         error, speeds = wanted.positions - positions, wanted.speeds
         # Rollers at rest are behind, those under way are ahead by what they do in a cycle.
         waits = (
@@ -204,19 +204,21 @@ class RollerTrajectoryServo:
         )
         if waits:
             error, speeds = behind, still
-        lag, at_end = float(np.abs(error).max()), ahead >= path.duration
+        lag, at_end = float(np.abs(error).max()), ahead >= trajectory.duration
         near = at_end and lag <= self.settings.tolerance
         if self._rests(near, min(measured.time, now), now):
-            self._path = None
+            self._trajectory = None
             return RollerStep(still, True, '')
-        if not waits and self.time < path.duration:
+        if not waits and self.time < trajectory.duration:
             self.time, self._waited = ahead, 0.0
         elif not near:
             self._waited += elapsed
         if self._waited > self.settings.progress_timeout:
-            self._path = None
+            self._trajectory = None
             worst = self._robot.roller_names[int(np.abs(error).argmax())]
-            return RollerStep(still, True, f'roller {worst} stays {lag:.4g} m behind the path')
+            return RollerStep(
+                still, True, f'roller {worst} stays {lag:.4g} m behind the trajectory'
+            )
         speeds = speeds + self.settings.gain * error
         if at_end:
             # What has arrived rests: rollers are uneven only while they move.

@@ -15,7 +15,7 @@ MAX_POINTS = 10_000
 
 def read_roller_trajectory(message: JointTrajectory, robot: Robot) -> RollerTrajectory:
     """
-    Return a path of the rollers from positions and times of the points.
+    Return the trajectory of the rollers from positions and times of the points.
 
     :param message: trajectory of all rollers, in any order.
     :param robot: whose rollers they are.

@@ -215,7 +215,7 @@ def test_gives_up_on_a_stuck_roller_and_names_it(stuck, size):
     run = Run(RollerFaults(stuck=frozenset({stuck})))
     step = run.follow(path)
     assert step.failure.startswith(f'roller {stuck} stays ')
-    assert step.failure.endswith(' m behind the path')
+    assert step.failure.endswith(' m behind the trajectory')
     assert run.now - 100.0 <= path.duration + PATIENCE + 5 * PERIOD
     check_speeds(run.commands)
     # The others waited: none went on more than the stuck one may lag.
@@ -369,7 +369,7 @@ def test_ends_at_rest_when_nobody_knows_where_the_rollers_are(how):
     # It does not go on by itself.
     run.measure()
     step = run.servo.decide(run.now)
-    assert (step.ended, step.failure) == (True, 'there is no path to follow')
+    assert (step.ended, step.failure) == (True, 'there is no trajectory to follow')
     assert not step.speeds.any()
 
 

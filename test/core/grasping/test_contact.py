@@ -554,6 +554,7 @@ def test_objects_of_any_size_in_bad_places_are_answered(preset, diameter):
     }
     radius = 0.5 * (diameter + robot.description.tube_diameter)
     for center in places.values():
-        found = find_contact_points(structure_of(robot.home), center, radius, 0.01)
+        spacing = max(0.01, 0.01 * diameter)
+        found = find_contact_points(structure_of(robot.home), center, radius, spacing)
         state = solve_contact(found, center, radius)
         check_state(found, state, center, radius, 1e-4)

@@ -8,14 +8,9 @@ import walks
 WALKS = {
     0: Status.SLOWED_SELF_COLLISION,
     2: Status.SLIDING,
-    6: Status.SLOWED_SELF_COLLISION,
-    8: Status.SLIDING,
-    11: Status.SLIDING,
     12: Status.SLOWED_RIGIDITY,
-    13: Status.SLOWED_RIGIDITY,
     15: Status.SLOWED_OBJECT,
     17: Status.SLIDING,
-    19: Status.SLOWED_RIGIDITY,
 }
 
 
