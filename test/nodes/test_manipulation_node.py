@@ -211,6 +211,28 @@ def test_halts_on_an_invalid_object_pose(frame, age, changes, code, words):
         w.until_code(Status.OK, w.probe.send_all)
 
 
+@pytest.mark.parametrize('module', ['south/X', 'east/Y', 'north/R', 'north/P'])
+def test_halts_where_another_module_than_the_grip_holds_the_object(module):
+    """The object is between the members of each of these modules, but only one of them is near."""
+    held = tangent_center(ROBOT.home, module, DIAMETER)
+    with world(node()) as w:
+
+        def send():
+            w.probe.send_joints()
+            w.probe.send_twist()
+            message = PoseStamped(pose=pose_with(position_x=held[0], position_y=held[1]))
+            stamp_header(message.header, w.probe.past(0.0), 'truss')
+            w.probe.object_poses.publish(message)
+
+        status = w.until_code(Status.HALT_NO_GRASP, send)
+        assert 'module north/Z does not hold the object' in status.message
+        assert 'name the module' in status.message
+        assert not w.command().any()
+        changed = w.nodes[1].set_parameters([Parameter('grip_module', value=module)])
+        assert changed[0].successful
+        w.until(lambda: w.command().any(), send)
+
+
 def test_an_unstamped_joint_state_is_stale():
     with world(node()) as w:
 

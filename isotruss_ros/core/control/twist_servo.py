@@ -28,7 +28,7 @@ from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.grasp import Grasp, predict_grasp
+from isotruss_ros.core.manipulation.grasp import check_members_are_near, Grasp, predict_grasp
 from isotruss_ros.core.manipulation.limit_handling import working_rollers
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, solve_joint_velocity
@@ -245,6 +245,7 @@ class TwistServo:
             if pose is not None:
                 *center, angle = pose.value
                 grasp = Grasp(self.grip_module, tuple(center), self.object_diameter)
+                check_members_are_near(config, grasp)
                 if moving:
                     config, grasp, angle = predict_grasp(config, grasp, angle, before, travel)
             elif moving:

@@ -112,6 +112,41 @@ def find_grasping_members(config: Configuration, grasp: Grasp) -> GraspingMember
     return members
 
 
+def check_members_are_near(config: Configuration, grasp: Grasp) -> None:
+    """
+    Check that both grasping members are near the object: within a tube's diameter of touching it.
+
+    An object can be between the lines of two members that do not hold it. Members of another
+    module than the one that holds the object are farther off than any grip that just opened.
+
+    :param config: configuration of the robot.
+    :param grasp: the grasp.
+    :raises GraspError: no such module, the object is not between its two members, or one of them
+        is too far off; names the module.
+    """
+    members, center = find_grasping_members(config, grasp), complex(*grasp.center)
+    tube = config.robot.description.tube_diameter
+    reach = 0.5 * (grasp.diameter + tube)
+    starts = (config.points[members.nodes[0]], config.points[members.nodes[2]])
+    gaps = [
+        _distance(center, complex(start), span) - reach
+        for start, span in zip(starts, (members.ahead, members.back), strict=True)
+    ]
+    if max(gaps) > tube:
+        raise GraspError(
+            f'module {grasp.module} does not hold the object at '
+            f'({center.real:.4g}, {center.imag:.4g}) m: the gaps to its two members are '
+            f'{gaps[0]:.3g} m and {gaps[1]:.3g} m, at most {tube:.3g} m in a grip; name the '
+            'module that holds it'
+        )
+
+
+def _distance(point: complex, start: complex, span: complex) -> float:
+    """Return the distance of a point from the line segment from start to start + span [m]."""
+    along = ((span.conjugate() * (point - start)).real) / abs(span) ** 2
+    return abs(point - start - min(1.0, max(0.0, along)) * span)
+
+
 @dataclass(frozen=True)
 class HeldObject:
     """
