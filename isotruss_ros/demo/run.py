@@ -15,7 +15,7 @@ from isotruss_ros.demo.gripping import Gripping
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.demo.record import PhaseRecord
-from isotruss_ros.demo.tables import grasp_table, motion_table, plan_table
+from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
 import numpy as np
 import rclpy
 from rclpy.signals import SignalHandlerOptions
@@ -69,6 +69,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     console.print(plan_table(plan))
     console.print(motion_table(moved))
     console.print(grasp_table([part for record in records[2:] for part in record.parts()]))
+    console.print(contact_table(records[2:]))
     robot = load_robot(ROBOT)
     with console.status('drawing'):
         shown = [record for record in records if record.name != 'approach']

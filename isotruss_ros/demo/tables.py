@@ -1,4 +1,4 @@
-"""The tables of the demonstration: planned grasps, motion of the object, measured grasp."""
+"""The tables of the demonstration: planned grasps, motion, how the object is held, its contact."""
 
 from __future__ import annotations
 
@@ -126,4 +126,41 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
             f'{100.0 * max(max(grasp.utilisation) for grasp in analyses):.0f}',
             f'{1e3 * np.median([grasp.computing_time for grasp in analyses]):.1f}',
         )
+    return table
+
+
+def contact_table(records: Sequence[PhaseRecord]) -> Table:
+    """
+    Return the regions of contact at the end of each phase.
+
+    :param records: of the phases.
+    """
+    table = Table(
+        title=(
+            'Contact at the end of each phase, of the object held fast: length, largest\n'
+            'width and area of each region; mean and largest pressure on the object'
+        ),
+        box=None,
+        pad_edge=False,
+        collapse_padding=True,
+    )
+    table.add_column('phase', no_wrap=True)
+    table.add_column('member', no_wrap=True)
+    for heading in ('length\nmm', 'width\nmm', 'area\ncm\u00b2', 'mean\nkPa', 'peak\nkPa'):
+        table.add_column(heading, justify='right', no_wrap=True)
+    for record in records:
+        if not record.analyses:
+            table.add_row(record.name, 'no analysis')
+            continue
+        last = record.analyses[-1]
+        for i, member in enumerate(last.contact_members):
+            table.add_row(
+                '' if i else record.name,
+                member,
+                f'{1e3 * last.contact_lengths[i]:.0f}',
+                f'{1e3 * last.contact_widths[i]:.0f}',
+                f'{1e4 * last.contact_areas[i]:.1f}',
+                f'{1e-3 * last.contact_pressures[i]:.1f}',
+                f'{1e-3 * last.peak_pressures[i]:.1f}',
+            )
     return table

@@ -56,7 +56,8 @@ class Picture:
     :ivar diameter: of the object [m].
     :ivar state: last grasp/state; None before the first.
     :ivar status: last manipulation/status; None before the first.
-    :ivar lines: points (k, 3) [m] of the markers by namespace and id.
+    :ivar lines: points (k, 3) [m] of the markers by namespace and id: of lines, of the triangles
+        of regions, the two ends of arrows.
     :ivar samples: points of the plots.
     """
 

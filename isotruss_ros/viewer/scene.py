@@ -91,8 +91,9 @@ class Scene:
             self._frame.wxyz = (math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle))
             self._frame.visible = True
         top = 0.5 * self._diameter + 0.02
-        regions = [line for line in picture.select_lines(REGIONS, now) if len(line) > 1]
-        pieces = [np.stack([line[:-1], line[1:]], axis=1) for line in regions]
+        # Seen from above, a region of two triangles for each step is the line between them.
+        regions = [points.reshape(-1, 6, 3) for points in picture.select_lines(REGIONS, now)]
+        pieces = [points[:, [0, 2]] for points in regions if len(points)]
         self._show_lines(self._regions, pieces, top)
         forces = [line[None] for line in picture.select_lines(FORCES, now) if len(line) == 2]
         self._show_lines(self._forces, forces, top)

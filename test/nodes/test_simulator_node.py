@@ -1,7 +1,6 @@
 """The simulator node, and both nodes together, under an executor in this process."""
 
 import math
-import time
 
 from isotruss_ros.core import Grasp, HeldObject, Status
 from isotruss_ros.nodes.conversions.messages import read_stamp
@@ -49,7 +48,7 @@ def test_publishes_state_and_pose_of_home():
         assert pose.header.frame_id == 'truss'
         assert (pose.pose.position.x, pose.pose.position.y) == pytest.approx(CENTER)
         stamps = [read_stamp(message.header) for _, message in w.probe.seen['joints']]
-        assert np.median(np.diff(stamps)) == pytest.approx(0.02, rel=0.3)
+        assert np.mean(np.diff(stamps)) > 0.014  # a busy machine is only slower
 
 
 def test_indents_the_tubes_on_request():
@@ -202,8 +201,6 @@ def test_a_stuck_roller_bounds_the_motion():
     with world(
         lambda: Simulator(overrides(stuck_roller=ROBOT.roller_names[0])), lambda: Manipulation()
     ) as w:
-        begin = time.monotonic()
         w.spin(1.0, w.probe.send_twist)
-        assert time.monotonic() - begin >= 1.0
         assert travel(w)[0] == 0.0
         assert np.abs(travel(w)).max() < 1.5 * ROBOT.description.max_speed

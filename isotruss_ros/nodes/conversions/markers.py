@@ -25,7 +25,9 @@ LIFETIME = Duration(seconds=1.0)
 #: Length of an arrow for its force [m/N]; a normal force is not drawn longer than this [m].
 ARROW_SCALE, LONGEST_ARROW = 0.01, 0.5
 TINY = 1e-9
-LINE_WIDTH, REGION_WIDTH, ARROW_WIDTH = 0.008, 0.025, 0.015
+LINE_WIDTH, ARROW_WIDTH = 0.008, 0.015
+#: Of a region of contact in the paper's model, which has none [m].
+REGION_WIDTH = 0.01
 UNDEFORMED = ColorRGBA(r=0.18, g=0.62, b=0.27, a=0.6)
 DEFORMED = ColorRGBA(r=0.85, g=0.55, b=0.37, a=1.0)
 NEARLY_WRINKLED = ColorRGBA(r=0.95, g=0.6, b=0.0, a=1.0)
@@ -79,11 +81,11 @@ def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
         _make_lines('deformed', i, strip, 1.0, _tube_color(part), line)
         for i, (line, part) in enumerate(zip(bent, used, strict=True))
     ]
-    wide = REGION_WIDTH / LINE_WIDTH
     regions = region_lines(grasp.config, grasp.cylinder, grasp.analysis)
+    widths = grasp.analysis.contact_widths
     markers += [
-        _make_lines('contact_regions', i, strip, wide, REGION, line)
-        for i, line in enumerate(regions)
+        _make_region(i, line, widths.get(member, REGION_WIDTH))
+        for i, (member, line) in enumerate(zip(grasp.analysis.contact_spans, regions, strict=True))
     ]
     strongest = float(grasp.analysis.normal_forces.max(initial=0.0))
     scale = min(ARROW_SCALE, LONGEST_ARROW / max(strongest, TINY))
@@ -110,6 +112,19 @@ def _make_lines(
     marker = _make_marker(name, number, kind, color)
     marker.scale.x = width * LINE_WIDTH
     marker.points = list(_to_points(points))
+    return marker
+
+
+def _make_region(number: int, line: Points, width: float) -> Marker:
+    """Return the part of the object's surface that is touched: two triangles for each step."""
+    marker = _make_marker('contact_regions', number, Marker.TRIANGLE_LIST, REGION)
+    marker.scale.x = marker.scale.y = marker.scale.z = 1.0
+    low, high = (
+        [Point(x=point.real, y=point.imag, z=z) for point in line.tolist()]
+        for z in (-0.5 * width, 0.5 * width)
+    )
+    for i in range(len(line) - 1):
+        marker.points += [low[i], high[i], low[i + 1], low[i + 1], high[i], high[i + 1]]
     return marker
 
 
