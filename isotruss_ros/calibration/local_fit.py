@@ -8,17 +8,22 @@ theory of `flattening` for all pressures, cylinders and depths.
 from __future__ import annotations
 
 from dataclasses import dataclass
+import functools
 
 from isotruss_ros.calibration.measurements import MeasurementError, Presses
 from isotruss_ros.calibration.pressed_tube import ClampedTube, press
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.tube_stiffness import InflatableBeam
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import brentq, minimize_scalar
 from scipy.stats import t as student_t
 
 #: The factor is sought within this of the theory.
-RANGE = 1e3
+RANGE = 100.0
+#: Of the logarithm of the factor, and of that of a load: what is less is rounding.
+TOLERANCE, EXACT = 1e-8, 1e-9
+#: Of the ends of its confidence interval, as logarithms.
+ENDS = 1e-4
 #: Where a tenth more of the factor changes no load by this share, the points do not show it.
 INDIFFERENT = 1e-3
 
@@ -29,7 +34,7 @@ class FittedLocalStiffness:
     The local stiffness against that of the theory, and how well it is known.
 
     :ivar value: the factor [-].
-    :ivar low: lower end of its confidence interval.
+    :ivar low: lower end of its confidence interval, by the profile of the squares.
     :ivar high: upper end.
     :ivar misfit: root mean square of ln(measured / fitted load).
     :ivar count: number of points.
@@ -57,28 +62,36 @@ def fit_local_stiffness(
     count = len(target)
     if count < 3:
         raise MeasurementError(f'{count} points of interference: must be three or more')
-    found = least_squares(
-        lambda logs: np.log(_loads(presses, beam, float(np.exp(logs[0])))) - target,
-        [0.0],
-        bounds=(-np.log(RANGE), np.log(RANGE)),
-        x_scale=0.1,
-        diff_step=1e-3,
+
+    @functools.cache
+    def misfit(log_factor: float) -> float:
+        """Return the sum of squares of ln(measured / fitted load)."""
+        away = np.log(_loads(presses, beam, float(np.exp(log_factor)))) - target
+        return float(away @ away)
+
+    ends = (-np.log(RANGE), np.log(RANGE))
+    found = minimize_scalar(misfit, bounds=ends, method='bounded', options={'xatol': TOLERANCE})
+    best, least = float(found.x), float(found.fun)
+    change = np.log(
+        _loads(presses, beam, 1.1 * np.exp(best)) / _loads(presses, beam, np.exp(best))
     )
-    slope = float(np.linalg.norm(found.jac))
-    if slope < INDIFFERENT * np.sqrt(count):
+    if float(np.sqrt(np.mean(change**2))) < INDIFFERENT:
         raise MeasurementError(
             'the loads do not depend on the local stiffness: the tube bends and does not flatten; '
             'press a shorter piece, or narrower cylinders'
         )
-    freedom = count - 1
-    error = np.sqrt(found.fun @ found.fun / freedom) / slope
-    width = student_t.ppf(0.5 + 0.5 * confidence, freedom) * error
-    value = float(found.x[0])
+    # The interval of the profile: beyond it the squares are larger by more than noise makes them.
+    share = student_t.ppf(0.5 + 0.5 * confidence, count - 1) ** 2 / (count - 1)
+    bound = (1.0 + share) * least + count * EXACT**2
+    low, high = (
+        brentq(lambda log_factor: misfit(log_factor) - bound, best, end, xtol=ENDS)
+        if misfit(end) > bound
+        else end
+        for end in ends
+    )
     return FittedLocalStiffness(
-        float(np.exp(value)),
-        float(np.exp(value - width)),
-        float(np.exp(value + width)),
-        float(np.sqrt(np.mean(found.fun**2))),
+        *(float(np.exp(log_factor)) for log_factor in (best, low, high)),
+        float(np.sqrt(least / count)),
         count,
     )
 
