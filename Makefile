@@ -7,6 +7,7 @@ PLANT ?= elastic
 VENV := .venv
 # .noble has Ubuntu 24.04's versions of the Python packages, and only what package.xml declares.
 NOBLE_PYTHON ?= $(shell tools/find_python.sh 3.12 '$(PYTHON)')
+NOBLE = VENV=.noble PYTHON='$(NOBLE_PYTHON)' REQUIREMENTS=requirements.txt
 REQUIREMENTS := requirements.txt requirements-extra.txt
 BIN := $(VENV)/bin
 STAMPS := $(VENV)/stamps
@@ -25,7 +26,7 @@ unexport FASTRTPS_DEFAULT_PROFILES_FILE FASTDDS_DEFAULT_PROFILES_FILE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test noble demo view paper docs colcon bench fuzz soak mutate coverage format clean noble-tests FORCE
+.PHONY: help venv test noble demo view paper docs colcon bench fuzz soak mutate coverage format clean noble-tests noble-venv FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation'
@@ -54,7 +55,10 @@ test: venv
 	$(PYTEST) -m system
 
 noble:
-	+$(MAKE) noble-tests EXAMPLES_SHARE=0.2 VENV=.noble PYTHON='$(NOBLE_PYTHON)' REQUIREMENTS=requirements.txt
+	+$(MAKE) noble-tests EXAMPLES_SHARE=0.2 $(NOBLE)
+
+noble-venv:
+	+$(MAKE) venv $(NOBLE)
 
 noble-tests: venv
 	$(PYTEST) -m 'not system and not linter'
