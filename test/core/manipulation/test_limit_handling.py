@@ -97,12 +97,15 @@ def test_sliding_carries_out_the_nearest_twist_that_limits_allow(robot, rng, num
     most = furthest_along(downhill, rows, jacobian[3:])
     assert most == pytest.approx(downhill @ command.roller_velocities, abs=1e-5)
     assert (wall.matrix @ command.roller_velocities >= -wall.bound - 1e-7).all()
-    # As far along the twist as scaling, and as near, less the little that rolling costs.
+    # What is minimised is no more than for scaling, rolling included: near a singular robot, where
+    # small twists take fast rollers, rolling costs more than a hundredth of the twist.
+    rolling = LEAST_REGULARIZATION * np.square(incidence @ command.roller_velocities).sum()
+    allowance = LEAST_REGULARIZATION * np.square(incidence @ scaled.roller_velocities).sum()
     along = wanted / np.linalg.norm(wanted)
     stopped = measure * scaled.achieved_twist
-    small = 1e-2 * np.linalg.norm(wanted)
-    assert along @ got >= along @ stopped - small
-    assert np.linalg.norm(missing) <= np.linalg.norm(wanted - stopped) + small
+    assert missing @ missing + rolling <= np.square(wanted - stopped).sum() + allowance + 1e-9
+    # As far along the twist as scaling, less what rolling can cost.
+    assert along @ got >= along @ stopped - np.sqrt(allowance + 1e-9)
     assert command.scale == pytest.approx(along @ got / np.linalg.norm(wanted), abs=1e-6)
 
 
