@@ -115,7 +115,7 @@ class Manipulation(ManagedNode):
         self._report = StatusReport(self, self._robot.frame)
         self._servo = TwistServo(
             self._robot,
-            values[params.GRIP_MODULE],
+            params.select_grip_module(self._robot, values[params.GRIP_MODULE]),
             values[params.OBJECT_DIAMETER],
             period=1.0 / values[params.RATE],
             timeout=values[params.COMMAND_TIMEOUT],
@@ -169,6 +169,7 @@ class Manipulation(ManagedNode):
         if servo is None:
             return details
         details['moves'] = 'the object' if servo.joint is None else f'joint {servo.joint}'
+        details['grip module'] = servo.grip_module
         now = self.now()
         inputs = {'twist': servo.twist, 'joint states': servo.rollers, 'object pose': servo.pose}
         details |= {f'age of {name} [s]': format_age(given, now) for name, given in inputs.items()}

@@ -159,6 +159,7 @@ class Simulator(ManagedNode):
         values = self.values
         module, diameter = values[GRIP_MODULE], values[OBJECT_DIAMETER]
         params.check_grip_module(self._robot, {GRIP_MODULE.name: module})
+        module = params.select_grip_module(self._robot, module)
         if values[SEED] < 0:
             raise params.ParameterError(f'parameter seed: {values[SEED]}: must not be negative')
         home = self._robot.home

@@ -12,6 +12,11 @@ import sys
 from types import ModuleType, SimpleNamespace
 
 from isotruss_ros.nodes.framework.parameters import AUTOSTART
+from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import world
+from probe import overrides
 import pytest
 
 FOLDER = Path(__file__).parents[2] / 'launch'
@@ -39,8 +44,12 @@ def stand_in(monkeypatch):
             'LaunchDescription',
             'DeclareLaunchArgument',
             'LaunchConfiguration',
+            'LaunchContext',
+            'LogInfo',
             'Node',
+            'OpaqueFunction',
             'ParameterValue',
+            'Shutdown',
         ):
             setattr(module, kind, record(kind))
         monkeypatch.setitem(sys.modules, name, module)
@@ -57,8 +66,9 @@ def specs_of(executable):
 
 @pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
 def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, stand_in):
-    description = runpy.run_path(str(path))['generate_launch_description']()
-    (entities,) = description.args
+    said = runpy.run_path(str(path))
+    defaults = {spec.name: value for spec, value in said.get('DEFAULTS', {}).items()}
+    (entities,) = said['generate_launch_description']().args
     arguments = {e.args[0]: e for e in entities if e.kind == 'DeclareLaunchArgument'}
     nodes = [e for e in entities if e.kind == 'Node']
     assert len(nodes) >= 4
@@ -77,11 +87,54 @@ def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, stand_in)
             default = arguments[name].default_value
             if default is not None:
                 read = {bool: 'true'.__eq__}.get(value.value_type, value.value_type)
-                assert read(default) == specs[name].default, name
+                assert read(default) == defaults.get(name, specs[name].default), name
     assert used == set(arguments)
     missing = {name for name, argument in arguments.items() if argument.default_value is None}
     real = {'robot', 'object_diameter', 'grip_module'}
     assert missing == (real if path.name.startswith('manipulation') else set())
+
+
+@pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
+def test_all_nodes_shut_down_when_one_ends(path, stand_in):
+    (entities,) = runpy.run_path(str(path))['generate_launch_description']().args
+    nodes = [e for e in entities if e.kind == 'Node']
+    assert [node.on_exit.kind for node in nodes] == ['Shutdown'] * len(nodes)
+    assert [node.on_exit.reason for node in nodes] == [f'{n.executable} ended' for n in nodes]
+
+
+def test_every_parameter_of_the_simulator_is_an_argument(stand_in):
+    (entities,) = runpy.run_path(str(FOLDER / 'simulation.launch.py'))[
+        'generate_launch_description'
+    ]().args
+    (node,) = (e for e in entities if e.kind == 'Node' and e.executable == 'simulator')
+    assert node.parameters[0].keys() == specs_of('simulator').keys() | {'use_sim_time'}
+
+
+@pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
+def test_an_unknown_argument_is_named(path, stand_in):
+    (entities,) = runpy.run_path(str(path))['generate_launch_description']().args
+    (check,) = (e for e in entities if e.kind == 'OpaqueFunction')
+    given = SimpleNamespace(argv=['robot:=triangle', 'object_lies_free:=true'])
+    (warning,) = check.function(given)
+    assert 'object_lies_free: unknown' in warning.msg
+
+
+@pytest.mark.parametrize('robot', ['nine_member', 'triangle'])
+def test_the_simulation_starts_with_an_object_that_is_held(robot, stand_in):
+    """With the robot as the only argument: the grip fits it."""
+    defaults = runpy.run_path(str(FOLDER / 'simulation.launch.py'))['DEFAULTS']
+    values = {'robot': robot} | {spec.name: value for spec, value in defaults.items()}
+
+    def maker(kind):
+        names = {spec.name for spec in importlib.import_module(kind.__module__).SPECS}
+        own = {name: value for name, value in values.items() if name in names}
+        return lambda: kind(overrides(**own))
+
+    with world(*map(maker, (Simulator, GraspAnalysisNode, Manipulation))) as w:
+        w.until(lambda: w.probe.last('closure') is not None and w.probe.last('closure').data)
+        w.until(lambda: w.command().any(), lambda: w.probe.send_twist((0.005, 0.0, 0.0)))
+        w.spin(0.5, lambda: w.probe.send_twist((0.005, 0.0, 0.0)))
+        assert w.probe.last('closure').data
 
 
 @pytest.mark.skipif(

@@ -63,7 +63,7 @@ def apply_settings(servo: TwistServo, values: params.Parameters) -> None:
     :param servo: of the node.
     :param values: parameters of the node.
     """
-    servo.grip_module = values[params.GRIP_MODULE]
+    servo.grip_module = params.select_grip_module(servo.robot, values[params.GRIP_MODULE])
     servo.object_diameter = values[params.OBJECT_DIAMETER]
     servo.period = 1.0 / values[params.RATE]
     servo.timeout = values[params.COMMAND_TIMEOUT]

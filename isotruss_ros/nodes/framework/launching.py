@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from isotruss_ros.nodes.framework.parameters import (
     AUTOSTART,
@@ -11,8 +12,8 @@ from isotruss_ros.nodes.framework.parameters import (
     Spec,
     Value,
 )
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -23,27 +24,43 @@ SHARED = (ROBOT, COMMAND_TIMEOUT, AUTOSTART, USE_SIM_TIME)
 
 
 def describe_launch(
-    nodes: Mapping[str, Sequence[Spec]], required: Sequence[Spec] = ()
+    nodes: Mapping[str, Sequence[Spec]],
+    required: Sequence[Spec] = (),
+    defaults: Mapping[Spec, Value] = MappingProxyType({}),
 ) -> LaunchDescription:
     """
     Return nodes, and arguments that go to all nodes that have the parameter.
 
+    All nodes are shut down when one of them ends: what is left would look like a robot that works.
+
     :param nodes: by executable, the parameters that are arguments, besides the shared ones.
     :param required: arguments without default.
+    :param defaults: of arguments whose default is not that of the nodes.
     """
-    given = {executable: (*SHARED, *specs) for executable, specs in nodes.items()}
+    given = {executable: dict.fromkeys((*SHARED, *specs)) for executable, specs in nodes.items()}
     arguments = {spec.name: spec for specs in given.values() for spec in specs}
-    without_default = {spec.name for spec in required}
+    values = {spec.name: spec.default for spec in arguments.values()}
+    values |= {spec.name: value for spec, value in defaults.items()}
+    texts = {name: _to_text(value) for name, value in values.items()}
+    texts |= {spec.name: None for spec in required}
+
+    def warn_of_unknown_arguments(context: LaunchContext) -> list[LogInfo]:
+        named = [argument.partition(':=')[0] for argument in context.argv]
+        unknown = sorted(set(named) - arguments.keys())
+        return [
+            LogInfo(msg=f'launch argument {name}: unknown, and not used; see --show-args')
+            for name in unknown
+        ]
+
     return LaunchDescription(
         [
             *(
                 DeclareLaunchArgument(
-                    name,
-                    default_value=None if name in without_default else _to_text(spec.default),
-                    description=spec.description,
+                    name, default_value=texts[name], description=spec.description
                 )
                 for name, spec in arguments.items()
             ),
+            OpaqueFunction(function=warn_of_unknown_arguments),
             *(
                 Node(
                     package='isotruss_ros',
@@ -56,6 +73,7 @@ def describe_launch(
                             for spec in specs
                         }
                     ],
+                    on_exit=Shutdown(reason=f'{executable} ended'),
                 )
                 for executable, specs in given.items()
             ),

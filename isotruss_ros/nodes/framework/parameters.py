@@ -59,7 +59,11 @@ ROBOT = Spec('robot', 'nine_member', 'Preset, or path of a robot file', read_onl
 OBJECT_DIAMETER = Spec(
     'object_diameter', 0.3, "The object's own diameter [m]", bounds=(0.001, 100.0)
 )
-GRIP_MODULE = Spec('grip_module', 'north/Z', 'Module t/j whose two sides hold the object')
+GRIP_MODULE = Spec(
+    'grip_module',
+    '',
+    'Module t/j whose two sides hold the object; the last one of the robot if empty',
+)
 FRICTION = Spec(
     'friction', 0.5, 'Coefficient of friction between tube and object', bounds=(0.0, 10.0)
 )
@@ -180,8 +184,18 @@ def check_grip_module(robot: Robot, values: dict[str, Value]) -> None:
     :raises ParameterError: names the modules there are.
     """
     module = values.get(GRIP_MODULE.name)
-    if module is not None and module not in robot.module_names:
+    if module and module not in robot.module_names:
         raise ParameterError(
             f'parameter grip_module: {module!r}: robot {robot.name} has no such module; '
             f'must be one of {", ".join(robot.module_names)}'
         )
+
+
+def select_grip_module(robot: Robot, module: str) -> str:
+    """
+    Return the module that holds the object: the last one of the robot where none is named.
+
+    :param robot: the robot.
+    :param module: value of the parameter `grip_module`.
+    """
+    return module or robot.module_names[-1]
