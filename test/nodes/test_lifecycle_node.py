@@ -79,6 +79,7 @@ def test_manipulation_goes_down_with_a_zero_command():
 def test_manipulation_is_configured_for_another_robot():
     with world(manipulation()) as w:
         node, manager = w.nodes[1], Manager(w, 'manipulation')
+        assert node.set_parameters([Parameter('grip_module', value='north/Z')])[0].successful
         w.until_code(Status.OK, w.probe.send_all)
         assert all(manager.ask(transition) for transition in DOWN)
         assert node.set_parameters([Parameter('robot', value='triangle')])[0].successful
