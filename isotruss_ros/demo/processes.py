@@ -9,8 +9,10 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
+from types import FrameType
 
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.framework.runner import STOP_SIGNALS
 
 #: A node that has not ended this long after Ctrl-C is killed [s].
 STOP_TIMEOUT = 5.0
@@ -83,6 +85,22 @@ class NodeProcess:
 
 
 @contextlib.contextmanager
+def _held_signals() -> Iterator[list[int]]:
+    """Collect signals during a block, in whose middle they would leave nodes behind."""
+    received: list[int] = []
+
+    def keep(which: int, _frame: FrameType | None) -> None:
+        received.append(which)
+
+    before = {which: signal.signal(which, keep) for which in STOP_SIGNALS}
+    try:
+        yield received
+    finally:
+        for which, handler in before.items():
+            signal.signal(which, handler)
+
+
+@contextlib.contextmanager
 def running_nodes(
     nodes: Sequence[tuple[str, Mapping[str, object]]], logs: Path
 ) -> Iterator[list[NodeProcess]]:
@@ -91,22 +109,22 @@ def running_nodes(
 
     :param nodes: (name, parameters) of each.
     :param logs: folder for what they print.
+    :raises KeyboardInterrupt: a signal came while they were started.
     """
     processes = []
     try:
-        for name, parameters in nodes:
-            processes.append(NodeProcess(name, parameters, logs / f'{name}.log'))
+        with _held_signals() as received:
+            for name, parameters in nodes:
+                processes.append(NodeProcess(name, parameters, logs / f'{name}.log'))
+        if received:
+            raise KeyboardInterrupt
         yield processes
     finally:
-        # A second Ctrl-C would leave nodes behind.
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-        try:
+        with _held_signals():
             for process in reversed(processes):
                 process.interrupt()
             for process in reversed(processes):
                 process.wait()
-        finally:
-            signal.signal(signal.SIGINT, before)
 
 
 def keep_to_this_machine() -> int:

@@ -1,6 +1,7 @@
 """The demonstration without middleware: its path, its grasp and its pictures."""
 
 import math
+import signal
 
 from isotruss_ros.core import (
     analyze_grasp,
@@ -20,6 +21,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.demo import processes
 from isotruss_ros.demo.figures import animate, draw_panels
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
@@ -194,3 +196,28 @@ def test_pictures_are_written(played, tmp_path):
     animate(ROBOT, OBJECT_DIAMETER, records[:1], tmp_path / 'demo.gif')
     with Image.open(tmp_path / 'demo.gif') as animation:
         assert animation.n_frames == 28
+
+
+def test_a_signal_while_nodes_are_started_leaves_none_behind(monkeypatch, tmp_path):
+    made = []
+
+    class Started:
+        def __init__(self, name, _parameters, _log):
+            made.append(name)
+            if name == 'second':
+                signal.raise_signal(signal.SIGINT)
+            self.name = name
+
+        def interrupt(self):
+            made.remove(self.name)
+
+        def wait(self):
+            pass
+
+    monkeypatch.setattr(processes, 'NodeProcess', Started)
+    with (
+        pytest.raises(KeyboardInterrupt),
+        processes.running_nodes([('first', {}), ('second', {})], tmp_path),
+    ):
+        pytest.fail('they are not to be used')
+    assert made == []

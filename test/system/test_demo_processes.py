@@ -1,5 +1,7 @@
 """The demonstration as a process: interrupted, and beside another simulation."""
 
+import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -7,6 +9,7 @@ import time
 
 from isotruss_ros.demo.processes import NodeProcess
 from probe import begin_context, DEADLINE
+import psutil
 import pytest
 import rclpy
 
@@ -23,6 +26,16 @@ def begin(folder):
     )
 
 
+def nodes_of(folder):
+    """Return the processes of nodes that still write into the logs of a demonstration."""
+    found = []
+    for process in psutil.process_iter():
+        with contextlib.suppress(psutil.Error, OSError):
+            if str(folder) in os.readlink(f'/proc/{process.pid}/fd/1'):
+                found.append(process.cmdline())
+    return found
+
+
 def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path):
     demo = begin(tmp_path)
     printed = demo.stdout.readline()
@@ -36,6 +49,7 @@ def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path):
     assert demo.returncode in (130, -signal.SIGINT), printed
     assert 'demo stopped' in printed
     assert 'Traceback' not in printed
+    assert not nodes_of(tmp_path)
 
 
 def test_beside_another_simulation_it_says_so(tmp_path):
