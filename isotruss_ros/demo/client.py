@@ -15,6 +15,7 @@ from isotruss_ros.demo.path import Phase, Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
+    name_object_frame,
     read_stamp,
     RollerStateReader,
     stamp_header,
@@ -257,7 +258,7 @@ class DemoClient(Node):
         if pulls:
             record.pull, record.pulled = wrench, (min(record.pulled[0], seconds), seconds)
         message = WrenchStamped(wrench=to_wrench_message(wrench))
-        stamp_header(message.header, now, self.frame_id)
+        stamp_header(message.header, now, name_object_frame(self.frame_id))
         self._wrenches.publish(message)
 
     def _wait_for_rest(self, check: Callable[[], None], what: str) -> None:

@@ -11,6 +11,7 @@ from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import GraspCode, GraspMonitor, GraspReport, load_robot
 from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
+from isotruss_ros.nodes.components.object_frame import ObjectFrame
 from isotruss_ros.nodes.components.sensors import (
     format_age,
     subscribe_input,
@@ -23,6 +24,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
     to_state_message,
 )
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
+from isotruss_ros.nodes.conversions.messages import name_object_frame, stamp_header, to_time
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import CycleTimes, Level, WarningThrottle
@@ -84,6 +86,7 @@ class GraspAnalysisNode(ManagedNode):
         self._closures = self.create_lifecycle_publisher(Bool, 'grasp/force_closure', RELIABLE)
         self._wrenches = self.create_lifecycle_publisher(WrenchStamped, 'grasp/wrench', RELIABLE)
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
+        self._object_frame = ObjectFrame(self, self._robot.frame)
         self._markers = GraspMarkers(self._robot.frame)
         subscribe_joint_states(self, self._robot, self._monitor)
         subscribe_object_center(self, self._robot, self._monitor)
@@ -152,8 +155,11 @@ class GraspAnalysisNode(ManagedNode):
         self._closures.publish(Bool(data=state.held))
         if report.grasp is not None:
             # A wrench has no code: without a result, none is published.
-            wrench = WrenchStamped(header=state.header, wrench=state.normal_wrench)
+            wrench = WrenchStamped(wrench=state.normal_wrench)
+            measured, frame = to_time(report.time), name_object_frame(self._robot.frame)
+            stamp_header(wrench.header, measured, frame)
             self._wrenches.publish(wrench)
+            self._object_frame.broadcast(report.grasp.cylinder.center, measured)
             used = max(report.grasp.analysis.utilisation.values())
             level = Level.OK if used <= MAX_UTILISATION else Level.WARN
             if report.code is not GraspCode.OK:

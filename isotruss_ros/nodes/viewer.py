@@ -9,7 +9,11 @@ from typing import TYPE_CHECKING
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import ConfigurationError, load_robot
-from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
+from isotruss_ros.nodes.conversions.messages import (
+    name_object_frame,
+    stamp_header,
+    to_twist_message,
+)
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.diagnostics import WarningThrottle
 from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
@@ -175,7 +179,8 @@ class Viewer(StoppableNode):
         if wrench == ZERO and not self._pulling:
             return
         message = WrenchStamped()
-        stamp_header(message.header, self.get_clock().now(), self.picture.robot.frame)
+        frame = name_object_frame(self.picture.robot.frame)
+        stamp_header(message.header, self.get_clock().now(), frame)
         message.wrench.force.x, message.wrench.force.y, message.wrench.torque.z = wrench
         self._wrenches.publish(message)
         # Once one was published it goes on: an old one is not relied on.

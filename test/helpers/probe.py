@@ -118,7 +118,7 @@ class Probe(Node):
         self.object_poses.publish(message)
 
     def send_wrench(
-        self, wrench: tuple[float, float, float], age: float = 0.0, frame: str = 'truss'
+        self, wrench: tuple[float, float, float], age: float = 0.0, frame: str = 'truss_object'
     ) -> None:
         """Publish an external wrench on the object."""
         message = WrenchStamped(wrench=to_wrench_message(wrench))

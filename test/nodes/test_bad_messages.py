@@ -281,7 +281,7 @@ def test_the_analysis_has_no_result_for_invalid_inputs(topic):
 
         def wrench(case):
             about = {k: case[k] for k in ('age', 'sec', 'nanosec', 'frame') if k in case}
-            message = WrenchStamped(header=header(w, **about))
+            message = WrenchStamped(header=header(w, **({'frame': 'truss_object'} | about)))
             message.wrench.force.x = case.get('x', 0.0)
             w.probe.wrenches.publish(message)
 

@@ -191,7 +191,7 @@ def test_twists_there_and_back(twist):
 # External wrenches
 
 
-def wrench(frame=FRAME, **components):
+def wrench(frame=f'{FRAME}_object', **components):
     """Return a wrench with components fx, fy, m."""
     values = [components.get(name, 0.0) for name in ('fx', 'fy', 'm')]
     return WrenchStamped(header=Header(frame_id=frame), wrench=to_wrench_message(values))
@@ -201,7 +201,7 @@ WRENCHES = {
     f'{name} {v}': ({name: v}, 'must be finite, at most')
     for name in ('fx', 'fy', 'm')
     for v in (*BAD, *HUGE, 1.01 * MAX_WRENCH, -1.01 * MAX_WRENCH)
-} | {'frame': ({'frame': 'map'}, "in frame 'map': must be in 'truss'")}
+} | {'frame': ({'frame': FRAME}, "in frame 'truss': must be in 'truss_object'")}
 
 
 @pytest.mark.parametrize('case', WRENCHES)
@@ -211,7 +211,7 @@ def test_rejects_external_wrenches(case):
         read_external_wrench(wrench(**changes), FRAME)
 
 
-@pytest.mark.parametrize('frame', ['', FRAME])
+@pytest.mark.parametrize('frame', ['', f'{FRAME}_object'])
 def test_reads_external_wrenches(frame):
     assert read_external_wrench(wrench(frame, fx=1.0, fy=-2.0, m=MAX_WRENCH), FRAME) == (
         1.0,

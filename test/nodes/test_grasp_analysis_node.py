@@ -91,7 +91,7 @@ def test_publishes_the_result_of_the_analysis():
         assert state.computing_time > 0.0
         w.until(lambda: w.probe.last('wrench') is not None, feed(w))
         published = w.probe.last('wrench')
-        assert published.header.frame_id == 'truss'
+        assert published.header.frame_id == 'truss_object'
         assert published.wrench == wrench
 
 
@@ -209,7 +209,7 @@ def test_an_external_wrench_counts_until_it_is_stale():
         assert_no_answer(w, state)
         for changes, words in (
             ({'wrench': (math.nan, 0.0, 0.0)}, 'finite'),
-            ({'frame': 'gripper'}, "must be in 'truss'"),
+            ({'frame': 'truss'}, "must be in 'truss_object'"),
             ({'age': -1.0}, 'future'),
         ):
             state = w.until_code(

@@ -12,6 +12,7 @@ from isotruss_ros.core import GraspAnalysis, GraspReport, Question
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     MessageError,
+    name_object_frame,
     stamp_header,
     to_time,
 )
@@ -34,11 +35,11 @@ def read_external_wrench(message: WrenchStamped, frame: str) -> tuple[float, flo
     """
     Return the external wrench (fx, fy, m) on the object [N, N m].
 
-    :param message: wrench about the object's centre.
+    :param message: wrench about the object's centre, in the frame of `name_object_frame`.
     :param frame: the robot's frame.
     :raises MessageError: another frame, not finite, or larger than `MAX_WRENCH`.
     """
-    check_frame('external wrench', message.header, frame)
+    check_frame('external wrench', message.header, name_object_frame(frame))
     wrench = read_wrench(message.wrench)
     if not all(abs(component) <= MAX_WRENCH for component in wrench):
         raise MessageError(

@@ -92,6 +92,17 @@ def check_frame(what: str, header: Header, frame: str) -> None:
         )
 
 
+def name_object_frame(frame: str) -> str:
+    """
+    Return the frame with its origin at the object's centre, parallel to the robot's frame.
+
+    Wrenches on the object are about that origin. It does not turn with the object.
+
+    :param frame: the robot's frame; the name is empty where this is.
+    """
+    return f'{frame}_object' if frame else ''
+
+
 def read_object_center(message: PoseStamped, frame: str) -> tuple[float, float]:
     """
     Return the object's centre (x, y) [m].

@@ -73,8 +73,8 @@ def test_sliding_carries_out_the_nearest_twist_that_limits_allow(robot, rng, num
     jacobian = task_jacobian(config, grasp)
     r = len(robot.roller_names)
     wall = Wall(rng.standard_normal((3, r)), rng.choice([0.0, 0.01, 0.1], 3))
-    # Rollers are quick enough: only the walls are in the way. A robot that is nearly singular takes
-    # more, and slides along the walls with what the rollers leave of the twist.
+    # Rollers are quick enough: only the walls are in the way. A robot that is nearly singular
+    # needs quicker ones, and slides along the walls with what its rollers leave of the twist.
     speed = RollerSpeedLimit(10.0)
     limits = [speed, wall]
     twist = 0.1 * rng.standard_normal(3)
