@@ -29,6 +29,7 @@ setup(
             f'share/{package_name}/config',
             glob('config/*.yaml') + glob('config/*.json') + glob('config/*.rviz'),
         ),
+        (f'share/{package_name}/config/ros2_control', glob('config/ros2_control/*')),
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
     ],
     # Only what `isotruss_ros.core` imports, so that it installs where there is no ROS.

@@ -1,0 +1,53 @@
+"""The files for ros2_control name the rollers of the preset and what the nodes command."""
+
+from pathlib import Path
+import xml.etree.ElementTree as ElementTree
+
+from isotruss_ros.core import load_robot
+import pytest
+from ruamel.yaml import YAML
+
+FOLDER = Path(__file__).parents[2] / 'config' / 'ros2_control'
+ROBOT = load_robot('nine_member')
+
+
+@pytest.fixture(scope='module')
+def description():
+    return ElementTree.parse(FOLDER / 'nine_member.urdf').getroot()
+
+
+def test_the_description_is_a_tree_of_the_rollers(description):
+    joints = {joint.get('name'): joint for joint in description.findall('joint')}
+    assert tuple(joints) == ROBOT.roller_names
+    links = [link.get('name') for link in description.findall('link')]
+    children = [joint.find('child').get('link') for joint in joints.values()]
+    assert links == [ROBOT.frame, *children]
+    assert {joint.find('parent').get('link') for joint in joints.values()} == {ROBOT.frame}
+
+
+def test_the_limits_are_those_of_the_robot(description):
+    travel = 3.0 * ROBOT.home.member_lengths[0]
+    assert ROBOT.home.member_lengths == pytest.approx(travel / 3.0)
+    for limit in description.iterfind('joint/limit'):
+        assert float(limit.get('velocity')) == ROBOT.description.max_speed
+        assert float(limit.get('upper')) == pytest.approx(travel)
+        assert float(limit.get('lower')) == pytest.approx(-travel)
+
+
+def test_the_hardware_takes_velocities_and_measures_travel(description):
+    (system,) = description.findall('ros2_control')
+    assert tuple(joint.get('name') for joint in system.findall('joint')) == ROBOT.roller_names
+    for joint in system.findall('joint'):
+        assert [i.get('name') for i in joint.findall('command_interface')] == ['velocity']
+        states = [i.get('name') for i in joint.findall('state_interface')]
+        assert states == ['position', 'velocity']
+
+
+def test_the_controllers_have_the_rollers_in_order():
+    said = YAML(typ='safe').load(FOLDER / 'controllers.yaml')
+    manager = said['controller_manager']['ros__parameters']
+    assert manager['joint_state_broadcaster']['type'].endswith('/JointStateBroadcaster')
+    kind = manager['roller_velocity_controller']['type']
+    assert kind == 'velocity_controllers/JointGroupVelocityController'
+    joints = said['roller_velocity_controller']['ros__parameters']['joints']
+    assert tuple(joints) == ROBOT.roller_names
