@@ -11,6 +11,7 @@ from isotruss_ros.core.grasping.contact_points import ContactPoints, find_contac
 from isotruss_ros.core.grasping.contact_regions import contact_regions
 from isotruss_ros.core.grasping.flattening import flattening_of
 from isotruss_ros.core.grasping.force_closure import check_force_closure
+from isotruss_ros.core.grasping.refinement import refine_contact
 from isotruss_ros.core.grasping.relaxation import relax_contact
 from isotruss_ros.core.grasping.wrinkling import find_wrinkling
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -106,7 +107,8 @@ def analyze_grasp(
     :param friction: coefficient between tube and object, not negative.
     :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
     :param method: 'exact' (complementarity by pivoting) or 'relaxation' (the paper's (9)).
-    :param spacing: of the contact points along the tubes [m].
+    :param spacing: of the contact points along the tubes [m]; tubes that flatten have points where
+        they are touched, a half or a quarter of this apart where a region of contact is short.
     :param flattening: whether the tubes' sections flatten where they are touched; if not, they
         stay round, as in the paper's model.
     :param previous: analysis of a similar grasp, where the search for the contact begins. Where
@@ -129,14 +131,19 @@ def analyze_grasp(
         raise GraspError(f'method {method!r}: must be one of {", ".join(solvers)}')
     center, arm = complex(*cylinder.center), 0.5 * cylinder.diameter
     structure = structure_of(config, pressure)
-    kernel, radius = None, arm + 0.5 * config.robot.description.tube_diameter
     if flattening:
-        kernel, radius = flattening_of(config.robot, structure.pressures), arm
-    contact_points = find_contact_points(structure, center, radius, gap, kernel)
-    start = None
-    if previous is not None and len(previous.normal_forces) == len(contact_points.points):
-        start = previous.normal_forces
-    contact = solvers[method](contact_points, center, radius, start)
+        radius, kernel = arm, flattening_of(config.robot, structure.pressures)
+        spans = None if previous is None else previous.contact_spans
+        contact_points, contact = refine_contact(
+            structure, center, radius, gap, kernel, solvers[method], spans
+        )
+    else:
+        radius = arm + 0.5 * config.robot.description.tube_diameter
+        contact_points = find_contact_points(structure, center, radius, gap)
+        start = None
+        if previous is not None and len(previous.normal_forces) == len(contact_points.points):
+            start = previous.normal_forces
+        contact = solvers[method](contact_points, center, radius, start)
     normals = as_xy(contact.normals)
     pressed = -contact.forces @ normals
     tangents = as_xy(1j * contact.normals)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.grasping.contact_points import ContactPoints
 from isotruss_ros.core.grasping.lcp import GAP_TOLERANCE, solve_complementarity
-from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 import numpy as np
 
 #: Forces are along normals to this, as a share of the largest.
@@ -42,6 +42,19 @@ class ContactState:
     gaps: Array
     normals: Points
     displacements: Points
+
+    def at(self, places: Indices) -> ContactState:
+        """
+        Return the contact at some of the points.
+
+        :param places: of these points, their numbers.
+        """
+        return ContactState(
+            self.forces[places],
+            self.gaps[places],
+            self.normals[places],
+            self.displacements[places],
+        )
 
 
 def solve_contact(

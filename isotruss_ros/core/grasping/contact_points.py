@@ -119,6 +119,7 @@ def find_contact_points(
     radius: float,
     spacing: float,
     flattening: Flattening | None = None,
+    windows: Array | None = None,
 ) -> ContactPoints:
     """
     Place contact points on every piece of tube that comes within reach of a disc.
@@ -129,6 +130,8 @@ def find_contact_points(
         half of the tube's added where the tubes do not flatten.
     :param spacing: distance of the points along the tube [m].
     :param flattening: how the tubes flatten; None for the paper's model, in which they do not.
+    :param windows: (m, 2) between which points of each member, from its start, points are placed;
+        everywhere if None [m].
     """
     topology, frame = structure.config.robot.topology, structure.frame
     m = topology.n_modules
@@ -144,6 +147,12 @@ def find_contact_points(
     off = np.abs(aside) - (0.0 if flattening is None else flattening.radius)
     chord = np.sqrt(np.maximum(0.0, reach**2 - np.maximum(off, 0.0) ** 2))
     low, high = np.maximum(0.0, foot - chord), np.minimum(length, foot + chord)
+    # All pieces of a member are one line, that of the long piece, whichever way they run.
+    line, origin = axis[2 * m + owner], start[2 * m + owner]
+    ahead, base = (axis * line.conj()).real, length[owner] + ((start - origin) * line.conj()).real
+    if windows is not None:
+        bounds = ahead[:, None] * (windows[owner] - base[:, None])
+        low, high = np.maximum(low, bounds.min(axis=1)), np.minimum(high, bounds.max(axis=1))
     near = np.flatnonzero((high > low) & (off < reach))
     # Counted from the foot of the centre, where contact begins: what is symmetric stays so.
     # A guide ring, where two pieces meet, is a point of the long one alone: twice the same point
@@ -173,7 +182,6 @@ def find_contact_points(
     out = np.stack([as_xy(along), as_xy(1j * along)], axis=2)
     spread[np.arange(len(place)), :, member] = out @ shapes
     on = owner[near][member]
-    # All pieces of a member are one line, that of the long piece, whichever way they run.
     line, origin = axis[2 * m + on], start[2 * m + on]
     skin, dents = points, np.zeros((len(place), len(place)))
     in_line = length[on] + ((points - origin) * line.conj()).real

@@ -1,0 +1,119 @@
+"""
+Contact of tubes that flatten, with contact points as fine as the regions of contact need.
+
+Forces and lengths of contact converge fast with the spacing of the points, but what friction can
+balance rests on how the pressure is spread within each region: its error falls with the square of
+the number of points in the smallest one. A search with few points finds the regions; the points
+of the answer lie there alone, and close enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from isotruss_ros.core.grasping.contact import ContactState, solve_contact
+from isotruss_ros.core.grasping.contact_points import ContactPoints, find_contact_points
+from isotruss_ros.core.grasping.contact_regions import contact_extents
+from isotruss_ros.core.grasping.flattening import Flattening
+from isotruss_ros.core.numerics.arrays import Array, Flags
+from isotruss_ros.core.statics.structure import Structure
+import numpy as np
+
+#: Spacing of the search, and room for points to both sides of a region, over that of the answer.
+SEARCH = 2.0
+#: A region of contact has this many points, or the spacing is divided by the last of these.
+REGION_POINTS = 10
+DIVISIONS = (1, 2, 4)
+#: Regions are found in so many steps, or points are placed wherever tubes are within reach.
+MAX_STEPS = 3
+EVERYWHERE = np.array([-np.inf, np.inf])
+
+ContactSolver = Callable[[ContactPoints, complex, float, Array | None], ContactState]
+
+
+def refine_contact(
+    structure: Structure,
+    center: complex,
+    radius: float,
+    spacing: float,
+    flattening: Flattening,
+    solver: ContactSolver,
+    previous: Mapping[str, tuple[float, float]] | None = None,
+) -> tuple[ContactPoints, ContactState]:
+    """
+    Solve the contact of tubes that flatten with points where it is.
+
+    :param structure: the frame of the robot.
+    :param center: of the object, x + iy [m].
+    :param radius: of the object [m].
+    :param spacing: largest distance of the points [m].
+    :param flattening: how the tubes flatten.
+    :param solver: `solve_contact` or `relax_contact`.
+    :param previous: where the members of a similar grasp are touched, see
+        `GraspAnalysis.contact_spans`; a search finds it if None.
+    :return: the points, from one spacing before each region of contact to one behind it, and the
+        contact there; without a touch, those of all tubes within reach.
+    :raises SolverError: the contact problem was not solved.
+    """
+
+    names = structure.config.robot.member_names
+    room = spacing * np.array([-1.0, 1.0])
+
+    def place(distance: float, windows: Array | None = None) -> ContactPoints:
+        return find_contact_points(structure, center, radius, distance, flattening, windows)
+
+    def solve(regions: Array, limited: bool) -> tuple[ContactPoints, ContactState, Array, bool]:
+        """Solve with points around regions, and return whether they are enough."""
+        division = _division(regions, spacing)
+        within = limited & _touched(regions)
+        windows = np.where(within, regions + SEARCH * room, EVERYWHERE)
+        points = place(spacing / division, windows)
+        contact = solver(points, center, radius, _within(points, regions).astype(float))
+        found = _regions(points, contact, len(names))
+        # A member whose contact has left its window may be touched elsewhere.
+        fits = ((found + room - windows) * room <= 0.0).all() and (_touched(found) >= within).all()
+        return points, contact, found, bool(fits) and division == _division(found, spacing)
+
+    settled = False
+    if previous:
+        before = np.array([previous.get(name, -EVERYWHERE) for name in names])
+        points, contact, regions, settled = solve(before, limited=True)
+    if not settled:
+        points = place(SEARCH * spacing)
+        regions = _regions(points, solve_contact(points, center, radius), len(names))
+        if not _touched(regions).any():
+            points = place(spacing)
+            return points, solver(points, center, radius, None)
+    for step in range(MAX_STEPS):
+        if settled:
+            break
+        limited = step < MAX_STEPS - 1
+        points, contact, regions, settled = solve(regions, limited)
+    # Whatever the search began with, the answer is the same.
+    kept = np.flatnonzero(_within(points, regions + room))
+    return points[kept], contact.at(kept)
+
+
+def _touched(regions: Array) -> Flags:
+    """Return which members are touched, (m, 1)."""
+    return regions[:, 1:] > regions[:, :1]
+
+
+def _regions(points: ContactPoints, contact: ContactState, count: int) -> Array:
+    """Return where contact begins and ends on each member, (m, 2); inf, -inf without [m]."""
+    length, first, last = contact_extents(points, contact, count)
+    return np.where((length > 0.0)[:, None], np.column_stack([first, last]), -EVERYWHERE)
+
+
+def _division(regions: Array, spacing: float) -> int:
+    """Return by what the spacing is to be divided for the shortest region."""
+    length = regions[:, 1] - regions[:, 0]
+    shortest = length[length > 0.0].min(initial=np.inf)
+    enough = REGION_POINTS * spacing / shortest
+    return next((n for n in DIVISIONS if n >= enough), DIVISIONS[-1])
+
+
+def _within(points: ContactPoints, regions: Array) -> Flags:
+    """Return which points are within the regions (m, 2) of their members."""
+    first, last = regions[points.member].T
+    return (points.place >= first) & (points.place <= last)

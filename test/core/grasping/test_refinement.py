@@ -1,0 +1,76 @@
+"""Contact points as fine as the regions need: convergence, whatever the search began with."""
+
+from hypothesis import given, settings, strategies
+from isotruss_ros.core import analyze_grasp, Cylinder, IsotrussError, load_robot, tangent_center
+from isotruss_ros.core.grasping.refinement import DIVISIONS, REGION_POINTS
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+SPACING = 0.005
+
+
+def pressed(seed):
+    """Return a random configuration and an object pressed into a random corner."""
+    draw = np.random.default_rng(seed)
+    while True:
+        module = ROBOT.module_names[draw.integers(len(ROBOT.module_names))]
+        diameter, depth = draw.uniform(0.15, 0.5), draw.uniform(0.003, 0.025)
+        try:
+            config = ROBOT.configuration(draw.uniform(-0.15, 0.15, len(ROBOT.roller_names)))
+            return config, Cylinder(tangent_center(config, module, diameter, depth), diameter)
+        except IsotrussError:
+            continue
+
+
+seeds = given(strategies.integers(0, 2**32 - 1))
+
+
+@settings(max_examples=15)
+@seeds
+def test_all_figures_are_converged_at_the_default_spacing(seed):
+    config, cylinder = pressed(seed)
+    coarse, fine = (analyze_grasp(config, cylinder, spacing=s) for s in (SPACING, SPACING / 4))
+    size = fine.normal_forces.sum()
+    assert coarse.contact_forces == pytest.approx(fine.contact_forces, rel=0.02)
+    assert coarse.contact_lengths == pytest.approx(fine.contact_lengths, rel=0.02)
+    assert coarse.required_friction == pytest.approx(fine.required_friction, rel=0.02)
+    assert coarse.closure_margin == pytest.approx(fine.closure_margin, abs=0.02 * size)
+    assert coarse.closure_residual == pytest.approx(fine.closure_residual, abs=0.02 * size)
+
+
+@settings(max_examples=15)
+@seeds
+def test_points_lie_where_contact_is_and_are_enough(seed):
+    config, cylinder = pressed(seed)
+    analysis = analyze_grasp(config, cylinder, spacing=SPACING)
+    for member in np.unique(analysis.members):
+        here = np.sort(analysis.places[analysis.members == member])
+        start, end = analysis.contact_spans[ROBOT.member_names[member]]
+        assert start - SPACING <= here[0] < start
+        assert end < here[-1] <= end + SPACING
+        touching = (analysis.normal_forces[analysis.members == member] > 0.0).sum()
+        step = np.median(np.diff(here))
+        assert touching >= REGION_POINTS - 2 or step == pytest.approx(SPACING / DIVISIONS[-1])
+
+
+@settings(max_examples=15)
+@seeds
+def test_the_answer_is_the_same_from_anywhere(seed):
+    config, cylinder = pressed(seed)
+    cold = analyze_grasp(config, cylinder)
+    x, y = cylinder.center
+    for shift in (0.0, 2e-3, 0.05, 50.0):
+        begun = analyze_grasp(config, Cylinder((x + shift, y), cylinder.diameter))
+        warm = analyze_grasp(config, cylinder, previous=begun)
+        slack = 1e-6 * cold.normal_forces.sum()
+        assert warm.places == pytest.approx(cold.places)
+        assert warm.normal_forces == pytest.approx(cold.normal_forces, abs=slack)
+
+
+def test_an_object_that_is_not_touched_has_points_and_no_forces():
+    center = tangent_center(ROBOT.home, 'north/Z', 0.3, -0.001)
+    analysis = analyze_grasp(ROBOT.home, Cylinder(center, 0.3))
+    assert len(analysis.gaps) > 2
+    assert not analysis.normal_forces.any()
+    assert analysis.gaps.min() > 0.0
