@@ -72,8 +72,9 @@ def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, stand_in)
     arguments = {e.args[0]: e for e in entities if e.kind == 'DeclareLaunchArgument'}
     nodes = [e for e in entities if e.kind == 'Node']
     assert len(nodes) >= 4
-    used = set()
+    used = {'namespace'}
     for node in nodes:
+        assert node.namespace.args == ('namespace',)
         assert node.package == 'isotruss_ros'
         specs = specs_of(node.executable)
         (parameters,) = node.parameters
@@ -114,7 +115,7 @@ def test_every_parameter_of_the_simulator_is_an_argument(stand_in):
 def test_an_unknown_argument_is_named(path, stand_in):
     (entities,) = runpy.run_path(str(path))['generate_launch_description']().args
     (check,) = (e for e in entities if e.kind == 'OpaqueFunction')
-    given = SimpleNamespace(argv=['robot:=triangle', 'object_lies_free:=true'])
+    given = SimpleNamespace(argv=['robot:=triangle', 'namespace:=left', 'object_lies_free:=true'])
     (warning,) = check.function(given)
     assert 'object_lies_free: unknown' in warning.msg
 

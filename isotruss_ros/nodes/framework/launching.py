@@ -19,6 +19,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 USE_SIM_TIME = Spec('use_sim_time', False, 'Time comes from the topic /clock')
+NAMESPACE = 'namespace'
 #: Arguments of every launch file, for all its nodes.
 SHARED = (ROBOT, COMMAND_TIMEOUT, AUTOSTART, USE_SIM_TIME)
 
@@ -46,7 +47,7 @@ def describe_launch(
 
     def warn_of_unknown_arguments(context: LaunchContext) -> list[LogInfo]:
         named = [argument.partition(':=')[0] for argument in context.argv]
-        unknown = sorted(set(named) - arguments.keys())
+        unknown = sorted(set(named) - arguments.keys() - {NAMESPACE})
         return [
             LogInfo(msg=f'launch argument {name}: unknown, and not used; see --show-args')
             for name in unknown
@@ -60,11 +61,17 @@ def describe_launch(
                 )
                 for name, spec in arguments.items()
             ),
+            DeclareLaunchArgument(
+                NAMESPACE,
+                default_value='',
+                description='Of all nodes and their topics, for several robots side by side',
+            ),
             OpaqueFunction(function=warn_of_unknown_arguments),
             *(
                 Node(
                     package='isotruss_ros',
                     executable=executable,
+                    namespace=LaunchConfiguration(NAMESPACE),
                     parameters=[
                         {
                             spec.name: ParameterValue(

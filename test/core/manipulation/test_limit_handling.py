@@ -87,7 +87,9 @@ def test_sliding_carries_out_the_nearest_twist_that_limits_allow(robot, rng, num
     assume(scaled.status is not Status.UNREACHABLE)
     assume(np.abs(command.roller_velocities).max() < 9.9)
     assert command.status is Status.SLIDING
-    assert set(command.limiting) & set(wall.row_names(config))
+    # Where other speeds than the least carry out the twist too, rolling alone can be in the way.
+    if scaled.scale < 1.0:
+        assert set(command.limiting) & set(wall.row_names(config))
     measure = surface(grasp)
     wanted, got = measure * twist, measure * command.achieved_twist
     # The variational inequality: no admissible motion lies further toward what is missing, less
