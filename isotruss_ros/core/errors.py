@@ -29,6 +29,10 @@ class PathError(IsotrussError, ValueError):
     """A path of the object, or what is asked of following it, is not usable."""
 
 
+class NoMotionError(PathError):
+    """All poses of a path are the same."""
+
+
 def quote(name: str, longest: int = 80) -> str:
     """
     Return a name in quotes for an error, cut off where it is long.

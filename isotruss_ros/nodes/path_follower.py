@@ -11,6 +11,7 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import IsotrussError, load_robot, Pose, Tracking, TrackingSettings
 from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedback
+from isotruss_ros.core.errors import NoMotionError
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components.sensors import format_age, subscribe_input
 from isotruss_ros.nodes.conversions.messages import (
@@ -177,14 +178,6 @@ class PathFollower(ManagedNode):
         self._cycles, self._last = 0, None
         values = self.values
         try:
-            path = read_object_path(
-                goal.path,
-                goal.speed,
-                goal.turn_rate,
-                self._frame,
-                values[SMOOTH_PATH],
-                self._servo.measured(self.now()),
-            )
             settings = TrackingSettings(
                 goal.position_tolerance,
                 goal.angle_tolerance,
@@ -193,9 +186,22 @@ class PathFollower(ManagedNode):
                 values[RAMP_TIME],
                 values[PROGRESS_TIMEOUT],
             )
+            path = read_object_path(
+                goal.path,
+                goal.speed,
+                goal.turn_rate,
+                self._frame,
+                values[SMOOTH_PATH],
+                self._servo.measured(self.now()),
+            )
             self._servo.begin(path, settings, self.now())
         except InputError as error:
             self._end(Outcome.STOPPED, str(error))
+        except NoMotionError as error:
+            if len(goal.path.poses) == 1:
+                self._end(Outcome.REACHED, 'the object is there already')
+            else:
+                self._end(Outcome.BAD_GOAL, str(error))
         except IsotrussError as error:
             self._end(Outcome.BAD_GOAL, str(error))
 

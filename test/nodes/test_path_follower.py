@@ -238,7 +238,6 @@ def endless(asked, count=10_001):
 UP = (0.0, 0.02, 0.0)
 BAD_GOALS = {
     'no poses': (FollowObjectPath.Goal(), 'two or more'),
-    'one pose, and there': (goal(begin=PROBED), 'must lead somewhere else'),
     'nowhere': (goal((0.0, 0.0, 0.0), begin=PROBED), 'must lead somewhere else'),
     'frame': (goal(UP, begin=PROBED, frame='world'), "path in frame 'world': must be in 'truss'"),
     'frame of a pose': (elsewhere(goal(UP, begin=PROBED), 'map'), 'pose 1 of the path in frame'),
@@ -281,6 +280,19 @@ def test_bad_goals_are_aborted_with_the_reason_and_move_nothing():
             assert words in result.message, name
             assert math.isnan(result.max_position_error)
         assert not client.twists().any()
+
+
+def test_a_path_of_one_pose_is_reached_where_the_object_is_there_already():
+    with world(node()) as w:
+        client = Client(w)
+        tell = fake(w)
+        w.spin(0.2, tell)
+        status, result = client.follow(goal(begin=PROBED), tell)
+        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
+        assert 'there already' in result.message
+        assert not client.twists().any()
+        bad = goal(begin=PROBED, position_tolerance=0.0)
+        assert client.follow(bad, tell)[1].code == Result.BAD_GOAL
 
 
 def test_does_not_move_without_the_object_pose():

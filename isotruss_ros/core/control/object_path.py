@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.errors import PathError
+from isotruss_ros.core.errors import NoMotionError, PathError
 from isotruss_ros.core.model.objects import MAX_DISTANCE
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
@@ -149,7 +149,7 @@ def _distinct(poses: Array) -> Array:
     cells = np.round(poses / SAME)
     differs = (np.diff(cells, axis=0) != 0.0).any(axis=1)
     if not differs.any():
-        raise PathError(
+        raise NoMotionError(
             f'all poses of the path are at {poses[0].tolist()}; must lead somewhere else'
         )
     return poses[np.concatenate([[True], differs])]
