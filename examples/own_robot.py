@@ -26,6 +26,7 @@ with tempfile.TemporaryDirectory() as folder:
     path.write_text(ROBOT)
     robot = core.load_robot(path)
     print(robot.name, robot.roller_names, robot.home.member_lengths)
+    print('worst-case rigidity index', core.worst_case_rigidity_index(robot.home))
 
     path.write_text(ROBOT.replace('rod_length: 0.15', 'rod_length: -0.15'))
     try:
