@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile
 
 #: What every node has by rclpy, or by our framework; the page of all nodes has these.
-COMMON_TOPICS = ('/rosout', '/parameter_events', '/clock', '/diagnostics')
+COMMON_TOPICS = ('/rosout', '/parameter_events', '/clock', '/diagnostics', '/tf')
 COMMON_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 COMMON_PACKAGES = ('rcl_interfaces', 'lifecycle_msgs', 'type_description_interfaces')
 

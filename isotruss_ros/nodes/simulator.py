@@ -19,7 +19,12 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
-from isotruss_ros.nodes.conversions.messages import MessageError, stamp_header, to_pose_message
+from isotruss_ros.nodes.conversions.messages import (
+    MessageError,
+    read_object_center,
+    stamp_header,
+    to_pose_message,
+)
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
@@ -147,6 +152,7 @@ class Simulator(ManagedNode):
             self._receive_command,
             RELIABLE,
         )
+        self.create_subscription(PoseStamped, 'place_object', self._place_object, RELIABLE)
         self.create_subscription(WrenchStamped, 'external_wrench', self._receive_wrench, RELIABLE)
         self._cycle = Cycle(self, self.values[params.RATE], self._step, self._stop_on_clock_jump)
 
@@ -172,18 +178,24 @@ class Simulator(ManagedNode):
         center = (values[OBJECT_X], values[OBJECT_Y])
         if not values[OBJECT_IS_FREE]:
             center = tangent_center(home, module, diameter, values[INDENTATION])
-        self._elastic = None
-        if values[PLANT] == ELASTIC:
-            simulated = self._elastic = ElasticObject(
-                Cylinder(center, diameter),
-                values[FRICTION],
-                stiffness_scale=values[STIFFNESS_SCALE],
-            )
-        elif values[OBJECT_IS_FREE]:
-            simulated = FreeObject(Cylinder(center, diameter), values[FRICTION])
+        if values[PLANT] == ELASTIC or values[OBJECT_IS_FREE]:
+            simulated = self._make_free_object(center)
         else:
+            self._elastic = None
             simulated = HeldObject.attach(home, Grasp(module, center, diameter))
         return SimulatedRobot(home, simulated, faults, values[SEED])
+
+    def _make_free_object(self, center: tuple[float, float]) -> FreeObject | ElasticObject:
+        """Return an object that nothing holds until friction does."""
+        values = self.values
+        cylinder = Cylinder(center, values[OBJECT_DIAMETER])
+        self._elastic = None
+        if values[PLANT] == KINEMATIC:
+            return FreeObject(cylinder, values[FRICTION])
+        self._elastic = ElasticObject(
+            cylinder, values[FRICTION], stiffness_scale=values[STIFFNESS_SCALE]
+        )
+        return self._elastic
 
     def _apply(self) -> None:
         if self._cycle is not None:
@@ -203,6 +215,16 @@ class Simulator(ManagedNode):
             self._simulated.stop()
             self._throttle.warn('command', f'rollers stopped: {error}')
         self._commanded = self._time
+
+    def _place_object(self, message: PoseStamped) -> None:
+        """Put the object elsewhere, free; the robot stays as it is."""
+        try:
+            center = read_object_center(message, self._robot.frame)
+        except MessageError as error:
+            self._throttle.warn('place_object', str(error))
+            return
+        self._simulated.replace_object(self._make_free_object(center))
+        self._simulated.advance(0.0)
 
     def _receive_wrench(self, message: WrenchStamped) -> None:
         if self._elastic is None:  # no force moves an object at rest in the grasp frame

@@ -1,5 +1,6 @@
 """The simulator with the elastic plant: held from the start, pulled at, dropped."""
 
+from geometry_msgs.msg import PoseStamped
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import check_refused, world
 import numpy as np
@@ -47,6 +48,30 @@ def test_too_large_a_load_drops_the_object():
         w.probe.send_wrench((0.0, 0.0, 0.0))
         w.until(lambda: len(w.probe.seen['pose']) > 20)
         assert place(w) == pytest.approx(lies, abs=0.05)
+
+
+@pytest.mark.parametrize('plant', ['elastic', 'kinematic'])
+def test_the_object_is_put_elsewhere(plant):
+    with world(node(plant=plant)) as w:
+        places = w.probe.create_publisher(PoseStamped, 'place_object', 1)
+        w.until(lambda: place(w) is not None)
+
+        def put(x, y, frame='truss'):
+            message = PoseStamped()
+            message.header.frame_id = frame
+            message.pose.position.x, message.pose.position.y = x, y
+            message.pose.orientation.w = 1.0
+            places.publish(message)
+            w.probe.seen['pose'].clear()
+            w.until(lambda: place(w) is not None)
+            return place(w)
+
+        start = place(w)
+        assert put(0.6, 0.3, 'map') == start
+        assert put(0.6, 0.3) == pytest.approx((0.6, 0.3))
+        assert put(*start) == pytest.approx(start, abs=1e-3)
+        if plant == 'elastic':
+            assert w.nodes[1]._elastic.grasp is not None
 
 
 @pytest.mark.parametrize(

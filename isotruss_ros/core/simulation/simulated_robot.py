@@ -107,6 +107,14 @@ class SimulatedRobot:
         """Return the object's pose in the robot frame."""
         return self._object.pose(self.config)
 
+    def replace_object(self, simulated: SimulatedObject) -> None:
+        """
+        Put another object in place of the present one; the robot stays as it is.
+
+        :param simulated: the object: `HeldObject`, `FreeObject` or `ElasticObject`.
+        """
+        self._object, self._rests = simulated, False
+
     def command(self, velocities: ArrayLike) -> None:
         """
         Take a command, which holds until the next.
