@@ -35,6 +35,8 @@ def table(plan: GraspPlan, requirements: GraspRequirements) -> Table:
     found.add_column('members in contact')
     for heading, _, _ in COLUMNS.values():
         found.add_column(heading, justify='right')
+    if any(grasp.outside_model for grasp in plan.grasps):
+        found.caption = 'moment / wrinkling above 1: a tube wrinkles, outside of the model'
     for grasp in plan.grasps:
         figures = export_figures(grasp)
         numbers = (

@@ -74,6 +74,11 @@ class PlannedGrasp:
     touch: int
 
     @property
+    def outside_model(self) -> bool:
+        """Return whether a tube wrinkles, so that no number of the grasp counts."""
+        return self.utilisation > 1.0
+
+    @property
     def roller_positions(self) -> Array:
         """Return the roller positions in the grasp, (r,) [m]."""
         return self.path[-1]
@@ -192,13 +197,15 @@ def grasp_in_words(grasp: PlannedGrasp) -> str:
         f'at {grasp.grasp.module} between {", ".join(grasp.members)}: presses with '
         f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, closure margin held '
         f'fast {1e3 * grasp.closure_margin:.3g} mN, tubes bear {grasp.utilisation:.2g} of their '
-        f'wrinkling moment{outside if grasp.utilisation > 1.0 else ""}'
+        f'wrinkling moment{outside if grasp.outside_model else ""}'
     )
 
 
 def plan_in_words(plan: GraspPlan) -> str:
     """
     Return a plan in words: the best grasp, or the closest violation.
+
+    If tubes wrinkle in any of the grasps it says so.
 
     :param plan: the plan.
     """
@@ -207,4 +214,8 @@ def plan_in_words(plan: GraspPlan) -> str:
         return f'no grasp found in {plan.evaluations} evaluations; {violation}'
     count = len(plan.grasps)
     found = 'one grasp' if count == 1 else f'{count} grasps, the best'
-    return f'{found} {grasp_in_words(plan.grasps[0])}'
+    wrinkled = sum(grasp.outside_model for grasp in plan.grasps[1:])
+    others = f'; so it is in {wrinkled} of the others'
+    if not plan.grasps[0].outside_model:
+        others = f'; in {wrinkled} of the others a tube wrinkles: outside of the model'
+    return f'{found} {grasp_in_words(plan.grasps[0])}{others if wrinkled else ""}'

@@ -1,9 +1,11 @@
 """The search for grasps: what it returns holds, by analyses and geometry of their own."""
 
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 import itertools
 import multiprocessing
 
+from isotruss_ros.cli.plan_report import table
 from isotruss_ros.core import (
     analyze_grasp,
     Cylinder,
@@ -14,6 +16,7 @@ from isotruss_ros.core import (
     plan_grasps,
     settle_grasp,
 )
+from isotruss_ros.core.planning.grasp_plan import plan_in_words
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 import pytest
@@ -215,6 +218,27 @@ def test_none_found_comes_with_what_is_missed(cylinder, needs, missed):
     assert miss.distance > 0.0
     if missed in ('max_total_force', 'min_margin', 'max_utilisation'):
         assert miss.bound == getattr(needs, missed)
+
+
+def test_grasps_outside_of_the_model_say_so(plans):
+    """Whatever bound is asked for, as an analysis that starts anew finds it."""
+    needs = GraspRequirements(squeeze=40.0, max_utilisation=2.0, count=2)
+    strong = plan_grasps(ROBOT.home, OBJECTS['north'], needs)
+    assert len(strong) == 2
+    for grasp, cylinder in [(one, OBJECTS['north']) for one in strong] + [
+        (grasp, cylinder) for cylinder, grasp in each(plans)
+    ]:
+        config = load_robot('nine_member').configuration(grasp.path[-1])
+        used = max(analyze_grasp(config, cylinder, needs.friction).utilisation.values())
+        assert grasp.outside_model == (used > 1.0)
+        assert grasp.utilisation >= used - 1e-6
+    assert all(grasp.outside_model for grasp in strong)
+    assert 'outside of the model; so it is in 1 of the others' in plan_in_words(strong)
+    behind = replace(strong, grasps=(plans['north'][0], *strong))
+    assert 'in 2 of the others a tube wrinkles' in plan_in_words(behind)
+    assert 'outside of the model' in str(table(strong, needs).caption)
+    assert not any('outside' in plan_in_words(plan) for plan in plans.values())
+    assert table(plans['north'], needs).caption is None
 
 
 def test_stops_when_asked_with_what_it_has():
