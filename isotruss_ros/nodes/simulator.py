@@ -18,6 +18,8 @@ from isotruss_ros.core import (
     SimulatedRobot,
     tangent_center,
 )
+from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
+from isotruss_ros.nodes.components.mujoco_object import make_driven_robot, MUJOCO_SPECS
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
@@ -36,12 +38,13 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-KINEMATIC, ELASTIC = 'kinematic', 'elastic'
+KINEMATIC, ELASTIC, MUJOCO = 'kinematic', 'elastic', 'mujoco'
 PLANT = params.Spec(
     'plant',
     KINEMATIC,
     'kinematic: the object is at rest in the grasp frame but for rolling; '
-    'elastic: it is where the equilibrium with the elastic tubes puts it, and can slip',
+    'elastic: it is where the equilibrium with the elastic tubes puts it, and can slip; '
+    'mujoco: a dynamics engine moves robot and object',
     read_only=True,
 )
 STIFFNESS_SCALE = params.Spec(
@@ -117,6 +120,7 @@ SPECS = (
     STUCK_ROLLER,
     SLIP,
     SEED,
+    *MUJOCO_SPECS,
 )
 
 
@@ -132,6 +136,7 @@ class Simulator(ManagedNode):
         super().__init__('simulator', SPECS, parameter_overrides)
         self._throttle = WarningThrottle(self.get_logger())
         self._cycle: Cycle | None = None
+        self._driven: DrivenRobot | None = None
         self.start()
 
     def configure(self) -> None:
@@ -161,7 +166,7 @@ class Simulator(ManagedNode):
         self._cycle = None
         self._simulated.stop()
 
-    def _make_robot(self) -> SimulatedRobot:
+    def _make_robot(self) -> SimulatedRobot | DrivenRobot:
         values = self.values
         module, diameter = values[GRIP_MODULE], values[OBJECT_DIAMETER]
         params.check_grip_module(self._robot, {GRIP_MODULE.name: module})
@@ -171,17 +176,29 @@ class Simulator(ManagedNode):
         home = self._robot.home
         stuck = frozenset({values[STUCK_ROLLER]} - {''})
         faults = RollerFaults(values[SPEED_LIMIT], values[NOISE], stuck, values[SLIP])
-        if values[PLANT] not in (KINEMATIC, ELASTIC):
+        if values[PLANT] not in (KINEMATIC, ELASTIC, MUJOCO):
             raise params.ParameterError(
-                f'parameter plant: {values[PLANT]!r}: must be {KINEMATIC} or {ELASTIC}'
+                f'parameter plant: {values[PLANT]!r}: must be {KINEMATIC}, {ELASTIC} or {MUJOCO}'
             )
         center = (values[OBJECT_X], values[OBJECT_Y])
         if not values[OBJECT_IS_FREE]:
             center = tangent_center(home, module, diameter, values[INDENTATION])
+        self._elastic = self._driven = None
+        if values[PLANT] == MUJOCO:
+            self._driven = make_driven_robot(
+                self._robot,
+                Cylinder(center, diameter),
+                values[OBJECT_IS_FREE],
+                values[FRICTION],
+                values,
+                faults,
+                values[SEED],
+                self.get_parameter('use_sim_time').value,
+            )
+            return self._driven
         if values[PLANT] == ELASTIC or values[OBJECT_IS_FREE]:
             simulated = self._make_free_object(center)
         else:
-            self._elastic = None
             simulated = HeldObject.attach(home, Grasp(module, center, diameter))
         return SimulatedRobot(home, simulated, faults, values[SEED])
 
@@ -223,14 +240,19 @@ class Simulator(ManagedNode):
         except MessageError as error:
             self._throttle.warn('place_object', str(error))
             return
+        if isinstance(self._simulated, DrivenRobot):
+            self._simulated.place_object(center)
+            return
         self._simulated.replace_object(self._make_free_object(center))
         self._simulated.advance(0.0)
 
     def _receive_wrench(self, message: WrenchStamped) -> None:
-        if self._elastic is None:  # no force moves an object at rest in the grasp frame
-            return
         try:
-            self._elastic.external_wrench = read_external_wrench(message, self._robot.frame)
+            wrench = read_external_wrench(message, self._robot.frame)
+            if self._driven is not None:
+                self._driven.pull(wrench)
+            elif self._elastic is not None:  # no force moves an object fixed in the grasp frame
+                self._elastic.external_wrench = wrench
         except MessageError as error:
             self._throttle.warn('external_wrench', str(error))
 
@@ -247,13 +269,16 @@ class Simulator(ManagedNode):
             self._throttle.warn('blocked', f'rollers blocked: {error}')
         if now > expiry:
             self._simulated.stop()
-            self._simulated.advance(0.0)
+            # No time passes twice, and none is left out.
+            self._simulated.advance(now - max(expiry, self._time))
         self._time = now
 
     def _step(self, now: Time) -> None:
         self._advance(now)
         if self._elastic is not None:
             self._report_hold(self._elastic)
+        elif self._driven is not None:
+            self._report_contact(self._driven)
         joints = JointState(
             name=list(self._robot.roller_names),
             position=self._simulated.roller_positions.tolist(),
@@ -264,6 +289,20 @@ class Simulator(ManagedNode):
         pose = PoseStamped(pose=to_pose_message(self._simulated.object_pose))
         stamp_header(pose.header, now, self._robot.frame)
         self._object_pose.publish(pose)
+
+    def details(self) -> dict[str, object]:
+        """Return how far MuJoCo is behind the clock, by name."""
+        if self._driven is None:
+            return {}
+        return {'lag of the simulation [s]': round(self._driven.lag, 3)}
+
+    def _report_contact(self, simulated: DrivenRobot) -> None:
+        """State in the diagnostics which members press on the object."""
+        members = simulated.grasping_members
+        if len(members) > 1:
+            self.diagnostics.set_status(Level.OK, f'the object is between {", ".join(members)}')
+        else:
+            self.diagnostics.set_status(Level.WARN, 'the object is not held')
 
     def _report_hold(self, simulated: ElasticObject) -> None:
         """State in the diagnostics whether the object is held, and warn when it is dropped."""

@@ -76,7 +76,10 @@ def test_the_object_is_put_elsewhere(plant):
 
 @pytest.mark.parametrize(
     ('values', 'words'),
-    [({'plant': 'soft'}, 'kinematic or elastic'), ({'stiffness_scale': 0.0}, 'stiffness_scale')],
+    [
+        ({'plant': 'soft'}, 'kinematic, elastic or mujoco'),
+        ({'stiffness_scale': 0.0}, 'stiffness_scale'),
+    ],
 )
 def test_unusable_parameters_are_refused(values, words):
     check_refused(node(**values), words)

@@ -2,40 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
-from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.objects import Pose
-from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.core.simulation.roller_drive import RollerDrive, RollerFaults
 import numpy as np
 from numpy.typing import ArrayLike
-
-#: A roller that loses more than this of its travel is not slipping but broken.
-MAX_SLIP = 0.5
-
-
-@dataclass(frozen=True)
-class RollerFaults:
-    """
-    How the rollers differ from perfect ones.
-
-    Slip is that of a friction drive: the tube follows the roller's surface less a share of the
-    travel, in both directions. The encoders turn with the rollers and do not measure it, so that
-    the configuration drifts away from the measured one. No two rollers pinch alike: each has a
-    share of its own, drawn once, even between half and one and a half times `slip`.
-
-    :ivar speed_limit: larger commands are cut to this [m/s].
-    :ivar noise: standard deviation of the speed of a moving roller, drawn again each step [m/s].
-    :ivar stuck: names of rollers that do not move.
-    :ivar slip: mean share of the travel that the tube does not follow, 0 to 0.5.
-    """
-
-    speed_limit: float = float('inf')
-    noise: float = 0.0
-    stuck: frozenset[str] = frozenset()
-    slip: float = 0.0
 
 
 class SimulatedObject(Protocol):
@@ -85,22 +58,12 @@ class SimulatedRobot:
         faults: RollerFaults,
         seed: int = 0,
     ) -> None:
-        robot = config.robot
-        check_roller_names('stuck rollers', faults.stuck, robot.roller_names)
-        if not 0.0 <= faults.slip <= MAX_SLIP:
-            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to {MAX_SLIP}')
+        self._drive = RollerDrive(config.robot, faults, seed)
         self.config = config
         self.roller_positions = config.roller_positions.copy()
-        self.roller_velocities = np.zeros(len(robot.roller_names))
+        self.roller_velocities = np.zeros_like(self.roller_positions)
         self._object = simulated
         self._rests = False
-        self._faults = faults
-        self._moves = np.array([name not in faults.stuck for name in robot.roller_names])
-        self._random = np.random.default_rng(seed)
-        # From a stream of its own: with or without slip, the noise of a seed is the same.
-        shares = np.random.default_rng([seed, 1]).uniform(0.5, 1.5, len(robot.roller_names))
-        self._grip = 1.0 - faults.slip * shares
-        self._command = np.zeros(len(robot.roller_names))
 
     @property
     def object_pose(self) -> Pose:
@@ -122,11 +85,11 @@ class SimulatedRobot:
         :param velocities: (r,) roller speeds [m/s].
         :raises ConfigurationError: wrong shape or not finite; the command before goes on.
         """
-        self._command = self.config.robot.check_rollers(velocities, 'roller velocities [m/s]')
+        self._drive.command(velocities)
 
     def stop(self) -> None:
         """Command all rollers to stand still."""
-        self._command = np.zeros_like(self._command)
+        self._drive.stop()
 
     def advance(self, duration: float) -> None:
         """
@@ -136,19 +99,17 @@ class SimulatedRobot:
         :raises ConfigurationError: the rollers would force the robot into a shape that it cannot
             take; they block, and it stays where it is.
         """
-        limit = self._faults.speed_limit
-        speeds = np.clip(self._command, -limit, limit)
-        moving = self._moves & (speeds != 0.0)
-        speeds = np.where(moving, speeds, 0.0)
-        if self._faults.noise > 0.0:
-            speeds = speeds + moving * self._random.normal(0.0, self._faults.noise, len(speeds))
+        speeds = self._drive.speeds()
+        moving = bool(speeds.any())
         self.roller_velocities = np.zeros_like(speeds)
-        if duration > 0.0 and moving.any():
+        if duration > 0.0 and moving:
             travel = duration * speeds
-            self.config = self.config.moved_to(self.config.roller_positions + self._grip * travel)
+            self.config = self.config.moved_to(
+                self.config.roller_positions + self._drive.grip * travel
+            )
             self.roller_positions = self.roller_positions + travel
             self.roller_velocities = speeds
         self._object.follow(self.config)
-        if not moving.any() and not self._rests:
+        if not moving and not self._rests:
             self._object.come_to_rest(self.config)
-        self._rests = not moving.any()
+        self._rests = not moving

@@ -1,0 +1,127 @@
+"""A robot in MuJoCo that follows roller commands, as `core.SimulatedRobot` does."""
+
+from __future__ import annotations
+
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.objects import Cylinder, Pose
+from isotruss_ros.core.simulation.roller_drive import RollerDrive, RollerFaults
+from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+from numpy.typing import ArrayLike
+
+#: Simulated for the tubes to bend around an object that is grasped at the start [s].
+SETTLING = 1.0
+
+
+class DrivenRobot:
+    """
+    MuJoCo moves robot and object; encoders measure the rollers.
+
+    :ivar plant: the robot in MuJoCo.
+    :ivar roller_positions: (r,) travel since home as the encoders tell it [m].
+    :ivar roller_velocities: (r,) speeds during the last step as the encoders tell them [m/s].
+    :ivar lag: time that was not simulated, because more than `longest_step` was due at once [s].
+    :param robot: starts at home.
+    :param cylinder: the object.
+    :param is_free: the object is free from the start; if false, the tubes bend around it first.
+    :param options: masses, friction, gravity and mesh.
+    :param faults: how the rollers differ from perfect ones.
+    :param seed: of the noise and the slip.
+    :param longest_step: a call of `advance` simulates no more than this [s].
+    :raises PlantError: MuJoCo is not installed, or the start is unstable.
+    :raises GraspError: a stuck roller that the robot does not have.
+    :raises ConfigurationError: a slip out of its range.
+    :raises StructureError: the stiffness model has no stiffness for a member.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        cylinder: Cylinder,
+        is_free: bool,
+        options: PlantOptions,
+        faults: RollerFaults,
+        seed: int = 0,
+        longest_step: float = float('inf'),
+    ) -> None:
+        self._drive = RollerDrive(robot, faults, seed)
+        self.plant = MujocoPlant(robot, [cylinder], options)
+        self._config = robot.home
+        self.roller_positions = np.zeros(len(robot.roller_names))
+        self.roller_velocities = np.zeros_like(self.roller_positions)
+        self.lag = 0.0
+        self._longest_step = longest_step
+        if not is_free:
+            self.plant.hold_object((*cylinder.center, 0.0))
+            self.plant.settle(SETTLING)
+            self.plant.release_object()
+
+    @property
+    def object_pose(self) -> Pose:
+        """Return the object's pose in the robot frame."""
+        return self.plant.object_pose()
+
+    @property
+    def grasping_members(self) -> list[str]:
+        """Return the names of the members that press on the object."""
+        return [name for name, force in self.plant.contact_forces().items() if force.normal > 0.0]
+
+    def place_object(self, center: tuple[float, float]) -> None:
+        """
+        Put the object elsewhere, free and at rest; the robot stays as it is.
+
+        :param center: (x, y) in the robot frame [m].
+        :raises PlantError: not finite.
+        """
+        self.plant.hold_object((*center, self.object_pose.angle))
+        self.plant.release_object()
+
+    def pull(self, wrench: ArrayLike) -> None:
+        """
+        Pull at the object from now on.
+
+        :param wrench: (fx, fy, m) about its centre, robot frame [N, N m].
+        :raises PlantError: not three finite numbers.
+        """
+        self.plant.pull(wrench)
+
+    def command(self, velocities: ArrayLike) -> None:
+        """
+        Take a command, which holds until the next.
+
+        :param velocities: (r,) roller speeds [m/s].
+        :raises ConfigurationError: wrong shape or not finite; the command before goes on.
+        """
+        self._drive.command(velocities)
+
+    def stop(self) -> None:
+        """Command all rollers to stand still."""
+        self._drive.stop()
+
+    def advance(self, duration: float) -> None:
+        """
+        Let time pass.
+
+        :param duration: not negative [s].
+        :raises ConfigurationError: the rollers would force the robot into a shape that it cannot
+            take, by forward kinematics; they block.
+        :raises PlantError: the simulation became unstable.
+        """
+        simulated = min(duration, self._longest_step)
+        self.lag += duration - simulated
+        speeds = self._drive.speeds()
+        blocked: ConfigurationError | None = None
+        try:
+            # Rollers have no force limit here: MuJoCo would tear the robot apart.
+            travel = self.plant.travel + simulated * self._drive.grip * speeds
+            self._config = self._config.moved_to(travel)
+        except ConfigurationError as error:
+            blocked, speeds = error, np.zeros_like(speeds)
+        self.plant.advance(simulated, self._drive.grip * speeds)
+        # From the plant, which advances by whole steps: so the encoders agree with it.
+        self.roller_positions = self.plant.travel / self._drive.grip
+        self.roller_velocities = speeds
+        if blocked is not None:
+            raise blocked

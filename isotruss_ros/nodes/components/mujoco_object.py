@@ -1,0 +1,70 @@
+"""What the parameters of `simulator` are to a robot in MuJoCo, and what it reports."""
+
+from __future__ import annotations
+
+from isotruss_ros.core import Cylinder, Robot, RollerFaults
+from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
+from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.nodes.framework import parameters as params
+
+#: More than this is not simulated at once where time is the wall's, but reported as lag [s].
+LONGEST_STEP = 0.1
+
+OBJECT_MASS = params.Spec(
+    'object_mass', 0.5, 'Mass of the object, mujoco only [kg]', bounds=(0.01, 1e3), read_only=True
+)
+MODULE_MASS = params.Spec(
+    'module_mass',
+    1.0,
+    'Mass of a roller module, mujoco only [kg]',
+    bounds=(0.01, 1e3),
+    read_only=True,
+)
+GRAVITY_X = params.Spec(
+    'gravity_x',
+    0.0,
+    'Gravity along x, mujoco only; not zero where the robot stands upright [m/s^2]',
+    bounds=(-20.0, 20.0),
+    read_only=True,
+)
+GRAVITY_Y = params.Spec(
+    'gravity_y',
+    0.0,
+    'Gravity along y, mujoco only; not zero where the robot stands upright [m/s^2]',
+    bounds=(-20.0, 20.0),
+    read_only=True,
+)
+MUJOCO_SPECS = (OBJECT_MASS, MODULE_MASS, GRAVITY_X, GRAVITY_Y)
+
+
+def make_driven_robot(
+    robot: Robot,
+    cylinder: Cylinder,
+    is_free: bool,
+    friction: float,
+    values: params.Parameters,
+    faults: RollerFaults,
+    seed: int,
+    sim_time: bool,
+) -> DrivenRobot:
+    """
+    Return a robot in MuJoCo with its object.
+
+    :param robot: starts at home.
+    :param cylinder: the object.
+    :param is_free: whether the object is free from the start.
+    :param friction: coefficient between tube and object.
+    :param values: of `MUJOCO_SPECS`.
+    :param faults: how the rollers differ from perfect ones.
+    :param seed: of the noise and the slip.
+    :param sim_time: time is simulated, so that nothing can lag behind it.
+    :raises IsotrussError: MuJoCo is not installed, or a value is not usable.
+    """
+    options = PlantOptions(
+        friction=friction,
+        object_mass=values[OBJECT_MASS],
+        module_mass=values[MODULE_MASS],
+        gravity=(values[GRAVITY_X], values[GRAVITY_Y]),
+    )
+    longest = float('inf') if sim_time else LONGEST_STEP
+    return DrivenRobot(robot, cylinder, is_free, options, faults, seed, longest)

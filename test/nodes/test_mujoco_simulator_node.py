@@ -1,0 +1,167 @@
+"""The simulator with MuJoCo as its plant: held, pulled at, dropped, under gravity."""
+
+import importlib
+import sys
+
+from geometry_msgs.msg import PoseStamped
+from isotruss_ros.mujoco_plant import engine
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import check_refused, world
+from mujoco_worlds import needs_mujoco
+import numpy as np
+from probe import CENTER, N, overrides, ROBOT
+import pytest
+from std_msgs.msg import Float64MultiArray
+
+
+def node(**values):
+    """Return a simulator node with an object pressed into the grip."""
+    settings = {'plant': 'mujoco', 'friction': 0.8, 'indentation': 0.02, 'rate': 100.0} | values
+    return lambda: Simulator(overrides(**settings))
+
+
+def place(w):
+    """Return where the object was published last; None before."""
+    message = w.probe.last('pose')
+    return (
+        None if message is None else np.array((message.pose.position.x, message.pose.position.y))
+    )
+
+
+def travel(w):
+    """Return the last roller travel."""
+    message = w.probe.last('joints')
+    return np.zeros(N) if message is None else np.array(message.position)
+
+
+def drive(w, velocities):
+    """Return a call that sends a command."""
+    return lambda: w.probe.commands.publish(Float64MultiArray(data=[float(v) for v in velocities]))
+
+
+@needs_mujoco
+def test_friction_decides_whether_the_grip_at_home_holds():
+    # The walls of the grip make 60 degrees: it takes a friction of tan 30 degrees.
+    for friction, held in ((0.65, True), (0.5, False)):
+        with world(node(friction=friction)) as w:
+            w.until(lambda w=w: len(w.probe.seen['pose']) > 150)
+            pressed = CENTER + np.array((0.0, 0.02))
+            assert (np.hypot(*(place(w) - pressed)) < 0.01) == held
+            _, simulator = w.nodes
+            assert (len(simulator._driven.grasping_members) == 2) == held
+
+
+@needs_mujoco
+def test_a_load_moves_the_object_and_too_large_a_one_takes_it():
+    with world(node()) as w:
+        w.until(lambda: len(w.probe.seen['pose']) > 50)
+        start = place(w)
+        w.until(
+            lambda: place(w)[0] - start[0] > 1e-4, lambda: w.probe.send_wrench((1.0, 0.0, 0.0))
+        )
+        w.until(
+            lambda: place(w)[1] - start[1] < -0.2, lambda: w.probe.send_wrench((0.0, -60.0, 0.0))
+        )
+        w.until(lambda: 'not held' in w.probe.last('diagnostics').status[0].message)
+
+
+@needs_mujoco
+def test_an_object_is_put_elsewhere_and_stays():
+    with world(node()) as w:
+        _, simulator = w.nodes
+        w.until(lambda: place(w) is not None)
+        pose = PoseStamped()
+        pose.header.frame_id = 'truss'
+        pose.pose.position.x, pose.pose.position.y = 4.0, 3.0
+        simulator._place_object(pose)
+        count = len(w.probe.seen['pose'])
+        w.until(lambda: len(w.probe.seen['pose']) > count + 10)
+        assert place(w) == pytest.approx((4.0, 3.0), abs=1e-6)
+
+
+@needs_mujoco
+def test_gravity_in_the_plane_moves_a_free_object():
+    free = {'object_is_free': True, 'object_x': 4.0, 'object_y': 4.0}
+    with world(node(gravity_x=1.0, gravity_y=0.0, **free)) as w:
+        w.until(lambda: len(w.probe.seen['pose']) > 50)
+        assert place(w)[0] > 4.01
+        assert place(w)[1] == pytest.approx(4.0, abs=1e-9)
+
+
+@needs_mujoco
+def test_rollers_drive_the_nodes_where_forward_kinematics_puts_them():
+    free = {'object_is_free': True, 'object_x': 4.0, 'object_y': 4.0}
+    with world(node(command_timeout=0.2, **free)) as w:
+        _, simulator = w.nodes
+        speeds = [0.02] + [0.0] * (N - 1)
+        w.until(lambda: simulator._driven.roller_positions[0] > 0.01, drive(w, speeds))
+        w.until(lambda: w.probe.last('joints').velocity[0] == 0.0)
+        count = len(w.probe.seen['pose'])
+        w.until(lambda: len(w.probe.seen['pose']) > count + 200)
+        travel = np.array(w.probe.last('joints').position)
+        expected = ROBOT.configuration(travel).nodes
+        assert np.abs(simulator._driven.plant.nodes - expected).max() < 5e-5
+
+
+@needs_mujoco
+def test_rollers_have_the_faults_of_the_other_plants():
+    faults = {'roller_slip': 0.3, 'roller_noise': 0.002, 'stuck_roller': ROBOT.roller_names[2]}
+    with world(node(**faults)) as w:
+        _, simulator = w.nodes
+        driven = simulator._driven
+        w.until(lambda: driven.roller_positions[1] > 0.01, drive(w, [0.02] * N))
+        assert driven.roller_positions[2] == 0.0
+        share = driven.plant.travel[1] / driven.roller_positions[1]
+        assert 1.0 - 1.5 * 0.3 < share < 1.0 - 0.5 * 0.3
+
+
+@needs_mujoco
+def test_the_same_messages_lead_to_the_same_state():
+    states = []
+    for _ in range(2):
+        with world(node(roller_noise=0.005, seed=4)) as w:
+            w.until(lambda w=w: len(w.probe.seen['pose']) > 40, drive(w, [0.01] * N))
+            states.append([*place(w), *w.probe.last('joints').position])
+    assert states[0] == states[1]
+
+
+@needs_mujoco
+def test_time_that_is_not_simulated_is_reported_as_lag():
+    with world(node()) as w:
+        _, simulator = w.nodes
+        before = simulator._driven.plant.time
+        simulator._driven.advance(5.0)
+        assert simulator._driven.plant.time - before == pytest.approx(0.1, abs=0.003)
+        assert simulator.details() == {'lag of the simulation [s]': pytest.approx(4.9)}
+
+
+@needs_mujoco
+def test_rollers_block_before_a_shape_that_the_robot_cannot_take():
+    inward = np.array([1.0] + [0.0] * (N - 1))
+    with world(node(rate=20.0)) as w:
+        _, simulator = w.nodes
+        w.until(lambda: travel(w)[0] > 0.1, drive(w, inward))
+        w.until(lambda: w.probe.last('joints').velocity[0] == 0.0, drive(w, inward))
+        assert simulator.active
+        blocked = travel(w)[0]
+        w.until(lambda: travel(w)[0] < blocked - 0.05, drive(w, -inward))
+
+
+def test_without_mujoco_it_is_refused_in_one_sentence(monkeypatch):
+    real = importlib.import_module
+    engine.load_mujoco.cache_clear()
+
+    def no_mujoco(name, *rest):
+        if name == 'mujoco':
+            raise ImportError('No module named mujoco')
+        return real(name, *rest)
+
+    monkeypatch.setattr(engine.importlib, 'import_module', no_mujoco)
+    monkeypatch.delitem(sys.modules, 'mujoco', raising=False)
+    check_refused(node(), r"pip install 'isotruss_ros\[mujoco\]'")
+    engine.load_mujoco.cache_clear()
+
+
+def test_unusable_values_are_refused():
+    check_refused(node(plant='bullet'), 'kinematic, elastic or mujoco')
+    check_refused(node(object_mass=0.0), 'object_mass')
