@@ -56,12 +56,22 @@ def fit_local_stiffness(
     :param presses: the points, cylinders pressed into the middle of a clamped tube.
     :param beam: the tube as a beam.
     :param confidence: of the interval.
-    :raises MeasurementError: the points do not determine the factor.
+    :raises MeasurementError: the points do not determine the factor, or the tube wrinkled.
     """
     target = np.log(presses.loads)
     count = len(target)
     if count < 3:
         raise MeasurementError(f'{count} points of interference: must be three or more')
+    # A clamped tube bears F L / 8 at both ends and in the middle, and p pi R^3 / 2 wrinkles it.
+    bearable = 4.0 * np.pi * beam.radius**3 * presses.pressures / presses.lengths
+    wrinkled = np.flatnonzero(presses.loads > bearable)
+    if len(wrinkled):
+        row = wrinkled[0]
+        raise MeasurementError(
+            f'the tube wrinkled at {len(wrinkled)} of {count} points of interference, outside of '
+            f'the model; the first: {presses.loads[row]:.3g} N at {presses.pressures[row]:.5g} Pa '
+            f'on {presses.lengths[row]:.3g} m, which bears {bearable[row]:.3g} N. Leave them out'
+        )
 
     @functools.cache
     def misfit(log_factor: float) -> float:

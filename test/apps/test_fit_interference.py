@@ -22,7 +22,7 @@ CASES = [
     for pressure in (2e4, 5e4)
     for length in (0.5, 0.8)
     for cylinder in (0.0254, 0.2)
-    for depth in (0.004, 0.012)
+    for depth in (0.004, 0.01)
 ]
 
 
@@ -67,9 +67,23 @@ def test_noisy_loads_have_the_factor_in_their_interval():
 
 def test_loads_that_do_not_depend_on_it_are_refused():
     # A slender tube bends long before it flattens.
-    soft = Presses(*np.array([(3e4, 500.0, 0.2, 1e-3 * (1 + i)) for i in range(4)]).T, np.ones(4))
+    soft = Presses(
+        *np.array([(3e4, 500.0, 0.2, 1e-3 * (1 + i)) for i in range(4)]).T, 0.01 * np.ones(4)
+    )
     with pytest.raises(MeasurementError, match='does not flatten'):
         fit_local_stiffness(soft, TUBE)
+
+
+def test_loads_beyond_wrinkling_are_refused():
+    # By hand: the wrinkling moment p pi R^3 / 2 is 4.17 N m at 20 kPa, and that is F L / 8.
+    for share, beyond in ((0.99, False), (1.01, True)):
+        values = loads(1.0)
+        values[0] = share * 8.0 * (2e4 * np.pi * RADIUS**3 / 2.0) / 0.5
+        if beyond:
+            with pytest.raises(MeasurementError, match=r'wrinkled at 1 of 16 .* bears 66\.7 N'):
+                fit_local_stiffness(presses(values), TUBE)
+        else:
+            assert fit_local_stiffness(presses(values), TUBE).count == len(CASES)
 
 
 def test_two_points_are_too_few():
