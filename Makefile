@@ -30,7 +30,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation'
-	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic or kinematic'
+	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic, kinematic or mujoco'
 	@echo 'make test     style and tests; those of ament run with make colcon'
 	@echo 'make noble    the tests, the demo and the paper with the versions of Ubuntu 24.04, in .noble'
 	@echo 'make paper    compute and draw what the paper shows: docs/paper.md'

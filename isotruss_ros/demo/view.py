@@ -13,7 +13,7 @@ import time
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 
-PLANTS = ('kinematic', 'elastic')
+PLANTS = ('kinematic', 'elastic', 'mujoco')
 DIAMETER = 0.3
 #: By so much the tubes are indented at first, so that the object is squeezed [m].
 INDENTATION = 0.01
