@@ -1,4 +1,4 @@
-"""The live view in a real browser: watch, drag, stop."""
+"""The live view in a real browser. The longest test: by its name it is begun first."""
 
 import importlib.util
 import io
