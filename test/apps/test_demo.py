@@ -202,6 +202,8 @@ def test_a_signal_while_nodes_are_started_leaves_none_behind(monkeypatch, tmp_pa
     made = []
 
     class Started:
+        """A node process that gets a signal while it is started."""
+
         def __init__(self, name, _parameters, _log):
             made.append(name)
             if name == 'second':

@@ -55,7 +55,6 @@ def refine_contact(
         contact there; without a touch, those of all tubes within reach.
     :raises SolverError: the contact problem was not solved.
     """
-
     names = structure.config.robot.member_names
     room = spacing * np.array([-1.0, 1.0])
 
