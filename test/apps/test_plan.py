@@ -25,7 +25,7 @@ from isotruss_ros.core.planning.grasp_plan import path_times, SENTENCES, violati
 from isotruss_ros.core.planning.searcher import Outcome, Searcher, Stop
 from isotruss_ros.core.planning.workers import core_count, NICENESS, WorkerPool
 import numpy as np
-from planning import workers
+from planning import begun_workers, workers
 import psutil
 import pytest
 
@@ -163,10 +163,7 @@ def test_ctrl_c_in_a_terminal_makes_no_noise():
         text=True,
         start_new_session=True,
     )
-    deadline = time.monotonic() + DEADLINE
-    while len(children := workers(process.pid)) < 2:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    children = begun_workers(2, process.pid)
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=DEADLINE)
     assert process.returncode == 1
@@ -190,7 +187,7 @@ def test_workers_have_a_core_each_and_step_back(monkeypatch):
 def test_workers_are_gone_when_the_pool_is_closed():
     pool = WorkerPool(2)
     busy = [pool.executor.submit(time.sleep, 1000.0) for _ in range(2)]
-    assert len(workers()) == 2
+    assert len(begun_workers(2)) == 2
     pool.close()
     assert not workers()
     assert all(isinstance(future.exception(0.0), BrokenProcessPool) for future in busy)

@@ -88,6 +88,15 @@ def workers(of=None):
     return found
 
 
+def begun_workers(count, of=None, deadline=20.0):
+    """Return the processes that search once there are so many: a fork is none before its exec."""
+    end = time.monotonic() + deadline
+    while len(found := workers(of)) < count:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    return found
+
+
 def assert_same(found, expected):
     """Check that a result says to the last digit what a plan says."""
     assert (found.evaluations, found.analyses) == (expected.evaluations, expected.analyses)
