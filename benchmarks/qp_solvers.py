@@ -63,8 +63,9 @@ def varied(problem: QuadraticProgram, rng: np.random.Generator) -> QuadraticProg
     """Return a program near one that occurred, with more constraints in one corner."""
     shift = 1e-2 * rng.standard_normal(len(problem.gradient))
     bounds = problem.bounds * rng.uniform(0.5, 1.5, len(problem.bounds))
-    # Bounds of rows that have none stay infinite.
-    bounds[(rng.random(len(bounds)) < 0.2) & np.isfinite(bounds)] = 0.0
+    # Bounds of rows that have none stay infinite, those of one variable are not zero.
+    varying = np.isfinite(bounds) & ((problem.rows != 0.0).sum(axis=1) > 1)
+    bounds[(rng.random(len(bounds)) < 0.2) & varying] = 0.0
     equality = problem.equality
     if equality is not None:
         equality = equality * (1.0 + 1e-3 * rng.standard_normal(equality.shape))
@@ -98,7 +99,8 @@ def cost_of(problem: QuadraticProgram, x: Array | None) -> float:
     if x is None:
         return np.inf
     beyond = max((problem.rows @ x - problem.bounds).max(initial=0.0), 0.0)
-    beyond = max(beyond, (problem.lower - x).max(), (x - problem.upper).max())
+    if problem.lower is not None:
+        beyond = max(beyond, (problem.lower - x).max(), (x - problem.upper).max())
     if problem.equality is not None:
         beyond = max(beyond, np.abs(problem.equality @ x - problem.target).max())
     value = 0.5 * x @ problem.hessian @ x + problem.gradient @ x

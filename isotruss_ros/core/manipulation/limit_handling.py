@@ -124,7 +124,7 @@ def apply_limits(
     :param working: the working rollers.
     :param task: the task.
     :param limits: the limits.
-    :param rows: their rows, see `stack_rows`.
+    :param rows: their rows on the working rollers, see `stack_rows`.
     :param free: (w,) roller speeds that carry out the task without limits, for 1 m/s of it [-].
     :param admitted: (k,) which rows admit them at the speed of the task.
     :param max_speed: largest speed of a roller [m/s].
@@ -140,10 +140,12 @@ def apply_limits(
     with np.errstate(over='ignore'):
         lower = np.maximum(rows.lower / unit, -MAX_REACH)
         upper = np.minimum(rows.upper / unit, MAX_REACH)
-    matrix = rows.matrix[:, working.places]
+    matrix = rows.matrix
     reach = min(asked / unit, MAX_SCALE)
-    scaling = [not slide_along_limits or isinstance(limit, RollerSpeedLimit) for limit in limits]
-    scaled = np.array(scaling, dtype=bool)[rows.limit]
+    scaled: Flags | slice = slice(None)
+    if slide_along_limits:
+        scaling = [isinstance(limit, RollerSpeedLimit) for limit in limits]
+        scaled = np.array(scaling, dtype=bool)[rows.limit]
     direction = task.direction / gain
     penalty = PENALTIES[0]
     if period > 0.0:
@@ -161,8 +163,9 @@ def apply_limits(
         penalty,
     )
     value = matrix @ solution
-    beyond = np.maximum(value - upper, lower - value)
-    slid = slide_along_limits and bool((beyond > BINDING_TOLERANCE).any())
+    slid = slide_along_limits and bool(
+        (np.maximum(value - upper, lower - value) > BINDING_TOLERANCE).any()
+    )
     if slid:
         solution = project_target(
             working.cost,

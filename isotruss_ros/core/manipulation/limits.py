@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import functools
 from typing import NamedTuple, Protocol
 
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -69,6 +70,18 @@ class Limit(Protocol):
         """
 
 
+@functools.lru_cache(maxsize=16)
+def identity(count: int) -> Array:
+    """
+    Return the identity matrix, which is not to be written to.
+
+    :param count: number of rows and columns.
+    """
+    matrix = np.eye(count)
+    matrix.flags.writeable = False
+    return matrix
+
+
 @dataclass(frozen=True)
 class RollerSpeedLimit:
     """
@@ -92,7 +105,7 @@ class RollerSpeedLimit:
         """
         count = len(config.robot.roller_names)
         bound = np.full(count, self.max_speed)
-        return Rows(np.eye(count), -bound, bound)
+        return Rows(identity(count), -bound, bound)
 
     def row_names(self, config: Configuration) -> tuple[str, ...]:
         """
@@ -173,7 +186,7 @@ def stack_rows(config: Configuration, limits: Sequence[Limit]) -> StackedRows:
         np.concatenate([np.zeros((0, count)), *[part.matrix for part in parts]]),
         np.concatenate([np.zeros(0), *[part.lower for part in parts]]),
         np.concatenate([np.zeros(0), *[part.upper for part in parts]]),
-        np.repeat(np.arange(len(parts)), [len(part.upper) for part in parts]),
+        np.arange(len(parts)).repeat([len(part.upper) for part in parts]),
     )
 
 
@@ -188,10 +201,12 @@ def name_binding_rows(
     :param rows: their rows.
     :param binding: (k,) which of the rows bind.
     """
-    names: list[str] = []
-    binds = [number for number in range(len(limits)) if binding[rows.limit == number].any()]
-    for number in binds:
-        row_names = limits[number].row_names(config)
-        names += [row_names[i] for i in np.flatnonzero(binding[rows.limit == number])]
-    status = limits[binds[0]].status if binds else Status.SLOWED_ROLLER_SPEED
-    return status, tuple(names)
+    places = np.flatnonzero(binding)
+    numbers = rows.limit[places].tolist()
+    names = {number: limits[number].row_names(config) for number in set(numbers)}
+    first = rows.limit.searchsorted(numbers).tolist()
+    status = limits[numbers[0]].status if numbers else Status.SLOWED_ROLLER_SPEED
+    return status, tuple(
+        names[number][place - start]
+        for number, place, start in zip(numbers, places.tolist(), first, strict=True)
+    )

@@ -151,9 +151,10 @@ def carry_out(
     if task.speed == 0.0:
         return RollerCommand(velocities, rest, 1.0, status, (), dof)
     rows = stack_rows(config, limits)
+    rows = rows._replace(matrix=rows.matrix[:, working.places])
     free = task.free
     gain = float(np.abs(free).max())
-    rates = rows.matrix[:, working.places] @ (free / gain)
+    rates = rows.matrix @ (free / gain)
     asked = gain * task.speed
     with np.errstate(over='ignore'):
         admitted = (rates <= rows.upper / asked) & (rates >= rows.lower / asked)

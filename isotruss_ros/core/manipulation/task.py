@@ -114,7 +114,7 @@ class Reach:
         grip = active[3] * radius
         square = float(grip @ grip)
         held = square > RANK_TOLERANCE**2
-        keeping = task - np.outer(task @ grip, grip / square) if held else task
+        keeping = task - (task @ grip)[:, None] * (grip / square) if held else task
         basis, gains, _ = np.linalg.svd(keeping, full_matrices=False)
         kept = grip[None] if held else grip[None][:0]
         return cls(task, kept, basis[:, gains > RANK_TOLERANCE].T, weights)

@@ -12,8 +12,6 @@ limit binds, `least_cost` solves it. `project_target` leaves the direction where
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
@@ -52,21 +50,17 @@ def maximize_progress(
     :return: u (r,) and s.
     :raises SolverError: no solution was found.
     """
-    r = cost.shape[0]
+    r, count = cost.shape[0], len(inequality)
     hessian = np.zeros((r + 1, r + 1))
     hessian[:r, :r] = cost
-    box = _box(inequality, lower, upper)
-    rows = np.column_stack([box.rows, np.zeros(len(box.rows))])
     slope = np.zeros(r + 1)
+    rows = np.zeros((2 * count + 2, r + 1))
+    rows[:count, :r], rows[count:-2, :r] = inequality, -inequality
+    rows[-2, r], rows[-1, r] = 1.0, -1.0
+    bounds = np.concatenate([upper, -lower, [reach, 0.0]])
+    equations = np.column_stack([equality, -direction])
     problem = QuadraticProgram(
-        hessian,
-        slope,
-        rows,
-        box.bounds,
-        np.append(box.low, 0.0),
-        np.append(box.high, reach),
-        np.column_stack([equality, -direction]),
-        np.zeros(len(direction)),
+        hessian, slope, rows, bounds, equality=equations, target=np.zeros(len(direction))
     )
     # u = 0 is always admissible: a search that fails has met a degenerate corner.
     for rho in [penalty, *(smaller for smaller in PENALTIES if smaller < penalty)]:
@@ -106,46 +100,18 @@ def project_target(
     :raises SolverError: no solution was found.
     """
     reached, kept = equality[:rank], equality[rank:]
-    box = _box(inequality, lower, upper)
+    rows, bounds = np.vstack([inequality, -inequality]), np.concatenate([upper, -lower])
     exact = target[rank:]
     for right in (exact, np.zeros(len(kept))) if exact.any() else (exact,):
         problem = QuadraticProgram(
             reached.T @ reached + regularization * cost,
             -reached.T @ target[:rank],
-            box.rows,
-            box.bounds,
-            box.low,
-            box.high,
-            kept if len(kept) else None,
-            right if len(kept) else None,
+            rows,
+            bounds,
+            equality=kept if len(kept) else None,
+            target=right if len(kept) else None,
         )
         found = solve_qp(problem)
         if found is not None:
             return found
     raise SolverError(NO_SOLUTION)
-
-
-class _Box(NamedTuple):
-    """Bounds low <= u <= high and rows @ u <= bounds, (r,), (r,), (l, r) and (l,)."""
-
-    low: Array
-    high: Array
-    rows: Array
-    bounds: Array
-
-
-def _box(inequality: Array, lower: Array, upper: Array) -> _Box:
-    """Separate rows with a single entry, which are bounds of one roller, from the others."""
-    r = inequality.shape[1]
-    low, high = np.full(r, -np.inf), np.full(r, np.inf)
-    present = inequality != 0.0
-    entries = present.sum(axis=1)
-    single, several = entries == 1, entries > 1
-    place = present[single].argmax(axis=1)
-    entry = inequality[single, place]
-    one_end, other_end = lower[single] / entry, upper[single] / entry
-    np.maximum.at(low, place, np.minimum(one_end, other_end))
-    np.minimum.at(high, place, np.maximum(one_end, other_end))
-    rows = inequality[several]
-    bounds = np.concatenate([upper[several], -lower[several]])
-    return _Box(low, high, np.vstack([rows, -rows]), bounds)

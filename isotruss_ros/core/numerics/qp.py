@@ -31,6 +31,7 @@ ACCURACY = 1e-6
 #: Where more constraints meet than there are directions, rounding misleads the search: it starts
 #: again with bounds that are apart by so much, against the size of the solution.
 RELAXATIONS = (0.0, 1e-9, 1e-7)
+SMALLEST, EPSILON = float(np.finfo(float).tiny), float(np.finfo(float).eps)
 GOLDEN_RATIO = 0.6180339887498949
 
 
@@ -42,8 +43,8 @@ class QuadraticProgram(NamedTuple):
     :ivar gradient: (n,) q.
     :ivar rows: (l, n) G.
     :ivar bounds: (l,) h; infinite where there is no bound.
-    :ivar lower: (n,) bounds of x; infinite where there is none.
-    :ivar upper: (n,).
+    :ivar lower: (n,) bounds of x; infinite where there is none, None if there are none at all.
+    :ivar upper: (n,), None together with `lower`.
     :ivar equality: (k, n) A, of full row rank; None if there is none.
     :ivar target: (k,) b.
     """
@@ -52,8 +53,8 @@ class QuadraticProgram(NamedTuple):
     gradient: Array
     rows: Array
     bounds: Array
-    lower: Array
-    upper: Array
+    lower: Array | None = None
+    upper: Array | None = None
     equality: Array | None = None
     target: Array | None = None
 
@@ -70,11 +71,11 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     free, start = _free_space(problem)
     curvature = free.T @ problem.hessian @ free
     # Variables of one size: P holds penalties up to 1e8 beside costs of 1.
-    scale = 1.0 / np.sqrt(np.maximum(curvature.diagonal(), np.finfo(float).tiny))
+    scale = 1.0 / np.sqrt(np.maximum(curvature.diagonal(), SMALLEST))
     factor, failed = lapack.dpotrf(scale[:, None] * curvature * scale, lower=1)
     if failed:
         return None
-    free = free * scale
+    free *= scale
     # y = L^T z + offset is the distance from the minimum without inequalities.
     slope = free.T @ (problem.hessian @ start + problem.gradient)
     offset, _ = lapack.dtrtrs(factor, slope, lower=1)
@@ -94,10 +95,13 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
 
 def _inequalities(problem: QuadraticProgram) -> tuple[Array, Array]:
     """Return all rows and bounds C x <= d."""
-    bounds = np.concatenate([problem.bounds, problem.upper, -problem.lower])
-    unit = np.eye(len(problem.gradient))
+    rows, bounds = problem.rows, problem.bounds
+    if problem.lower is not None and problem.upper is not None:
+        unit = np.eye(len(problem.gradient))
+        rows = np.concatenate([rows, unit, -unit])
+        bounds = np.concatenate([bounds, problem.upper, -problem.lower])
     kept = bounds < np.inf
-    return np.concatenate([problem.rows, unit, -unit])[kept], bounds[kept]
+    return (rows, bounds) if kept.all() else (rows[kept], bounds[kept])
 
 
 def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
@@ -125,10 +129,13 @@ def _least_distance(turned: Array, room: Array, size: float, relaxation: float) 
     """
     lengths = np.sqrt(np.einsum('fl,fl->l', turned, turned))
     kept = lengths > PARALLEL * lengths.max(initial=0.0)
-    columns, room = turned[:, kept] / lengths[kept], room[kept] / lengths[kept]
-    if (room >= -relaxation * size).all():
+    if not kept.all():
+        turned, room, lengths = turned[:, kept], room[kept], lengths[kept]
+    columns, room = turned / lengths, room / lengths
+    beyond = -room.min(initial=0.0)
+    if beyond <= relaxation * size:
         return np.zeros(len(turned))
-    size = max(size, -room.min(initial=0.0))
+    size = max(size, beyond)
     matrix = np.concatenate([-columns, -room[None] / size])
     if relaxation:
         matrix[-1] -= relaxation * (1.0 + np.arange(len(room)) * GOLDEN_RATIO % 1.0)
@@ -141,7 +148,7 @@ def _least_distance(turned: Array, room: Array, size: float, relaxation: float) 
     active = weights > 0.0
     left = corner - matrix[:, active] @ weights[active]
     # What is left is at right angles to what is not; nothing is where constraints contradict.
-    if not np.finfo(float).eps < left[-1] <= 1.0 or abs(left @ left - left[-1]) > ACCURACY:
+    if not EPSILON < left[-1] <= 1.0 or abs(left @ left - left[-1]) > ACCURACY:
         return None
     # The shortest y at these bounds: directions of very different stiffness keep their digits.
     shortest = columns[:, active].T
