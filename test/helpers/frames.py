@@ -7,11 +7,11 @@ pinned ends have rotations of their own, constraints are met by a basis of what 
 
 from dataclasses import replace
 
-from isotruss_ros.core.statics.frame import Frame, Members
+from isotruss_ros.core.statics.frame import Frame, LinearRows, Members, NO_ROWS
 import numpy as np
 import pytest
 from scipy.linalg import null_space
-from scipy.sparse import csr_matrix
+from scipy.sparse import coo_matrix
 
 
 def members(ends, axial, flexural, shear=np.inf, pins=()):
@@ -44,8 +44,21 @@ def supports(n, held):
 def frame(points, members_, held, rows=None, names=None):
     """Return the package's frame; nodes are called n0, n1, ... ."""
     names = [f'n{i}' for i in range(len(points))] if names is None else names
-    rows = None if rows is None else csr_matrix(rows)
-    return Frame(np.asarray(points, dtype=complex), members_, held, names, rows)
+    points = np.asarray(points, dtype=complex)
+    return Frame(points, members_, held, names, NO_ROWS if rows is None else linear_rows(rows))
+
+
+def linear_rows(matrix):
+    """Return the rows of a matrix as constraints of a frame."""
+    matrix = coo_matrix(matrix)
+    return LinearRows(matrix.shape[0], matrix.row, matrix.col, matrix.data)
+
+
+def dense(rows, n_nodes):
+    """Return constraints of a frame as a matrix."""
+    matrix = np.zeros((rows.count, 3 * n_nodes))
+    np.add.at(matrix, (rows.row, rows.column), rows.value)
+    return matrix
 
 
 def random_frame(rng, shear=True, pins=0.3, spread=1.5):

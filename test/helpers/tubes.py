@@ -5,7 +5,6 @@ from types import SimpleNamespace
 from isotruss_ros.core.statics.beam import local_stiffness
 from isotruss_ros.core.statics.frame import Frame, Members
 import numpy as np
-from scipy.sparse import hstack
 
 
 def bare(starts, ends, axial, flexural, shear, held=None):
@@ -52,7 +51,7 @@ def with_nodes(frame, held, rows, points):
     Return a frame with nodes at points on its members, and their numbers.
 
     :param held: (n, 3) of the frame.
-    :param rows: its constraints, or None.
+    :param rows: its constraints.
     :param points: (c,) x + iy, each on a member.
     """
     old = frame.members
@@ -95,15 +94,13 @@ def with_nodes(frame, held, rows, points):
     )
     extra = len(new_points) - len(frame.points)
     held = np.concatenate([held, np.zeros((extra, 3), dtype=bool)])
-    if rows is not None:
-        rows = hstack([rows, np.zeros((rows.shape[0], 3 * extra))]).tocsr()
     names = [str(i) for i in range(len(new_points))]
     return Frame(np.array(new_points), members, held, names, rows), numbers
 
 
 def robot_with_nodes(structure, points):
     """Return the frame of a robot with nodes at points on its tubes, and their numbers."""
-    return with_nodes(structure.frame, structure._held(), structure._bisection(), points)
+    return with_nodes(structure.frame, structure._layout.held, structure.frame._rows, points)
 
 
 def node_compliance(frame, nodes):
@@ -159,3 +156,10 @@ def joined(structure, first, second):
     return SimpleNamespace(
         frame=Frame(frame.points, members, held, names), config=structure.config
     )
+
+
+def plane_compliance(contact_points):
+    """Return the displacements (c, 2) in the plane for unit forces (c, 2) on contact points."""
+    axis = contact_points.axis
+    turn = np.array([[axis.real, -axis.imag], [axis.imag, axis.real]])
+    return np.einsum('ikc,kcld,jld->cidj', turn, contact_points.compliance, turn, optimize=True)

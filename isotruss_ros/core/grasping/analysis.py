@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.grasping.contact import ContactState, solve_contact
 from isotruss_ros.core.grasping.contact_points import ContactPoints, find_contact_points
 from isotruss_ros.core.grasping.contact_regions import contact_regions
@@ -21,6 +21,7 @@ from isotruss_ros.core.statics.pressures import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import lapack
 
 #: Contact points closer than this are one point to the tube, further apart they miss the object.
 SPACINGS = (1e-4, 0.1)
@@ -197,9 +198,12 @@ def _stiffness(contact_points: ContactPoints, contact: ContactState, center: com
     compliance = contact_points[touching].compliance
     size = 2 * len(touching)
     arms = (contact_points.skin + contact.displacements)[touching] - center
-    motion = np.zeros((len(touching), 2, 3))
-    motion[:, 0, 0] = motion[:, 1, 1] = 1.0
-    motion[:, 0, 2], motion[:, 1, 2] = -arms.imag, arms.real
-    motion = motion.reshape(size, 3)
-    stiffness = motion.T @ np.linalg.solve(compliance.reshape(size, size), motion)
+    # Motions of the object by dx, dy, dtheta, along and across the tube at each contact.
+    inward = contact_points.axis[touching].conj()
+    local = inward * np.stack([np.ones_like(arms), np.full_like(arms, 1j), 1j * arms])
+    motion = np.concatenate([local.real, local.imag], axis=1).T
+    _, forces, failed = lapack.dposv(compliance.reshape(size, size), motion)
+    if failed:
+        raise SolverError('the contact compliance is not positive definite')
+    stiffness = motion.T @ forces
     return 0.5 * (stiffness + stiffness.T)

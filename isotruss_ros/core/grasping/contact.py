@@ -16,6 +16,7 @@ from isotruss_ros.core.grasping.contact_points import ContactPoints
 from isotruss_ros.core.grasping.lcp import GAP_TOLERANCE, solve_complementarity
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 import numpy as np
+from scipy.linalg import lapack
 
 #: Forces are along normals to this, as a share of the largest.
 SMOOTH = 1e-6
@@ -113,6 +114,26 @@ def solve_contact(
     )
 
 
+def estimate_contact(
+    contact_points: ContactPoints, center: complex, radius: float
+) -> tuple[Array, Array]:
+    """
+    Solve (8) for the normals of the undeformed tubes alone.
+
+    :param contact_points: points that the object could touch.
+    :param center: of the object, x + iy [m].
+    :param radius: of the disc that the points meet [m].
+    :return: normal forces (c,) [N] and gaps (c,) [m].
+    :raises SolverError: the contact problem was not solved.
+    """
+    away = contact_points.skin - center
+    normals = normalize(contact_points.points - center)
+    gaps = (away * normals.conj()).real - radius
+    compliance = contact_points.normal_compliance(normals)
+    forces, _ = solve_complementarity(compliance, gaps, _guess_contact(contact_points, gaps))
+    return forces, gaps + compliance @ forces
+
+
 def _guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
     """Return where contact is likely: where each member is deepest, and as deep if it flattens."""
     member = contact_points.member
@@ -127,24 +148,28 @@ def _settle_normals(
     touching: ContactPoints, normals: Points, center: complex, radius: float
 ) -> Points:
     """Return the forces (a,), x + iy [N], that close all gaps, along normals that follow."""
-    away = touching.skin - center
-    count = len(away)
+    count = len(normals)
+    if count == 0:
+        return normals
+    away, local = touching.axis.conj() * (touching.skin - center), touching.axis.conj() * normals
     # Few points, and several steps: the whole matrix is cheaper than its factors.
     compliance = touching.compliance.reshape(2 * count, 2 * count)
-    along = np.zeros((2 * count, count))
-    number = np.arange(count)
     for _ in range(MAX_NORMAL_UPDATES):
-        along[2 * number, number], along[2 * number + 1, number] = normals.real, normals.imag
-        moving = compliance @ along
-        gaps = (away * normals.conj()).real - radius
-        pressing = np.linalg.solve(along.T @ moving, -gaps)
-        turned = normalize(away + (moving @ pressing).view(np.complex128))
-        forces = pressing * normals
-        change = float(np.abs(turned - normals).max(initial=0.0))
-        normals = turned
+        along, across = local.real, local.imag
+        moving = compliance[:, :count] * along + compliance[:, count:] * across
+        gaps = (away * local.conj()).real - radius
+        normal = along[:, None] * moving[:count] + across[:, None] * moving[count:]
+        _, pressing, failed = lapack.dposv(normal, -gaps)
+        if failed:
+            raise SolverError('the contact compliance is not positive definite')
+        moved = moving @ pressing
+        turned = normalize(away + moved[:count] + 1j * moved[count:])
+        forces = pressing * local
+        change = float(np.abs(turned - local).max(initial=0.0))
+        local = turned
         if change < 0.01 * SMOOTH:
             break
-    return forces
+    return touching.axis * forces
 
 
 def normalize(vectors: Points) -> Points:
@@ -154,4 +179,6 @@ def normalize(vectors: Points) -> Points:
     :param vectors: (c,) x + iy [m].
     """
     sizes = np.abs(vectors)
+    if sizes.all():
+        return vectors / sizes
     return np.where(sizes > 0.0, vectors / np.where(sizes > 0.0, sizes, 1.0), 1.0j)

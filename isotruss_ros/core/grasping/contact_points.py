@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from isotruss_ros.core.grasping.flattening import Flattening
-from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.interior import InteriorPoints
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np
@@ -22,6 +22,7 @@ class ContactPoints:
 
     Displacements of the points are those of the ends of the p pieces of tube that they are on,
     spread by shape functions, and those inside the pieces: the factors are kept, not the product.
+    Both are along and across the pieces, so that no matrix has to be turned.
 
     :ivar points: (c,) on the undeformed centre lines, x + iy [m].
     :ivar skin: (c,) what the object meets: the undeformed skin, at the foot of each point toward
@@ -33,8 +34,8 @@ class ContactPoints:
     :ivar spacing: length of tube that each stands for [m].
     :ivar axis: (c,) direction of the tube.
     :ivar inside: (2, c, c) compliance within pieces, along and across the tube [m/N].
-    :ivar spread: (c, 2, 6 p) displacements in the plane by those of the pieces' ends.
-    :ivar ends: (6 p, 6 p) compliance of the pieces' ends [m/N].
+    :ivar spread: (2, c, 6 p) displacements along and across the tube by those of the pieces' ends.
+    :ivar ends: (6 p, 6 p) compliance of the pieces' ends, in the frames of the pieces [m/N].
     :ivar dents: (c, c) compliance of the skin against the centre line, across the tube [m/N]; zero
         in the paper's model.
     """
@@ -64,7 +65,7 @@ class ContactPoints:
             self.spacing,
             self.axis[places],
             self.inside[:, places][:, :, places],
-            self.spread[places],
+            self.spread[:, places],
             self.ends,
             self.dents[places][:, places],
         )
@@ -82,11 +83,11 @@ class ContactPoints:
         :return: (c, c) symmetric [m/N].
         """
         local = self.axis.conj() * normals
-        lever = normals.real[:, None] * self.spread[:, 0]
-        lever += normals.imag[:, None] * self.spread[:, 1]
+        along, across = local.real[:, None], local.imag[:, None]
+        lever = along * self.spread[0] + across * self.spread[1]
         matrix = lever @ self.ends @ lever.T
-        matrix += np.outer(local.real, local.real) * self.inside[0]
-        matrix += np.outer(local.imag, local.imag) * self.across
+        matrix += along * along.T * self.inside[0]
+        matrix += across * across.T * self.across
         return 0.5 * (matrix + matrix.T)
 
     def displacements(self, forces: Points) -> Points:
@@ -97,20 +98,21 @@ class ContactPoints:
         :return: (c,) x + iy [m].
         """
         local = self.axis.conj() * forces
-        bent = self.inside[0] @ local.real + 1j * (self.across @ local.imag)
-        push = forces.real @ self.spread[:, 0] + forces.imag @ self.spread[:, 1]
+        push = local.real @ self.spread[0] + local.imag @ self.spread[1]
         moved = self.spread @ (self.ends @ push)
-        return self.axis * bent + moved[:, 0] + 1j * moved[:, 1]
+        moved[0] += self.inside[0] @ local.real
+        moved[1] += self.across @ local.imag
+        return self.axis * (moved[0] + 1j * moved[1])
 
     @property
     def compliance(self) -> Array:
-        """Return the displacements (c, 2) of the skin for unit forces (c, 2), [m/N]."""
-        along = as_xy(self.axis)
-        across = as_xy(1j * self.axis)
-        local = np.einsum('ci,cd,dj->cidj', along, self.inside[0], along)
-        local += np.einsum('ci,cd,dj->cidj', across, self.across, across)
-        spread = self.spread.reshape(2 * len(self.points), len(self.ends))
-        return local + (spread @ self.ends @ spread.T).reshape(local.shape)
+        """Return displacements (2, c) along and across the tube for unit forces (2, c), [m/N]."""
+        count = len(self.points)
+        spread = self.spread.reshape(2 * count, len(self.ends))
+        matrix = (spread @ self.ends @ spread.T).reshape(2, count, 2, count)
+        matrix[0, :, 0] += self.inside[0]
+        matrix[1, :, 1] += self.across
+        return matrix
 
 
 def find_contact_points(
@@ -176,11 +178,8 @@ def find_contact_points(
     )
     along = axis[near][member]
     points = start[near][member] + place * along
-    # Ends move in the plane, shapes are along and across: turn in, spread, turn out.
-    shapes = inside.shapes() @ frame.to_member_frame(used)[member]
-    spread = np.zeros((len(place), 2, len(near), 6))
-    out = np.stack([as_xy(along), as_xy(1j * along)], axis=2)
-    spread[np.arange(len(place)), :, member] = out @ shapes
+    spread = np.zeros((2, len(place), len(near), 6))
+    spread[:, np.arange(len(place)), member] = inside.shapes().swapaxes(0, 1)
     on = owner[near][member]
     line, origin = axis[2 * m + on], start[2 * m + on]
     skin, dents = points, np.zeros((len(place), len(place)))
@@ -202,7 +201,7 @@ def find_contact_points(
         spacing,
         along,
         inside.compliance(),
-        spread.reshape(len(place), 2, 6 * len(near)),
+        spread.reshape(2, len(place), 6 * len(near)),
         frame.compliance(used),
         dents,
     )

@@ -61,7 +61,7 @@ def contact_regions(
     count, spacing = len(pressure), contact_points.spacing
     forces, member = contact.forces, contact_points.member
     force = np.bincount(member, forces, count)
-    length, start, end = contact_extents(contact_points, contact, count)
+    length, start, end = contact_extents(contact_points, forces, contact.gaps, count)
     zero = np.zeros(count)
     if not contact_points.dents.any():
         return ContactRegions(force, length, start, end, zero, zero, zero, zero)
@@ -75,13 +75,14 @@ def contact_regions(
 
 
 def contact_extents(
-    contact_points: ContactPoints, contact: ContactState, count: int
+    contact_points: ContactPoints, forces: Array, gaps: Array, count: int
 ) -> tuple[Array, Array, Array]:
     """
     Return length, start and end of the contact by member, each (count,) [m].
 
     :param contact_points: points that the object could touch.
-    :param contact: where it does.
+    :param forces: (c,) normal forces [N].
+    :param gaps: (c,) [m].
     :param count: of members.
     """
     spacing = contact_points.spacing
@@ -90,8 +91,8 @@ def contact_extents(
     # The depth to which each point is pressed by its own load, or its gap: this runs through zero
     # where contact ends, straight enough to be interpolated between the points. In the paper's
     # model a point has no depth of its own, and stands for half a spacing to both sides.
-    depth = (contact_points.dents.diagonal() * contact.forces - contact.gaps)[order]
-    touching = contact.forces[order] > 0.0
+    depth = (contact_points.dents.diagonal() * forces - gaps)[order]
+    touching = forces[order] > 0.0
     joined = member[1:] == member[:-1]
     before, after = np.zeros(len(order)), np.zeros(len(order))
     share = np.full(len(joined), 0.5)

@@ -67,20 +67,24 @@ class Flattening:
         apart = np.rint(np.abs(place[:, None] - place) / spacing).astype(np.intp)
         same = member[:, None] == member
         apart[~same] = 0
-        table = self._by_distance(int(apart.max(initial=0)) + 1, spacing)
+        # Of powers of two, so that few tables serve all.
+        count = 1 << int(apart.max(initial=0)).bit_length()
+        table = _compliance_by_distance(self, count, spacing)
         return np.where(same, table[tube[:, None], apart], 0.0)
 
-    def _by_distance(self, count: int, spacing: float) -> Array:
-        """Return the compliance between points 0, 1, ... spacings apart, (t, count) [m/N]."""
-        ratio = spacing / self.reach
-        peak = 0.5 / np.sqrt(self.stiffness * self.tension)
-        # exp(-k ratio) (2 / ratio sinh(ratio / 2))^2, written so that nothing overflows.
-        spread = peak * (np.expm1(-ratio) / ratio) ** 2
-        steps = np.arange(count) - 1.0
-        table = np.einsum('tn,tnk->tk', spread, np.exp(-ratio[:, :, None] * steps))
-        alone = peak * (2.0 / ratio) * (1.0 + np.expm1(-ratio) / ratio)
-        table[:, 0] = alone.sum(axis=1) + self.rest / spacing
-        return table
+
+@functools.lru_cache(maxsize=64)
+def _compliance_by_distance(kernel: Flattening, count: int, spacing: float) -> Array:
+    """Return the compliance between points 0, 1, ... spacings apart, (t, count) [m/N]."""
+    ratio = spacing / kernel.reach
+    peak = 0.5 / np.sqrt(kernel.stiffness * kernel.tension)
+    # exp(-k ratio) (2 / ratio sinh(ratio / 2))^2, written so that nothing overflows.
+    spread = peak * (np.expm1(-ratio) / ratio) ** 2
+    steps = np.arange(count) - 1.0
+    table = np.einsum('tn,tnk->tk', spread, np.exp(-ratio[:, :, None] * steps))
+    alone = peak * (2.0 / ratio) * (1.0 + np.expm1(-ratio) / ratio)
+    table[:, 0] = alone.sum(axis=1) + kernel.rest / spacing
+    return table
 
 
 def flattening(

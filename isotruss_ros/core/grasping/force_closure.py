@@ -10,8 +10,9 @@ d/2 of friction at the object's surface, so that all three components are forces
 from __future__ import annotations
 
 from dataclasses import dataclass
+import functools
 
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -24,6 +25,9 @@ FACET_TOLERANCE = 1e-9
 #: where friction suffices the balance is refined until it holds, at most so often.
 REGULARIZATION = 1e-10
 MAX_REFINEMENTS = 20
+#: Exchanges of what is at its bounds before the quadratic program; at most so many contacts that
+#: change their side are taken for ones between the bounds.
+MAX_EXCHANGES, FEW = 8, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +90,62 @@ def _balance(segments: Array, load: Array, friction: float, shares: Array) -> tu
     k = len(segments)
     if k == 0 or friction == 0.0:
         return np.zeros(k), float(np.linalg.norm(load))
-    size = np.linalg.norm(segments, axis=1).max()
-    scaled = segments / size
+    size = np.sqrt(np.einsum('ki,ki->k', segments, segments).max())
+    scaled, target = segments / size, load / size
+    found = _exchange(scaled, target, friction, shares)
+    if found is None:
+        found = _balance_by_qp(scaled, target, friction, shares)
+    return found, float(np.linalg.norm(segments.T @ found + load))
+
+
+def _exchange(segments: Array, load: Array, friction: float, shares: Array) -> Array | None:
+    """
+    Return the shares (k,) that balance the load best, by exchanging which of them are at bounds.
+
+    Where friction suffices with room to spare none is at its bound, and where it is far from
+    enough nearly all are: each against what is left. None if some exchanges do not settle that.
+    """
+    normal = segments.T @ segments + REGULARIZATION * np.eye(3)
+    found = shares - segments @ np.linalg.solve(normal, segments.T @ shares + load)
+    if np.abs(found).max() <= friction:
+        return found
+    found = np.clip(found, -friction, friction)
+    free, before = np.zeros(len(found), dtype=bool), len(found) + 1
+    for _ in range(MAX_EXCHANGES):
+        pull = segments @ (segments.T @ found + load)
+        against = np.where(pull > 0.0, -friction, friction)
+        wrong = ~free & (found != against)
+        count = np.count_nonzero(wrong)
+        if count == 0:
+            settled = np.abs(pull[~free]).min(initial=np.inf) > 2.0 * REGULARIZATION * friction
+            return found if settled else None
+        found[wrong] = against[wrong]
+        if count > FEW:
+            if count >= before:
+                return None
+            before = count
+            continue
+        free |= wrong
+        places = np.flatnonzero(free)
+        if len(places) > 3:
+            return None
+        found[places] = 0.0
+        rows, rest = segments[places], segments.T @ found + load
+        inner = rows @ rows.T + REGULARIZATION * np.eye(len(places))
+        inside = np.linalg.solve(inner, REGULARIZATION * shares[places] - rows @ rest)
+        found[places] = np.clip(inside, -friction, friction)
+        free[places] = np.abs(inside) < friction
+    return None
+
+
+def _balance_by_qp(segments: Array, load: Array, friction: float, shares: Array) -> Array:
+    """Return the shares (k,) that balance the load best, by a quadratic program."""
+    k = len(segments)
     bound = np.full(k, friction)
     found = solve_qp(
         QuadraticProgram(
-            scaled @ scaled.T + REGULARIZATION * np.eye(k),
-            scaled @ load / size - REGULARIZATION * shares,
+            segments @ segments.T + REGULARIZATION * np.eye(k),
+            segments @ load - REGULARIZATION * shares,
             np.zeros((0, k)),
             np.zeros(0),
             -bound,
@@ -101,9 +154,8 @@ def _balance(segments: Array, load: Array, friction: float, shares: Array) -> tu
     )
     if found is None:
         # Loads far beyond all friction: the digits of the small term above are lost in them.
-        found = lsq_linear(scaled.T, -load / size, (-bound, bound), method='bvls').x
-    found = np.clip(found, -bound, bound)
-    return found, float(np.linalg.norm(segments.T @ found + load))
+        found = lsq_linear(segments.T, -load, (-bound, bound), method='bvls').x
+    return np.clip(found, -bound, bound)
 
 
 def _extremes(
@@ -137,9 +189,10 @@ def _facets(segments: Array) -> tuple[Array, Array]:
     # The plane through two lines of the cone parts those between them from the others, around the
     # cone: sums over ranges take the place of sums over all, so that hundreds of contacts are few.
     segments = segments[np.argsort(np.arctan2(segments[:, 1], segments[:, 0]))]
-    first, second = np.triu_indices(k, 1)
-    normals = np.cross(segments[first], segments[second])
-    sizes = np.linalg.norm(normals, axis=1)
+    first, second = _pairs(k)
+    (x, y, z), (u, v, w) = segments[first].T, segments[second].T
+    normals = np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
+    sizes = np.sqrt(np.einsum('fi,fi->f', normals, normals))
     reach = segments[:, 2]
     good = sizes > FACET_TOLERANCE * reach[first] * reach[second]
     normals, first, second = normals[good] / sizes[good, None], first[good], second[good]
@@ -155,3 +208,9 @@ def _facets(segments: Array) -> tuple[Array, Array]:
     within = within / np.linalg.norm(within, axis=1)[:, None]
     extent = np.abs(within @ segments.T).sum(axis=1)
     return np.concatenate([axes[rank:], within]), np.append(np.zeros(3 - rank), extent)
+
+
+@functools.lru_cache(maxsize=64)
+def _pairs(count: int) -> tuple[Indices, Indices]:
+    """Return all pairs of numbers below a count: the smaller ones, and the larger ones."""
+    return np.triu_indices(count, 1)

@@ -127,7 +127,7 @@ def _pressing_force(
         spacing=spacing,
         axis=np.ones_like(line),
         inside=np.zeros((2, POINTS, POINTS)),
-        spread=np.zeros((POINTS, 2, 0)),
+        spread=np.zeros((2, POINTS, 0)),
         ends=np.zeros((0, 0)),
         dents=dents,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+from scipy.linalg import cholesky, lapack, solve_triangular
 from scipy.optimize import nnls
 
 #: Gaps and complementarity hold to this [m]; forces to this over the stiffest point's compliance.
@@ -60,10 +60,10 @@ def _by_least_squares(compliance: Array, gaps: Array) -> tuple[Array, Flags]:
 
 def _closing(compliance: Array, gaps: Array, active: Flags) -> Array:
     """Return the forces at the active points, of any sign, that close their gaps."""
-    if not active.any():
+    places = np.flatnonzero(active)
+    if not len(places):
         return np.zeros(0)
-    try:
-        factor = cho_factor(compliance[np.ix_(active, active)])
-    except np.linalg.LinAlgError as error:
-        raise SolverError('the contact compliance is not positive definite') from error
-    return cho_solve(factor, -gaps[active])
+    _, forces, failed = lapack.dposv(compliance[places[:, None], places], -gaps[places])
+    if failed:
+        raise SolverError('the contact compliance is not positive definite')
+    return forces

@@ -119,11 +119,8 @@ class MemberCompliance:
             [shapes.reshape(count, 3, -1, 24), inside.reshape(count, 3, -1, 9)], axis=3
         )
         self._coefficients = values.swapaxes(2, 3) @ TO_COEFFICIENTS.T
-        flat = pieces.ravel()
-        frames = frame.to_member_frame(flat)
-        ends = frame.compliance(flat).reshape(3 * count, 6, 3 * count, 6).swapaxes(1, 2)
-        ends = frames[:, None] @ ends @ frames.swapaxes(1, 2)
-        self._ends = ends.reshape(count, 3, count, 3, 6, 6) / scale
+        ends = frame.compliance(pieces.ravel()).reshape(count, 3, 6, count, 3, 6)
+        self._ends = ends.transpose(0, 1, 3, 4, 2, 5) / scale
 
     def locate(self, places: Array) -> tuple[Indices, Array]:
         """

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from isotruss_ros.core.grasping.contact import ContactState, solve_contact
+from isotruss_ros.core.grasping.contact import ContactState, estimate_contact
 from isotruss_ros.core.grasping.contact_points import ContactPoints, find_contact_points
 from isotruss_ros.core.grasping.contact_regions import contact_extents
 from isotruss_ros.core.grasping.flattening import Flattening
@@ -68,7 +68,7 @@ def refine_contact(
         windows = np.where(within, regions + SEARCH * room, EVERYWHERE)
         points = place(spacing / division, windows)
         contact = solver(points, center, radius, _within(points, regions).astype(float))
-        found = _regions(points, contact, len(names))
+        found = _regions(points, contact.forces, contact.gaps, len(names))
         # A member whose contact has left its window may be touched elsewhere.
         fits = ((found + room - windows) * room <= 0.0).all() and (_touched(found) >= within).all()
         return points, contact, found, bool(fits) and division == _division(found, spacing)
@@ -79,7 +79,7 @@ def refine_contact(
         points, contact, regions, settled = solve(before, limited=True)
     if not settled:
         points = place(SEARCH * spacing)
-        regions = _regions(points, solve_contact(points, center, radius), len(names))
+        regions = _regions(points, *estimate_contact(points, center, radius), len(names))
         if not _touched(regions).any():
             points = place(spacing)
             return points, solver(points, center, radius, None)
@@ -98,9 +98,9 @@ def _touched(regions: Array) -> Flags:
     return regions[:, 1:] > regions[:, :1]
 
 
-def _regions(points: ContactPoints, contact: ContactState, count: int) -> Array:
+def _regions(points: ContactPoints, forces: Array, gaps: Array, count: int) -> Array:
     """Return where contact begins and ends on each member, (m, 2); inf, -inf without [m]."""
-    length, first, last = contact_extents(points, contact, count)
+    length, first, last = contact_extents(points, forces, gaps, count)
     return np.where((length > 0.0)[:, None], np.column_stack([first, last]), -EVERYWHERE)
 
 

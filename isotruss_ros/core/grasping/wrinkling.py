@@ -118,20 +118,21 @@ def find_wrinkling(
     m = topology.n_modules
     radius = 0.5 * file.tube_diameter
     pieces, touching = contact_points.pieces, np.flatnonzero(contact.forces > 0.0)
-    forces = contact.forces * contact.normals
+    local = contact.forces * contact.normals * contact_points.axis.conj()
     # What moves the ends of the pieces as the forces inside do, which the pieces carry besides.
-    pushed = forces.real @ contact_points.spread[:, 0] + forces.imag @ contact_points.spread[:, 1]
+    pushed = local.real @ contact_points.spread[0] + local.imag @ contact_points.spread[1]
     pushed = pushed.reshape(-1, 6)
+    turned = (pushed[:, None] @ frame.to_member_frame(pieces))[:, 0]
     loads = np.zeros((len(frame.points), 3))
-    np.add.at(loads, frame.members.start[pieces], pushed[:, :3])
-    np.add.at(loads, frame.members.end[pieces], pushed[:, 3:])
+    np.add.at(loads, frame.members.start[pieces], turned[:, :3])
+    np.add.at(loads, frame.members.end[pieces], turned[:, 3:])
     end_forces = frame.solve(loads).end_forces
-    end_forces[pieces] -= (frame.to_member_frame(pieces) @ pushed[:, :, None])[:, :, 0]
+    end_forces[pieces] -= pushed
 
     piece = pieces[contact_points.piece[touching]]
     start, _ = spans(frame, piece)
     place = np.abs(contact_points.points[touching] - start)
-    local = (forces * contact_points.axis.conj())[touching]
+    local = local[touching]
     owner = contact_points.member[touching]
     sections = load_sections(structure, pressure, end_forces, piece, place, local, owner)
     used, member = sections.utilisation, sections.member

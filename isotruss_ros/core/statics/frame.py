@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.constraints import DENSE_UP_TO
@@ -12,7 +13,7 @@ from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize_with_condition
 from isotruss_ros.core.statics.beam import directions, local_stiffness, with_pins
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix, spmatrix
+from scipy.sparse import coo_matrix, csc_matrix
 
 #: A frame that is worse conditioned than this, in its own units, is a mechanism.
 MAX_CONDITION = 1e12
@@ -41,6 +42,25 @@ class Members:
     pinned_end: Flags
 
 
+class LinearRows(NamedTuple):
+    """
+    Linear constraints on the displacements (ux0, uy0, theta0, ux1, ...): rows @ them = 0.
+
+    :ivar count: number of rows.
+    :ivar row: (e,) row of each entry.
+    :ivar column: (e,) column of each entry.
+    :ivar value: (e,) entries; those in one place add up.
+    """
+
+    count: int
+    row: Indices
+    column: Indices
+    value: Array
+
+
+NO_ROWS = LinearRows(0, np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
+
+
 @dataclass(frozen=True, eq=False)
 class FrameState:
     """
@@ -65,7 +85,7 @@ class Frame:
     :param members: what connects them.
     :param held: (n, 3) which of ux, uy, theta are held by supports.
     :param names: (n,) names of the nodes, for messages.
-    :param rows: (c, 3 n) linear constraints rows @ (ux0, uy0, theta0, ux1, ...) = 0; none if None.
+    :param rows: linear constraints on the displacements.
     """
 
     def __init__(
@@ -74,13 +94,13 @@ class Frame:
         members: Members,
         held: Flags,
         names: Sequence[str],
-        rows: spmatrix | None = None,
+        rows: LinearRows = NO_ROWS,
     ) -> None:
         self.points = points
         self.members = members
         self._names = names
         self._held = held.ravel()
-        self._rows = coo_matrix((0, 3 * len(points)) if rows is None else rows)
+        self._rows = rows
         span = points[members.end] - points[members.start]
         length = np.abs(span)
         self._turn = directions(span / length)
@@ -132,11 +152,11 @@ class Frame:
         rows, columns = number[rows], number[columns]
         there = (rows >= 0) & (columns >= 0)
         values, rows, columns = values[there], rows[there], columns[there]
-        bound = number[self._rows.col]
+        bound = number[self._rows.column]
         bound_there = bound >= 0
-        bound, weight = bound[bound_there], self._rows.data[bound_there]
+        bound, weight = bound[bound_there], self._rows.value[bound_there]
         multiplier = free + self._rows.row[bound_there]
-        size = free + self._rows.shape[0]
+        size = free + self._rows.count
         # Displacements and rotations, soft tubes and hard modules: scaled, all have stiffness 1.
         scale = np.ones(size)
         scale[:free] = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, diagonal.max(initial=1.0)))
@@ -189,14 +209,20 @@ class Frame:
         Return the displacements of the ends of members under unit loads on these ends.
 
         :param members: (k,) which of the members.
-        :return: (6 k, 6 k), by ux, uy, theta at start and end of each; symmetric.
+        :return: (6 k, 6 k), along and across the member and by rotation at start and end of each;
+            symmetric.
         :raises StructureError: see `solve`.
         """
-        unknown = self._unknowns[self._places[members].ravel()]
+        unknown, size = self._unknowns[self._places[members].ravel()], 6 * len(members)
+        if size == 0:
+            return np.zeros((0, 0))
         there = np.flatnonzero(unknown >= 0)
-        right = np.zeros((int(self._unknowns.max(initial=-1)) + 1, len(unknown)))
+        right = np.zeros((int(self._unknowns.max(initial=-1)) + 1, size))
         right[unknown[there], there] = 1.0
-        return np.where((unknown >= 0)[:, None], self._solve(right)[unknown], 0.0)
+        ends = np.where((unknown >= 0)[:, None], self._solve(right)[unknown], 0.0)
+        turn = self._turn[members]
+        turned = (turn @ ends.reshape(-1, 6, size)).reshape(size, size).T
+        return (turn @ turned.reshape(-1, 6, size)).reshape(size, size)
 
     def solve(self, loads: Array) -> FrameState:
         """
@@ -214,9 +240,9 @@ class Frame:
         end_forces = np.einsum('kij,kj->ki', self._local, ends)
         pull = np.einsum('kji,kj->ki', self._turn, end_forces)
         carried = np.bincount(self._places.ravel(), pull.ravel(), minlength=len(loads))
-        _, multipliers = np.split(solution, [len(right)])
-        pushed = self._rows.data * multipliers[self._rows.row]  # by the constraints
-        carried += np.bincount(self._rows.col, pushed, minlength=len(loads))
+        multipliers = solution[len(right) + self._rows.row]
+        pushed = self._rows.value * multipliers  # by the constraints
+        carried += np.bincount(self._rows.column, pushed, minlength=len(loads))
         reactions = np.where(self._held, carried - loads, 0.0)
         return FrameState(displacements.reshape(-1, 3), reactions.reshape(-1, 3), end_forces)
 

@@ -44,9 +44,11 @@ class InteriorPoints:
 
         :return: (c, 2, 6): along and across the member, by (ux, uy, theta) at start and end.
         """
-        shapes, stiffness = self._clamped_shapes.copy(), self._stiffness[self.member]
+        shapes = self._clamped_shapes.copy()
         for rotation, end in ((2, 0), (5, 1)):
-            freed = self.pinned[self.member, end]
+            if not self.pinned[:, end].any():
+                continue
+            freed, stiffness = self.pinned[self.member, end], self._stiffness[self.member]
             # The free rotation follows from no moment: theta = -K_theta,u / K_theta,theta u.
             turned = shapes[freed, 1, rotation] / stiffness[freed, rotation, rotation]
             shapes[freed, 1] -= turned[:, None] * stiffness[freed, rotation]
@@ -78,9 +80,8 @@ class InteriorPoints:
 
         :return: (2, c, c): along the members, across them [m/N]; zero between members.
         """
-        same = self.member[:, None] == self.member
-        near = np.minimum(self.place[:, None], self.place)
-        far = np.maximum(self.place[:, None], self.place)
+        place, same = self.place, self.member[:, None] == self.member
+        near, far = np.minimum(place[:, None], place), np.maximum(place[:, None], place)
         length = self.length[self.member]
         axial, flexural, shear = (
             values[self.member] for values in (self.axial, self.flexural, self.shear)
@@ -88,19 +89,17 @@ class InteriorPoints:
         stretch = near * (length - far) / (axial * length)
         # A cantilever from the start, then its far end brought back.
         bend = near**2 * (3.0 * far - near) / (6.0 * flexural) + near / shear
-        sink = self.place**2 * (3.0 * length - self.place) / (6.0 * flexural) + self.place / shear
-        tilt = self.place**2 / (2.0 * flexural)
+        sink = place**2 * (3.0 * length - place) / (6.0 * flexural) + place / shear
+        tilt = place**2 / (2.0 * flexural)
         tip = length**3 / (3.0 * flexural) + length / shear
         cross, turn = length**2 / (2.0 * flexural), length / flexural
         scale = 1.0 / (tip * turn - cross**2)
-        bend = bend - scale * (
-            turn * sink[:, None] * sink
-            - cross * (sink[:, None] * tilt + tilt[:, None] * sink)
-            + tip * tilt[:, None] * tilt
-        )
-        shapes, stiffness = self._clamped_shapes, self._stiffness[self.member]
+        held = np.stack([turn * sink - cross * tilt, tip * tilt - cross * sink])
+        bend -= (scale * held).T @ np.stack([sink, tilt])
         for rotation, end in ((2, 0), (5, 1)):
-            freed = self.pinned[self.member, end]
-            shape = np.where(freed, shapes[:, 1, rotation], 0.0)
-            bend = bend + shape[:, None] * shape / stiffness[:, rotation, rotation]
-        return np.stack([np.where(same, stretch, 0.0), np.where(same, bend, 0.0)])
+            if not self.pinned[:, end].any():
+                continue
+            freed, stiffness = self.pinned[self.member, end], self._stiffness[self.member]
+            shape = np.where(freed, self._clamped_shapes[:, 1, rotation], 0.0)
+            bend += shape[:, None] * shape / stiffness[:, rotation, rotation]
+        return np.stack([stretch, bend]) * same

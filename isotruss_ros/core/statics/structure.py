@@ -13,16 +13,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 import functools
 from functools import cached_property
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Flags, Indices, Points
-from isotruss_ros.core.statics.frame import Frame, FrameState, Members
+from isotruss_ros.core.statics.frame import Frame, FrameState, LinearRows, Members
 from isotruss_ros.core.statics.pressures import Pressure, tube_pressures
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import coo_matrix
 
 
 class Structure:
@@ -44,14 +45,15 @@ class Structure:
         self.config = config
         self.tube = tube_stiffness(config.robot.description)
         self.pressures = tube_pressures(config.robot.description, pressure)
-        topology = config.robot.topology
-        m, joints = topology.n_modules, len(topology.joint_names)
-        self._b = joints + 4 * np.arange(m)
-        pinch = [f'{module}/{node}' for module in topology.module_names for node in 'BCDE']
-        self.node_names = (*topology.joint_names, *pinch)
-        self._places = {name: i for i, name in enumerate(self.node_names)}
+        self._layout = _layout(config.robot)
+        self.node_names = self._layout.node_names
+        points = self._points()
         self.frame = Frame(
-            self._points(), self._members(), self._held(), self.node_names, self._bisection()
+            points,
+            self._members(),
+            self._layout.held,
+            self.node_names,
+            self._bisection(points),
         )
 
     def node(self, name: str) -> int:
@@ -61,68 +63,120 @@ class Structure:
         :param name: a joint j, or t/j/B, t/j/C, t/j/D, t/j/E.
         :raises StructureError: there is no such node.
         """
-        if name not in self._places:
+        if name not in self._layout.places:
             raise StructureError(
                 f'node {name!r}: robot {self.config.robot.name} has no such node; '
                 'nodes are joints j, and t/j/B, t/j/C, t/j/D, t/j/E of each module'
             )
-        return self._places[name]
+        return self._layout.places[name]
 
     def _points(self) -> Points:
         topology, nodes = self.config.robot.topology, self.config.points
         side = nodes[topology.c[topology.following]] - nodes[topology.b]
         ahead = self.config.robot.description.module.guide_ring_distance * side / np.abs(side)
-        points = np.empty(len(self.node_names), dtype=np.complex128)
+        points, b = np.empty(len(self.node_names), dtype=np.complex128), self._layout.b
         points[: len(topology.joint_names)] = nodes[: len(topology.joint_names)]
-        points[self._b], points[self._b + 1] = nodes[topology.b], nodes[topology.c]
-        points[self._b + 2] = nodes[topology.b] + ahead
-        points[self._b + 3] = nodes[topology.c] - ahead[topology.previous]
+        points[b], points[b + 1] = nodes[topology.b], nodes[topology.c]
+        points[b + 2] = points[b] + ahead
+        points[b + 3] = points[b + 1] - ahead[topology.previous]
         return points
 
     def _members(self) -> Members:
         topology, file = self.config.robot.topology, self.config.robot.description
-        m = topology.n_modules
-        a, b = topology.joint, self._b
-        c, d, e = b + 1, b + 2, b + 3
+        m, before = topology.n_modules, topology.previous
         # Section stiffness belongs to whole members, pinch to pinch; their pieces inherit it.
         pressure = np.array(self.pressures)[topology.tube]
         tube = self.tube.section_stiffness(self.config.member_lengths, pressure)
-        before = topology.previous
-        free, fixed = np.ones(m, dtype=bool), np.zeros(m, dtype=bool)
-        rigid = [np.full(m, file.module.axial_rigidity)] * 3
-        stiff = [np.full(m, file.module.flexural_rigidity)] * 3
+        axial, flexural, shear = np.empty((3, 6 * m))
+        axial[: 3 * m], flexural[: 3 * m] = (
+            file.module.axial_rigidity,
+            file.module.flexural_rigidity,
+        )
+        shear[: 3 * m] = np.inf
+        for rigidity, of_tube in (
+            (axial, tube.axial),
+            (flexural, tube.flexural),
+            (shear, tube.shear),
+        ):
+            rigidity[3 * m : 4 * m] = rigidity[5 * m :] = of_tube
+            rigidity[4 * m : 5 * m] = of_tube[before]
+        layout = self._layout
         return Members(
-            start=np.concatenate([a, a, b, b, c, d]),
-            end=np.concatenate([b, c, c, d, e, e[topology.following]]),
-            axial=np.concatenate([*rigid, tube.axial, tube.axial[before], tube.axial]),
-            flexural=np.concatenate([*stiff, tube.flexural, tube.flexural[before], tube.flexural]),
-            shear=np.concatenate(
-                [np.full(3 * m, np.inf), tube.shear, tube.shear[before], tube.shear]
-            ),
-            pinned_start=np.concatenate([free, free, fixed, free, free, fixed]),
-            pinned_end=np.zeros(6 * m, dtype=bool),
+            layout.start,
+            layout.end,
+            axial,
+            flexural,
+            shear,
+            layout.pinned_start,
+            layout.pinned_end,
         )
 
-    def _held(self) -> Flags:
-        held = np.zeros((len(self.node_names), 3), dtype=bool)
-        node, axis = np.divmod(self.config.robot.topology.grounded, 2)
-        held[node, axis] = True
-        return held
-
-    def _bisection(self) -> coo_matrix:
+    def _bisection(self, points: Points) -> LinearRows:
         """Return A(x) of (4): the rod turns half as much as both arms together."""
-        topology, points = self.config.robot.topology, self._points()
-        a, b = topology.joint, self._b
+        a, b = self.config.robot.topology.joint, self._layout.b
         c, d, e = b + 1, b + 2, b + 3
         turn = 1j / (0.5 * (points[b] + points[c]) - points[a]).conj()
         arm_b, arm_c = 1j / (points[d] - points[b]).conj(), 1j / (points[e] - points[c]).conj()
-        nodes = np.stack([a, b, c, d, e])
-        gradients = np.stack([2.0 * turn, -arm_b - turn, -arm_c - turn, arm_b, arm_c])
-        rows = np.tile(np.arange(topology.n_modules), 10)
-        places = np.concatenate([3 * nodes.ravel(), 3 * nodes.ravel() + 1])
-        values = np.concatenate([gradients.real.ravel(), gradients.imag.ravel()])
-        shape = (topology.n_modules, 3 * len(self.node_names))
-        return coo_matrix((values, (rows, places)), shape=shape)
+        gradients = np.concatenate([2.0 * turn, -arm_b - turn, -arm_c - turn, arm_b, arm_c])
+        return self._layout.bisection._replace(
+            value=np.concatenate([gradients.real, gradients.imag])
+        )
+
+
+class _Layout(NamedTuple):
+    """
+    What does not change with the configuration of a robot.
+
+    :ivar node_names: joints first, then B, C, D, E of module after module.
+    :ivar places: number of each node by its name.
+    :ivar b: (m,) numbers of the nodes B; C, D and E follow.
+    :ivar start: (6 m,) nodes of the members, see `Structure`.
+    :ivar end: (6 m,).
+    :ivar pinned_start: (6 m,) whether the start transmits no moment.
+    :ivar pinned_end: (6 m,) whether the end transmits no moment.
+    :ivar held: (n, 3) which of ux, uy, theta are held by supports.
+    :ivar bisection: rows of (3), without their entries' values.
+    """
+
+    node_names: tuple[str, ...]
+    places: dict[str, int]
+    b: Indices
+    start: Indices
+    end: Indices
+    pinned_start: Flags
+    pinned_end: Flags
+    held: Flags
+    bisection: LinearRows
+
+
+@functools.lru_cache(maxsize=16)
+def _layout(robot: Mechanism) -> _Layout:
+    topology = robot.topology
+    m, joints = topology.n_modules, len(topology.joint_names)
+    a, b = topology.joint, joints + 4 * np.arange(m)
+    c, d, e = b + 1, b + 2, b + 3
+    pinch = [f'{module}/{node}' for module in topology.module_names for node in 'BCDE']
+    names = (*topology.joint_names, *pinch)
+    free, fixed = np.ones(m, dtype=bool), np.zeros(m, dtype=bool)
+    held = np.zeros((len(names), 3), dtype=bool)
+    held[np.divmod(topology.grounded, 2)] = True
+    nodes = np.concatenate([a, b, c, d, e])
+    return _Layout(
+        names,
+        {name: i for i, name in enumerate(names)},
+        b,
+        start=np.concatenate([a, a, b, b, c, d]),
+        end=np.concatenate([b, c, c, d, e, e[topology.following]]),
+        pinned_start=np.concatenate([free, free, fixed, free, free, fixed]),
+        pinned_end=np.zeros(6 * m, dtype=bool),
+        held=held,
+        bisection=LinearRows(
+            m,
+            np.tile(np.arange(m), 10),
+            np.concatenate([3 * nodes, 3 * nodes + 1]),
+            np.zeros(10 * m),
+        ),
+    )
 
 
 def tube_pieces(n_modules: int) -> Indices:
