@@ -77,7 +77,7 @@ def press(
     points = _contact_points(tube, pressure, places, flattens)
     contact = solve_contact(points, center, radius)
     force = -float((contact.forces * contact.normals).imag.sum())
-    length, _, _ = contact_extents(points, contact.forces, contact.gaps, 1)
+    length, _, _ = contact_extents(points, contact, 1)
     return Pressed(force / depth, float(length[0]))
 
 

@@ -7,7 +7,8 @@ pinned ends have rotations of their own, constraints are met by a basis of what 
 
 from dataclasses import replace
 
-from isotruss_ros.core.statics.frame import Frame, LinearRows, Members, NO_ROWS
+from isotruss_ros.core.statics.frame import Frame, Members
+from isotruss_ros.core.statics.frame_pattern import LinearRows, NO_ROWS
 import numpy as np
 import pytest
 from scipy.linalg import null_space

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from isotruss_ros.core.errors import GraspError, SolverError
-from isotruss_ros.core.grasping.contact import ContactState, solve_contact
+from isotruss_ros.core.grasping.contact import ContactGuess, ContactState, solve_contact
 from isotruss_ros.core.grasping.contact_points import ContactPoints, find_contact_points
-from isotruss_ros.core.grasping.contact_regions import contact_regions
+from isotruss_ros.core.grasping.contact_regions import contact_extents, contact_regions
 from isotruss_ros.core.grasping.flattening import flattening_of
 from isotruss_ros.core.grasping.force_closure import check_force_closure
-from isotruss_ros.core.grasping.refinement import refine_contact
+from isotruss_ros.core.grasping.refinement import PreviousContact, refine_contact
 from isotruss_ros.core.grasping.relaxation import relax_contact
 from isotruss_ros.core.grasping.wrinkling import find_wrinkling
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -134,17 +134,25 @@ def analyze_grasp(
     structure = structure_of(config, pressure)
     if flattening:
         radius, kernel = arm, flattening_of(config.robot, structure.pressures)
-        spans = None if previous is None else previous.contact_spans
-        contact_points, contact = refine_contact(
-            structure, center, radius, gap, kernel, solvers[method], spans
+        before = None
+        if previous is not None and previous.contact_spans:
+            before = PreviousContact(
+                previous.contact_spans,
+                previous.members,
+                previous.places,
+                previous.normals @ np.array([1.0, 1.0j]),
+            )
+        contact_points, contact, extents = refine_contact(
+            structure, center, radius, gap, kernel, solvers[method], before
         )
     else:
         radius = arm + 0.5 * config.robot.description.tube_diameter
         contact_points = find_contact_points(structure, center, radius, gap)
         start = None
         if previous is not None and len(previous.normal_forces) == len(contact_points.points):
-            start = previous.normal_forces
+            start = ContactGuess(previous.normal_forces)
         contact = solvers[method](contact_points, center, radius, start)
+        extents = contact_extents(contact_points, contact, len(config.robot.member_names))
     normals = as_xy(contact.normals)
     pressed = -contact.forces @ normals
     tangents = as_xy(1j * contact.normals)
@@ -152,13 +160,13 @@ def analyze_grasp(
     closure = check_force_closure(tangents, contact.forces, load, float(mu))
     gauge = np.array(structure.pressures)[config.robot.topology.tube]
     wrinkling = find_wrinkling(structure, gauge, contact_points, contact)
-    regions = contact_regions(contact_points, contact, arm, gauge, wrinkling)
+    regions = contact_regions(contact_points, contact, extents, arm, gauge, wrinkling)
     names = config.robot.member_names
     touching = np.flatnonzero(regions.length).tolist()
     wide = touching if flattening else []
 
     def by_member(values: Array, members: list[int]) -> dict[str, float]:
-        return {names[i]: float(values[i]) for i in members}
+        return {names[i]: values.item(i) for i in members}
 
     return GraspAnalysis(
         points=as_xy(center + (radius + contact.gaps) * contact.normals),
@@ -195,7 +203,7 @@ def _stiffness(contact_points: ContactPoints, contact: ContactState, center: com
     touching = np.flatnonzero(contact.forces > 0.0)
     if len(touching) == 0:
         return np.zeros((3, 3))
-    compliance = contact_points[touching].compliance
+    compliance = contact_points.compliance(touching)
     size = 2 * len(touching)
     arms = (contact_points.skin + contact.displacements)[touching] - center
     # Motions of the object by dx, dy, dtheta, along and across the tube at each contact.

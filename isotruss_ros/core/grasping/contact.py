@@ -10,6 +10,7 @@ complementarity problem, and the normals follow the deformed points until they s
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.grasping.contact_points import ContactPoints
@@ -58,8 +59,23 @@ class ContactState:
         )
 
 
+class ContactGuess(NamedTuple):
+    """
+    Where a search for the contact begins.
+
+    :ivar forces: (c,) normal forces of a similar problem [N]; points with one are taken to touch.
+    :ivar normals: (c,) unit normals of one, x + iy; None for those of the undeformed tubes.
+    """
+
+    forces: Array
+    normals: Points | None = None
+
+
 def solve_contact(
-    contact_points: ContactPoints, center: complex, radius: float, start: Array | None = None
+    contact_points: ContactPoints,
+    center: complex,
+    radius: float,
+    start: ContactGuess | None = None,
 ) -> ContactState:
     """
     Solve (8): gaps and forces not negative, and one of them zero everywhere.
@@ -67,14 +83,16 @@ def solve_contact(
     :param contact_points: points that the object could touch.
     :param center: of the object, x + iy [m].
     :param radius: of the disc that the points meet, see `find_contact_points` [m].
-    :param start: (c,) forces of a similar problem, to begin with [N]; none if None.
+    :param start: what to begin with; found out if None.
     :raises SolverError: the normals do not settle.
     """
     away = contact_points.skin - center
     # Those of the centre lines: the skin may be beyond the centre of a small object.
     normals = normalize(contact_points.points - center)
     if start is not None:
-        active = start > 0.0
+        active = start.forces > 0.0
+        if start.normals is not None:
+            normals = start.normals
     elif len(away) <= MANY:
         active = _guess_contact(contact_points, (away * normals.conj()).real - radius)
     else:
@@ -94,7 +112,7 @@ def solve_contact(
         )
         places = np.flatnonzero(active)
         ahead = np.zeros_like(away)
-        ahead[places] = _settle_normals(contact_points[places], normals[places], center, radius)
+        ahead[places] = _settle_normals(contact_points, places, normals, center, radius)
         for push in (ahead, forces * normals):
             displacements = contact_points.displacements(push)
             turned = normalize(away + displacements)
@@ -116,14 +134,13 @@ def solve_contact(
 
 def estimate_contact(
     contact_points: ContactPoints, center: complex, radius: float
-) -> tuple[Array, Array]:
+) -> ContactState:
     """
-    Solve (8) for the normals of the undeformed tubes alone.
+    Solve (8) for the normals of the undeformed tubes; the normals of the answer are new ones.
 
     :param contact_points: points that the object could touch.
     :param center: of the object, x + iy [m].
     :param radius: of the disc that the points meet [m].
-    :return: normal forces (c,) [N] and gaps (c,) [m].
     :raises SolverError: the contact problem was not solved.
     """
     away = contact_points.skin - center
@@ -131,7 +148,9 @@ def estimate_contact(
     gaps = (away * normals.conj()).real - radius
     compliance = contact_points.normal_compliance(normals)
     forces, _ = solve_complementarity(compliance, gaps, _guess_contact(contact_points, gaps))
-    return forces, gaps + compliance @ forces
+    displacements = contact_points.displacements(forces * normals)
+    gaps += compliance @ forces
+    return ContactState(forces, gaps, normalize(away + displacements), displacements)
 
 
 def _guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
@@ -145,15 +164,19 @@ def _guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
 
 
 def _settle_normals(
-    touching: ContactPoints, normals: Points, center: complex, radius: float
+    contact_points: ContactPoints, places: Indices, normals: Points, center: complex, radius: float
 ) -> Points:
-    """Return the forces (a,), x + iy [N], that close all gaps, along normals that follow."""
-    count = len(normals)
+    """Return the forces (a,), x + iy [N], that close gaps (a,), along normals that follow."""
+    count = len(places)
     if count == 0:
-        return normals
-    away, local = touching.axis.conj() * (touching.skin - center), touching.axis.conj() * normals
+        return np.zeros(0, dtype=np.complex128)
+    axis = contact_points.axis[places]
+    away, local = (
+        axis.conj() * (contact_points.skin[places] - center),
+        axis.conj() * normals[places],
+    )
     # Few points, and several steps: the whole matrix is cheaper than its factors.
-    compliance = touching.compliance.reshape(2 * count, 2 * count)
+    compliance = contact_points.compliance(places).reshape(2 * count, 2 * count)
     for _ in range(MAX_NORMAL_UPDATES):
         along, across = local.real, local.imag
         moving = compliance[:, :count] * along + compliance[:, count:] * across
@@ -169,7 +192,7 @@ def _settle_normals(
         local = turned
         if change < 0.01 * SMOOTH:
             break
-    return touching.axis * forces
+    return axis * forces
 
 
 def normalize(vectors: Points) -> Points:

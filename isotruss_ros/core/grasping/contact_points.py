@@ -104,14 +104,21 @@ class ContactPoints:
         moved[1] += self.across @ local.imag
         return self.axis * (moved[0] + 1j * moved[1])
 
-    @property
-    def compliance(self) -> Array:
-        """Return displacements (2, c) along and across the tube for unit forces (2, c), [m/N]."""
-        count = len(self.points)
-        spread = self.spread.reshape(2 * count, len(self.ends))
+    def compliance(self, places: Indices | None = None) -> Array:
+        """
+        Return displacements (2, a) along and across the tube for unit forces (2, a), [m/N].
+
+        :param places: (a,) of which points; of all if None.
+        """
+        spread, inside, across = self.spread, self.inside[0], self.across
+        if places is not None:
+            square = np.ix_(places, places)
+            spread, inside, across = spread[:, places], inside[square], across[square]
+        count = len(across)
+        spread = spread.reshape(2 * count, len(self.ends))
         matrix = (spread @ self.ends @ spread.T).reshape(2, count, 2, count)
-        matrix[0, :, 0] += self.inside[0]
-        matrix[1, :, 1] += self.across
+        matrix[0, :, 0] += inside
+        matrix[1, :, 1] += across
         return matrix
 
 

@@ -9,6 +9,7 @@ p + T / r. The width of the contact is the load per length over this pressure.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from isotruss_ros.core.grasping.contact import ContactState
 from isotruss_ros.core.grasping.contact_points import ContactPoints
@@ -42,9 +43,24 @@ class ContactRegions:
     peak_pressure: Array
 
 
+class ContactExtents(NamedTuple):
+    """
+    How far contact goes on each of the m members, zero where there is none.
+
+    :ivar length: (m,) of tube in contact [m].
+    :ivar start: (m,) where contact begins, from the member's start [m].
+    :ivar end: (m,) where it ends, from the member's start [m].
+    """
+
+    length: Array
+    start: Array
+    end: Array
+
+
 def contact_regions(
     contact_points: ContactPoints,
     contact: ContactState,
+    extents: ContactExtents,
     radius: float,
     pressure: Array,
     wrinkling: Wrinkling,
@@ -54,6 +70,7 @@ def contact_regions(
 
     :param contact_points: points that the object could touch.
     :param contact: where it does.
+    :param extents: of the contact, see `contact_extents`.
     :param radius: of the object [m].
     :param pressure: (m,) p in each member, gauge [Pa].
     :param wrinkling: with the tension of the wall at the points.
@@ -61,7 +78,7 @@ def contact_regions(
     count, spacing = len(pressure), contact_points.spacing
     forces, member = contact.forces, contact_points.member
     force = np.bincount(member, forces, count)
-    length, start, end = contact_extents(contact_points, forces, contact.gaps, count)
+    length, start, end = extents
     zero = np.zeros(count)
     if not contact_points.dents.any():
         return ContactRegions(force, length, start, end, zero, zero, zero, zero)
@@ -75,14 +92,13 @@ def contact_regions(
 
 
 def contact_extents(
-    contact_points: ContactPoints, forces: Array, gaps: Array, count: int
-) -> tuple[Array, Array, Array]:
+    contact_points: ContactPoints, contact: ContactState, count: int
+) -> ContactExtents:
     """
-    Return length, start and end of the contact by member, each (count,) [m].
+    Return how far contact goes on each member.
 
     :param contact_points: points that the object could touch.
-    :param forces: (c,) normal forces [N].
-    :param gaps: (c,) [m].
+    :param contact: where it does.
     :param count: of members.
     """
     spacing = contact_points.spacing
@@ -91,8 +107,8 @@ def contact_extents(
     # The depth to which each point is pressed by its own load, or its gap: this runs through zero
     # where contact ends, straight enough to be interpolated between the points. In the paper's
     # model a point has no depth of its own, and stands for half a spacing to both sides.
-    depth = (contact_points.dents.diagonal() * forces - gaps)[order]
-    touching = forces[order] > 0.0
+    depth = (contact_points.dents.diagonal() * contact.forces - contact.gaps)[order]
+    touching = contact.forces[order] > 0.0
     joined = member[1:] == member[:-1]
     before, after = np.zeros(len(order)), np.zeros(len(order))
     share = np.full(len(joined), 0.5)
@@ -110,4 +126,4 @@ def contact_extents(
     np.minimum.at(start, member[touching], (place - spacing * before)[touching])
     np.maximum.at(end, member[touching], (place + spacing * after)[touching])
     none = length == 0.0
-    return length, np.where(none, 0.0, start), np.where(none, 0.0, end)
+    return ContactExtents(length, np.where(none, 0.0, start), np.where(none, 0.0, end))

@@ -15,6 +15,7 @@ import functools
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
+from scipy.linalg import lapack
 from scipy.optimize import lsq_linear
 
 #: Closed when what is left is this small, against the forces involved.
@@ -28,6 +29,7 @@ MAX_REFINEMENTS = 20
 #: Exchanges of what is at its bounds before the quadratic program; at most so many contacts that
 #: change their side are taken for ones between the bounds.
 MAX_EXCHANGES, FEW = 8, 2
+EYE = np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +107,11 @@ def _exchange(segments: Array, load: Array, friction: float, shares: Array) -> A
     Where friction suffices with room to spare none is at its bound, and where it is far from
     enough nearly all are: each against what is left. None if some exchanges do not settle that.
     """
-    normal = segments.T @ segments + REGULARIZATION * np.eye(3)
-    found = shares - segments @ np.linalg.solve(normal, segments.T @ shares + load)
+    normal = segments.T @ segments + REGULARIZATION * EYE
+    _, needed, failed = lapack.dposv(normal, segments.T @ shares + load)
+    if failed:
+        return None
+    found = shares - segments @ needed
     if np.abs(found).max() <= friction:
         return found
     found = np.clip(found, -friction, friction)
@@ -131,8 +136,10 @@ def _exchange(segments: Array, load: Array, friction: float, shares: Array) -> A
             return None
         found[places] = 0.0
         rows, rest = segments[places], segments.T @ found + load
-        inner = rows @ rows.T + REGULARIZATION * np.eye(len(places))
-        inside = np.linalg.solve(inner, REGULARIZATION * shares[places] - rows @ rest)
+        inner = rows @ rows.T + REGULARIZATION * EYE[: len(places), : len(places)]
+        _, inside, failed = lapack.dposv(inner, REGULARIZATION * shares[places] - rows @ rest)
+        if failed:
+            return None
         found[places] = np.clip(inside, -friction, friction)
         free[places] = np.abs(inside) < friction
     return None

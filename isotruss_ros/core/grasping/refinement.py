@@ -10,12 +10,18 @@ of the answer lie there alone, and close enough.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
-from isotruss_ros.core.grasping.contact import ContactState, estimate_contact
+from isotruss_ros.core.grasping.contact import (
+    ContactGuess,
+    ContactState,
+    estimate_contact,
+    normalize,
+)
 from isotruss_ros.core.grasping.contact_points import ContactPoints, find_contact_points
-from isotruss_ros.core.grasping.contact_regions import contact_extents
+from isotruss_ros.core.grasping.contact_regions import contact_extents, ContactExtents
 from isotruss_ros.core.grasping.flattening import Flattening
-from isotruss_ros.core.numerics.arrays import Array, Flags
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -28,7 +34,23 @@ DIVISIONS = (1, 2, 4)
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
 
-ContactSolver = Callable[[ContactPoints, complex, float, Array | None], ContactState]
+ContactSolver = Callable[[ContactPoints, complex, float, ContactGuess | None], ContactState]
+
+
+class PreviousContact(NamedTuple):
+    """
+    The contact of a similar grasp.
+
+    :ivar spans: where members are touched, see `GraspAnalysis.contact_spans` [m].
+    :ivar member: (k,) the member that each point is on.
+    :ivar place: (k,) where on it, from its start [m].
+    :ivar normals: (k,) unit normals there, x + iy.
+    """
+
+    spans: Mapping[str, tuple[float, float]]
+    member: Indices
+    place: Array
+    normals: Points
 
 
 def refine_contact(
@@ -38,8 +60,8 @@ def refine_contact(
     spacing: float,
     flattening: Flattening,
     solver: ContactSolver,
-    previous: Mapping[str, tuple[float, float]] | None = None,
-) -> tuple[ContactPoints, ContactState]:
+    previous: PreviousContact | None = None,
+) -> tuple[ContactPoints, ContactState, ContactExtents]:
     """
     Solve the contact of tubes that flatten with points where it is.
 
@@ -49,10 +71,9 @@ def refine_contact(
     :param spacing: largest distance of the points [m].
     :param flattening: how the tubes flatten.
     :param solver: `solve_contact` or `relax_contact`.
-    :param previous: where the members of a similar grasp are touched, see
-        `GraspAnalysis.contact_spans`; a search finds it if None.
+    :param previous: contact of a similar grasp; a search finds one if None.
     :return: the points, from one spacing before each region of contact to one behind it, and the
-        contact there; without a touch, those of all tubes within reach.
+        contact there and how far it goes; without a touch, points of all tubes within reach.
     :raises SolverError: the contact problem was not solved.
     """
     names = structure.config.robot.member_names
@@ -61,36 +82,44 @@ def refine_contact(
     def place(distance: float, windows: Array | None = None) -> ContactPoints:
         return find_contact_points(structure, center, radius, distance, flattening, windows)
 
-    def solve(regions: Array, limited: bool) -> tuple[ContactPoints, ContactState, Array, bool]:
+    def solve(
+        regions: Array, around: PreviousContact, limited: bool
+    ) -> tuple[ContactPoints, ContactState, ContactExtents, Array, bool]:
         """Solve with points around regions, and return whether they are enough."""
         division = _division(regions, spacing)
         within = limited & _touched(regions)
         windows = np.where(within, regions + SEARCH * room, EVERYWHERE)
         points = place(spacing / division, windows)
-        contact = solver(points, center, radius, _within(points, regions).astype(float))
-        found = _regions(points, contact.forces, contact.gaps, len(names))
+        forces = _within(points, regions).astype(float)
+        contact = solver(points, center, radius, ContactGuess(forces, _carry_over(around, points)))
+        extents = contact_extents(points, contact, len(names))
+        found = _regions(extents)
         # A member whose contact has left its window may be touched elsewhere.
         fits = ((found + room - windows) * room <= 0.0).all() and (_touched(found) >= within).all()
-        return points, contact, found, bool(fits) and division == _division(found, spacing)
+        enough = bool(fits) and division == _division(found, spacing)
+        return points, contact, extents, found, enough
 
     settled = False
-    if previous:
-        before = np.array([previous.get(name, -EVERYWHERE) for name in names])
-        points, contact, regions, settled = solve(before, limited=True)
+    if previous is not None:
+        before = np.array([previous.spans.get(name, -EVERYWHERE) for name in names])
+        points, contact, extents, regions, settled = solve(before, previous, limited=True)
     if not settled:
         points = place(SEARCH * spacing)
-        regions = _regions(points, *estimate_contact(points, center, radius), len(names))
+        contact = estimate_contact(points, center, radius)
+        regions = _regions(contact_extents(points, contact, len(names)))
         if not _touched(regions).any():
             points = place(spacing)
-            return points, solver(points, center, radius, None)
+            contact = solver(points, center, radius, None)
+            return points, contact, contact_extents(points, contact, len(names))
     for step in range(MAX_STEPS):
         if settled:
             break
         limited = step < MAX_STEPS - 1
-        points, contact, regions, settled = solve(regions, limited)
+        around = PreviousContact({}, points.member, points.place, contact.normals)
+        points, contact, extents, regions, settled = solve(regions, around, limited)
     # Whatever the search began with, the answer is the same.
     kept = np.flatnonzero(_within(points, regions + room))
-    return points[kept], contact.at(kept)
+    return points[kept], contact.at(kept), extents
 
 
 def _touched(regions: Array) -> Flags:
@@ -98,10 +127,22 @@ def _touched(regions: Array) -> Flags:
     return regions[:, 1:] > regions[:, :1]
 
 
-def _regions(points: ContactPoints, forces: Array, gaps: Array, count: int) -> Array:
+def _carry_over(before: PreviousContact, points: ContactPoints) -> Points:
+    """Return normals at points, between those of a similar grasp on the same members."""
+    # Members one after the other, so far apart that none has points among those of another.
+    apart = 1.0 + max(before.place.max(initial=0.0), points.place.max(initial=0.0))
+    known, wanted = before.place + apart * before.member, points.place + apart * points.member
+    order = np.argsort(known)
+    known, normals = known[order], before.normals[order]
+    found = np.interp(wanted, known, normals.real) + 1j * np.interp(wanted, known, normals.imag)
+    return normalize(found)
+
+
+def _regions(extents: ContactExtents) -> Array:
     """Return where contact begins and ends on each member, (m, 2); inf, -inf without [m]."""
-    length, first, last = contact_extents(points, forces, gaps, count)
-    return np.where((length > 0.0)[:, None], np.column_stack([first, last]), -EVERYWHERE)
+    regions = np.stack([extents.start, extents.end], axis=1)
+    regions[extents.length == 0.0] = -EVERYWHERE
+    return regions
 
 
 def _division(regions: Array, spacing: float) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from isotruss_ros.core.errors import SolverError
-from isotruss_ros.core.grasping.contact import ContactState, normalize
+from isotruss_ros.core.grasping.contact import ContactGuess, ContactState, normalize
 from isotruss_ros.core.grasping.contact_points import ContactPoints
 from isotruss_ros.core.grasping.lcp import GAP_TOLERANCE
 from isotruss_ros.core.numerics.arrays import Array
@@ -26,7 +26,10 @@ TOLERANCE = 1e-2 * GAP_TOLERANCE
 
 
 def relax_contact(
-    contact_points: ContactPoints, center: complex, radius: float, start: Array | None = None
+    contact_points: ContactPoints,
+    center: complex,
+    radius: float,
+    start: ContactGuess | None = None,
 ) -> ContactState:
     """
     Solve (8) by (9): forces grow where the gap is negative and fade where it is positive.
@@ -37,12 +40,12 @@ def relax_contact(
     :param contact_points: points that the object could touch.
     :param center: of the object, x + iy [m].
     :param radius: of the disc that the points meet, see `find_contact_points` [m].
-    :param start: (c,) forces to begin with [N]; none if None.
+    :param start: its forces are those to begin with; none if None.
     :raises SolverError: no rest within two million steps.
     """
     away = contact_points.skin - center
     moved = contact_points.points - center
-    forces = np.zeros(len(away)) if start is None else start.copy()
+    forces = np.zeros(len(away)) if start is None else start.forces.copy()
     for _ in range(MAX_STEPS // STEPS_BETWEEN_LOOKS):
         normals = normalize(moved)
         gaps = (away * normals.conj()).real - radius

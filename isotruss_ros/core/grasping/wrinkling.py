@@ -126,7 +126,7 @@ def find_wrinkling(
     loads = np.zeros((len(frame.points), 3))
     np.add.at(loads, frame.members.start[pieces], turned[:, :3])
     np.add.at(loads, frame.members.end[pieces], turned[:, 3:])
-    end_forces = frame.solve(loads).end_forces
+    end_forces = frame.end_forces(loads)
     end_forces[pieces] -= pushed
 
     piece = pieces[contact_points.piece[touching]]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.constraints import DENSE_UP_TO
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize_with_condition
 from isotruss_ros.core.statics.beam import directions, local_stiffness, with_pins
+from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows, NO_ROWS
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
@@ -42,25 +42,6 @@ class Members:
     pinned_end: Flags
 
 
-class LinearRows(NamedTuple):
-    """
-    Linear constraints on the displacements (ux0, uy0, theta0, ux1, ...): rows @ them = 0.
-
-    :ivar count: number of rows.
-    :ivar row: (e,) row of each entry.
-    :ivar column: (e,) column of each entry.
-    :ivar value: (e,) entries; those in one place add up.
-    """
-
-    count: int
-    row: Indices
-    column: Indices
-    value: Array
-
-
-NO_ROWS = LinearRows(0, np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
-
-
 @dataclass(frozen=True, eq=False)
 class FrameState:
     """
@@ -86,6 +67,7 @@ class Frame:
     :param held: (n, 3) which of ux, uy, theta are held by supports.
     :param names: (n,) names of the nodes, for messages.
     :param rows: linear constraints on the displacements.
+    :param pattern: of a frame with the same connections and supports; made if None.
     """
 
     def __init__(
@@ -95,6 +77,7 @@ class Frame:
         held: Flags,
         names: Sequence[str],
         rows: LinearRows = NO_ROWS,
+        pattern: FramePattern | None = None,
     ) -> None:
         self.points = points
         self.members = members
@@ -109,63 +92,49 @@ class Frame:
             members.pinned_start,
             members.pinned_end,
         )
-        ends = np.stack([members.start, members.end], axis=1)
-        self._places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
+        self._compliances: dict[bytes, Array] = {}
+        if pattern is None:
+            pattern = FramePattern(
+                members.start, members.end, members.pinned_start, members.pinned_end, held, rows
+            )
+        self._pattern = pattern
 
     @cached_property
-    def _entries(self) -> tuple[Array, Indices, Indices]:
-        """Return the members' stiffnesses as values, rows and columns of S."""
-        matrices = self._turn.transpose(0, 2, 1) @ self._local @ self._turn
-        rows = np.repeat(self._places, 6, axis=1)
-        columns = np.tile(self._places, 6)
-        return matrices.ravel(), rows.ravel(), columns.ravel()
+    def _matrices(self) -> Array:
+        """Return the stiffness matrices (k, 6, 6) of the members in the plane."""
+        return self._turn.transpose(0, 2, 1) @ self._local @ self._turn
 
     @property
     def stiffness(self) -> csc_matrix:
         """Return S of (1), (3 n, 3 n), supports and constraints aside."""
-        values, rows, columns = self._entries
-        size = len(self._held)
-        return coo_matrix((values, (rows, columns)), shape=(size, size)).tocsc()
-
-    @cached_property
-    def _unknowns(self) -> Indices:
-        """Return the number of each displacement among the unknowns, -1 if it is none."""
-        solved = ~self._held
-        turning = np.zeros(len(self._names), dtype=bool)
-        turning[self.members.start[~self.members.pinned_start]] = True
-        turning[self.members.end[~self.members.pinned_end]] = True
-        # A node at which all members are pinned has no rotation.
-        solved[2::3] &= turning
-        return np.where(solved, np.cumsum(solved) - 1, -1)
+        places, size = self._pattern.places, len(self._held)
+        rows, columns = np.repeat(places, 6, axis=1).ravel(), np.tile(places, 6).ravel()
+        return coo_matrix((self._matrices.ravel(), (rows, columns)), shape=(size, size)).tocsc()
 
     @cached_property
     def _system(self) -> tuple[Factor, Array]:
         """Return the factored matrix of (4), [[S, A^T], [A, 0]], and its scaling."""
-        number = self._unknowns
-        free = int(number.max(initial=-1)) + 1
-        values, rows, columns = self._entries
-        on_diagonal = rows == columns
-        diagonal = np.bincount(rows[on_diagonal], values[on_diagonal], minlength=len(number))
+        pattern, matrices = self._pattern, self._matrices
+        free, size = len(pattern.solved), len(pattern.solved) + self._rows.count
+        diagonal = np.bincount(
+            pattern.places.ravel(),
+            matrices.diagonal(axis1=1, axis2=2).ravel(),
+            minlength=len(self._held),
+        )
         # Both directions of a node alike: what rounding leaves across a bar is no stiffness.
         diagonal[0::3] = diagonal[1::3] = np.maximum(diagonal[0::3], diagonal[1::3])
-        diagonal = diagonal[number >= 0]
-        rows, columns = number[rows], number[columns]
-        there = (rows >= 0) & (columns >= 0)
-        values, rows, columns = values[there], rows[there], columns[there]
-        bound = number[self._rows.column]
-        bound_there = bound >= 0
-        bound, weight = bound[bound_there], self._rows.value[bound_there]
-        multiplier = free + self._rows.row[bound_there]
-        size = free + self._rows.count
+        diagonal = diagonal[pattern.solved]
+        weight = self._rows.value[pattern.weights]
         # Displacements and rotations, soft tubes and hard modules: scaled, all have stiffness 1.
         scale = np.ones(size)
         scale[:free] = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, diagonal.max(initial=1.0)))
-        norms = np.bincount(multiplier, (weight * scale[bound]) ** 2, minlength=size)[free:]
+        scaled = weight * scale[pattern.bound]
+        norms = np.bincount(pattern.multiplier, scaled**2, minlength=size)[free:]
         scale[free:] = 1.0 / np.sqrt(np.where(norms > 0.0, norms, 1.0))
         matrix = assemble(
-            np.concatenate([values, weight, weight]),
-            np.concatenate([rows, multiplier, bound]),
-            np.concatenate([columns, bound, multiplier]),
+            np.concatenate([matrices.ravel()[pattern.entries], weight, weight]),
+            pattern.matrix_rows,
+            pattern.matrix_columns,
             scale,
         )
         factor, condition = factorize_with_condition(matrix)
@@ -190,7 +159,7 @@ class Frame:
         values, vectors = np.linalg.eigh(dense)
         loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
         loose[np.abs(values).argmin()] = True
-        unknown = self._unknowns
+        unknown = self._pattern.unknowns
         motion = np.abs(scale[:, None] * vectors[:, loose]).max(axis=1)
         by_node = np.where(unknown >= 0, motion[unknown], 0.0).reshape(-1, 3).max(axis=1)
         return [self._names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
@@ -206,18 +175,26 @@ class Frame:
 
     def compliance(self, members: Indices) -> Array:
         """
-        Return the displacements of the ends of members under unit loads on these ends.
+        Return the displacements of the ends of members under unit loads on these ends; kept.
 
         :param members: (k,) which of the members.
         :return: (6 k, 6 k), along and across the member and by rotation at start and end of each;
             symmetric.
         :raises StructureError: see `solve`.
         """
-        unknown, size = self._unknowns[self._places[members].ravel()], 6 * len(members)
+        key = members.tobytes()
+        if key not in self._compliances:
+            self._compliances[key] = self._compliance(members)
+        return self._compliances[key]
+
+    def _compliance(self, members: Indices) -> Array:
+        """Compute what `compliance` returns."""
+        pattern, size = self._pattern, 6 * len(members)
+        unknown = pattern.unknowns[pattern.places[members].ravel()]
         if size == 0:
             return np.zeros((0, 0))
         there = np.flatnonzero(unknown >= 0)
-        right = np.zeros((int(self._unknowns.max(initial=-1)) + 1, size))
+        right = np.zeros((len(pattern.solved), size))
         right[unknown[there], there] = 1.0
         ends = np.where((unknown >= 0)[:, None], self._solve(right)[unknown], 0.0)
         turn = self._turn[members]
@@ -231,20 +208,33 @@ class Frame:
         :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
         :raises StructureError: the frame is a mechanism; names the nodes that move.
         """
-        unknown, loads = self._unknowns, loads.ravel()
-        right = np.zeros((int(unknown.max(initial=-1)) + 1, 1))
-        right[unknown[unknown >= 0], 0] = loads[unknown >= 0]
-        solution = self._solve(right)[:, 0]
-        displacements = np.where(unknown >= 0, solution[unknown], 0.0)
-        ends = np.einsum('kij,kj->ki', self._turn, displacements[self._places])
-        end_forces = np.einsum('kij,kj->ki', self._local, ends)
+        pattern, flat = self._pattern, loads.ravel()
+        displacements, multipliers, end_forces = self._respond(flat)
         pull = np.einsum('kji,kj->ki', self._turn, end_forces)
-        carried = np.bincount(self._places.ravel(), pull.ravel(), minlength=len(loads))
-        multipliers = solution[len(right) + self._rows.row]
-        pushed = self._rows.value * multipliers  # by the constraints
-        carried += np.bincount(self._rows.column, pushed, minlength=len(loads))
-        reactions = np.where(self._held, carried - loads, 0.0)
+        carried = np.bincount(pattern.places.ravel(), pull.ravel(), minlength=len(flat))
+        pushed = self._rows.value * multipliers[self._rows.row]  # by the constraints
+        carried += np.bincount(self._rows.column, pushed, minlength=len(flat))
+        reactions = np.where(self._held, carried - flat, 0.0)
         return FrameState(displacements.reshape(-1, 3), reactions.reshape(-1, 3), end_forces)
+
+    def end_forces(self, loads: Array) -> Array:
+        """
+        Return the forces (k, 6) of the nodes on the members under loads, see `FrameState`.
+
+        :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
+        :raises StructureError: see `solve`.
+        """
+        return self._respond(loads.ravel())[2]
+
+    def _respond(self, loads: Array) -> tuple[Array, Array, Array]:
+        """Return displacements (3 n,), multipliers (c,), end forces (k, 6) under loads (3 n,)."""
+        pattern = self._pattern
+        free = len(pattern.solved)
+        solution = self._solve(loads[pattern.solved, None])[:, 0]
+        displacements = np.zeros(len(loads))
+        displacements[pattern.solved] = solution[:free]
+        ends = np.einsum('kij,kj->ki', self._turn, displacements[pattern.places])
+        return displacements, solution[free:], np.einsum('kij,kj->ki', self._local, ends)
 
 
 def assemble(values: Array, rows: Indices, columns: Indices, scale: Array) -> Array | csc_matrix:

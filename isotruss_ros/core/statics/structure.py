@@ -19,7 +19,8 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Flags, Indices, Points
-from isotruss_ros.core.statics.frame import Frame, FrameState, LinearRows, Members
+from isotruss_ros.core.statics.frame import Frame, FrameState, Members
+from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows
 from isotruss_ros.core.statics.pressures import Pressure, tube_pressures
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
@@ -48,13 +49,9 @@ class Structure:
         self._layout = _layout(config.robot)
         self.node_names = self._layout.node_names
         points = self._points()
-        self.frame = Frame(
-            points,
-            self._members(),
-            self._layout.held,
-            self.node_names,
-            self._bisection(points),
-        )
+        members, held, rows = self._members(), self._layout.held, self._bisection(points)
+        pattern = self._layout.pattern
+        self.frame = Frame(points, members, held, self.node_names, rows, pattern)
 
     def node(self, name: str) -> int:
         """
@@ -136,6 +133,7 @@ class _Layout(NamedTuple):
     :ivar pinned_end: (6 m,) whether the end transmits no moment.
     :ivar held: (n, 3) which of ux, uy, theta are held by supports.
     :ivar bisection: rows of (3), without their entries' values.
+    :ivar pattern: of the frame.
     """
 
     node_names: tuple[str, ...]
@@ -147,6 +145,7 @@ class _Layout(NamedTuple):
     pinned_end: Flags
     held: Flags
     bisection: LinearRows
+    pattern: FramePattern
 
 
 @functools.lru_cache(maxsize=16)
@@ -161,21 +160,20 @@ def _layout(robot: Mechanism) -> _Layout:
     held = np.zeros((len(names), 3), dtype=bool)
     held[np.divmod(topology.grounded, 2)] = True
     nodes = np.concatenate([a, b, c, d, e])
+    bisection = LinearRows(
+        m,
+        np.tile(np.arange(m), 10),
+        np.concatenate([3 * nodes, 3 * nodes + 1]),
+        np.zeros(10 * m),
+    )
+    start = np.concatenate([a, a, b, b, c, d])
+    end = np.concatenate([b, c, c, d, e, e[topology.following]])
+    pinned_start = np.concatenate([free, free, fixed, free, free, fixed])
+    pinned_end = np.zeros(6 * m, dtype=bool)
+    pattern = FramePattern(start, end, pinned_start, pinned_end, held, bisection)
+    places = {name: i for i, name in enumerate(names)}
     return _Layout(
-        names,
-        {name: i for i, name in enumerate(names)},
-        b,
-        start=np.concatenate([a, a, b, b, c, d]),
-        end=np.concatenate([b, c, c, d, e, e[topology.following]]),
-        pinned_start=np.concatenate([free, free, fixed, free, free, fixed]),
-        pinned_end=np.zeros(6 * m, dtype=bool),
-        held=held,
-        bisection=LinearRows(
-            m,
-            np.tile(np.arange(m), 10),
-            np.concatenate([3 * nodes, 3 * nodes + 1]),
-            np.zeros(10 * m),
-        ),
+        names, places, b, start, end, pinned_start, pinned_end, held, bisection, pattern
     )
 
 

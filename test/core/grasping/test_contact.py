@@ -6,7 +6,7 @@ from hypothesis import given, strategies
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.grasping import lcp
-from isotruss_ros.core.grasping.contact import solve_contact
+from isotruss_ros.core.grasping.contact import ContactGuess, solve_contact
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.lcp import solve_complementarity
 from isotruss_ros.core.grasping.relaxation import relax_contact
@@ -164,7 +164,7 @@ def test_candidates_are_where_a_straight_tube_is_within_reach(rng, spacing):
     near = lattice[np.hypot(lattice - foot, aside) < radius]
     assert np.isin(np.round(near, 9), np.round(place, 9)).all()
     assert (np.hypot(place - foot, aside) <= radius + 2.0 * spacing + 1e-9).all()
-    assert found.compliance.shape == (2, len(place), 2, len(place))
+    assert found.compliance().shape == (2, len(place), 2, len(place))
 
 
 def test_candidates_of_a_disc_at_midspan_mirror_each_other():
@@ -465,7 +465,7 @@ def test_warm_starts_lead_to_the_same_forces(rng):
     found = find_contact_points(structure_of(config), center, radius, 0.005)
     cold = solve_contact(found, center, radius)
     for start in (cold.forces, np.zeros(len(cold.forces)), rng.random(len(cold.forces))):
-        warm = solve_contact(found, center, radius, start)
+        warm = solve_contact(found, center, radius, ContactGuess(start))
         slack = 1e-5 * cold.forces.sum()
         assert warm.forces == pytest.approx(cold.forces, abs=slack)
         assert warm.gaps == pytest.approx(cold.gaps, abs=1e-7)
@@ -503,7 +503,7 @@ def test_relaxation_leaves_its_start_alone():
     state = relax_contact(found, center, radius)
     start = state.forces + 0.1
     kept = start.copy()
-    again = relax_contact(found, center, radius, start)
+    again = relax_contact(found, center, radius, ContactGuess(start))
     assert start.tolist() == kept.tolist()
     assert again.forces == pytest.approx(state.forces, abs=1e-4 * state.forces.sum())
 
