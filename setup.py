@@ -49,7 +49,6 @@ setup(
             'manipulation = isotruss_ros.executables:manipulation',
             'grasp_analysis = isotruss_ros.executables:grasp_analysis',
             'path_follower = isotruss_ros.executables:path_follower',
-            'roller_trajectory = isotruss_ros.executables:roller_trajectory',
             'grasp_planner = isotruss_ros.executables:grasp_planner',
             'teleop = isotruss_ros.executables:teleop',
             'viewer = isotruss_ros.executables:viewer',

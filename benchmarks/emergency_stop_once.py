@@ -27,6 +27,7 @@ from std_srvs.srv import Trigger
 #: From the end of the process until the stop counts as missed [s].
 WAIT = 2.0
 LEAVE = 0.1
+BESIDE = ('simulator', 'grasp_analysis', 'path_follower', 'grasp_planner')
 
 
 def publish_once(latched: bool) -> None:
@@ -90,11 +91,12 @@ def main() -> None:
     parser.add_argument('--trials', type=int, default=1000)
     parser.add_argument('--latched', action='store_true')
     parser.add_argument('--busy', action='store_true', help='keep every core busy meanwhile')
-    parser.add_argument('--beside', action='store_true', help='run roller_trajectory beside')
+    parser.add_argument('--beside', action='store_true', help='run the other nodes beside')
     given = parser.parse_args()
     with contextlib.ExitStack() as meanwhile:
         if given.beside:
-            meanwhile.callback(NodeProcess('roller_trajectory', {}, Path(os.devnull)).stop)
+            for name in BESIDE:
+                meanwhile.callback(NodeProcess(name, {}, Path(os.devnull)).stop)
         for _ in range(os.cpu_count() or 1 if given.busy else 0):
             burner = multiprocessing.Process(target=turn_in_circles, daemon=True)
             burner.start()

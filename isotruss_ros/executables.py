@@ -21,7 +21,6 @@ NODES = (
     'manipulation',
     'grasp_analysis',
     'path_follower',
-    'roller_trajectory',
     'grasp_planner',
     'teleop',
     'viewer',

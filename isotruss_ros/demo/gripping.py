@@ -14,8 +14,6 @@ from isotruss_ros.demo.client import DEADLINE, DemoClient, DemoError
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.framework.qos import RELIABLE
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 import numpy as np
 from rclpy.action import ActionClient
 from rclpy.task import Future
@@ -31,7 +29,7 @@ ARRIVED = 1e-4
 
 class Gripping:
     """
-    Client of the planner, the trajectory node and the life cycle of the manipulation.
+    Client of the planner, and of the manipulation for the path to the grasp.
 
     :param client: the demonstration's node.
     :param check: raises when a node has ended.
@@ -40,7 +38,6 @@ class Gripping:
     def __init__(self, client: DemoClient, check: Check) -> None:
         self._client, self._check = client, check
         self._planner = ActionClient(client, PlanGrasp, 'plan_grasp')
-        self._states = client.create_client(ChangeState, 'manipulation/change_state')
         self._trajectories = client.create_publisher(
             JointTrajectory, 'joint_trajectory_controller/joint_trajectory', RELIABLE
         )
@@ -59,7 +56,6 @@ class Gripping:
                 and bool(record.snapshots)
                 and client.last_grasp() is not None
                 and self._planner.server_is_ready()
-                and self._states.service_is_ready()
                 and self._trajectories.get_subscription_count() > 0
             ),
             self._check,
@@ -133,19 +129,6 @@ class Gripping:
             raise DemoError(f'the object is not held: {state.message or state.hold_message}')
         touch = next(p for p in grasp.path.points if p.time_from_start == grasp.touch)
         return record.split('grip', np.array(touch.positions))
-
-    def activate_manipulation(self) -> None:
-        """
-        Activate the manipulation node, and wait until it follows twists.
-
-        :raises DemoError: a transition failed.
-        """
-        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
-            request = ChangeState.Request(transition=Transition(id=transition))
-            asked = self._states.call_async(request)
-            if not self._answer(asked, 'a transition of the manipulation').success:
-                raise DemoError('the node manipulation could not be activated; see its log')
-        self._client.wait_until_idle(self._check)
 
     def _answer(self, future: Future, what: str, deadline: float = DEADLINE) -> Any:
         self._client.wait(future.done, self._check, what, deadline)

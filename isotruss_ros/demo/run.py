@@ -91,11 +91,9 @@ def _play(
     lying = {'plant': 'elastic', 'object_is_free': True, 'object_x': x, 'object_y': y}
     started = [
         ('simulator', gripping | lying),
-        # It commands the rollers in every cycle, so it is activated once the object is grasped.
-        ('manipulation', gripping | {'autostart': False, 'squeeze_force': SQUEEZE}),
+        ('manipulation', gripping | {'squeeze_force': SQUEEZE}),
         ('grasp_analysis', shared),
         ('grasp_planner', common),
-        ('roller_trajectory', common),
     ]
     names = ', '.join(name for name, _ in started)
     console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
@@ -129,7 +127,7 @@ def _play(
                 )
                 grasp, plan = gripper.plan(goal, bar('plan a grasp'))
                 records += gripper.approach(grasp, bar('approach and grip'))
-                gripper.activate_manipulation()
+                client.wait_until_idle(check)
                 records += [client.play(phase, check, bar(phase.name)) for phase in figure_9(PULL)]
             return records, plan
     finally:

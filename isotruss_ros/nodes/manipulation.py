@@ -1,4 +1,4 @@
-"""Node `manipulation`: turns twists of the object, or of a joint, into roller commands."""
+"""Node `manipulation`: commands the rollers, for twists of object or joint and trajectories."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ from isotruss_ros.nodes.components.sensors import (
 from isotruss_ros.nodes.components.servo_settings import apply_settings, FAILED_ROLLERS
 from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
 from isotruss_ros.nodes.components.status_report import StatusReport
+from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     MessageError,
@@ -96,6 +97,7 @@ class Manipulation(ManagedNode):
         super().__init__('manipulation', SPECS, parameter_overrides)
         self._report: StatusReport | None = None
         self._servo: TwistServo | None = None
+        self._trajectory: TrajectoryFollowing | None = None
         self._cycle: Cycle | None = None
         self._stop = EmergencyStop(
             self,
@@ -120,6 +122,7 @@ class Manipulation(ManagedNode):
             period=1.0 / values[params.RATE],
             timeout=values[params.COMMAND_TIMEOUT],
         )
+        self._trajectory = TrajectoryFollowing(self, self._servo)
         apply_settings(self._servo, values)
         self._apply_mode()
         self._apply_squeeze()
@@ -141,6 +144,7 @@ class Manipulation(ManagedNode):
 
     def activate(self) -> None:
         """Start the cycle."""
+        self._trajectory.subscribe()
         self._cycle = Cycle(
             self,
             self.values[params.RATE],
@@ -153,6 +157,7 @@ class Manipulation(ManagedNode):
     def deactivate(self) -> None:
         """Command zero velocities, and wait until the subscribers have received them."""
         self._cycle = None
+        self._trajectory.abort('the node was deactivated')
         self._send_zeros()
         if not self._wait_for_zero():
             self.get_logger().warning('not every subscriber acknowledged the last command, zero')
@@ -160,7 +165,7 @@ class Manipulation(ManagedNode):
     def cleanup(self) -> None:
         """Release the robot; which rollers failed is kept."""
         self._failed_rollers.keep_detected()
-        self._servo = None
+        self._servo = self._trajectory = None
 
     def details(self) -> dict[str, object]:
         """Return cycle times, ages of the inputs and failed rollers."""
@@ -169,6 +174,9 @@ class Manipulation(ManagedNode):
         if servo is None:
             return details
         details['moves'] = 'the object' if servo.joint is None else f'joint {servo.joint}'
+        if self._trajectory.busy:
+            details['moves'] = 'the rollers along a trajectory'
+            details['time on the trajectory [s]'] = f'{self._trajectory.time:.3f}'
         details['grip module'] = servo.grip_module
         now = self.now()
         inputs = {'twist': servo.twist, 'joint states': servo.rollers, 'object pose': servo.pose}
@@ -199,12 +207,15 @@ class Manipulation(ManagedNode):
             return
         self._servo.stopped = self._halt()
         self._servo.twist = None
-        if self._servo.stopped is not None and self.active:
-            self._send_zeros()
+        if self._servo.stopped is not None:
+            self._trajectory.abort('emergency stop')
+            if self.active:
+                self._send_zeros()
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
         self._servo.twist = self._servo.rollers = self._servo.pose = None
+        self._trajectory.abort('the clock jumped back or stopped')
 
     def _halt_on_stopped_clock(self, now: Time) -> None:
         """Halt: while the clock is stopped, old inputs do not age."""
@@ -221,6 +232,8 @@ class Manipulation(ManagedNode):
         by_parameter = set(self.values[FAILED_ROLLERS]) - {''}
         self._servo.failed = self._failed_rollers.select_named(self._robot) | by_parameter
         self._servo.stopped = self._halt()
+        if self._servo.stopped is not None:
+            self._trajectory.abort(self._servo.stopped[1])
 
     def _check(self, new: dict[str, params.Value]) -> None:
         params.check_grip_module(self._robot, new)
@@ -249,6 +262,7 @@ class Manipulation(ManagedNode):
         if joint == self._servo.joint:
             return
         self._servo.joint = joint
+        self._trajectory.abort('what twists move was changed')
         if self.active:
             self._send_zeros()
 
@@ -307,7 +321,7 @@ class Manipulation(ManagedNode):
 
     def _step(self, now: Time) -> None:
         began = time.perf_counter()
-        decision = self._servo.decide(1e-9 * now.nanoseconds)
+        decision = self._trajectory.decide(1e-9 * now.nanoseconds)
         self._commands.publish(to_command_message(decision.command.roller_velocities))
         self._report.publish(decision, now)
         self._report.add_cycle_time(time.perf_counter() - began)

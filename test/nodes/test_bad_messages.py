@@ -28,7 +28,6 @@ from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.path_follower import PathFollower
-from isotruss_ros.nodes.roller_trajectory import RollerTrajectory
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
@@ -369,7 +368,6 @@ def parameter_values():
         Manipulation,
         Simulator,
         GraspAnalysisNode,
-        RollerTrajectory,
         PathFollower,
         GraspPlanner,
     ],

@@ -41,7 +41,7 @@ def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path):
     printed = demo.stdout.readline()
     assert 'nodes simulator' in printed
     # The nodes are on their way; their logs are there before they are.
-    while not (tmp_path / 'roller_trajectory.log').exists():
+    while not (tmp_path / 'grasp_planner.log').exists():
         time.sleep(0.01)
     demo.send_signal(signal.SIGINT)
     printed, _ = demo.communicate(timeout=3.0 * DEADLINE)

@@ -213,6 +213,21 @@ class TwistServo:
         names = tuple(name for name in self.robot.roller_names if name in failed) if failed else ()
         return Decision(command, twist, message, names)
 
+    def note_command(self, velocities: Array, now: float) -> None:
+        """
+        Take note of roller velocities that are commanded in place of those for a twist.
+
+        They count for the prediction of the next commands and for the detection of failures.
+
+        :param velocities: (r,) [m/s].
+        :param now: time on the clock of the inputs [s].
+        """
+        self._history.discard_old(now, self.timeout + 2.0 * self.period)
+        self._detect()
+        self._history.record(now, velocities)
+        if self.squeeze is not None:
+            self.squeeze.reset()
+
     def _detect(self) -> None:
         """Compare the commanded roller travel with the measured one."""
         if self.detector is None or not isinstance(self.rollers, StampedInput):

@@ -14,6 +14,8 @@ class Status(enum.IntEnum):
 
     OK = 0  #: the twist is carried out
     IDLE = 1  #: the twist is zero, and so is the command
+    FOLLOWING_TRAJECTORY = 2  #: a trajectory of the rollers is followed; twists do not count
+    ARRIVED = 3  #: the rollers are at the end of a trajectory; no twist came since
     SLOWED_ROLLER_SPEED = 10  #: along the twist, slower: a roller is at its largest speed
     SLOWED_MEMBER_LENGTH = 11  #: along the twist, slower: a member is near its length limit
     SLOWED_RIGIDITY = 12  #: along the twist, slower: the rigidity index is near its bound
@@ -36,6 +38,7 @@ class Status(enum.IntEnum):
     HALT_CLOCK = 41  #: simulated time is stopped
     HALT_INVALID_FAILED_ROLLERS = 42
     HALT_NOT_HELD = 43  #: the squeeze is regulated, and no equilibrium holds the object
+    HALT_TRAJECTORY = 44  #: a trajectory was rejected or aborted; no twist came since
 
     def __str__(self) -> str:
         """Return the name in words."""

@@ -23,7 +23,6 @@ class EmergencyStop:
     :param changed: called when `reason` is another one.
     :param wait_for_zero: returns whether zero velocity is what the drives have, if the node
         commands them; waits for it a moment.
-    :param namespace: of the services, relative to that of the node.
     """
 
     def __init__(
@@ -32,12 +31,11 @@ class EmergencyStop:
         required: Callable[[], bool],
         changed: Callable[[], None],
         wait_for_zero: Callable[[], bool],
-        namespace: str = '',
     ) -> None:
         self._required, self._changed = required, changed
         self._wait_for_zero = wait_for_zero
-        self._service = node.resolve_service_name(namespace + NAME)
-        self._release_service = node.resolve_service_name(namespace + RELEASE)
+        self._service = node.resolve_service_name(NAME)
+        self._release_service = node.resolve_service_name(RELEASE)
         #: Last message of the topic; None before the first.
         self._last: bool | None = None
         self._stopped = False
@@ -50,8 +48,8 @@ class EmergencyStop:
             self._receive,
             lambda why: self._stop_for(f'{why}: one of its messages may have been true'),
         )
-        node.create_service(Trigger, namespace + NAME, self._answer_stop)
-        node.create_service(Trigger, namespace + RELEASE, self._release)
+        node.create_service(Trigger, NAME, self._answer_stop)
+        node.create_service(Trigger, RELEASE, self._release)
 
     @property
     def reason(self) -> str | None:

@@ -11,7 +11,15 @@ from isotruss_ros.nodes.framework.qos import RELIABLE
 from rclpy.time import Time
 
 #: Statuses that are no warning: no motion is commanded, or all is well.
-NORMAL = frozenset({Status.OK, Status.IDLE, Status.HALT_NO_TWIST})
+NORMAL = frozenset(
+    {
+        Status.OK,
+        Status.IDLE,
+        Status.FOLLOWING_TRAJECTORY,
+        Status.ARRIVED,
+        Status.HALT_NO_TWIST,
+    }
+)
 
 
 class StatusReport:

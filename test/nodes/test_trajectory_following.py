@@ -1,4 +1,4 @@
-"""The node that follows trajectories of the rollers: alone, and with the simulator."""
+"""The node `manipulation` follows trajectories of the rollers: alone, and with the simulator."""
 
 import itertools
 import math
@@ -8,7 +8,7 @@ from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.core.control.roller_trajectory import DEFAULT
 from isotruss_ros.nodes.conversions.trajectory_messages import MAX_POINTS
-from isotruss_ros.nodes.roller_trajectory import RollerTrajectory
+from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import check_refused, Manager, world
@@ -36,7 +36,7 @@ SILENCE = 0.08
 
 def node(**values):
     """Return what makes the node."""
-    return lambda: RollerTrajectory(overrides(**({'command_timeout': TIMEOUT} | values)))
+    return lambda: Manipulation(overrides(**({'command_timeout': TIMEOUT} | values)))
 
 
 def simulator(**values):
@@ -46,7 +46,7 @@ def simulator(**values):
 
 def release(w):
     """Release the emergency stop of the node; return the response."""
-    return w.call('roller_trajectory/release_emergency_stop', Trigger.Request())
+    return w.call('release_emergency_stop', Trigger.Request())
 
 
 def lasting(seconds):
@@ -114,14 +114,18 @@ class Rollers:
 
     def until_still(self):
         """Wait until no trajectory is followed; check that a zero command was the last word."""
-        self.until(lambda: not self.w.nodes[1].details()['following'])
+        self.until(lambda: not self.follows())
         self.until(lambda: len(self.commands()) and not self.moves())
         self.listen()  # for what was on its way
         count = len(self.commands())
         self.listen()
-        assert len(self.commands()) == count
+        assert not self.commands()[count:].any()
         assert not self.moves()
         assert np.abs(self.commands()).max() <= MAX_SPEED
+
+    def follows(self):
+        """Return whether the node follows a trajectory."""
+        return 'time on the trajectory [s]' in self.w.nodes[1].details()
 
     def listen(self):
         """Spin for many cycles of the node, on a busy machine too."""
@@ -133,8 +137,8 @@ class Rollers:
         """Return what the node says of itself now."""
         self.w.probe.seen['diagnostics'].clear()
         self.w.nodes[1].diagnostics.report()
-        self.until(lambda: self.w.report('roller_trajectory').name)
-        return self.w.report('roller_trajectory').message
+        self.until(lambda: self.w.report('manipulation').name)
+        return self.w.report('manipulation').message
 
 
 # With the simulator
@@ -181,7 +185,8 @@ def test_aborts_on_a_stuck_roller():
         rollers.until_moving(trajectory(HOME, 3.0 * AWAY, times=[0.0, 1.2]))
         rollers.until_still()
         assert f'trajectory aborted: roller {NAMES[3]} stays 0.00' in rollers.said()
-        began, ended = (w.probe.seen['command'][i][0] for i in (0, -1))
+        moving = [t for t, m in w.probe.seen['command'] if any(m.data)]
+        began, ended = moving[0], moving[-1]
         assert PATIENCE < ended - began < PATIENCE + 3.0
         # The others wait for it.
         assert np.abs(rollers.places()[-1]).max() < 0.01
@@ -215,19 +220,25 @@ def test_an_empty_trajectory_ends_it():
             assert np.abs(rollers.places()[-1] - here).max() < 0.06
         rollers.send(JointTrajectory())  # nothing to end
         rollers.spin(0.1)
-        assert not len(rollers.commands())
+        assert not rollers.commands().any()
 
 
 # What ends it
 
 
-def test_publishes_nothing_without_a_trajectory():
-    with world(node()) as w:
-        rollers = Rollers(w, still=True)
-        w.probe.seen['command'].clear()
-        rollers.spin(0.4)
-        assert not len(rollers.commands())
-        assert rollers.said() == 'no trajectory to follow'
+def test_twists_do_not_count_while_a_trajectory_is_followed():
+    with world(node(), simulator()) as w:
+        rollers = Rollers(w)
+        assert 'twist: none received yet' in rollers.said()
+        rollers.until_moving(trajectory(HOME, AWAY))
+        rollers._tell = lambda: w.probe.send_twist() if rollers.follows() else None
+        rollers.until(lambda: not rollers.follows())
+        rollers.until_still()
+        assert rollers.said() == 'the rollers have arrived'
+        assert np.abs(rollers.places()[-1] - AWAY).max() <= TOLERANCE
+        # A twist that comes afterwards does.
+        w.probe.send_twist()
+        rollers.until(lambda: 'arrived' not in rollers.said())
 
 
 def test_an_emergency_stop_ends_the_trajectory_and_rejects_new_ones():
@@ -236,19 +247,19 @@ def test_an_emergency_stop_ends_the_trajectory_and_rejects_new_ones():
         rollers.until_moving(trajectory(HOME, AWAY))
         w.probe.stops.publish(Bool(data=True))
         rollers.until_still()
-        assert rollers.said() == 'trajectory aborted: emergency stop'
         for said in (True, False):
             w.probe.stops.publish(Bool(data=said))
             still = 'its last message is true' if said else 'its last message is false'
             rollers.until(lambda words=still: words in w.nodes[1].details()['emergency stop'])
             rollers.send(trajectory(HOME, AWAY))
-            rollers.until(lambda words=still: f'rejected: {STOPPED}; {words}' in rollers.said())
+            rollers.until(lambda words=still: f'{STOPPED}; {words}' in rollers.said())
             rollers.spin(0.1)
-            assert not len(rollers.commands())
+            assert not rollers.commands().any()
             assert release(w).success is not said
         assert w.nodes[1].details()['emergency stop'] == 'no'
         rollers.spin(0.1)
-        assert not len(rollers.commands())  # nothing goes on by itself
+        assert not rollers.commands().any()  # nothing goes on by itself
+        assert f'trajectory rejected: {STOPPED}' in rollers.said()
         rollers.until_moving(trajectory(HOME, AWAY))
 
 
@@ -257,7 +268,7 @@ def test_no_trajectory_begins_before_the_first_message_where_that_is_required():
         rollers = Rollers(w, still=True)
         rollers.send(trajectory(HOME, AWAY))
         rollers.until(lambda: 'received yet' in rollers.said())
-        assert not len(rollers.commands())
+        assert not rollers.commands().any()
         w.probe.stops.publish(Bool(data=False))
         rollers.until(lambda: w.nodes[1].details()['emergency stop'] == 'no')
         rollers.until_moving(trajectory(HOME, AWAY))
@@ -266,7 +277,7 @@ def test_no_trajectory_begins_before_the_first_message_where_that_is_required():
         rollers.until_moving(trajectory(HOME, AWAY))
         w.nodes[1].set_parameters([Parameter('require_emergency_stop', value=True)])
         rollers.until_still()
-        assert rollers.said() == 'trajectory aborted: emergency stop'
+        assert 'received yet, and require_emergency_stop is set' in rollers.said()
 
 
 def test_a_latched_emergency_stop_from_before_counts():
@@ -276,13 +287,13 @@ def test_a_latched_emergency_stop_from_before_counts():
         rollers = Rollers(w, still=True)
         rollers.until(lambda: w.nodes[1].details()['emergency stop'] != 'no')
         rollers.send(trajectory(HOME, AWAY))
-        rollers.until(lambda: f'trajectory rejected: {STOPPED}' in rollers.said())
-        assert not len(rollers.commands())
+        rollers.until(lambda: STOPPED in rollers.said())
+        assert not rollers.commands().any()
 
 
 def test_deactivation_stops_the_rollers():
     with world(node()) as w:
-        rollers, manager = Rollers(w, still=True), Manager(w, 'roller_trajectory')
+        rollers, manager = Rollers(w, still=True), Manager(w, 'manipulation')
         for _ in range(2):
             rollers.until_moving(trajectory(HOME, AWAY))
             assert manager.ask(Transition.TRANSITION_DEACTIVATE)
@@ -298,7 +309,7 @@ def test_deactivation_stops_the_rollers():
             assert manager.ask(Transition.TRANSITION_CONFIGURE)
             assert manager.ask(Transition.TRANSITION_ACTIVATE)
             rollers.spin(0.1)
-            assert not len(rollers.commands())
+            assert not rollers.commands().any()
         rollers.until_moving(trajectory(HOME, AWAY))
         assert manager.ask(Transition.TRANSITION_ACTIVE_SHUTDOWN)
         rollers.until_still()
@@ -310,7 +321,7 @@ def test_stops_in_time_when_the_joint_states_are_stale():
         rollers.until_moving(trajectory(HOME, AWAY))
         last = w.probe.seen['joints'][-1][0]
         w.until(lambda: not rollers.moves())  # and tell nothing meanwhile
-        stopped = w.probe.seen['command'][-1][0]
+        stopped = next(t for t, m in w.probe.seen['command'][::-1] if any(m.data))
         assert 0.2 < stopped - last < 0.4 + 0.5
         rollers.until_still()
         assert 'must be at most 0.4 s' in rollers.said()
@@ -338,7 +349,7 @@ def test_stops_on_invalid_joint_states_and_does_not_begin_on_them(case):
         assert 'trajectory aborted: joint states' in rollers.said()
         rollers.send(trajectory(HOME, AWAY))
         rollers.until(lambda: 'trajectory rejected: joint states' in rollers.said())
-        assert not len(rollers.commands())
+        assert not rollers.commands().any()
 
 
 def bent(**changes):
@@ -409,8 +420,8 @@ def test_invalid_trajectories_are_rejected_and_end_the_active_one(moving):
             assert len(rollers.said()) < 3000, name
             if moving:
                 rollers.until(lambda: not rollers.moves())
-                assert not w.nodes[1].details()['following'], name
-            assert moving or not len(rollers.commands()), name
+                assert not rollers.follows(), name
+            assert moving or not rollers.commands().any(), name
         if moving:
             rollers.until_still()
         # No harm done.
@@ -456,11 +467,11 @@ def test_aborts_when_simulated_time_stops_or_jumps_back():
         rollers._tell = lambda: w.probe.tick(next(times))
         rollers.until(lambda: not rollers.moves())
         rollers.until_still()
-        assert rollers.said() == 'trajectory aborted: the clock jumped back'
+        assert rollers.said() == 'trajectory aborted: the clock jumped back or stopped'
         # What was measured before says nothing about now.
         rollers.send(trajectory(HOME, AWAY))
         rollers.until(lambda: 'joint states: none received yet' in rollers.said())
-        assert not len(rollers.commands())
+        assert not rollers.commands().any()
 
 
 def test_rate_and_timeout_can_be_changed_at_run_time():
@@ -479,16 +490,16 @@ def test_rate_and_timeout_can_be_changed_at_run_time():
 def test_diagnostics_report_the_state():
     with world(node()) as w:
         rollers = Rollers(w, still=True)
-        assert w.nodes[1].details()['following'] is False
+        assert not rollers.follows()
         rollers.until_moving(trajectory(HOME, AWAY, times=[0.0, 2.0]))
-        assert rollers.said() == 'following a trajectory of 2.0 s'
-        details = {value.key: value.value for value in w.report('roller_trajectory').values}
-        assert details['following'] == 'True'
+        assert rollers.said() == 'FOLLOWING_TRAJECTORY'
+        details = {value.key: value.value for value in w.report('manipulation').values}
+        assert details['moves'] == 'the rollers along a trajectory'
         assert 0.0 < float(details['time on the trajectory [s]']) < 2.0
-        assert w.report('roller_trajectory').level == DiagnosticStatus.OK
+        assert w.report('manipulation').level == DiagnosticStatus.OK
         rollers.send(bent(positions=[]))
         rollers.until_still()
-        assert w.report('roller_trajectory').level == DiagnosticStatus.WARN
+        assert w.report('manipulation').level == DiagnosticStatus.ERROR
 
 
 @pytest.mark.parametrize(
