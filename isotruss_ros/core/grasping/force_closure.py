@@ -198,15 +198,16 @@ def _facets(segments: Array) -> tuple[Array, Array]:
     segments = segments[np.argsort(np.arctan2(segments[:, 1], segments[:, 0]))]
     first, second = _pairs(k)
     (x, y, z), (u, v, w) = segments[first].T, segments[second].T
-    normals = np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
-    sizes = np.sqrt(np.einsum('fi,fi->f', normals, normals))
+    normals = np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+    sizes = np.sqrt((normals * normals).sum(axis=0))
     reach = segments[:, 2]
     good = sizes > FACET_TOLERANCE * reach[first] * reach[second]
-    normals, first, second = normals[good] / sizes[good, None], first[good], second[good]
-    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(segments, axis=0)])
-    between = sums[second] - sums[first + 1]
-    outside = sums[k] - sums[second + 1] + sums[first]
-    support = np.abs(np.einsum('fi,fi->f', normals, between - outside))
+    normals, first, second = (normals[:, good] / sizes[good]).T, first[good], second[good]
+    # The sum of those between less that of those outside; the two themselves are in neither.
+    sums = np.cumsum(segments, axis=0)
+    middle = 2.0 * sums - segments
+    across = middle[second] - middle[first] - segments.sum(axis=0)
+    support = np.abs(np.einsum('fi,fi->f', normals, across))
     if (support > FACET_TOLERANCE * reach.sum()).any():
         return normals, support
     rank = min(k, 1 + good.any())

@@ -69,17 +69,18 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     """
     rows, bounds = _inequalities(problem)
     free, start = _free_space(problem)
-    curvature = free.T @ problem.hessian @ free
+    whole = problem.equality is None
+    curvature = problem.hessian if whole else free.T @ problem.hessian @ free
     # Variables of one size: P holds penalties up to 1e8 beside costs of 1.
     scale = 1.0 / np.sqrt(np.maximum(curvature.diagonal(), SMALLEST))
     factor, failed = lapack.dpotrf(scale[:, None] * curvature * scale, lower=1)
     if failed:
         return None
-    free *= scale
+    free = free * scale
     # y = L^T z + offset is the distance from the minimum without inequalities.
     slope = free.T @ (problem.hessian @ start + problem.gradient)
     offset, _ = lapack.dtrtrs(factor, slope, lower=1)
-    turned, _ = lapack.dtrtrs(factor, free.T @ rows.T, lower=1)
+    turned, _ = lapack.dtrtrs(factor, (rows * scale if whole else rows @ free).T, lower=1)
     room = bounds - rows @ start + offset @ turned
     tolerance = TOLERANCE * np.abs(rows).max(initial=0.0)
     for relaxation in RELAXATIONS:
