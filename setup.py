@@ -27,7 +27,7 @@ setup(
         (f'share/{package_name}', ['package.xml']),
         (
             f'share/{package_name}/config',
-            glob('config/*.yaml') + glob('config/*.json') + glob('config/*.rviz'),
+            [f for kind in ('yaml', 'json', 'rviz', 'xml') for f in glob(f'config/*.{kind}')],
         ),
         (f'share/{package_name}/config/ros2_control', glob('config/ros2_control/*')),
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),

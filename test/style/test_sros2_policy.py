@@ -1,0 +1,59 @@
+"""The SROS 2 policy lets every node do what it does, and nothing else."""
+
+from pathlib import Path
+import sys
+from xml.etree import ElementTree
+
+import pytest
+
+CONFIG = Path(__file__).parents[2] / 'config'
+sys.path.append(str(CONFIG.parent / 'docs' / '_ext'))
+
+from interfaces import interfaces  # noqa: E402
+
+POLICY = ElementTree.parse(CONFIG / 'sros2_policy.xml').getroot()
+INCLUDE = '{http://www.w3.org/2001/XInclude}include'
+COMMANDS = 'roller_velocity_controller/commands'
+
+
+def profile(enclave):
+    """Return the one profile of an enclave."""
+    (found,) = enclave.iter('profile')
+    return found
+
+
+PROFILES = {profile(enclave).get('node'): enclave for enclave in POLICY.iter('enclave')}
+
+
+def allowed(node, kind, action):
+    """Return the names that a node is allowed to publish, subscribe, reply to and so on."""
+    parts = profile(PROFILES[node]).findall(kind)
+    return {name.text for part in parts if part.get(action) == 'ALLOW' for name in part}
+
+
+@pytest.fixture(scope='module')
+def declared():
+    """Return what the nodes declare."""
+    return interfaces()
+
+
+def test_every_node_has_an_enclave_of_its_name(declared):
+    assert PROFILES.keys() == declared.keys() | {'operator'}
+    for node, enclave in PROFILES.items():
+        assert enclave.get('path') == f'/isotruss/{node}'
+        assert profile(enclave).find(INCLUDE).get('href') == 'sros2_node.xml'
+    assert ElementTree.parse(CONFIG / 'sros2_node.xml').getroot().tag == 'profile'
+
+
+def test_nodes_may_do_what_they_do_and_nothing_else(declared):
+    for node, interface in declared.items():
+        assert allowed(node, 'topics', 'publish') == interface.published.keys(), node
+        assert allowed(node, 'topics', 'subscribe') == interface.subscribed.keys(), node
+        assert allowed(node, 'services', 'reply') == interface.services.keys(), node
+        assert allowed(node, 'actions', 'execute') == interface.actions.keys(), node
+
+
+def test_one_node_commands_the_rollers_and_one_obeys_the_stop():
+    for kind, topic in (('publish', COMMANDS), ('subscribe', 'emergency_stop')):
+        nodes = {node for node in PROFILES if topic in allowed(node, 'topics', kind)}
+        assert nodes == {'manipulation'}
