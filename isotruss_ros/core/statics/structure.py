@@ -84,19 +84,13 @@ class Structure:
         # Section stiffness belongs to whole members, pinch to pinch; their pieces inherit it.
         pressure = np.array(self.pressures)[topology.tube]
         tube = self.tube.section_stiffness(self.config.member_lengths, pressure)
-        axial, flexural, shear = np.empty((3, 6 * m))
-        axial[: 3 * m], flexural[: 3 * m] = (
-            file.module.axial_rigidity,
-            file.module.flexural_rigidity,
-        )
-        shear[: 3 * m] = np.inf
-        for rigidity, of_tube in (
-            (axial, tube.axial),
-            (flexural, tube.flexural),
-            (shear, tube.shear),
-        ):
-            rigidity[3 * m : 4 * m] = rigidity[5 * m :] = of_tube
-            rigidity[4 * m : 5 * m] = of_tube[before]
+        # Rows: AB, AC, BC of all modules, then BD, CE and DE'.
+        rigidities = np.empty((3, 6, m))
+        module = (file.module.axial_rigidity, file.module.flexural_rigidity, np.inf)
+        for rigidity, rigid, of_tube in zip(rigidities, module, tube, strict=True):
+            rigidity[:3], rigidity[3:] = rigid, of_tube
+            rigidity[4] = of_tube[before]
+        axial, flexural, shear = rigidities.reshape(3, 6 * m)
         layout = self._layout
         return Members(
             layout.start,
