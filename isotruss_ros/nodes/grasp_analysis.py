@@ -11,13 +11,13 @@ from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import GraspCode, GraspMonitor, GraspReport, load_robot
 from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
-from isotruss_ros.nodes.components.object_frame import ObjectFrame
 from isotruss_ros.nodes.components.sensors import (
     format_age,
     subscribe_input,
     subscribe_joint_states,
     subscribe_object_center,
 )
+from isotruss_ros.nodes.components.transforms import TransformBroadcaster
 from isotruss_ros.nodes.conversions.grasp_messages import (
     read_external_wrench,
     read_question,
@@ -86,7 +86,7 @@ class GraspAnalysisNode(ManagedNode):
         self._closures = self.create_lifecycle_publisher(Bool, 'grasp/force_closure', RELIABLE)
         self._wrenches = self.create_lifecycle_publisher(WrenchStamped, 'grasp/wrench', RELIABLE)
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
-        self._object_frame = ObjectFrame(self, self._robot.frame)
+        self._transforms = TransformBroadcaster(self, self._robot)
         self._markers = GraspMarkers(self._robot.frame)
         subscribe_joint_states(self, self._robot, self._monitor)
         subscribe_object_center(self, self._robot, self._monitor)
@@ -159,7 +159,8 @@ class GraspAnalysisNode(ManagedNode):
             measured, frame = to_time(report.time), name_object_frame(self._robot.frame)
             stamp_header(wrench.header, measured, frame)
             self._wrenches.publish(wrench)
-            self._object_frame.broadcast(report.grasp.cylinder.center, measured)
+            grasp = report.grasp
+            self._transforms.broadcast(grasp.config, grasp.cylinder.center, measured)
             used = max(report.grasp.analysis.utilisation.values())
             level = Level.OK if used <= MAX_UTILISATION else Level.WARN
             if report.code is not GraspCode.OK:
