@@ -1,5 +1,6 @@
 """Start the nodes that move and analyse a held object, for drivers that run under ros2_control."""
 
+from isotruss_ros.nodes import viewer
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.launching import describe_launch
 from launch import LaunchDescription
@@ -21,4 +22,5 @@ def generate_launch_description() -> LaunchDescription:
             'grasp_planner': (),
         },
         required=(params.ROBOT, params.OBJECT_DIAMETER, params.GRIP_MODULE),
+        optional={'viewer': (params.OBJECT_DIAMETER, params.FRICTION, viewer.PORT)},
     )

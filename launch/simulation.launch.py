@@ -1,6 +1,6 @@
 """Start the simulator and the nodes that move and analyse a held object: no hardware needed."""
 
-from isotruss_ros.nodes import simulator
+from isotruss_ros.nodes import simulator, viewer
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.launching import describe_launch
 from launch import LaunchDescription
@@ -33,4 +33,5 @@ def generate_launch_description() -> LaunchDescription:
             'grasp_planner': (),
         },
         defaults=DEFAULTS,
+        optional={'viewer': (params.OBJECT_DIAMETER, params.FRICTION, viewer.PORT)},
     )

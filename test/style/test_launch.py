@@ -23,6 +23,7 @@ FOLDER = Path(__file__).parents[2] / 'launch'
 MODULES = (
     'launch',
     'launch.actions',
+    'launch.conditions',
     'launch.substitutions',
     'launch_ros',
     'launch_ros.actions',
@@ -43,6 +44,7 @@ def stand_in(monkeypatch):
         for kind in (
             'LaunchDescription',
             'DeclareLaunchArgument',
+            'IfCondition',
             'LaunchConfiguration',
             'LaunchContext',
             'LogInfo',
@@ -72,7 +74,7 @@ def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, stand_in)
     arguments = {e.args[0]: e for e in entities if e.kind == 'DeclareLaunchArgument'}
     nodes = [e for e in entities if e.kind == 'Node']
     assert len(nodes) >= 4
-    used = {'namespace'}
+    used = {'namespace', 'viewer'}
     for node in nodes:
         assert node.namespace.args == ('namespace',)
         assert node.package == 'isotruss_ros'
@@ -93,6 +95,21 @@ def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, stand_in)
     missing = {name for name, argument in arguments.items() if argument.default_value is None}
     real = {'robot', 'object_diameter', 'grip_module'}
     assert missing == (real if path.name.startswith('manipulation') else set())
+
+
+@pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
+def test_the_viewer_is_started_on_request_with_parameters_that_it_declares(path, stand_in):
+    (entities,) = runpy.run_path(str(path))['generate_launch_description']().args
+    (argument,) = (e for e in entities if e.kind == 'DeclareLaunchArgument' and 'viewer' in e.args)
+    assert argument.default_value == 'false'
+    conditions = {e.executable: e.condition for e in entities if e.kind == 'Node'}
+    condition = conditions.pop('viewer')
+    assert condition.kind == 'IfCondition'
+    assert condition.args[0].args == ('viewer',)
+    assert set(conditions.values()) == {None}
+    (node,) = (e for e in entities if e.kind == 'Node' and e.executable == 'viewer')
+    declared = {spec.name for spec in importlib.import_module('isotruss_ros.nodes.viewer').SPECS}
+    assert node.parameters[0].keys() <= declared | {'use_sim_time'}
 
 
 @pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)

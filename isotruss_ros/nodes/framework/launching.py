@@ -14,6 +14,7 @@ from isotruss_ros.nodes.framework.parameters import (
 )
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
+from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -28,6 +29,7 @@ def describe_launch(
     nodes: Mapping[str, Sequence[Spec]],
     required: Sequence[Spec] = (),
     defaults: Mapping[Spec, Value] = MappingProxyType({}),
+    optional: Mapping[str, Sequence[Spec]] = MappingProxyType({}),
 ) -> LaunchDescription:
     """
     Return nodes, and arguments that go to all nodes that have the parameter.
@@ -37,8 +39,14 @@ def describe_launch(
     :param nodes: by executable, the parameters that are arguments, besides the shared ones.
     :param required: arguments without default.
     :param defaults: of arguments whose default is not that of the nodes.
+    :param optional: like `nodes`, of nodes that are not managed and are started only if the
+        argument with their name is true; it is false by default.
     """
     given = {executable: dict.fromkeys((*SHARED, *specs)) for executable, specs in nodes.items()}
+    given |= {
+        executable: dict.fromkeys((ROBOT, USE_SIM_TIME, *specs))
+        for executable, specs in optional.items()
+    }
     arguments = {spec.name: spec for specs in given.values() for spec in specs}
     values = {spec.name: spec.default for spec in arguments.values()}
     values |= {spec.name: value for spec, value in defaults.items()}
@@ -47,7 +55,7 @@ def describe_launch(
 
     def warn_of_unknown_arguments(context: LaunchContext) -> list[LogInfo]:
         named = [argument.partition(':=')[0] for argument in context.argv]
-        unknown = sorted(set(named) - arguments.keys() - {NAMESPACE})
+        unknown = sorted(set(named) - arguments.keys() - optional.keys() - {NAMESPACE})
         return [
             LogInfo(msg=f'launch argument {name}: unknown, and not used; see --show-args')
             for name in unknown
@@ -66,6 +74,12 @@ def describe_launch(
                 default_value='',
                 description='Of all nodes and their topics, for several robots side by side',
             ),
+            *(
+                DeclareLaunchArgument(
+                    executable, default_value='false', description=f'Start the node {executable}'
+                )
+                for executable in optional
+            ),
             OpaqueFunction(function=warn_of_unknown_arguments),
             *(
                 Node(
@@ -80,6 +94,11 @@ def describe_launch(
                             for spec in specs
                         }
                     ],
+                    condition=(
+                        IfCondition(LaunchConfiguration(executable))
+                        if executable in optional
+                        else None
+                    ),
                     on_exit=Shutdown(reason=f'{executable} ended'),
                 )
                 for executable, specs in given.items()
