@@ -162,4 +162,10 @@ def plane_compliance(contact_points):
     """Return the displacements (c, 2) in the plane for unit forces (c, 2) on contact points."""
     axis = contact_points.axis
     turn = np.array([[axis.real, -axis.imag], [axis.imag, axis.real]])
-    return np.einsum('ikc,kcld,jld->cidj', turn, contact_points.compliance(), turn, optimize=True)
+    return np.einsum(
+        'ikc,kcld,jld->cidj',
+        turn,
+        contact_points.compliance(np.arange(len(axis))),
+        turn,
+        optimize=True,
+    )

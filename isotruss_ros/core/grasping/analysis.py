@@ -142,7 +142,7 @@ def analyze_grasp(
                 previous.places,
                 previous.normals @ np.array([1.0, 1.0j]),
             )
-        contact_points, contact, extents = refine_contact(
+        contact_points, contact, extents, kept = refine_contact(
             structure, center, radius, gap, kernel, solvers[method], before
         )
     else:
@@ -153,6 +153,7 @@ def analyze_grasp(
             start = ContactGuess(previous.normal_forces)
         contact = solvers[method](contact_points, center, radius, start)
         extents = contact_extents(contact_points, contact, len(config.robot.member_names))
+        kept = np.arange(len(contact_points.points))
     normals = as_xy(contact.normals)
     pressed = -contact.forces @ normals
     tangents = as_xy(1j * contact.normals)
@@ -169,13 +170,13 @@ def analyze_grasp(
         return {names[i]: values.item(i) for i in members}
 
     return GraspAnalysis(
-        points=as_xy(center + (radius + contact.gaps) * contact.normals),
-        members=contact_points.member,
-        places=contact_points.place,
-        gaps=contact.gaps,
-        normals=normals,
-        normal_forces=contact.forces,
-        friction_forces=closure.friction_forces,
+        points=as_xy(center + (radius + contact.gaps[kept]) * contact.normals[kept]),
+        members=contact_points.member[kept],
+        places=contact_points.place[kept],
+        gaps=contact.gaps[kept],
+        normals=normals[kept],
+        normal_forces=contact.forces[kept],
+        friction_forces=closure.friction_forces[kept],
         normal_wrench=np.array([pressed[0], pressed[1], 0.0]),
         # Without a touch all is in balance, but nothing is held.
         force_closure=closure.closed and bool((contact.forces > 0.0).any()),

@@ -45,19 +45,6 @@ class ContactState:
     normals: Points
     displacements: Points
 
-    def at(self, places: Indices) -> ContactState:
-        """
-        Return the contact at some of the points.
-
-        :param places: of these points, their numbers.
-        """
-        return ContactState(
-            self.forces[places],
-            self.gaps[places],
-            self.normals[places],
-            self.displacements[places],
-        )
-
 
 class ContactGuess(NamedTuple):
     """

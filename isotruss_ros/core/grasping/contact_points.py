@@ -104,21 +104,29 @@ class ContactPoints:
         moved[1] += self.across @ local.imag
         return self.axis * (moved[0] + 1j * moved[1])
 
-    def compliance(self, places: Indices | None = None) -> Array:
-        """
-        Return displacements (2, a) along and across the tube for unit forces (2, a), [m/N].
+    @cached_property
+    def _compliances(self) -> dict[bytes, Array]:
+        """Return what `compliance` has found, by the bytes of the places."""
+        return {}
 
-        :param places: (a,) of which points; of all if None.
+    def compliance(self, places: Indices) -> Array:
         """
-        spread, inside, across = self.spread, self.inside[0], self.across
-        if places is not None:
-            square = np.ix_(places, places)
-            spread, inside, across = spread[:, places], inside[square], across[square]
-        count = len(across)
-        spread = spread.reshape(2 * count, len(self.ends))
+        Return displacements (2, a) along and across the tube for unit forces (2, a), [m/N]; kept.
+
+        :param places: (a,) of which points.
+        """
+        key = places.tobytes()
+        if key not in self._compliances:
+            self._compliances[key] = self._compliance(places)
+        return self._compliances[key]
+
+    def _compliance(self, places: Indices) -> Array:
+        """Compute what `compliance` returns."""
+        count, square = len(places), np.ix_(places, places)
+        spread = self.spread[:, places].reshape(2 * count, len(self.ends))
         matrix = (spread @ self.ends @ spread.T).reshape(2, count, 2, count)
-        matrix[0, :, 0] += inside
-        matrix[1, :, 1] += across
+        matrix[0, :, 0] += self.inside[0][square]
+        matrix[1, :, 1] += self.across[square]
         return matrix
 
 

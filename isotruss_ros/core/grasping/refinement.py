@@ -61,7 +61,7 @@ def refine_contact(
     flattening: Flattening,
     solver: ContactSolver,
     previous: PreviousContact | None = None,
-) -> tuple[ContactPoints, ContactState, ContactExtents]:
+) -> tuple[ContactPoints, ContactState, ContactExtents, Indices]:
     """
     Solve the contact of tubes that flatten with points where it is.
 
@@ -72,8 +72,9 @@ def refine_contact(
     :param flattening: how the tubes flatten.
     :param solver: `solve_contact` or `relax_contact`.
     :param previous: contact of a similar grasp; a search finds one if None.
-    :return: the points, from one spacing before each region of contact to one behind it, and the
-        contact there and how far it goes; without a touch, points of all tubes within reach.
+    :return: points, the contact there, how far it goes, and which of the points are the answer:
+        those from one spacing before each region of contact to one behind it; without a touch,
+        points of all tubes within reach.
     :raises SolverError: the contact problem was not solved.
     """
     names = structure.config.robot.member_names
@@ -110,7 +111,8 @@ def refine_contact(
         if not _touched(regions).any():
             points = place(spacing)
             contact = solver(points, center, radius, None)
-            return points, contact, contact_extents(points, contact, len(names))
+            extents = contact_extents(points, contact, len(names))
+            return points, contact, extents, np.arange(len(points.points))
     for step in range(MAX_STEPS):
         if settled:
             break
@@ -119,7 +121,7 @@ def refine_contact(
         points, contact, extents, regions, settled = solve(regions, around, limited)
     # Whatever the search began with, the answer is the same.
     kept = np.flatnonzero(_within(points, regions + room))
-    return points[kept], contact.at(kept), extents
+    return points, contact, extents, kept
 
 
 def _touched(regions: Array) -> Flags:
