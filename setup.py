@@ -50,6 +50,7 @@ setup(
             'grasp_analysis = isotruss_ros.executables:grasp_analysis',
             'path_follower = isotruss_ros.executables:path_follower',
             'grasp_planner = isotruss_ros.executables:grasp_planner',
+            'pick_and_place = isotruss_ros.executables:pick_and_place',
             'teleop = isotruss_ros.executables:teleop',
             'viewer = isotruss_ros.executables:viewer',
             'record = isotruss_ros.executables:record',

@@ -22,6 +22,7 @@ NODES = (
     'grasp_analysis',
     'path_follower',
     'grasp_planner',
+    'pick_and_place',
     'teleop',
     'viewer',
     'record',

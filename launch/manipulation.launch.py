@@ -20,6 +20,7 @@ def generate_launch_description() -> LaunchDescription:
             'grasp_analysis': (params.OBJECT_DIAMETER, params.FRICTION),
             'path_follower': (params.USE_STAMPED_TWIST,),
             'grasp_planner': (),
+            'pick_and_place': (params.OBJECT_DIAMETER, params.FRICTION),
         },
         required=(params.ROBOT, params.OBJECT_DIAMETER, params.GRIP_MODULE),
         optional={'viewer': (params.OBJECT_DIAMETER, params.FRICTION, viewer.PORT)},

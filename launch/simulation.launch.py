@@ -31,6 +31,7 @@ def generate_launch_description() -> LaunchDescription:
             'grasp_analysis': (params.OBJECT_DIAMETER, params.FRICTION, params.RATE),
             'path_follower': (params.USE_STAMPED_TWIST, params.RATE),
             'grasp_planner': (),
+            'pick_and_place': (params.OBJECT_DIAMETER, params.FRICTION),
         },
         defaults=DEFAULTS,
         optional={'viewer': (params.OBJECT_DIAMETER, params.FRICTION, viewer.PORT)},

@@ -48,6 +48,7 @@ from isotruss_ros.core.model.objects import Cylinder, Pose
 from isotruss_ros.core.model.presets import preset_names
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, Violation
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
+from isotruss_ros.core.planning.release import plan_release, Release
 from isotruss_ros.core.planning.requirements import GraspRequirements, Measure
 from isotruss_ros.core.safety.margins import shape_margins, ShapeMargins
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
@@ -92,6 +93,7 @@ __all__ = [
     'Progress',
     'Question',
     'RejectedInput',
+    'Release',
     'Robot',
     'RobotFileError',
     'RollerCommand',
@@ -116,6 +118,7 @@ __all__ = [
     'deform',
     'load_robot',
     'plan_grasps',
+    'plan_release',
     'preset_names',
     'reachable_twists',
     'settle_grasp',

@@ -6,13 +6,13 @@ from collections.abc import Callable
 import time
 from typing import Any
 
-from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import GraspState, PlannedGrasp
 from isotruss_ros.demo.client import DEADLINE, DemoClient, DemoError
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.conversions.trajectory_messages import read_duration
 from isotruss_ros.nodes.framework.qos import RELIABLE
 import numpy as np
 from rclpy.action import ActionClient
@@ -118,7 +118,7 @@ class Gripping:
             progress(1.0 - min(1.0, left / travel))
             return left <= ARRIVED and client.at_rest()
 
-        deadline = 3.0 * _seconds(grasp.path.points[-1].time_from_start) + DEADLINE
+        deadline = 3.0 * read_duration(grasp.path.points[-1].time_from_start) + DEADLINE
         client.wait(arrived, self._check, 'arrival at the grasp', deadline)
         count = len(record.grasps)
         # One that was computed when all was at rest already.
@@ -133,7 +133,3 @@ class Gripping:
     def _answer(self, future: Future, what: str, deadline: float = DEADLINE) -> Any:
         self._client.wait(future.done, self._check, what, deadline)
         return future.result()
-
-
-def _seconds(duration: Duration) -> float:
-    return duration.sec + 1e-9 * duration.nanosec

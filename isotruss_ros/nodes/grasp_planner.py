@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-import contextlib
 from dataclasses import dataclass
 import time
 
 from isotruss_msgs.action import PlanGrasp
-from isotruss_ros.core import (
-    Configuration,
-    ConfigurationError,
-    IsotrussError,
-    load_robot,
-    StampedInput,
-)
-from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
-from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
+from isotruss_ros.core import ConfigurationError, IsotrussError, load_robot
+from isotruss_ros.core.control.inputs import Input, InputError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 from isotruss_ros.nodes.components.sensors import format_age, subscribe_joint_states
+from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.plan_messages import (
     read_goal,
     to_feedback_message,
@@ -75,8 +68,7 @@ class GraspPlanner(ManagedNode):
         self._searcher: Searcher | None = None
         super().__init__('grasp_planner', SPECS, parameter_overrides)
         self._inputs: PlannerInputs | None = None
-        self._tracked: Input = None
-        self._shapes: ConfigurationTracker | None = None
+        self._shape: TrackedShape | None = None
         self._goal: SingleGoal | None = None
         self._feedback_time = 0.0
         self.start()
@@ -91,7 +83,7 @@ class GraspPlanner(ManagedNode):
             )
         self._robot = load_robot(self.values[params.ROBOT])
         self._searcher = Searcher(workers)
-        self._shapes = ConfigurationTracker(self._robot.home)
+        self._shape = TrackedShape(self._robot)
         self._inputs = PlannerInputs(self.values[params.COMMAND_TIMEOUT])
         self.values.on_change(lambda _new: None, self._apply)
         subscribe_joint_states(self, self._robot, self._inputs)
@@ -119,7 +111,7 @@ class GraspPlanner(ManagedNode):
 
     def cleanup(self) -> None:
         """Release the robot."""
-        self._goal = self._shapes = self._inputs = self._tracked = None
+        self._goal = self._shape = self._inputs = None
 
     def destroy_node(self) -> None:
         """Destroy the node and end the processes."""
@@ -140,32 +132,8 @@ class GraspPlanner(ManagedNode):
             details |= {'evaluations': progress.evaluations, 'grasps found': progress.found}
         return details
 
-    # -- Where the robot is --
-
     def _apply(self) -> None:
         self._inputs.timeout = self.values[params.COMMAND_TIMEOUT]
-
-    def _track(self) -> None:
-        """Follow the shape of the robot, which depends on the path of the rollers."""
-        if self._inputs.rollers is self._tracked:
-            return
-        self._tracked = self._inputs.rollers
-        if isinstance(self._tracked, StampedInput):
-            # The next goal reports a configuration that does not exist.
-            with contextlib.suppress(ConfigurationError):
-                self._shapes.configuration(self._tracked.value.positions)
-
-    def _configuration(self) -> Configuration:
-        """
-        Return the configuration of the latest joint states.
-
-        :raises InputError: they are missing, stale or invalid.
-        :raises ConfigurationError: no configuration fits them.
-        """
-        (given,) = require_fresh(
-            self.now(), self._inputs.timeout, joint_states=self._inputs.rollers
-        )
-        return self._shapes.configuration(given.value.positions)
 
     # -- The action --
 
@@ -177,7 +145,9 @@ class GraspPlanner(ManagedNode):
             self._end(Answer(Outcome.BAD_GOAL, str(error)))
             return
         try:
-            config = self._configuration()
+            config = self._shape.configuration(
+                self.now(), self._inputs.timeout, self._inputs.rollers
+            )
         except (InputError, ConfigurationError) as error:
             self._end(Answer(Outcome.NO_JOINT_STATES, str(error)))
             return
@@ -186,7 +156,7 @@ class GraspPlanner(ManagedNode):
 
     def _poll(self) -> None:
         """Publish feedback of the search, or end the goal with its answer."""
-        self._track()
+        self._shape.track(self._inputs.rollers)
         answer = self._searcher.answer()
         if answer is not None:
             self._end(answer)

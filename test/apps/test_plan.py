@@ -66,7 +66,9 @@ def test_finds_what_the_core_finds_on_one_process_or_two(tmp_path, capsys):
         assert one['path'] == other.path.tolist()
         assert one['score'] == other.score == -other.total_force
         assert one['touch'] == other.touch
-        assert one['times'] == path_times(other.path, ROBOT.description.max_speed).tolist()
+        near = np.arange(len(other.path) - 1) >= other.touch - 2
+        times = path_times(other.path, ROBOT.description.max_speed, near)
+        assert one['times'] == times.tolist()
         assert f'{other.total_force:.2f}' in printed
         assert other.members[0] in printed
     assert not workers()
@@ -235,8 +237,9 @@ def test_stops_when_asked_or_when_the_time_is_up():
 
 def test_the_way_takes_as_long_as_the_roller_that_goes_furthest():
     path = np.array([[0.0, 0.0], [0.3, -0.1], [0.3, -0.1], [0.2, 0.1]])
-    assert path_times(path, 0.1) == pytest.approx([0.0, 3.0, 3.01, 5.01])
-    assert path_times(path[:1], 0.1).tolist() == [0.0]
+    assert path_times(path, 0.1, [False] * 3) == pytest.approx([0.0, 3.0, 3.01, 5.01])
+    assert path_times(path, 0.1, [False, False, True]) == pytest.approx([0.0, 3.0, 3.01, 11.01])
+    assert path_times(path[:1], 0.1, []).tolist() == [0.0]
 
 
 def test_every_miss_has_words():

@@ -19,14 +19,11 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectories import AWAY, HOME, lasting, NAMES, TOPIC, trajectory
+from trajectory_msgs.msg import JointTrajectory
 
 PATIENCE, TOLERANCE = DEFAULT.progress_timeout, DEFAULT.tolerance
-NAMES = list(ROBOT.roller_names)
 MAX_SPEED = ROBOT.description.max_speed
-HOME = np.zeros(N)
-AWAY = np.array([0.02, -0.01, 0.0, 0.015, 0.01, -0.02])
-TOPIC = 'joint_trajectory_controller/joint_trajectory'
 #: Long: a busy machine delays, and most tests are not about that.
 TIMEOUT = 5.0
 STOPPED = 'stopped by the topic emergency_stop'
@@ -47,22 +44,6 @@ def simulator(**values):
 def release(w):
     """Release the emergency stop of the node; return the response."""
     return w.call('release_emergency_stop', Trigger.Request())
-
-
-def lasting(seconds):
-    """Return a duration."""
-    sec = math.floor(seconds)
-    return Duration(sec=sec, nanosec=round(1e9 * (seconds - sec)))
-
-
-def trajectory(*rows, times=None, names=NAMES):
-    """Return a trajectory; 0.4 s from row to row unless told otherwise."""
-    times = 0.4 * np.arange(len(rows)) if times is None else times
-    points = [
-        JointTrajectoryPoint(positions=[float(v) for v in row], time_from_start=lasting(when))
-        for row, when in zip(rows, times, strict=True)
-    ]
-    return JointTrajectory(joint_names=list(names), points=points)
 
 
 class Rollers:

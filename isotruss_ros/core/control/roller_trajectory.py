@@ -153,6 +153,11 @@ class RollerTrajectoryServo:
         """Return whether there is a trajectory to follow."""
         return self._trajectory is not None
 
+    @property
+    def wanted(self) -> Wanted | None:
+        """Return where the rollers should be; None where there is no trajectory."""
+        return None if self._trajectory is None else self._trajectory.at(self.time)
+
     def begin(self, trajectory: RollerTrajectory, now: float) -> None:
         """
         Take a trajectory in place of any other; one that is rejected changes nothing.

@@ -14,41 +14,29 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.control.squeeze_control import squeeze_by_opening
-from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
 from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import Grasp
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
-from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.objects import Cylinder
-from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closed_grip import ClosedGrip
 from isotruss_ros.core.planning.closing_motion import press
-from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
+from isotruss_ros.core.planning.closing_qp import Closing
 from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads, GraspLoads
 from isotruss_ros.core.planning.grasp_plan import Violation
+from isotruss_ros.core.planning.motion_in_place import MotionInPlace, SQUEEZE_TOLERANCE
 from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
 import numpy as np
 
-#: Newton steps with which a waypoint is brought to its squeeze and place ...
-MAX_CORRECTIONS = 12
-#: ... until the squeeze is right to this share, and the place to this length [m].
-SQUEEZE_TOLERANCE, PLACE_TOLERANCE = 1e-3, 2e-5
 #: An object that is nearer than this to where it lay has stayed there [m].
 SAME_PLACE = 1e-4
-#: A command that limits scale down by more than this is not followed.
-MIN_SCALE = 0.999
 
 
 class ClosingInPlace:
     """
     Searches the squeeze with which two members hold a free object, and the path to it.
 
-    :ivar evaluations: configurations that were computed so far.
     :ivar analyses: analyses so far.
-    :ivar closest_violation: the violation of the best state so far.
     :param opened: configuration in which the members are close to the object.
     :param closing: what closes.
     :param requirements: what the grasp must fulfil.
@@ -60,8 +48,22 @@ class ClosingInPlace:
         self._open, self._needs = opened, requirements
         # A nominal posture would keep the gaps from their targets, by a little.
         self._closing = replace(closing, nominal_posture=None)
-        self.evaluations = self.analyses = 0
-        self.closest_violation: Violation | None = None
+        self._motion = MotionInPlace(self._closing)
+        self.analyses = 0
+
+    @property
+    def evaluations(self) -> int:
+        """Return how many configurations were computed so far."""
+        return self._motion.evaluations
+
+    @property
+    def closest_violation(self) -> Violation | None:
+        """Return the violation of the best state so far."""
+        return self._motion.closest_violation
+
+    @closest_violation.setter
+    def closest_violation(self, violation: Violation) -> None:
+        self._motion.closest_violation = violation
 
     def close(self) -> ClosedGrip | None:
         """
@@ -88,7 +90,7 @@ class ClosingInPlace:
             loads = grasp_loads(analysis, grasp)
             over = exceeded_bound(needs, loads)
             if over is not None:
-                self._record(over)
+                self._motion.record(over)
                 break
             if needs.squeeze is not None and not _reached(grasp, needs.squeeze):
                 continue
@@ -114,7 +116,7 @@ class ClosingInPlace:
             return
         found = RollingGrasp.attach(pressed, cylinder)
         if isinstance(found, Hold):
-            self._record(Violation('held', 0.0, 1.0, 30.0))
+            self._motion.record(Violation('held', 0.0, 1.0, 30.0))
             return
         grasp: RollingGrasp | None = found
         while grasp is not None and self._sticks(grasp):
@@ -126,7 +128,7 @@ class ClosingInPlace:
                 if _reached(grasp, wanted):
                     return
                 force = min(wanted, force)
-            grasp = self._squeeze(grasp, force)
+            grasp = self._motion.squeeze(grasp, force)
 
     def _sticks(self, grasp: RollingGrasp) -> bool:
         """Return whether the contacts stick."""
@@ -134,82 +136,12 @@ class ClosingInPlace:
         hold = grasp.hold(friction)
         if hold is Hold.SLIPS:
             needed = grasp.required_friction
-            self._record(Violation('force_closure', needed, friction, 1.0 - friction / needed))
+            self._motion.record(
+                Violation('force_closure', needed, friction, 1.0 - friction / needed)
+            )
         elif hold is not Hold.HELD:
-            self._record(Violation('held', 0.0, 1.0, 10.0))
+            self._motion.record(Violation('held', 0.0, 1.0, 10.0))
         return hold is Hold.HELD
-
-    def _squeeze(self, grasp: RollingGrasp, force: float) -> RollingGrasp | None:
-        """Return the grasp with a larger squeeze, the object where it lay, or None."""
-        center, scale, reachable = np.array(self._closing.cylinder.center), 1.0, True
-        for _ in range(MAX_CORRECTIONS):
-            away = center - grasp.pose[:2]
-            missing = force - grasp.squeeze
-            right = abs(missing) < SQUEEZE_TOLERANCE * force
-            if right and np.hypot(*away) < PLACE_TOLERANCE:
-                return grasp
-            rate = scale * missing / squeeze_by_opening(grasp)
-            command = self._command(grasp, np.append(away, -grasp.pose.angle), rate)
-            reachable = command.status is not Status.UNREACHABLE
-            if command.scale < MIN_SCALE:
-                self._record(Violation('squeeze', grasp.squeeze, force, 5.0))
-                return None
-            moved = self._move(grasp, command.roller_velocities)
-            if moved is None:
-                return None
-            gained = moved.squeeze - grasp.squeeze
-            if not right and gained * missing > 0.0:
-                scale = float(np.clip(scale * missing / gained, 0.5, 2.0))
-            grasp = moved
-        # A robot of few rollers cannot close and keep the object in place: it goes along a little.
-        diameter = grasp.config.robot.description.tube_diameter
-        bound = self._closing.settings.max_displacement * diameter
-        distance = float(np.hypot(*(center - grasp.pose[:2])))
-        if abs(force - grasp.squeeze) >= SQUEEZE_TOLERANCE * force:
-            self._record(Violation('squeeze', grasp.squeeze, force, 5.0))
-        elif reachable or distance > bound:
-            self._record(Violation('in_place', distance, bound, 20.0))
-        else:
-            return grasp
-        return None
-
-    def _command(self, grasp: RollingGrasp, back: Array, rate: float) -> RollerCommand:
-        """Return the motion that closes the grip and brings the object back."""
-        module = grasp.config.robot.module_names[self._closing.module]
-        held, limits = Grasp(module, grasp.pose[:2], grasp.diameter), self._closing.limits
-        command = solve_twist(grasp.config, held, back, limits=limits, opening_rate=rate)
-        if command.status is not Status.UNREACHABLE:
-            return command
-        # A grip at a passive module cannot turn the object: its place is what counts.
-        back = np.append(back[:2], 0.0)
-        return solve_twist(grasp.config, held, back, limits=limits, opening_rate=rate)
-
-    def _move(self, grasp: RollingGrasp, travel: Array) -> RollingGrasp | None:
-        """Return the grasp after a motion of the rollers; None where a requirement is violated."""
-        self.evaluations += 1
-        closing, before = self._closing, grasp.config
-        try:
-            config = before.moved_to(before.roller_positions + travel)
-        except ConfigurationError:
-            self._record(Violation('rigidity', 0.0, closing.min_rigidity, 50.0))
-            return None
-        moved = grasp.moved_to(config)
-        if moved is None:
-            self._record(Violation('held', 0.0, 1.0, 10.0))
-            return None
-        state = evaluate_state(config, Cylinder(moved.pose[:2], grasp.diameter))
-        gaps = np.concatenate([state.gaps.members, state.gaps.modules, state.gaps.rods])
-        gaps[list(closing.members)] = np.inf
-        values = {
-            'rigidity': (state.rigidity, closing.min_rigidity),
-            'self_clearance': (state.clearance, 0.0),
-            'object_clearance': (float(gaps.min()), 0.0),
-        }
-        for name, (value, bound) in values.items():
-            if value < bound:
-                self._record(Violation(name, value, bound, 50.0))
-                return None
-        return moved
 
     def _require(
         self,
@@ -222,23 +154,25 @@ class ClosingInPlace:
         needs = self._needs
         loaded = grasp.moved_to(grasp.config, np.array(needs.external_wrench))
         if loaded is None:
-            self._record(Violation('held', 0.0, 1.0, 2.0))
+            self._motion.record(Violation('held', 0.0, 1.0, 2.0))
             return None
         if not self._sticks(loaded):
             return None
         names = grasp.config.robot.member_names
         if set(analysis.contact_forces) != {names[i] for i in self._closing.members}:
             # Friction deflects a soft structure by so much that without it one member lets go.
-            self._record(Violation('grip', len(analysis.contact_forces), 2.0, 15.0))
+            self._motion.record(Violation('grip', len(analysis.contact_forces), 2.0, 15.0))
             return None
         margin, fast = loaded.slip_margin(needs.friction), analysis.closure_margin
         if margin < needs.min_slip_margin:
             distance = 1.0 - margin / needs.min_slip_margin
-            self._record(Violation('min_slip_margin', margin, needs.min_slip_margin, distance))
+            self._motion.record(
+                Violation('min_slip_margin', margin, needs.min_slip_margin, distance)
+            )
             return None
         if needs.min_margin is not None and fast < needs.min_margin:
             distance = 1.0 - max(0.0, fast) / needs.min_margin if needs.min_margin else 1.0
-            self._record(Violation('min_margin', fast, needs.min_margin, distance))
+            self._motion.record(Violation('min_margin', fast, needs.min_margin, distance))
             return None
         return ClosedGrip(tuple(path), self._center(grasp), analysis, loads, grasp.squeeze, margin)
 
@@ -251,15 +185,10 @@ class ClosingInPlace:
         """Return the configuration with one indentation of both members, or None."""
         closing = self._closing
         pressed = press(config, closing, np.full(len(closing.members), depth))
-        self.evaluations += pressed.evaluations
+        self._motion.evaluations += pressed.evaluations
         if pressed.violation is not None:
-            self._record(pressed.violation)
+            self._motion.record(pressed.violation)
         return pressed.config
-
-    def _record(self, violation: Violation) -> None:
-        closest = self.closest_violation
-        if closest is None or violation.distance < closest.distance:
-            self.closest_violation = violation
 
 
 def _reached(grasp: RollingGrasp, squeeze: float) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from isotruss_ros.core.planning.grasp_plan import path_times, PlannedGrasp, Violation
+import numpy as np
 
 
 def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
@@ -34,9 +35,11 @@ def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
     """
     Return the path to a grasp: `path` (k, r) [m], `times` (k,) [s], and the row `touch`.
 
-    :param grasp: driven at the largest speed of the robot's rollers.
+    :param grasp: driven at the largest speed of the robot's rollers, and at `NEAR_SHARE` of it
+        from two waypoints before the touch on.
     """
-    times = path_times(grasp.path, grasp.config.robot.description.max_speed)
+    near = np.arange(len(grasp.path) - 1) >= grasp.touch - 2
+    times = path_times(grasp.path, grasp.config.robot.description.max_speed, near)
     return {'path': grasp.path.tolist(), 'times': times.tolist(), 'touch': grasp.touch}
 
 

@@ -1,21 +1,45 @@
-"""Roller trajectories on the topic of ros2_control: followed in place of twists, one at a time."""
+"""
+Roller trajectories by topic and by action: followed in place of twists, one at a time.
+
+Topic and action are those of ros2_control's joint_trajectory_controller. The package control_msgs
+has the type of its action; where it is not installed only our own type is offered, which has the
+same fields.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+import importlib
+import importlib.util
 
+from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_ros.core import Decision, IsotrussError, StampedInput, Status, TwistServo
 from isotruss_ros.core.control.inputs import require_fresh
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
-from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
-from isotruss_ros.nodes.conversions.trajectory_messages import read_roller_trajectory
+from isotruss_ros.nodes.conversions.messages import (
+    MessageError,
+    read_stamp,
+    stamp_header,
+    to_time,
+)
+from isotruss_ros.nodes.conversions.trajectory_messages import (
+    fill_feedback,
+    read_roller_trajectory,
+)
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory
 
 TOPIC = 'joint_trajectory_controller/joint_trajectory'
+ACTION = 'follow_roller_trajectory'
+STANDARD_ACTION = 'joint_trajectory_controller/follow_joint_trajectory'
+#: Feedback is published this often [Hz].
+FEEDBACK_RATE = 10.0
+REPLACED = 'a newer trajectory was received'
+Result = FollowRollerTrajectory.Result
 
 
 class TrajectoryFollowing:
@@ -33,6 +57,8 @@ class TrajectoryFollowing:
         self._node, self._servo = node, servo
         self._follower = RollerTrajectoryServo(servo.robot, servo.timeout)
         self._outcome: tuple[Status, str] | None = None
+        self._accepted, self._feedback_time = False, -np.inf
+        self._goals = [self._offer(kind, name) for kind, name in _offered_actions()]
 
     @property
     def busy(self) -> bool:
@@ -66,6 +92,7 @@ class TrajectoryFollowing:
         elif step.ended:
             self._end(Status.ARRIVED, 'the rollers have arrived')
         self._servo.note_command(step.speeds, now)
+        self._publish_feedback(now)
         status, message = self._outcome or (Status.FOLLOWING_TRAJECTORY, '')
         return Decision(
             RollerCommand(step.speeds, np.zeros(3), 1.0, status),
@@ -91,6 +118,12 @@ class TrajectoryFollowing:
         if not message.points:
             self.abort('an empty trajectory was received')
             return
+        self._begin(message)
+
+    def _begin(self, message: JointTrajectory, goal: SingleGoal | None = None) -> None:
+        """Follow a trajectory from now on, or report why not."""
+        self._end_goals(Ending.ABORTED, Result.PATH_TOLERANCE_VIOLATED, REPLACED, goal)
+        self._accepted = False
         now, start, servo = self._node.now(), read_stamp(message.header), self._servo
         self._follower.rollers, self._follower.timeout = servo.rollers, servo.timeout
         try:
@@ -104,15 +137,66 @@ class TrajectoryFollowing:
             self._follower.end()
             self._end(Status.HALT_TRAJECTORY, f'trajectory rejected: {error}')
             return
-        self._outcome = None
+        self._outcome, self._accepted = None, True
         self._node.get_logger().info(f'following a trajectory of {trajectory.duration:.1f} s')
 
-    def _end(self, status: Status, message: str) -> None:
+    def _offer(self, kind: type, name: str) -> SingleGoal:
+        """Offer an action; its goals are trajectories like those of the topic."""
+        goal = SingleGoal(
+            self._node,
+            kind,
+            name,
+            ready=lambda: self._node.active,
+            begin=lambda request: self._begin(request.trajectory, goal),
+            preempted=lambda: self._end_goals(
+                Ending.ABORTED, Result.PATH_TOLERANCE_VIOLATED, REPLACED
+            ),
+            cancelled=self._cancel,
+        )
+        return goal
+
+    def _cancel(self) -> None:
+        self._follower.end()
+        self._end(
+            Status.HALT_TRAJECTORY, 'trajectory cancelled by the client', ending=Ending.CANCELED
+        )
+
+    def _publish_feedback(self, now: float) -> None:
+        """Publish where the rollers are and should be, to the client of the goal."""
+        wanted, measured = self._follower.wanted, self._servo.rollers
+        early = 0.0 <= now - self._feedback_time < 1.0 / FEEDBACK_RATE
+        if early or wanted is None or not isinstance(measured, StampedInput):
+            return
+        for goal in self._goals:
+            if goal.active:
+                self._feedback_time = now
+                feedback = goal.kind.Feedback()
+                fill_feedback(
+                    feedback, self._servo.robot, wanted, measured.value, self._follower.time
+                )
+                stamp_header(feedback.header, to_time(now), self._servo.robot.frame)
+                goal.publish_feedback(feedback)
+
+    def _end(self, status: Status, message: str, ending: Ending = Ending.ABORTED) -> None:
         self._outcome = (status, message)
-        if status is Status.ARRIVED:
+        arrived = status is Status.ARRIVED
+        if arrived:
             self._node.get_logger().info(message)
         else:
             self._node.get_logger().warning(message)
+        if arrived:
+            self._end_goals(Ending.SUCCEEDED, Result.SUCCESSFUL, message)
+        else:
+            failed = Result.PATH_TOLERANCE_VIOLATED if self._accepted else Result.INVALID_GOAL
+            self._end_goals(ending, failed, message)
+
+    def _end_goals(
+        self, ending: Ending, code: int, text: str, spared: SingleGoal | None = None
+    ) -> None:
+        """End the goal whose trajectory is over, if it came by an action."""
+        for goal in self._goals:
+            if goal.active and goal is not spared:
+                goal.end(ending, goal.kind.Result(error_code=code, error_string=text))
 
     def _add_outcome(self, decision: Decision) -> Decision:
         """Return a decision that tells how the last trajectory ended, until a twist is there."""
@@ -124,3 +208,12 @@ class TrajectoryFollowing:
             return decision
         status, message = self._outcome
         return replace(decision, command=replace(decision.command, status=status), message=message)
+
+
+def _offered_actions() -> list[tuple[type, str]]:
+    """Return type and name of the actions that follow trajectories."""
+    offered = [(FollowRollerTrajectory, ACTION)]
+    if importlib.util.find_spec('control_msgs') is not None:
+        standard = importlib.import_module('control_msgs.action')
+        offered.append((standard.FollowJointTrajectory, STANDARD_ACTION))
+    return offered

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
@@ -26,7 +25,7 @@ from isotruss_ros.nodes.conversions.messages import (
     MAX_DISTANCE,
     MessageError,
 )
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from isotruss_ros.nodes.conversions.trajectory_messages import to_duration, to_trajectory_message
 
 #: Largest number of grasps of a goal.
 MAX_COUNT = 1000
@@ -153,21 +152,6 @@ def to_grasp_message(grasp: PlannedGrasp, robot: Robot) -> PlannedGraspMessage:
     """
     exported = export_path(grasp)
     times = exported['times']
-    path = JointTrajectory(joint_names=list(robot.roller_names))
-    path.header.frame_id = robot.frame
-    path.points = [
-        JointTrajectoryPoint(positions=row, time_from_start=to_duration(when))
-        for row, when in zip(exported['path'], times, strict=True)
-    ]
+    path = to_trajectory_message(robot, exported['path'], times)
     touch = to_duration(times[exported['touch']])
     return PlannedGraspMessage(**export_figures(grasp), path=path, touch=touch)
-
-
-def to_duration(seconds: float) -> Duration:
-    """
-    Return a duration as a message.
-
-    :param seconds: not negative [s].
-    """
-    whole, rest = divmod(round(1e9 * seconds), 1_000_000_000)
-    return Duration(sec=whole, nanosec=rest)

@@ -1,13 +1,18 @@
-"""Trajectories of the rollers from messages."""
+"""Trajectories of the rollers from messages and to them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
+from builtin_interfaces.msg import Duration
 from isotruss_ros.core import Robot
-from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
+from isotruss_ros.core.control.inputs import RollerState
+from isotruss_ros.core.control.roller_trajectory import RollerTrajectory, Wanted
 from isotruss_ros.core.errors import quote
 from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError
 import numpy as np
-from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 #: Longest trajectory: reading takes 20 us for each point, in which the node runs no cycle.
 MAX_POINTS = 10_000
@@ -40,5 +45,69 @@ def read_roller_trajectory(message: JointTrajectory, robot: Robot) -> RollerTraj
             )
     order = [names.index(name) for name in robot.roller_names]
     positions = np.array([point.positions for point in points])[:, order]
-    times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points]
+    times = [read_duration(point.time_from_start) for point in points]
     return RollerTrajectory(robot, positions, times)
+
+
+def to_trajectory_message(
+    robot: Robot, positions: Sequence[Sequence[float]], times: Sequence[float]
+) -> JointTrajectory:
+    """
+    Return a trajectory of the rollers.
+
+    :param robot: whose rollers they are.
+    :param positions: (k, r) waypoints [m].
+    :param times: (k,) when to be there, from 0 on [s].
+    """
+    trajectory = JointTrajectory(joint_names=list(robot.roller_names))
+    trajectory.header.frame_id = robot.frame
+    trajectory.points = [
+        JointTrajectoryPoint(positions=row, time_from_start=to_duration(when))
+        for row, when in zip(positions, times, strict=True)
+    ]
+    return trajectory
+
+
+def fill_feedback(
+    feedback: Any, robot: Robot, wanted: Wanted, measured: RollerState, time: float
+) -> None:
+    """
+    Fill in where the rollers should be and where they are.
+
+    :param feedback: of FollowRollerTrajectory or FollowJointTrajectory; its header stays.
+    :param robot: whose rollers they are.
+    :param wanted: where they should be.
+    :param measured: where they are.
+    :param time: of the trajectory [s].
+    """
+    feedback.joint_names = list(robot.roller_names)
+    when = to_duration(time)
+    feedback.desired = JointTrajectoryPoint(
+        positions=wanted.positions.tolist(),
+        velocities=wanted.speeds.tolist(),
+        time_from_start=when,
+    )
+    feedback.actual = JointTrajectoryPoint(
+        positions=measured.positions.tolist(), time_from_start=when
+    )
+    error = wanted.positions - measured.positions
+    feedback.error = JointTrajectoryPoint(positions=error.tolist(), time_from_start=when)
+
+
+def to_duration(seconds: float) -> Duration:
+    """
+    Return a duration as a message.
+
+    :param seconds: not negative [s].
+    """
+    whole, rest = divmod(round(1e9 * seconds), 1_000_000_000)
+    return Duration(sec=whole, nanosec=rest)
+
+
+def read_duration(duration: Duration) -> float:
+    """
+    Return a duration [s].
+
+    :param duration: message.
+    """
+    return duration.sec + 1e-9 * duration.nanosec

@@ -30,6 +30,7 @@ class SingleGoal:
     The coroutine of the action only waits for the result: it is resumed when the executor spins
     anyhow, and so takes no time.
 
+    :ivar kind: type of the action.
     :param node: offers the action, until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
@@ -49,6 +50,7 @@ class SingleGoal:
         preempted: Callable[[], None],
         cancelled: Callable[[], None],
     ) -> None:
+        self.kind = kind
         self._ready, self._begin = ready, begin
         self._preempted, self._cancelled = preempted, cancelled
         self._handle: ServerGoalHandle | None = None

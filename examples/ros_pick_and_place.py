@@ -1,0 +1,29 @@
+"""Pick up the object, move it up by 10 cm and put it down there: three goals.
+
+First: the nodes of docs/nodes/pick_and_place.md.
+"""
+
+from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
+from nav_msgs.msg import Path
+import rclpy
+from rclpy.action import ActionClient
+
+rclpy.init()
+node = rclpy.create_node('ros_pick_and_place')
+there = PoseStamped()
+there.pose.position.x, there.pose.position.y, there.pose.orientation.w = 0.6, 0.4, 1.0  # [m]
+for kind, name, goal in (
+    (PickObject, 'pick_object', PickObject.Goal(squeeze=15.0)),  # [N]
+    (MoveObject, 'move_object', MoveObject.Goal(path=Path(poses=[there]))),
+    (PlaceObject, 'place_object', PlaceObject.Goal()),
+):
+    client = ActionClient(node, kind, name)
+    client.wait_for_server()
+    sent = client.send_goal_async(goal)
+    rclpy.spin_until_future_complete(node, sent)
+    ended = sent.result().get_result_async()
+    rclpy.spin_until_future_complete(node, ended)
+    print(f'{name}: {ended.result().result.message}')
+node.destroy_node()
+rclpy.shutdown()

@@ -1,0 +1,160 @@
+"""
+Motion in place: the squeeze of a held object changes while its pose stays.
+
+The object is held and the contacts roll, by the mechanics of the elastic plant; Newton steps of
+the rollers bring squeeze and place to what is wanted.
+"""
+
+from __future__ import annotations
+
+import math
+
+from isotruss_ros.core.control.squeeze_control import squeeze_by_opening
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grasp import Grasp
+from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
+from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
+from isotruss_ros.core.planning.grasp_plan import Violation
+import numpy as np
+
+#: Newton steps with which a waypoint is brought to its squeeze and place ...
+MAX_CORRECTIONS = 12
+#: ... until the squeeze is right to this share, and the place to this length [m].
+SQUEEZE_TOLERANCE, PLACE_TOLERANCE = 1e-3, 2e-5
+#: A command that limits scale down by more than this is not followed.
+MIN_SCALE = 0.999
+
+
+class MotionInPlace:
+    """
+    Changes the squeeze, and keeps account of what did not work.
+
+    :ivar evaluations: configurations that were computed so far.
+    :ivar closest_violation: the violation of the best state so far.
+    :param closing: the grip, where the object is to stay, and the bounds of the motion.
+    :param angle: at which the object is to stay [rad].
+    """
+
+    def __init__(self, closing: Closing, angle: float = 0.0) -> None:
+        self._closing, self._angle = closing, angle
+        self.evaluations = 0
+        self.closest_violation: Violation | None = None
+
+    def record(self, violation: Violation) -> None:
+        """
+        Keep a violation if it is the closest one.
+
+        :param violation: of a state that is no grasp.
+        """
+        closest = self.closest_violation
+        if closest is None or violation.distance < closest.distance:
+            self.closest_violation = violation
+
+    def squeeze(self, grasp: RollingGrasp, force: float) -> RollingGrasp | None:
+        """
+        Return the grasp with another squeeze, the object where it lay.
+
+        :param grasp: how the object is held.
+        :param force: mean normal force of the members, positive [N].
+        :return: None where there is none; then see `closest_violation`.
+        :raises SolverError: a quadratic program was not solved.
+        :raises StructureError: see `structure_of`.
+        """
+        center, scale, reachable = np.array(self._closing.cylinder.center), 1.0, True
+        for _ in range(MAX_CORRECTIONS):
+            away = center - grasp.pose[:2]
+            missing = force - grasp.squeeze
+            right = abs(missing) < SQUEEZE_TOLERANCE * force
+            if right and np.hypot(*away) < PLACE_TOLERANCE:
+                return grasp
+            rate = scale * missing / squeeze_by_opening(grasp)
+            turn = math.remainder(self._angle - grasp.pose.angle, 2.0 * math.pi)
+            command = self._command(grasp, np.append(away, turn), rate)
+            reachable = command.status is not Status.UNREACHABLE
+            if command.scale < MIN_SCALE:
+                self.record(Violation('squeeze', grasp.squeeze, force, 5.0))
+                return None
+            moved = self._move(grasp, command.roller_velocities)
+            if moved is None:
+                return None
+            gained = moved.squeeze - grasp.squeeze
+            if not right and gained * missing > 0.0:
+                scale = float(np.clip(scale * missing / gained, 0.5, 2.0))
+            grasp = moved
+        # A robot of few rollers cannot close and keep the object in place: it goes along a little.
+        diameter = grasp.config.robot.description.tube_diameter
+        bound = self._closing.settings.max_displacement * diameter
+        distance = float(np.hypot(*(center - grasp.pose[:2])))
+        if abs(force - grasp.squeeze) >= SQUEEZE_TOLERANCE * force:
+            self.record(Violation('squeeze', grasp.squeeze, force, 5.0))
+        elif reachable or distance > bound:
+            self.record(Violation('in_place', distance, bound, 20.0))
+        else:
+            return grasp
+        return None
+
+    def open_grip(self, grasp: RollingGrasp, angle: float) -> Configuration | None:
+        """
+        Return the configuration in which the grip is open by so much more, the object in place.
+
+        Members that merely moved away would roll the object along as long as they touch it.
+
+        :param grasp: how the object is held, by a small squeeze.
+        :param angle: by which the members open [rad].
+        :return: None where limits end the motion; then see `closest_violation`.
+        :raises SolverError: a quadratic program was not solved.
+        """
+        self.evaluations += 1
+        command = self._command(grasp, np.zeros(3), angle)
+        before = grasp.config
+        if command.scale < MIN_SCALE:
+            self.record(Violation('squeeze', grasp.squeeze, 0.0, 5.0))
+            return None
+        try:
+            return before.moved_to(before.roller_positions + command.roller_velocities)
+        except ConfigurationError:
+            self.record(Violation('rigidity', 0.0, self._closing.min_rigidity, 50.0))
+            return None
+
+    def _command(self, grasp: RollingGrasp, back: Array, rate: float) -> RollerCommand:
+        """Return the motion that closes the grip and brings the object back."""
+        module = grasp.config.robot.module_names[self._closing.module]
+        held, limits = Grasp(module, grasp.pose[:2], grasp.diameter), self._closing.limits
+        command = solve_twist(grasp.config, held, back, limits=limits, opening_rate=rate)
+        if command.status is not Status.UNREACHABLE:
+            return command
+        # A grip at a passive module cannot turn the object: its place is what counts.
+        back = np.append(back[:2], 0.0)
+        return solve_twist(grasp.config, held, back, limits=limits, opening_rate=rate)
+
+    def _move(self, grasp: RollingGrasp, travel: Array) -> RollingGrasp | None:
+        """Return the grasp after a motion of the rollers; None where a requirement is violated."""
+        self.evaluations += 1
+        closing, before = self._closing, grasp.config
+        try:
+            config = before.moved_to(before.roller_positions + travel)
+        except ConfigurationError:
+            self.record(Violation('rigidity', 0.0, closing.min_rigidity, 50.0))
+            return None
+        moved = grasp.moved_to(config)
+        if moved is None:
+            self.record(Violation('held', 0.0, 1.0, 10.0))
+            return None
+        state = evaluate_state(config, Cylinder(moved.pose[:2], grasp.diameter))
+        gaps = np.concatenate([state.gaps.members, state.gaps.modules, state.gaps.rods])
+        gaps[list(closing.members)] = np.inf
+        values = {
+            'rigidity': (state.rigidity, closing.min_rigidity),
+            'self_clearance': (state.clearance, 0.0),
+            'object_clearance': (float(gaps.min()), 0.0),
+        }
+        for name, (value, bound) in values.items():
+            if value < bound:
+                self.record(Violation(name, value, bound, 50.0))
+                return None
+        return moved

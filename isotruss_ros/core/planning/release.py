@@ -1,0 +1,129 @@
+"""
+The path that lets a held object go: unload it in place, open the grip, back off.
+
+While the members still press, the squeeze falls and the object stays where it is; where it is all
+but zero they move away from it, which then stands still.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grasp import module_index
+from isotruss_ros.core.manipulation.limits import MemberLengthLimit
+from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.closing_motion import press
+from isotruss_ros.core.planning.closing_qp import Closing
+from isotruss_ros.core.planning.grasp_plan import Violation
+from isotruss_ros.core.planning.motion_in_place import MotionInPlace
+from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
+from isotruss_ros.core.planning.settings import DEFAULT
+import numpy as np
+
+#: Shares of the squeeze at the waypoints of the unloading; at the last the members let go. What
+#: still presses there moves the object by its share of the deflection.
+UNLOADING = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
+#: By so much the grip then opens in place, before the members move away [rad].
+FIRST_OPENING = 5e-3
+#: Waypoints of the members' way from the object.
+OPENING_STEPS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Release:
+    """
+    A path that lets the object go, or why there is none.
+
+    :ivar path: (k, r) roller positions from the present ones, straight between [m]; none where
+        there is a violation.
+    :ivar apart: the row of `path` from which on nothing touches the object.
+    :ivar violation: what ends the motion; None if nothing does.
+    """
+
+    path: Array
+    apart: int
+    violation: Violation | None = None
+
+
+def plan_release(
+    config: Configuration,
+    cylinder: Cylinder,
+    module: str,
+    clearance: float,
+    angle: float = 0.0,
+    min_rigidity: float = MIN_RIGIDITY,
+) -> Release:
+    """
+    Plan the path that lets a held object go and backs off.
+
+    :param config: configuration of the robot.
+    :param cylinder: the object, where it was measured.
+    :param module: `t/j`, whose two members hold it.
+    :param clearance: gap of each of the two at the end, positive [m].
+    :param angle: measured orientation of the object [rad].
+    :param min_rigidity: smallest rigidity index along the path, 1 at home.
+    :raises GraspError: no such module, or a clearance that is not positive.
+    :raises SolverError: a quadratic program was not solved.
+    :raises StructureError: see `structure_of`.
+    """
+    if not 0.0 < clearance < np.inf:
+        raise GraspError(f'clearance {clearance} m: must be positive')
+    robot = config.robot
+    i, description = module_index(robot, module), robot.description
+    members = (i, int(robot.topology.previous[i]))
+    limit = MemberLengthLimit(description.min_length, description.max_length, DEFAULT.bound_share)
+    closing = Closing(
+        cylinder, i, members, DEFAULT.opening_range[1], (limit,), min_rigidity, None, DEFAULT
+    )
+    unloaded = _unload(config, closing, angle)
+    if isinstance(unloaded, Violation):
+        return _fail(config, unloaded)
+    path, closing = unloaded
+    apart = len(path) - 1 if len(path) > 1 else 1
+    for gap in np.linspace(0.0, clearance, OPENING_STEPS + 1)[1:]:
+        opened = press(path[-1], closing, np.full(2, -gap))
+        if opened.config is None:
+            return _fail(config, opened.violation)
+        path.append(opened.config)
+    return Release(np.array([where.roller_positions for where in path]), apart)
+
+
+def _unload(
+    config: Configuration, closing: Closing, angle: float
+) -> tuple[list[Configuration], Closing] | Violation:
+    """
+    Return the path on which the squeeze falls, only its beginning where nothing presses.
+
+    Also where the object is at its end: a grip of few rollers takes it along a little.
+    """
+    path = [config]
+    grasp = RollingGrasp.attach(config, closing.cylinder, angle)
+    if isinstance(grasp, Hold):
+        none = grasp is Hold.NO_CONTACT
+        return (path, closing) if none else Violation('held', 0.0, 1.0, 10.0)
+    if grasp.state.normal_forces.min() <= 0.0:
+        return path, closing
+    if set(map(int, grasp.members)) != set(closing.members):
+        return Violation('grip', 2.0, 2.0, 15.0)
+    motion = MotionInPlace(closing, angle)
+    full = grasp.squeeze
+    for share in UNLOADING:
+        moved = motion.squeeze(grasp, share * full)
+        if moved is None:
+            return motion.closest_violation or Violation('held', 0.0, 1.0, 10.0)
+        grasp = moved
+        path.append(grasp.config)
+    opened = motion.open_grip(grasp, FIRST_OPENING)
+    if opened is None:
+        return motion.closest_violation or Violation('held', 0.0, 1.0, 10.0)
+    path.append(opened)
+    return path, replace(closing, cylinder=Cylinder(grasp.pose[:2], grasp.diameter))
+
+
+def _fail(config: Configuration, violation: Violation | None) -> Release:
+    return Release(np.empty((0, len(config.roller_positions))), 0, violation)

@@ -1,0 +1,151 @@
+"""
+Clients of other nodes' actions and services, as generators: each `yield` is one tick of a node.
+
+A sequence of such steps reads like a script, never blocks, and can be cancelled at each `yield`:
+`CancelledError` is thrown in there, and the step ends what it began before it goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+import enum
+from typing import Any
+
+from isotruss_ros.core import IsotrussError
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import SetParameters
+from rclpy.action import ActionClient
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+#: Steps yield the progress of a stage, 0 to 1, and return a result.
+Steps = Generator[float, None, Any]
+
+
+class Outcome(enum.IntEnum):
+    """Why a sequence ended; the codes of PickObject, PlaceObject and MoveObject."""
+
+    SUCCEEDED = 0
+    CANCELLED = 1
+    BAD_GOAL = 2
+    NOT_READY = 3
+    NO_MOTION_FOUND = 4
+    STOPPED = 5
+    #: After a pick or a move; after a place: it is held still.
+    NOT_HELD = 6
+
+
+class CancelledError(IsotrussError):
+    """A client cancelled the sequence; thrown in where it waits."""
+
+
+class StepError(IsotrussError, RuntimeError):
+    """
+    A sequence cannot go on.
+
+    :ivar outcome: why.
+    :ivar details: fields of the result.
+    :param outcome: why.
+    :param message: the reason in words.
+    :param details: fields of the result.
+    """
+
+    def __init__(self, outcome: Outcome, message: str, **details: Any) -> None:
+        super().__init__(message)
+        self.outcome, self.details = outcome, details
+
+
+class ActionStep:
+    """
+    An action of another node.
+
+    :param node: has the client, until it is destroyed.
+    :param kind: type of the action.
+    :param name: relative name of the action.
+    """
+
+    def __init__(self, node: Node, kind: type, name: str) -> None:
+        self._client, self._name = ActionClient(node, kind, name), name
+
+    def run(self, goal: Any, progress: Callable[[Any], float]) -> Steps:
+        """
+        Send a goal, wait for its result, and return that; cancel it where the sequence ends.
+
+        :param goal: message of the action.
+        :param progress: returns the progress of a feedback, 0 to 1.
+        :raises StepError: no server, or it rejects the goal or ends.
+        :raises CancelledError: after the server has ended the goal.
+        """
+        self._require_server()
+        made = 0.0
+
+        def note(message: Any) -> None:
+            nonlocal made
+            made = progress(message.feedback)
+
+        sent = self._client.send_goal_async(goal, note)
+        cancelled: CancelledError | None = None
+        try:
+            try:
+                handle = yield from self._wait(sent, lambda: made)
+            except CancelledError as error:
+                cancelled = error
+                handle = yield from self._wait(sent, lambda: made)
+            if not handle.accepted:
+                raise StepError(Outcome.NOT_READY, f'the action {self._name} rejects goals now')
+            ended = handle.get_result_async()
+            if cancelled is not None:
+                handle.cancel_goal_async()
+            try:
+                yield from self._wait(ended, lambda: made)
+            except CancelledError as error:
+                cancelled = error
+                handle.cancel_goal_async()
+                yield from self._wait(ended, lambda: made)
+        except GeneratorExit:
+            sent.add_done_callback(_cancel_goal)  # at once where it is answered already
+            raise
+        if cancelled is not None:
+            raise cancelled
+        return ended.result().result
+
+    def _require_server(self) -> None:
+        if not self._client.server_is_ready():
+            raise StepError(Outcome.NOT_READY, f'no node offers the action {self._name}')
+
+    def _wait(self, future: Any, progress: Callable[[], float]) -> Steps:
+        while not future.done():
+            self._require_server()
+            yield progress()
+        return future.result()
+
+
+def _cancel_goal(sent: Any) -> None:
+    handle = sent.result()
+    if handle.accepted:
+        handle.cancel_goal_async()
+
+
+def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
+    """
+    Set parameters of another node, as steps.
+
+    :param client: of its service `set_parameters`.
+    :param values: by name.
+    :raises StepError: no such node, or it refuses a value.
+    """
+    if not client.service_is_ready():
+        raise StepError(Outcome.NOT_READY, f'no node offers the service {client.srv_name}')
+    messages: list[ParameterMessage] = [
+        Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+    ]
+    answer = client.call_async(SetParameters.Request(parameters=messages))
+    while not answer.done():
+        if not client.service_is_ready():
+            raise StepError(Outcome.STOPPED, f'the service {client.srv_name} is gone')
+        yield 0.0
+    for name, result in zip(values, answer.result().results, strict=True):
+        if not result.successful:
+            raise StepError(Outcome.NOT_READY, f'{client.srv_name}: {name}: {result.reason}')
+    return None

@@ -1,0 +1,309 @@
+"""Pick, place and move an object as sequences of steps, each with a stage and its progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.action import (
+    FollowObjectPath,
+    FollowRollerTrajectory,
+    MoveObject,
+    PickObject,
+    PlaceObject,
+    PlanGrasp,
+)
+from isotruss_msgs.msg import GraspState
+from isotruss_ros.core import Cylinder, plan_release, Pose, Release, Robot, StampedInput
+from isotruss_ros.core.control.inputs import Input, require_fresh
+from isotruss_ros.core.planning.export import export_violation
+from isotruss_ros.core.planning.grasp_plan import path_times, violation_in_words
+from isotruss_ros.nodes.components.action_steps import (
+    ActionStep,
+    CancelledError,
+    Outcome,
+    set_parameters,
+    StepError,
+    Steps,
+)
+from isotruss_ros.nodes.components.tracked_shape import TrackedShape
+from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.conversions.trajectory_messages import (
+    read_duration,
+    to_trajectory_message,
+)
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.managed import ManagedNode
+import numpy as np
+from rcl_interfaces.srv import SetParameters
+
+#: The analysis has to confirm a grasp, or its end, within this time [s].
+CONFIRMATION_TIME = 5.0
+PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedback
+
+
+class GraspSequences:
+    """
+    Sequences over the actions of planner, manipulation and path follower.
+
+    :ivar stage: constant of the feedback, where the present sequence is.
+    :ivar timeout: largest age of an input [s].
+    :ivar rollers: StampedInput of the RollerState.
+    :ivar pose: StampedInput of the object's Pose.
+    :ivar grasp: StampedInput of the GraspState.
+    :param node: has the clients, until it is destroyed.
+    :param robot: the robot.
+    """
+
+    def __init__(self, node: ManagedNode, robot: Robot) -> None:
+        self._node, self._robot = node, robot
+        self.stage = 0
+        self.timeout = node.values[params.COMMAND_TIMEOUT]
+        self.rollers: Input = None
+        self.pose: Input = None
+        self.grasp: Input = None
+        self._shape = TrackedShape(robot)
+        self._planner = ActionStep(node, PlanGrasp, 'plan_grasp')
+        self._trajectories = ActionStep(node, FollowRollerTrajectory, 'follow_roller_trajectory')
+        self._object = ActionStep(node, FollowObjectPath, 'follow_object_path')
+        self._parameters = node.create_client(SetParameters, 'manipulation/set_parameters')
+        self._thread = ThreadPoolExecutor(max_workers=1)
+
+    def track(self) -> None:
+        """Follow the shape of the robot, which depends on the path of the rollers."""
+        self._shape.track(self.rollers)
+
+    def close(self) -> None:
+        """End the thread."""
+        self._thread.shutdown(wait=False, cancel_futures=True)
+
+    def measured_pose(self) -> PoseStamped | None:
+        """Return where the object was measured last; None before."""
+        if not isinstance(self.pose, StampedInput):
+            return None
+        message = PoseStamped(pose=to_pose_message(self.pose.value))
+        message.header.frame_id = self._robot.frame
+        return message
+
+    def pick(self, goal: PickObject.Goal) -> Steps:
+        """
+        Plan a grasp, approach it, close in place, and confirm that the object is held.
+
+        :param goal: of the action.
+        :return: the result of the action.
+        :raises IsotrussError: why the object is not held.
+        """
+        self.stage = PICK.PLANNING
+        values = self._node.values
+        self._require_inputs()
+        wanted = PlanGrasp.Goal(
+            object_pose=self.measured_pose(),
+            object_diameter=values[params.OBJECT_DIAMETER],
+            friction=values[params.FRICTION],
+            module=goal.module,
+            squeeze=goal.squeeze,
+            min_slip_margin=goal.min_slip_margin,
+            time_limit=goal.time_limit,
+            count=1,
+        )
+        plan = yield from self._planner.run(wanted, lambda feedback: feedback.progress)
+        if plan.code != PlanGrasp.Result.FOUND:
+            raise _plan_error(plan)
+        (grasp,) = plan.grasps
+        settings = {'mode': 'object', 'grip_module': grasp.module, 'squeeze_force': grasp.squeeze}
+        yield from set_parameters(self._parameters, settings)
+        touch = read_duration(grasp.touch)
+        yield from self._drive(grasp.path, touch, PICK.APPROACHING, PICK.CLOSING)
+        self.stage = PICK.CONFIRMING
+        state = yield from self._confirm(True)
+        squeeze = float(np.mean(state.squeeze))
+        return PickObject.Result(
+            message=f'held at {grasp.module} by {squeeze:.3g} N',
+            module=grasp.module,
+            squeeze=squeeze,
+            slip_margin=state.slip_margin,
+        )
+
+    def place(self, goal: PlaceObject.Goal) -> Steps:
+        """
+        Unload the object in place, open the grip, back off, and confirm that it is free.
+
+        :param goal: of the action.
+        :return: the result of the action.
+        :raises IsotrussError: why the object is not free.
+        """
+        self.stage = PLACE.PLANNING
+        self._require_inputs()
+        state, pose = self._require_held(), self.pose.value
+        config = self._shape.configuration(self._node.now(), self.timeout, self.rollers)
+        planned: Future[Release] = self._thread.submit(
+            plan_release,
+            config,
+            Cylinder(pose[:2], self._node.values[params.OBJECT_DIAMETER]),
+            grip_of(self._robot, state.grasping_members),
+            goal.clearance,
+            pose.angle,
+        )
+        while not planned.done():
+            yield 0.0
+        release = planned.result()
+        if release.violation is not None:
+            raise StepError(
+                Outcome.NO_MOTION_FOUND,
+                f'the grip cannot open: {violation_in_words(release.violation)}',
+                **export_violation(release.violation),
+            )
+        near = np.arange(len(release.path) - 1) <= release.apart
+        times = path_times(release.path, self._robot.description.max_speed, near)
+        trajectory = to_trajectory_message(self._robot, release.path.tolist(), times.tolist())
+        apart = float(times[release.apart])
+        yield from self._drive(trajectory, apart, PLACE.OPENING, PLACE.BACKING_OFF)
+        self.stage = PLACE.CONFIRMING
+        yield from self._confirm(False)
+        now: Pose = self.pose.value
+        moved = float(np.hypot(now.x - pose.x, now.y - pose.y))
+        return PlaceObject.Result(
+            message=f'free, {1e3 * moved:.3g} mm from where it was held', displacement=moved
+        )
+
+    def move(self, goal: MoveObject.Goal) -> Steps:
+        """
+        Move the held object along a path.
+
+        :param goal: of the action.
+        :return: the result of the action.
+        :raises IsotrussError: why the object is not at the end of the path.
+        """
+        self.stage = MOVE.MOVING
+        self._require_inputs()
+        self._require_held()
+        wanted = FollowObjectPath.Goal(path=goal.path, speed=goal.speed, turn_rate=goal.turn_rate)
+        steps = self._object.run(wanted, lambda feedback: feedback.progress)
+        followed = yield from _run_while(steps, self._find_loss)
+        codes = FollowObjectPath.Result
+        if followed.code != codes.REACHED:
+            bad = followed.code == codes.BAD_GOAL
+            raise StepError(
+                Outcome.BAD_GOAL if bad else Outcome.STOPPED,
+                followed.message,
+                position_error=followed.position_error,
+                angle_error=followed.angle_error,
+            )
+        return MoveObject.Result(
+            message=followed.message,
+            position_error=followed.position_error,
+            angle_error=followed.angle_error,
+        )
+
+    def _drive(self, trajectory: Any, change: float, before: int, after: int) -> Steps:
+        """Drive the rollers; the stage changes at a time of the trajectory [s]."""
+        end = read_duration(trajectory.points[-1].time_from_start)
+
+        def progress(feedback: Any) -> float:
+            time = read_duration(feedback.desired.time_from_start)
+            self.stage = before if time < change else after
+            begin, over = (0.0, change) if time < change else (change, end)
+            return min(1.0, (time - begin) / max(over - begin, 1e-9))
+
+        self.stage = before
+        goal = FollowRollerTrajectory.Goal(trajectory=trajectory)
+        result = yield from self._trajectories.run(goal, progress)
+        if result.error_code != result.SUCCESSFUL:
+            raise StepError(Outcome.STOPPED, result.error_string)
+
+    def _confirm(self, held: bool) -> Steps:
+        """Wait for an analysis of the robot at rest that finds the object held, or free."""
+        arrived = self._node.now()
+        while True:
+            now = self._node.now()
+            if isinstance(self.grasp, StampedInput) and self.grasp.time > arrived:
+                state = self.grasp.value
+                if state.code in (GraspState.OK, GraspState.WRINKLED) and state.held == held:
+                    return state
+            if now - arrived > CONFIRMATION_TIME:
+                raise StepError(Outcome.NOT_HELD, self._describe_grasp())
+            yield min(1.0, (now - arrived) / CONFIRMATION_TIME)
+
+    def _require_inputs(self) -> None:
+        require_fresh(
+            self._node.now(), self.timeout, joint_states=self.rollers, object_pose=self.pose
+        )
+
+    def _require_held(self) -> GraspState:
+        (given,) = require_fresh(self._node.now(), self.timeout, grasp_state=self.grasp)
+        if not given.value.held:
+            raise StepError(Outcome.NOT_READY, self._describe_grasp())
+        return given.value
+
+    def _find_loss(self) -> str:
+        """Return why the object is not held any more; empty while it is."""
+        lost = isinstance(self.grasp, StampedInput) and not self.grasp.value.held
+        return self._describe_grasp() if lost else ''
+
+    def _describe_grasp(self) -> str:
+        if not isinstance(self.grasp, StampedInput):
+            return 'no analysis of the grasp was received'
+        state = self.grasp.value
+        if state.held:
+            return f'the object is held, with a slip margin of {state.slip_margin:.3g} N'
+        return f'the object is not held: {state.message or state.hold_message}'
+
+
+def grip_of(robot: Robot, members: list[str]) -> str:
+    """
+    Return the module whose two members hold the object.
+
+    :param robot: the robot.
+    :param members: names of the grasping members.
+    :raises StepError: they are not the two of a module.
+    """
+    following = robot.topology.following
+    names = robot.member_names
+    for i, name in enumerate(names):
+        if {name, names[int(following[i])]} == set(members):
+            return robot.module_names[int(following[i])]
+    held = ', '.join(members) or 'none'
+    raise StepError(
+        Outcome.NOT_READY, f'grasping members {held}: must be the two of a module to open'
+    )
+
+
+def _plan_error(plan: PlanGrasp.Result) -> StepError:
+    codes = {
+        plan.BAD_GOAL: Outcome.BAD_GOAL,
+        plan.NO_JOINT_STATES: Outcome.NOT_READY,
+        plan.FAILED: Outcome.STOPPED,
+    }
+    return StepError(
+        codes.get(plan.code, Outcome.NO_MOTION_FOUND),
+        plan.message,
+        violated_requirement=plan.violated_requirement,
+        violation_value=plan.violation_value,
+        violation_bound=plan.violation_bound,
+    )
+
+
+def _run_while(steps: Steps, find_fault: Callable[[], str]) -> Steps:
+    """Run steps; where a fault is found, cancel them and raise a StepError with it."""
+    fault = ''
+    try:
+        made = next(steps)
+        while True:
+            if not fault and (fault := find_fault()):
+                made = steps.throw(CancelledError())
+            try:
+                yield made
+            except CancelledError as cancelled:
+                made = steps.throw(cancelled)
+            else:
+                made = next(steps)
+    except StopIteration as ended:
+        return ended.value
+    except CancelledError as cancelled:
+        if fault:
+            raise StepError(Outcome.NOT_HELD, fault) from cancelled
+        raise
+    finally:
+        steps.close()

@@ -1,0 +1,48 @@
+"""The configuration of the robot by its joint states; it depends on the path of the rollers."""
+
+from __future__ import annotations
+
+import contextlib
+
+from isotruss_ros.core import Configuration, ConfigurationError, Robot, StampedInput
+from isotruss_ros.core.control.inputs import Input, require_fresh
+from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
+
+
+class TrackedShape:
+    """
+    Follows the shape of the robot.
+
+    :param robot: at home when the first joint states come.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._shapes = ConfigurationTracker(robot.home)
+        self._tracked: Input = None
+
+    def track(self, rollers: Input) -> None:
+        """
+        Take note of the latest joint states.
+
+        :param rollers: StampedInput of a RollerState; nothing else counts.
+        """
+        if rollers is self._tracked:
+            return
+        self._tracked = rollers
+        if isinstance(rollers, StampedInput):
+            # The next request reports a configuration that does not exist.
+            with contextlib.suppress(ConfigurationError):
+                self._shapes.configuration(rollers.value.positions)
+
+    def configuration(self, now: float, timeout: float, rollers: Input) -> Configuration:
+        """
+        Return the configuration of the latest joint states.
+
+        :param now: time on the clock of the inputs [s].
+        :param timeout: largest age [s].
+        :param rollers: the latest joint states.
+        :raises InputError: they are missing, stale or invalid.
+        :raises ConfigurationError: no configuration fits them.
+        """
+        (given,) = require_fresh(now, timeout, joint_states=rollers)
+        return self._shapes.configuration(given.value.positions)

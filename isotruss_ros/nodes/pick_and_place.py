@@ -1,0 +1,192 @@
+"""Node `pick_and_place`: actions that pick, place and move an object by those of other nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import time
+from typing import Any
+
+from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
+from isotruss_msgs.msg import GraspState
+from isotruss_ros.core import GraspError, IsotrussError, load_robot
+from isotruss_ros.core.control.inputs import InputError
+from isotruss_ros.nodes.components.action_steps import CancelledError, Outcome, StepError, Steps
+from isotruss_ros.nodes.components.grasp_sequences import GraspSequences
+from isotruss_ros.nodes.components.sensors import (
+    format_age,
+    subscribe_input,
+    subscribe_joint_states,
+    subscribe_object_pose,
+)
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.diagnostics import Level
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.runner import run
+from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.parameter import Parameter
+
+SPECS = (params.ROBOT, params.OBJECT_DIAMETER, params.FRICTION, params.COMMAND_TIMEOUT)
+#: Periods at which a sequence is taken on, and at which feedback is published [s].
+PERIOD, FEEDBACK_PERIOD = 0.02, 0.1
+ENDINGS = {Outcome.SUCCEEDED: Ending.SUCCEEDED, Outcome.CANCELLED: Ending.CANCELED}
+
+
+class PickAndPlace(ManagedNode):
+    """
+    Execute one goal at a time, and reject others meanwhile.
+
+    :param parameter_overrides: values of parameters other than the defaults.
+    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
+    """
+
+    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
+        self._sequences: GraspSequences | None = None
+        super().__init__('pick_and_place', SPECS, parameter_overrides)
+        self._actions: list[SingleGoal] = []
+        self._course: Steps | None = None
+        self._cancelling = False
+        self._feedback_time = 0.0
+        self.start()
+
+    def configure(self) -> None:
+        """Load the robot, create clients and subscriptions, and offer the actions."""
+        robot = load_robot(self.values[params.ROBOT])
+        sequences = self._sequences = GraspSequences(self, robot)
+        self.values.on_change(lambda _new: None, self._apply)
+        subscribe_joint_states(self, robot, sequences)
+        subscribe_object_pose(self, robot, sequences)
+        subscribe_input(self, GraspState, 'grasp/state', lambda state: state, sequences, 'grasp')
+        # There while the node is inactive too, so that a goal that ends then gets its result.
+        self._actions = [
+            self._offer(PickObject, 'pick_object', sequences.pick),
+            self._offer(PlaceObject, 'place_object', sequences.place),
+            self._offer(MoveObject, 'move_object', sequences.move),
+        ]
+        self.diagnostics.hardware_id = robot.name
+
+    def activate(self) -> None:
+        """Accept goals from now on."""
+        self.diagnostics.set_status(Level.OK, 'no goal')
+        # Steady clock: what ends a sequence is looked at where simulated time stands still too.
+        self.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def deactivate(self) -> None:
+        """End the goal; the actions under it are cancelled."""
+        if self._course is not None:
+            self._course.close()
+            self._end(StepError(Outcome.STOPPED, 'the node was deactivated'))
+
+    def cleanup(self) -> None:
+        """Release the clients."""
+        self._sequences.close()
+        self._sequences, self._actions = None, []
+
+    def details(self) -> dict[str, object]:
+        """Return what is executed, and the ages of the inputs."""
+        sequences = self._sequences
+        if sequences is None:
+            return {}
+        now = self.now()
+        inputs = {
+            'joint states': sequences.rollers,
+            'object pose': sequences.pose,
+            'grasp state': sequences.grasp,
+        }
+        ages = {f'age of {name} [s]': format_age(given, now) for name, given in inputs.items()}
+        goal = self._goal
+        return {'executing': 'nothing' if goal is None else goal.kind.__name__} | ages
+
+    @property
+    def _goal(self) -> SingleGoal | None:
+        return next((action for action in self._actions if action.active), None)
+
+    def _apply(self) -> None:
+        self._sequences.timeout = self.values[params.COMMAND_TIMEOUT]
+
+    def _offer(self, kind: type, name: str, sequence: Callable[[Any], Steps]) -> SingleGoal:
+        def begin(goal: Any) -> None:
+            self._course, self._cancelling = sequence(goal), False
+            self.diagnostics.set_status(Level.OK, name)
+
+        return SingleGoal(
+            self,
+            kind,
+            name,
+            ready=lambda: self.active and self._goal is None,
+            begin=begin,
+            preempted=lambda: self._end(StepError(Outcome.STOPPED, 'a newer goal took over')),
+            cancelled=self._request_cancel,
+        )
+
+    def _request_cancel(self) -> None:
+        self._cancelling = True
+
+    def _tick(self) -> None:
+        """Take the sequence on; end the goal where it has ended."""
+        self._sequences.track()
+        course = self._course
+        if course is None:
+            return
+        try:
+            if self._cancelling:
+                self._cancelling = False
+                progress = course.throw(CancelledError('cancelled by the client'))
+            else:
+                progress = next(course)
+        except StopIteration as ended:
+            self._end(ended.value)
+            return
+        except IsotrussError as error:
+            self._end(error)
+            return
+        if time.monotonic() - self._feedback_time >= FEEDBACK_PERIOD:
+            self._feedback_time = time.monotonic()
+            goal = self._goal
+            goal.publish_feedback(
+                goal.kind.Feedback(stage=self._sequences.stage, progress=progress)
+            )
+
+    def _end(self, ended: Any) -> None:
+        """Publish the result of the goal: of the sequence, or what an error says."""
+        goal, self._course = self._goal, None
+        outcome = Outcome.SUCCEEDED
+        if isinstance(ended, IsotrussError):
+            outcome = find_outcome(ended)
+            details = getattr(ended, 'details', {})
+            ended = goal.kind.Result(code=outcome, message=str(ended), **details)
+        if hasattr(ended, 'object_pose') and (pose := self._sequences.measured_pose()):
+            ended.object_pose = pose
+        text = f'{goal.kind.__name__}: {outcome.name.lower().replace("_", " ")}: {ended.message}'
+        goal.end(ENDINGS.get(outcome, Ending.ABORTED), ended)
+        good = outcome in ENDINGS
+        self.diagnostics.set_status(Level.OK if good else Level.WARN, f'no goal; last {text}')
+        if good:
+            self.get_logger().info(text)
+        else:
+            self.get_logger().warning(text)
+
+
+def find_outcome(error: IsotrussError) -> Outcome:
+    """
+    Return the code of the result that an error stands for.
+
+    :param error: that ended a sequence.
+    """
+    if isinstance(error, StepError):
+        return error.outcome
+    if isinstance(error, CancelledError):
+        return Outcome.CANCELLED
+    if isinstance(error, InputError):
+        return Outcome.NOT_READY
+    return Outcome.BAD_GOAL if isinstance(error, GraspError) else Outcome.NO_MOTION_FOUND
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """
+    Run the node until it is interrupted.
+
+    :param args: of the command line; those of the process if None.
+    """
+    return run(PickAndPlace, args)

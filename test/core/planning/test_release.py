@@ -1,0 +1,108 @@
+"""Letting go: on the elastic plant the planned path leaves the object where it is held."""
+
+import functools
+import itertools
+
+from isotruss_ros.core import (
+    Cylinder,
+    ElasticObject,
+    GraspError,
+    GraspRequirements,
+    load_robot,
+    plan_grasps,
+    RollerFaults,
+    SimulatedRobot,
+)
+from isotruss_ros.core.planning.release import plan_release
+from isotruss_ros.core.safety.distances import object_gaps
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+MODULE, CLEARANCE, CENTER = 'north/Z', 0.05, (0.6, 0.3)
+
+
+class Plant:
+    """
+    An elastic plant that has picked up an object.
+
+    :param angle: at which the object lies.
+    """
+
+    def __init__(self, diameter, module=MODULE, angle=0.0):
+        self.grasp = grasped(diameter, module)
+        self.object = ElasticObject(Cylinder(CENTER, diameter), 0.5, angle)
+        self.robot = SimulatedRobot(HOME, self.object, RollerFaults())
+        self.drive(self.grasp.path)
+
+    def drive(self, path, parts=30):
+        """Follow a path; return the configuration at its end."""
+        for begin, end in itertools.pairwise(path):
+            self.robot.command((end - begin) / parts)
+            for _ in range(parts):
+                self.robot.advance(1.0)
+        return self.robot.config
+
+
+@functools.lru_cache(maxsize=8)
+def grasped(diameter, module=MODULE):
+    """Return a planned grasp."""
+    needs = GraspRequirements(module=module, squeeze=15.0, count=1)
+    return plan_grasps(HOME, Cylinder(CENTER, diameter), needs, thorough=False)[0]
+
+
+@pytest.mark.parametrize(
+    ('diameter', 'module', 'angle'),
+    [(0.2, MODULE, 0.0), (0.3, MODULE, 2.5), (0.2, 'north/P', -3.1), (0.3, 'north/R', 0.7)],
+)
+def test_the_object_stays_where_it_is_let_go(diameter, module, angle):
+    plant = Plant(diameter, module, angle)
+    held = plant.robot.object_pose
+    release = plan_release(
+        plant.robot.config, Cylinder(held[:2], diameter), module, CLEARANCE, held.angle
+    )
+    assert release.violation is None
+    squeezes = [plant.object.grasp.squeeze]
+    for piece in itertools.pairwise(release.path[: release.apart]):
+        plant.drive(piece)
+        squeezes.append(plant.object.grasp.squeeze)
+        assert np.array(plant.robot.object_pose) == pytest.approx(np.array(held), abs=1e-4)
+    assert (np.diff(squeezes) < 0.0).all()
+    assert squeezes[-1] < 0.01 * squeezes[0]
+    last = release.apart - 1
+    config = plant.drive(release.path[last:])
+    assert plant.object.grasp is None
+    lies = plant.robot.object_pose
+    assert np.hypot(lies.x - held.x, lies.y - held.y) < 2e-4
+    assert abs(lies.angle - held.angle) < 1e-3
+    gaps = object_gaps(config, Cylinder(lies[:2], diameter))
+    names = config.robot.member_names
+    ours = [names.index(name) for name in plant.grasp.members]
+    assert gaps.members[ours] == pytest.approx(CLEARANCE, abs=1e-3)
+    assert min(gaps.members.min(), gaps.modules.min(), gaps.rods.min()) > 0.01
+
+
+def test_an_object_that_nothing_presses_on_is_left_at_once():
+    held = grasped(0.2)
+    cylinder = Cylinder(CENTER, 0.2)
+    first = plan_release(held.config, cylinder, MODULE, CLEARANCE)
+    config = held.config
+    for row in first.path[1:]:
+        config = config.moved_to(row)
+    again = plan_release(config, cylinder, MODULE, 1.5 * CLEARANCE)
+    assert again.violation is None
+    assert again.apart == 1
+
+
+def test_another_module_does_not_hold_it():
+    held = grasped(0.2)
+    release = plan_release(held.config, Cylinder(CENTER, 0.2), 'south/P', CLEARANCE)
+    assert release.violation.requirement == 'grip'
+    assert len(release.path) == 0
+
+
+@pytest.mark.parametrize('clearance', [0.0, -1.0, np.inf, np.nan])
+def test_a_clearance_is_positive(clearance):
+    held = grasped(0.2)
+    with pytest.raises(GraspError, match=f'clearance {clearance}'):
+        plan_release(held.config, Cylinder(CENTER, 0.2), MODULE, clearance)

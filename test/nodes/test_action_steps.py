@@ -1,0 +1,224 @@
+"""Steps over other nodes' actions: progress, failures, and cancels wherever they wait."""
+
+from types import SimpleNamespace
+
+from isotruss_ros.nodes.components import action_steps
+from isotruss_ros.nodes.components.action_steps import (
+    ActionStep,
+    CancelledError,
+    Outcome,
+    set_parameters,
+    StepError,
+)
+from isotruss_ros.nodes.components.grasp_sequences import _run_while, grip_of
+from probe import ROBOT
+import pytest
+from rclpy.task import Future
+
+
+class Server:
+    """Stands for an action client and the server behind it."""
+
+    def __init__(self):
+        self.ready = True
+        self.sent, self.result = Future(), Future()
+        self.cancels = 0
+
+    def server_is_ready(self):
+        """Return whether the server is there."""
+        return self.ready
+
+    def send_goal_async(self, _goal, feedback):
+        """Send a goal."""
+        self.feedback = feedback
+        return self.sent
+
+    def accept(self, accepted=True):
+        """Answer the goal."""
+        self.sent.set_result(
+            SimpleNamespace(
+                accepted=accepted,
+                get_result_async=lambda: self.result,
+                cancel_goal_async=self._cancel,
+            )
+        )
+
+    def _cancel(self):
+        self.cancels += 1
+
+
+@pytest.fixture
+def server(monkeypatch):
+    """Return the server of every action."""
+    made = Server()
+    monkeypatch.setattr(action_steps, 'ActionClient', lambda *_: made)
+    return made
+
+
+def run():
+    """Return the steps of a goal."""
+    return ActionStep(None, None, 'work').run('goal', lambda feedback: feedback)
+
+
+def test_steps_yield_the_progress_and_return_the_result(server):
+    steps = run()
+    assert next(steps) == 0.0
+    server.accept()
+    server.feedback(SimpleNamespace(feedback=0.25))
+    assert next(steps) == 0.25
+    server.result.set_result(SimpleNamespace(result='done'))
+    with pytest.raises(StopIteration) as ended:
+        next(steps)
+    assert ended.value.value == 'done'
+
+
+@pytest.mark.parametrize('when', ['before', 'asked', 'accepted'])
+def test_a_server_that_is_missing_ends_the_steps(server, when):
+    steps = run()
+    if when != 'before':
+        next(steps)
+    if when == 'accepted':
+        server.accept()
+        next(steps)
+    server.ready = False
+    with pytest.raises(StepError, match='no node offers the action work') as error:
+        next(steps)
+    assert error.value.outcome is Outcome.NOT_READY
+
+
+def test_a_goal_that_is_rejected_ends_the_steps(server):
+    steps = run()
+    next(steps)
+    server.accept(False)
+    with pytest.raises(StepError, match='work rejects goals'):
+        next(steps)
+
+
+def test_a_cancel_waits_until_the_server_has_ended_the_goal(server):
+    steps = run()
+    next(steps)
+    server.accept()
+    next(steps)
+    steps.throw(CancelledError())
+    assert server.cancels == 1
+    next(steps)
+    server.result.set_result(SimpleNamespace(result='cancelled'))
+    with pytest.raises(CancelledError):
+        next(steps)
+
+
+def test_a_goal_that_is_not_answered_yet_is_cancelled_when_it_is(server):
+    steps = run()
+    next(steps)
+    steps.throw(CancelledError())
+    next(steps)
+    assert server.cancels == 0
+    server.accept()
+    next(steps)
+    assert server.cancels == 1
+    server.result.set_result(SimpleNamespace(result='cancelled'))
+    with pytest.raises(CancelledError):
+        next(steps)
+
+
+@pytest.mark.parametrize('answered', [True, False])
+def test_steps_that_are_closed_cancel_their_goal(server, answered):
+    steps = run()
+    next(steps)
+    if answered:
+        server.accept()
+        next(steps)
+    steps.close()
+    assert server.cancels == answered
+    if not answered:
+        server.accept()
+    assert server.cancels == 1
+
+
+class Steps:
+    """Steps that end well after some, and take note of a cancel."""
+
+    def __init__(self, count):
+        self.cancelled = False
+        self.steps = self._run(count)
+
+    def _run(self, count):
+        try:
+            for number in range(count):
+                yield number / count
+        except CancelledError:
+            self.cancelled = True
+            yield 1.0
+            raise
+        return 'done'
+
+
+def test_a_fault_cancels_the_steps_and_is_the_error():
+    faults, inner = iter(['', '', 'lost', 'lost', 'lost']), Steps(10)
+    steps = _run_while(inner.steps, lambda: next(faults))
+    assert [next(steps), next(steps)] == [0.0, 0.1]
+    assert next(steps) == 1.0
+    assert inner.cancelled
+    with pytest.raises(StepError, match='lost') as error:
+        next(steps)
+    assert error.value.outcome is Outcome.NOT_HELD
+
+
+def test_without_a_fault_steps_end_as_they_do():
+    inner = Steps(3)
+    steps = _run_while(inner.steps, lambda: '')
+    assert [next(steps) for _ in range(3)] == [0.0, 1 / 3, 2 / 3]
+    with pytest.raises(StopIteration) as ended:
+        next(steps)
+    assert ended.value.value == 'done'
+
+
+def test_a_cancel_goes_through_to_the_steps():
+    inner = Steps(10)
+    steps = _run_while(inner.steps, lambda: '')
+    next(steps)
+    assert steps.throw(CancelledError()) == 1.0
+    with pytest.raises(CancelledError):
+        next(steps)
+    assert inner.cancelled
+
+
+class Service:
+    """Stands for a client of `set_parameters`."""
+
+    srv_name = '/manipulation/set_parameters'
+
+    def __init__(self):
+        self.ready, self.answer, self.request = True, Future(), None
+
+    def service_is_ready(self):
+        """Return whether the service is there."""
+        return self.ready
+
+    def call_async(self, request):
+        """Call the service."""
+        self.request = request
+        return self.answer
+
+
+def test_parameters_are_set_or_the_reason_is_told():
+    service = Service()
+    steps = set_parameters(service, {'grip_module': 'north/Z', 'squeeze_force': 15.0})
+    next(steps)
+    given = {part.name: part.value for part in service.request.parameters}
+    assert given['grip_module'].string_value == 'north/Z'
+    assert given['squeeze_force'].double_value == 15.0
+    results = [SimpleNamespace(successful=ok, reason='why') for ok in (True, False)]
+    service.answer.set_result(SimpleNamespace(results=results))
+    with pytest.raises(StepError, match='squeeze_force: why'):
+        next(steps)
+
+
+def test_the_grip_is_the_module_whose_members_hold():
+    for i, module in enumerate(ROBOT.module_names):
+        pair = [ROBOT.member_names[i], ROBOT.member_names[int(ROBOT.topology.previous[i])]]
+        assert grip_of(ROBOT, pair) == module
+        assert grip_of(ROBOT, pair[::-1]) == module
+    for members in ([], [ROBOT.member_names[0]], [ROBOT.member_names[0], ROBOT.member_names[4]]):
+        with pytest.raises(StepError, match='must be the two of a module'):
+            grip_of(ROBOT, members)

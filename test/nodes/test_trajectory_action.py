@@ -1,0 +1,147 @@
+"""Roller trajectories as goals of an action, in the shape of FollowJointTrajectory."""
+
+from action_msgs.msg import GoalStatus
+from isotruss_msgs.action import FollowRollerTrajectory
+from isotruss_ros.nodes.components import trajectory_following
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.simulator import Simulator
+from lifecycle_msgs.msg import Transition
+from manual_world import Manager, world
+import numpy as np
+from probe import overrides, ROBOT
+import pytest
+from std_msgs.msg import Bool
+from trajectories import AWAY, HOME, TOPIC, trajectory
+from trajectory_msgs.msg import JointTrajectory
+
+TIMEOUT = 5.0
+Result = FollowRollerTrajectory.Result
+
+
+@pytest.fixture
+def w():
+    """Return a simulator and the node, with measured rollers."""
+    makers = [
+        lambda kind=kind: kind(overrides(command_timeout=TIMEOUT))
+        for kind in (Simulator, Manipulation)
+    ]
+    with world(*makers) as made:
+        ready = 'age of joint states [s]'
+        made.until(lambda: made.nodes[2].details()[ready] != 'none received')
+        yield made
+
+
+def send(w, *rows, times=None):
+    """Send a goal, return it."""
+    return w.send_goal(FollowRollerTrajectory.Goal(trajectory=trajectory(*rows, times=times)))
+
+
+def ending(w, goal):
+    """Return how a goal ends."""
+    w.until(lambda: goal.ended)
+    return goal.result()
+
+
+def test_the_rollers_arrive_and_the_goal_succeeds(w):
+    goal = send(w, HOME, AWAY)
+    status, result = ending(w, goal)
+    assert (status, result.error_code) == (GoalStatus.STATUS_SUCCEEDED, Result.SUCCESSFUL)
+    assert np.array(w.probe.last('joints').position) == pytest.approx(AWAY, abs=1e-4)
+    desired = [feedback.desired for feedback in goal.feedback]
+    assert len(desired) > 3
+    for feedback in goal.feedback:
+        parts = (feedback.desired, feedback.actual, feedback.error)
+        wanted, there, error = (np.array(part.positions) for part in parts)
+        assert feedback.joint_names == list(ROBOT.roller_names)
+        assert error == pytest.approx(wanted - there, abs=1e-12)
+        assert np.abs(error).max() < 5e-3
+
+
+def test_a_cancelled_goal_leaves_the_rollers_at_rest(w):
+    goal = send(w, HOME, AWAY, times=[0.0, 3.0])
+    w.until(lambda: len(goal.feedback) > 3)
+    assert goal.cancel()
+    status, result = ending(w, goal)
+    assert status == GoalStatus.STATUS_CANCELED
+    assert 'cancelled by the client' in result.error_string
+    w.until(lambda: not w.command().any())
+    w.spin(0.3)
+    assert not w.command().any()
+
+
+def test_a_goal_that_begins_elsewhere_is_aborted_at_once(w):
+    status, result = ending(w, send(w, HOME + 0.1, AWAY + 0.1, times=[0.0, 10.0]))
+    assert (status, result.error_code) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
+    assert 'must begin within 0.01 m' in result.error_string
+
+
+@pytest.mark.parametrize('how', ['stop', 'goal', 'topic', 'deactivate', 'empty'])
+def test_what_ends_a_trajectory_aborts_its_goal(w, how):
+    topic = w.probe.create_publisher(JointTrajectory, TOPIC, 1)
+    stop = w.probe.create_publisher(Bool, 'emergency_stop', 1)
+    goal = send(w, HOME, AWAY, times=[0.0, 3.0])
+    w.until(lambda: len(goal.feedback) > 1)
+    here = np.array(w.probe.last('joints').position)
+    if how == 'stop':
+        stop.publish(Bool(data=True))
+    elif how == 'goal':
+        newer = send(w, here, HOME)
+    elif how == 'topic':
+        topic.publish(trajectory(here, HOME))
+    elif how == 'empty':
+        topic.publish(JointTrajectory())
+    else:
+        assert Manager(w, 'manipulation').ask(Transition.TRANSITION_DEACTIVATE)
+    status, result = ending(w, goal)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert result.error_code == Result.PATH_TOLERANCE_VIOLATED
+    words = {'stop': 'emergency', 'deactivate': 'deactivated', 'empty': 'empty'}
+    assert words.get(how, 'newer') in result.error_string
+    if how == 'goal':
+        assert ending(w, newer)[0] == GoalStatus.STATUS_SUCCEEDED
+    if how in ('goal', 'topic'):
+        w.until(lambda: np.abs(w.probe.last('joints').position).max() < 1e-4)
+    else:
+        w.until(lambda: not w.command().any())
+
+
+def test_a_goal_while_a_trajectory_of_the_topic_is_followed_takes_over(w):
+    topic = w.probe.create_publisher(JointTrajectory, TOPIC, 1)
+    topic.publish(trajectory(HOME, AWAY, times=[0.0, 3.0]))
+    w.until(lambda: np.abs(w.probe.last('joints').position).max() > 1e-3)
+    here = np.array(w.probe.last('joints').position)
+    assert ending(w, send(w, here, HOME))[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_goals_are_rejected_while_the_node_is_inactive(w):
+    assert Manager(w, 'manipulation').ask(Transition.TRANSITION_DEACTIVATE)
+    assert not send(w, HOME, AWAY).accepted
+
+
+def test_the_standard_action_is_offered_where_its_package_is_installed(monkeypatch):
+    stand_in = type('Module', (), {'FollowJointTrajectory': FollowRollerTrajectory})
+    found = trajectory_following.importlib.util.find_spec
+    monkeypatch.setattr(
+        trajectory_following.importlib.util,
+        'find_spec',
+        lambda name: name if name == 'control_msgs' else found(name),
+    )
+    imported = trajectory_following.importlib.import_module
+    monkeypatch.setattr(
+        trajectory_following.importlib,
+        'import_module',
+        lambda name: stand_in if name == 'control_msgs.action' else imported(name),
+    )
+    names = [name for _, name in trajectory_following._offered_actions()]
+    assert names == [
+        'follow_roller_trajectory',
+        'joint_trajectory_controller/follow_joint_trajectory',
+    ]
+
+
+def test_our_type_has_the_fields_of_the_standard_one():
+    assert 'trajectory' in FollowRollerTrajectory.Goal.get_fields_and_field_types()
+    assert dict(Result.get_fields_and_field_types()) == {
+        'error_code': 'int32',
+        'error_string': 'string',
+    }
