@@ -42,6 +42,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ('simulator', common | {'plant': options.plant, 'indentation': INDENTATION}),
         ('manipulation', common),
         ('grasp_analysis', {**common, 'rate': 20.0}),
+        ('path_follower', {'command_timeout': 1.0}),
+        ('grasp_planner', {'command_timeout': 1.0}),
+        ('pick_and_place', shown | {'command_timeout': 1.0}),
         ('viewer', shown | {'port': options.port}),
     ]
     print(f'plant {options.plant}; ROS_DOMAIN_ID={domain}, this machine only; Ctrl-C ends it')

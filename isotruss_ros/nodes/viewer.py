@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import ConfigurationError, load_robot
+from isotruss_ros.nodes.components.object_goals import ObjectGoals
 from isotruss_ros.nodes.conversions.messages import (
     name_object_frame,
     stamp_header,
@@ -20,7 +21,15 @@ from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
 from isotruss_ros.viewer.drag import drag_twist
-from isotruss_ros.viewer.names import LOCAL, MissingPackageError, OBJECT, RELEASE, STOP
+from isotruss_ros.viewer.names import (
+    LOCAL,
+    MissingPackageError,
+    OBJECT,
+    PICK,
+    PLACE,
+    RELEASE,
+    STOP,
+)
 from isotruss_ros.viewer.picture import Picture
 from rcl_interfaces.srv import SetParameters
 from rclpy.clock import Clock
@@ -55,8 +64,8 @@ SPECS = (
 )
 #: Parameters of other nodes by the name of a request.
 SETTINGS = {
-    'friction': ('friction', ('manipulation', 'grasp_analysis')),
-    'diameter': ('object_diameter', ('manipulation', 'grasp_analysis')),
+    'friction': ('friction', ('manipulation', 'grasp_analysis', 'pick_and_place')),
+    'diameter': ('object_diameter', ('manipulation', 'grasp_analysis', 'pick_and_place')),
     'squeeze': ('squeeze_force', ('manipulation',)),
 }
 ZERO = (0.0, 0.0, 0.0)
@@ -90,8 +99,10 @@ class Viewer(StoppableNode):
         self._release = self.create_client(Trigger, 'release_emergency_stop')
         self._set = {
             name: self.create_client(SetParameters, f'{name}/set_parameters')
-            for name in ('manipulation', 'grasp_analysis')
+            for name in ('manipulation', 'grasp_analysis', 'pick_and_place')
         }
+        self._goals = ObjectGoals(self, self._report_goal)
+        self._squeeze = 0.0
 
     def serve(self) -> None:
         """
@@ -198,12 +209,21 @@ class Viewer(StoppableNode):
             joint = '' if value == OBJECT else value
             mode = 'object' if value == OBJECT else 'joint'
             self._send_parameters('manipulation', {'joint': joint, 'mode': mode})
+        elif name == PICK:
+            self._goals.send(PICK, squeeze=self._squeeze)
+        elif name == PLACE:
+            self._goals.send(PLACE)
         else:
             parameter, nodes = SETTINGS[name]
+            if name == 'squeeze':
+                self._squeeze = value
             if name == 'diameter':
                 self.picture.diameter = value
             for node in nodes:
                 self._send_parameters(node, {parameter: value})
+
+    def _report_goal(self, words: str) -> None:
+        self.picture.goal_report = words
 
     def _ask_for_release(self) -> None:
         """Call the service until it succeeds: it does once the message before has arrived."""

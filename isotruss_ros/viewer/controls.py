@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import queue
 
-from isotruss_ros.viewer.names import OBJECT, RELEASE, STOP
+from isotruss_ros.viewer.names import OBJECT, PICK, PLACE, RELEASE, STOP
 from isotruss_ros.viewer.picture import Picture
 import viser
 
@@ -69,6 +69,8 @@ class Controls:
         joints = picture.robot.node_names[: len(picture.robot.topology.joint_names)]
         self._dragged = gui.add_dropdown('drag', (OBJECT, *joints))
         self._dragged.on_update(lambda _: self._choose())
+        for name in (PICK, PLACE):
+            self._add_goal(gui, name)
         release = gui.add_button('release the stop')
         release.on_click(lambda _: self._leave_if_on(RELEASE, 0.0))
         with gui.add_folder('settings', expand_by_default=False):
@@ -122,6 +124,14 @@ class Controls:
         """Switch the control off."""
         self._control.value = False
         self._switch()
+
+    def _add_goal(self, gui: viser.GuiApi, name: str) -> None:
+        gui.add_button(name).on_click(lambda _: self._begin_goal(name))
+
+    def _begin_goal(self, name: str) -> None:
+        """Leave the request; what was dragged to so far does not count any more."""
+        self._switch()
+        self._leave_if_on(name, 0.0)
 
     def _add(
         self,

@@ -6,6 +6,8 @@ from isotruss_ros.core import IsotrussError
 
 #: What the handle drags, if no joint; requests that are no settings.
 OBJECT, STOP, RELEASE = 'object', 'stop', 'release'
+#: Requests that are goals.
+PICK, PLACE = 'pick', 'place'
 #: This machine only.
 LOCAL = '127.0.0.1'
 

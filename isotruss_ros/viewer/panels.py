@@ -84,6 +84,8 @@ def describe(picture: Picture, now: float) -> str:
         status = picture.status
         parts.append(f'manipulation: {Status(status.code)}'.replace('_', ' '))
         parts += [status.message] if status.message else []
+    if picture.goal_report:
+        parts.append(picture.goal_report)
     if picture.is_fresh('object_pose', now):
         x, y, angle = picture.pose
         parts.append(f'object at ({x:.3f}, {y:.3f}) m, {np.degrees(angle):.1f}°')

@@ -54,6 +54,7 @@ class Picture:
     :ivar pose: (x, y, angle) of the object [m, rad]; None before the first message.
     :ivar goal: (x, y) to which the object is dragged [m]; None without one.
     :ivar diameter: of the object [m].
+    :ivar goal_report: what becomes of the last goal, in words; empty before the first.
     :ivar state: last grasp/state; None before the first.
     :ivar status: last manipulation/status; None before the first.
     :ivar lines: points (k, 3) [m] of the markers by namespace and id: of lines, of the triangles
@@ -65,6 +66,7 @@ class Picture:
     diameter: float
     pose: tuple[float, float, float] | None = None
     goal: tuple[float, float] | None = None
+    goal_report: str = ''
     state: Any = None
     status: Any = None
     lines: dict[tuple[str, int], Array] = field(default_factory=dict)

@@ -100,6 +100,8 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         ('simulator', common | {'plant': 'elastic', 'indentation': 0.01}),
         ('manipulation', common),
         ('grasp_analysis', {**common, 'rate': 10.0}),
+        ('grasp_planner', {'command_timeout': 2.0}),
+        ('pick_and_place', shown | {'command_timeout': 2.0}),
         ('viewer', shown | {'port': PORT}),
     ]
     errors = []
@@ -143,6 +145,13 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         )
         moved = observer.center() - before
         assert moved[0] > 0.0 > moved[1]
+
+        # The object is let go, and picked up again.
+        for name, words in (('place', 'free, '), ('pick', 'held at ')):
+            page.get_by_role('button', name=name, exact=True).click()
+            page.get_by_text(f'{name}: {words}').wait_for()
+            held = name == 'pick'
+            observer.until(lambda held=held: (count_green(pixels(page, 560)) > 1000) == held)
 
         page.get_by_role('button', name='stop', exact=True).click()
         observer.until(lambda: observer.code() == ManipulationStatus.HALT_EMERGENCY_STOP)
