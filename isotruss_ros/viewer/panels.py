@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from isotruss_ros.core import GraspCode, Status
-from isotruss_ros.viewer.picture import HISTORY, Picture
+from isotruss_ros.viewer.picture import HISTORY, NOTHING, Picture, trim_start
 import numpy as np
 import viser
 from viser import uplot
@@ -41,12 +41,12 @@ class Panels:
             return
         samples = [s for s in picture.samples if now - s.time <= HISTORY]
         time = np.array([s.time - now for s in samples])
-        self._squeeze.data = (time, np.array([s.squeeze for s in samples]))
-        self._error.data = (time, 1e3 * np.array([s.error for s in samples]))
+        self._squeeze.data = trim_start(time, np.array([s.squeeze for s in samples]))
+        self._error.data = trim_start(time, 1e3 * np.array([s.error for s in samples]))
 
     def _add_plot(self, server: viser.ViserServer, name: str) -> viser.GuiUplotHandle:
         return server.gui.add_uplot(
-            (np.array([-1.0, 0.0]), np.array([np.nan, np.nan])),
+            NOTHING,
             (uplot.Series(label='t'), uplot.Series(label=name, stroke='#1f4fd9', width=2)),
             title=name,
             scales={'x': uplot.Scale(time=False, auto=True), 'y': uplot.Scale(auto=True)},

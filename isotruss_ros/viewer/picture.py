@@ -28,6 +28,9 @@ DELETE = 2
 #: Namespaces of the markers of grasp_analysis that are drawn.
 DEFORMED, REGIONS, FORCES = 'deformed', 'contact_regions', 'contact_forces'
 
+#: A plot without a curve.
+NOTHING = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
+
 
 @dataclass
 class Sample:
@@ -185,3 +188,17 @@ class Picture:
         point = Sample(now, squeeze, error)
         self.samples.append(point)
         return point
+
+
+def trim_start(time: Array, values: Array) -> tuple[Array, Array]:
+    """
+    Return a curve from its first finite value on; uPlot draws none that begins with NaN.
+
+    :param time: (k,) [s].
+    :param values: (k,) of the curve, NaN where there is none.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    if not len(known):
+        return NOTHING
+    first = known[0]
+    return time[first:], values[first:]

@@ -9,7 +9,7 @@ from isotruss_ros.core import load_robot
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.viewer.drag import drag_twist, REACHED
 from isotruss_ros.viewer.meshes import color_of, CORNERS, tube_faces, tube_vertices
-from isotruss_ros.viewer.picture import Picture, TIMEOUT
+from isotruss_ros.viewer.picture import Picture, TIMEOUT, trim_start
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
@@ -106,3 +106,11 @@ def test_a_recording_is_read_without_ros(tmp_path):
     picture = Picture(ROBOT, 0.3)
     show_message(picture, topic, message, time)
     assert picture.config.nodes == pytest.approx(ROBOT.configuration(positions).nodes, abs=1e-9)
+
+
+def test_a_curve_begins_where_it_is_known():
+    time, values = np.arange(4.0), np.array([np.nan, 1.0, np.nan, 2.0])
+    shown = trim_start(time, values)
+    assert shown[0].tolist() == [1.0, 2.0, 3.0]
+    assert np.array_equal(shown[1], values[1:], equal_nan=True)
+    assert all(len(part) == 2 for part in trim_start(time, np.full(4, np.nan)))
