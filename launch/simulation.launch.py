@@ -32,7 +32,7 @@ def generate_launch_description() -> LaunchDescription:
             'path_follower': (params.USE_STAMPED_TWIST, params.RATE),
             'grasp_planner': (),
             'pick_and_place': (params.OBJECT_DIAMETER, params.FRICTION),
+            'viewer': (params.OBJECT_DIAMETER, params.FRICTION, viewer.PORT),
         },
         defaults=DEFAULTS,
-        optional={'viewer': (params.OBJECT_DIAMETER, params.FRICTION, viewer.PORT)},
     )

@@ -19,6 +19,8 @@ from manual_world import world
 from probe import overrides
 import pytest
 
+#: Whether they are started unless an argument says otherwise.
+OPTIONAL = {'path_follower': True, 'grasp_planner': True, 'pick_and_place': True, 'viewer': False}
 FOLDER = Path(__file__).parents[2] / 'launch'
 MODULES = (
     'launch',
@@ -74,7 +76,7 @@ def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, stand_in)
     arguments = {e.args[0]: e for e in entities if e.kind == 'DeclareLaunchArgument'}
     nodes = [e for e in entities if e.kind == 'Node']
     assert len(nodes) >= 4
-    used = {'namespace', 'viewer'}
+    used = {'namespace', *OPTIONAL}
     for node in nodes:
         assert node.namespace.args == ('namespace',)
         assert node.package == 'isotruss_ros'
@@ -98,18 +100,20 @@ def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, stand_in)
 
 
 @pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
-def test_the_viewer_is_started_on_request_with_parameters_that_it_declares(path, stand_in):
+def test_nodes_that_are_optional_have_an_argument_of_their_name(path, stand_in):
     (entities,) = runpy.run_path(str(path))['generate_launch_description']().args
-    (argument,) = (e for e in entities if e.kind == 'DeclareLaunchArgument' and 'viewer' in e.args)
-    assert argument.default_value == 'false'
-    conditions = {e.executable: e.condition for e in entities if e.kind == 'Node'}
-    condition = conditions.pop('viewer')
-    assert condition.kind == 'IfCondition'
-    assert condition.args[0].args == ('viewer',)
-    assert set(conditions.values()) == {None}
-    (node,) = (e for e in entities if e.kind == 'Node' and e.executable == 'viewer')
-    declared = {spec.name for spec in importlib.import_module('isotruss_ros.nodes.viewer').SPECS}
-    assert node.parameters[0].keys() <= declared | {'use_sim_time'}
+    switches = {e.args[0]: e for e in entities if e.kind == 'DeclareLaunchArgument'}
+    for node in (e for e in entities if e.kind == 'Node'):
+        if node.executable not in OPTIONAL:
+            assert node.condition is None
+            continue
+        assert node.condition.kind == 'IfCondition'
+        assert node.condition.args[0].args == (node.executable,)
+        started = switches[node.executable].default_value
+        assert started == ('true' if OPTIONAL[node.executable] else 'false')
+        module = importlib.import_module(f'isotruss_ros.nodes.{node.executable}')
+        declared = {spec.name for spec in module.SPECS} | {'use_sim_time', 'autostart'}
+        assert node.parameters[0].keys() <= declared
 
 
 @pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)

@@ -21,15 +21,18 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 USE_SIM_TIME = Spec('use_sim_time', False, 'Time comes from the topic /clock')
 NAMESPACE = 'namespace'
-#: Arguments of every launch file, for all its nodes.
-SHARED = (ROBOT, COMMAND_TIMEOUT, AUTOSTART, USE_SIM_TIME)
+#: Arguments of every launch file: for all its nodes, and for those that are managed.
+SHARED, MANAGED = (ROBOT, USE_SIM_TIME), (COMMAND_TIMEOUT, AUTOSTART)
+#: Nodes that are not managed.
+UNMANAGED = ('viewer',)
+#: Nodes that an argument of their name starts or leaves out, with its default.
+OPTIONAL = {'path_follower': True, 'grasp_planner': True, 'pick_and_place': True, 'viewer': False}
 
 
 def describe_launch(
     nodes: Mapping[str, Sequence[Spec]],
     required: Sequence[Spec] = (),
     defaults: Mapping[Spec, Value] = MappingProxyType({}),
-    optional: Mapping[str, Sequence[Spec]] = MappingProxyType({}),
 ) -> LaunchDescription:
     """
     Return nodes, and arguments that go to all nodes that have the parameter.
@@ -39,14 +42,12 @@ def describe_launch(
     :param nodes: by executable, the parameters that are arguments, besides the shared ones.
     :param required: arguments without default.
     :param defaults: of arguments whose default is not that of the nodes.
-    :param optional: like `nodes`, of nodes that are not managed and are started only if the
-        argument with their name is true; it is false by default.
     """
-    given = {executable: dict.fromkeys((*SHARED, *specs)) for executable, specs in nodes.items()}
-    given |= {
-        executable: dict.fromkeys((ROBOT, USE_SIM_TIME, *specs))
-        for executable, specs in optional.items()
+    given = {
+        executable: dict.fromkeys((*SHARED, *(() if executable in UNMANAGED else MANAGED), *specs))
+        for executable, specs in nodes.items()
     }
+    optional = {name: started for name, started in OPTIONAL.items() if name in nodes}
     arguments = {spec.name: spec for specs in given.values() for spec in specs}
     values = {spec.name: spec.default for spec in arguments.values()}
     values |= {spec.name: value for spec, value in defaults.items()}
@@ -76,9 +77,11 @@ def describe_launch(
             ),
             *(
                 DeclareLaunchArgument(
-                    executable, default_value='false', description=f'Start the node {executable}'
+                    executable,
+                    default_value=_to_text(started),
+                    description=f'Whether the node {executable} is started',
                 )
-                for executable in optional
+                for executable, started in optional.items()
             ),
             OpaqueFunction(function=warn_of_unknown_arguments),
             *(
