@@ -23,6 +23,7 @@ def begin(folder):
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
+        start_new_session=True,
     )
 
 
@@ -36,14 +37,16 @@ def nodes_of(folder):
     return found
 
 
-def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path):
+@pytest.mark.parametrize('times', [1, 2])
+def test_ctrl_c_ends_it_and_its_nodes_without_a_traceback(tmp_path, times):
     demo = begin(tmp_path)
     printed = demo.stdout.readline()
     assert 'nodes simulator' in printed
     # The nodes are on their way; their logs are there before they are.
     while not (tmp_path / 'grasp_planner.log').exists():
         time.sleep(0.01)
-    demo.send_signal(signal.SIGINT)
+    for _ in range(times):
+        os.killpg(demo.pid, signal.SIGINT)  # as a terminal does it
     printed, _ = demo.communicate(timeout=3.0 * DEADLINE)
     # Where a signal interrupts code that is being made, Python itself reports it as well.
     assert demo.returncode in (130, -signal.SIGINT), printed
