@@ -29,6 +29,7 @@ setup(
             f'share/{package_name}/config',
             [f for kind in ('yaml', 'json', 'rviz', 'xml') for f in glob(f'config/*.{kind}')],
         ),
+        (f'share/{package_name}/config/nodes', glob('config/nodes/*')),
         (f'share/{package_name}/config/ros2_control', glob('config/ros2_control/*')),
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
     ],

@@ -1,5 +1,7 @@
 """Start the nodes that move and analyse a held object, for drivers that run under ros2_control."""
 
+from pathlib import Path
+
 from isotruss_ros.nodes import viewer
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.launching import describe_launch
@@ -9,6 +11,7 @@ from launch import LaunchDescription
 def generate_launch_description() -> LaunchDescription:
     """Return the nodes; what describes the real robot and object has no default."""
     return describe_launch(
+        Path(__file__).parent,
         {
             'manipulation': (
                 params.OBJECT_DIAMETER,

@@ -1,5 +1,7 @@
 """Start the simulator and the nodes that move and analyse a held object: no hardware needed."""
 
+from pathlib import Path
+
 from isotruss_ros.nodes import simulator, viewer
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.launching import describe_launch
@@ -18,6 +20,7 @@ DEFAULTS = {
 def generate_launch_description() -> LaunchDescription:
     """Return the nodes; all parameters of the simulator are arguments."""
     return describe_launch(
+        Path(__file__).parent,
         {
             'simulator': simulator.SPECS,
             'manipulation': (

@@ -18,6 +18,7 @@ from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 from probe import overrides
 import pytest
+from ruamel.yaml import YAML
 
 #: Whether they are started unless an argument says otherwise.
 OPTIONAL = {'path_follower': True, 'grasp_planner': True, 'pick_and_place': True, 'viewer': False}
@@ -76,12 +77,13 @@ def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, stand_in)
     arguments = {e.args[0]: e for e in entities if e.kind == 'DeclareLaunchArgument'}
     nodes = [e for e in entities if e.kind == 'Node']
     assert len(nodes) >= 4
-    used = {'namespace', *OPTIONAL}
+    used = {'namespace', 'parameters', *OPTIONAL}
     for node in nodes:
         assert node.namespace.args == ('namespace',)
         assert node.package == 'isotruss_ros'
         specs = specs_of(node.executable)
-        (parameters,) = node.parameters
+        file, parameters = node.parameters
+        assert file.args == ('parameters',)
         for name, value in parameters.items():
             used.add(name)
             assert value.args[0].args == (name,)
@@ -113,7 +115,7 @@ def test_nodes_that_are_optional_have_an_argument_of_their_name(path, stand_in):
         assert started == ('true' if OPTIONAL[node.executable] else 'false')
         module = importlib.import_module(f'isotruss_ros.nodes.{node.executable}')
         declared = {spec.name for spec in module.SPECS} | {'use_sim_time', 'autostart'}
-        assert node.parameters[0].keys() <= declared
+        assert node.parameters[1].keys() <= declared
 
 
 @pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
@@ -129,7 +131,7 @@ def test_every_parameter_of_the_simulator_is_an_argument(stand_in):
         'generate_launch_description'
     ]().args
     (node,) = (e for e in entities if e.kind == 'Node' and e.executable == 'simulator')
-    assert node.parameters[0].keys() == specs_of('simulator').keys() | {'use_sim_time'}
+    assert node.parameters[1].keys() == specs_of('simulator').keys() | {'use_sim_time'}
 
 
 @pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
@@ -167,3 +169,22 @@ def test_the_simulation_starts_with_an_object_that_is_held(robot, stand_in):
 def test_launch_takes_the_files(path):
     description = runpy.run_path(str(path))['generate_launch_description']()
     assert len(description.entities) > 8
+
+
+@pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
+def test_the_file_has_the_other_parameters_with_their_defaults(path, stand_in):
+    (entities,) = runpy.run_path(str(path))['generate_launch_description']().args
+    (argument,) = (
+        e for e in entities if e.kind == 'DeclareLaunchArgument' and 'parameters' in e.args
+    )
+    written = YAML(typ='safe').load(Path(argument.default_value))
+    for node in (e for e in entities if e.kind == 'Node'):
+        specs = specs_of(node.executable)
+        if node.executable == 'viewer':
+            del specs['autostart']
+        file = written.get(f'/**/{node.executable}', {}).get('ros__parameters', {})
+        for name, value in file.items():
+            assert value == specs[name].default, name
+            assert type(value) is type(specs[name].default), name
+        if path.name.startswith('simulation'):
+            assert file.keys() | node.parameters[1].keys() == specs.keys() | {'use_sim_time'}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 
 from isotruss_ros.nodes.framework.parameters import (
@@ -20,7 +21,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 USE_SIM_TIME = Spec('use_sim_time', False, 'Time comes from the topic /clock')
-NAMESPACE = 'namespace'
+NAMESPACE, PARAMETERS = 'namespace', 'parameters'
 #: Arguments of every launch file: for all its nodes, and for those that are managed.
 SHARED, MANAGED = (ROBOT, USE_SIM_TIME), (COMMAND_TIMEOUT, AUTOSTART)
 #: Nodes that are not managed.
@@ -30,6 +31,7 @@ OPTIONAL = {'path_follower': True, 'grasp_planner': True, 'pick_and_place': True
 
 
 def describe_launch(
+    folder: Path,
     nodes: Mapping[str, Sequence[Spec]],
     required: Sequence[Spec] = (),
     defaults: Mapping[Spec, Value] = MappingProxyType({}),
@@ -39,6 +41,7 @@ def describe_launch(
 
     All nodes are shut down when one of them ends: what is left would look like a robot that works.
 
+    :param folder: of the launch file; `config` stands beside it.
     :param nodes: by executable, the parameters that are arguments, besides the shared ones.
     :param required: arguments without default.
     :param defaults: of arguments whose default is not that of the nodes.
@@ -56,7 +59,7 @@ def describe_launch(
 
     def warn_of_unknown_arguments(context: LaunchContext) -> list[LogInfo]:
         named = [argument.partition(':=')[0] for argument in context.argv]
-        unknown = sorted(set(named) - arguments.keys() - optional.keys() - {NAMESPACE})
+        unknown = sorted(set(named) - arguments.keys() - optional.keys() - {NAMESPACE, PARAMETERS})
         return [
             LogInfo(msg=f'launch argument {name}: unknown, and not used; see --show-args')
             for name in unknown
@@ -75,6 +78,11 @@ def describe_launch(
                 default_value='',
                 description='Of all nodes and their topics, for several robots side by side',
             ),
+            DeclareLaunchArgument(
+                PARAMETERS,
+                default_value=str(folder.parent / 'config' / 'nodes' / 'parameters.yaml'),
+                description='File with the parameters that are no launch arguments',
+            ),
             *(
                 DeclareLaunchArgument(
                     executable,
@@ -90,12 +98,13 @@ def describe_launch(
                     executable=executable,
                     namespace=LaunchConfiguration(NAMESPACE),
                     parameters=[
+                        LaunchConfiguration(PARAMETERS),
                         {
                             spec.name: ParameterValue(
                                 LaunchConfiguration(spec.name), value_type=type(spec.default)
                             )
                             for spec in specs
-                        }
+                        },
                     ],
                     condition=(
                         IfCondition(LaunchConfiguration(executable))
