@@ -1,8 +1,8 @@
 """
 What the live view costs: memory and share of a core of the node `viewer`, watched by a browser.
 
-Beside it run the elastic plant, manipulation at 100 Hz and the analysis; the object swings. Headless
-Chromium watches, since a view that nobody watches sends nothing.
+Beside it run the elastic plant, manipulation at 100 Hz and the analysis; the object swings.
+Headless Chromium watches, since a view that nobody watches sends nothing.
 """
 
 from __future__ import annotations
