@@ -82,24 +82,38 @@ class InteriorPoints:
         """
         place, same = self.place, self.member[:, None] == self.member
         near, far = np.minimum(place[:, None], place), np.maximum(place[:, None], place)
-        length = self.length[self.member]
-        axial, flexural, shear = (
-            values[self.member] for values in (self.axial, self.flexural, self.shear)
+        length, axial, flexural, shear = (
+            values[self.member] for values in (self.length, self.axial, self.flexural, self.shear)
         )
         stretch = near * (length - far) / (axial * length)
-        # A cantilever from the start, then its far end brought back.
+        # A cantilever from the start, then its ends brought back.
         bend = near**2 * (3.0 * far - near) / (6.0 * flexural) + near / shear
+        left, right = self.held_back
+        bend -= left.T @ right
+        return np.stack([stretch, bend]) * same
+
+    @cached_property
+    def held_back(self) -> tuple[Array, Array]:
+        """
+        Return what the far end, and pins, take off the bending of a cantilever from the start.
+
+        :return: (r, c) and (r, c): the displacement of a point by a force at another one of its
+            member is less by the sum of the products of both their columns [m/N].
+        """
+        place, length = self.place, self.length[self.member]
+        flexural, shear = self.flexural[self.member], self.shear[self.member]
         sink = place**2 * (3.0 * length - place) / (6.0 * flexural) + place / shear
         tilt = place**2 / (2.0 * flexural)
         tip = length**3 / (3.0 * flexural) + length / shear
         cross, turn = length**2 / (2.0 * flexural), length / flexural
         scale = 1.0 / (tip * turn - cross**2)
-        held = np.stack([turn * sink - cross * tilt, tip * tilt - cross * sink])
-        bend -= (scale * held).T @ np.stack([sink, tilt])
+        left = [scale * (turn * sink - cross * tilt), scale * (tip * tilt - cross * sink)]
+        right = [sink, tilt]
         for rotation, end in ((2, 0), (5, 1)):
             if not self.pinned[:, end].any():
                 continue
             freed, stiffness = self.pinned[self.member, end], self._stiffness[self.member]
             shape = np.where(freed, self._clamped_shapes[:, 1, rotation], 0.0)
-            bend += shape[:, None] * shape / stiffness[:, rotation, rotation]
-        return np.stack([stretch, bend]) * same
+            left.append(-shape / stiffness[:, rotation, rotation])
+            right.append(shape)
+        return np.stack(left), np.stack(right)

@@ -22,7 +22,7 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array, Flags, Indice
 from isotruss_ros.core.statics.frame import Frame, FrameState, Members
 from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows
 from isotruss_ros.core.statics.pressures import Pressure, tube_pressures
-from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
+from isotruss_ros.core.statics.tube_stiffness import tube_stiffness, TubeStiffness
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -46,12 +46,19 @@ class Structure:
         self.config = config
         self.tube = tube_stiffness(config.robot.description)
         self.pressures = tube_pressures(config.robot.description, pressure)
-        self._layout = _layout(config.robot)
+        self._layout = frame_layout(config.robot)
         self.node_names = self._layout.node_names
-        points = self._points()
-        members, held, rows = self._members(), self._layout.held, self._bisection(points)
-        pattern = self._layout.pattern
-        self.frame = Frame(points, members, held, self.node_names, rows, pattern)
+        points = frame_points(config.robot, config.points)
+        lengths, layout = config.member_lengths, self._layout
+        members = Members(
+            layout.start,
+            layout.end,
+            *section_values(config.robot, self.tube, self.pressures, lengths),
+            layout.pinned_start,
+            layout.pinned_end,
+        )
+        rows = layout.bisection._replace(value=bisection_gradients(config.robot, points))
+        self.frame = Frame(points, members, layout.held, self.node_names, rows, layout.pattern)
 
     def node(self, name: str) -> int:
         """
@@ -67,54 +74,71 @@ class Structure:
             )
         return self._layout.places[name]
 
-    def _points(self) -> Points:
-        topology, nodes = self.config.robot.topology, self.config.points
-        side = nodes[topology.c[topology.following]] - nodes[topology.b]
-        ahead = self.config.robot.description.module.guide_ring_distance * side / np.abs(side)
-        points, b = np.empty(len(self.node_names), dtype=np.complex128), self._layout.b
-        points[: len(topology.joint_names)] = nodes[: len(topology.joint_names)]
-        points[b], points[b + 1] = nodes[topology.b], nodes[topology.c]
-        points[b + 2] = points[b] + ahead
-        points[b + 3] = points[b + 1] - ahead[topology.previous]
-        return points
 
-    def _members(self) -> Members:
-        topology, file = self.config.robot.topology, self.config.robot.description
-        m, before = topology.n_modules, topology.previous
-        # Section stiffness belongs to whole members, pinch to pinch; their pieces inherit it.
-        pressure = np.array(self.pressures)[topology.tube]
-        tube = self.tube.section_stiffness(self.config.member_lengths, pressure)
-        # Rows: AB, AC, BC of all modules, then BD, CE and DE'.
-        rigidities = np.empty((3, 6, m))
-        module = (file.module.axial_rigidity, file.module.flexural_rigidity, np.inf)
-        for rigidity, rigid, of_tube in zip(rigidities, module, tube, strict=True):
-            rigidity[:3], rigidity[3:] = rigid, of_tube
-            rigidity[4] = of_tube[before]
-        axial, flexural, shear = rigidities.reshape(3, 6 * m)
-        layout = self._layout
-        return Members(
-            layout.start,
-            layout.end,
-            axial,
-            flexural,
-            shear,
-            layout.pinned_start,
-            layout.pinned_end,
-        )
+def frame_points(robot: Mechanism, nodes: Points) -> Points:
+    """
+    Return the nodes of a robot's frame.
 
-    def _bisection(self, points: Points) -> LinearRows:
-        """Return A(x) of (4): the rod turns half as much as both arms together."""
-        a, b = self.config.robot.topology.joint, self._layout.b
-        c, d, e = b + 1, b + 2, b + 3
-        turn = 1j / (0.5 * (points[b] + points[c]) - points[a]).conj()
-        arm_b, arm_c = 1j / (points[d] - points[b]).conj(), 1j / (points[e] - points[c]).conj()
-        gradients = np.concatenate([2.0 * turn, -arm_b - turn, -arm_c - turn, arm_b, arm_c])
-        return self._layout.bisection._replace(
-            value=np.concatenate([gradients.real, gradients.imag])
-        )
+    :param robot: the robot.
+    :param nodes: (N, ...) nodes as in `Configuration.points`, of one shape or of many [m].
+    :return: (n, ...) x + iy, numbered as in `Structure` [m].
+    """
+    topology, layout = robot.topology, frame_layout(robot)
+    side = nodes[topology.c[topology.following]] - nodes[topology.b]
+    ahead = robot.description.module.guide_ring_distance * side / np.abs(side)
+    points = np.empty((len(layout.node_names), *nodes.shape[1:]), dtype=np.complex128)
+    b, joints = layout.b, len(topology.joint_names)
+    points[:joints] = nodes[:joints]
+    points[b], points[b + 1] = nodes[topology.b], nodes[topology.c]
+    points[b + 2] = points[b] + ahead
+    points[b + 3] = points[b + 1] - ahead[topology.previous]
+    return points
 
 
-class _Layout(NamedTuple):
+def section_values(
+    robot: Mechanism, tube: TubeStiffness, pressures: tuple[float, ...], lengths: Array
+) -> Array:
+    """
+    Return EA [N], EI [N m^2] and GA [N] of the members of a robot's frame.
+
+    :param robot: the robot.
+    :param tube: how stiff the tube is.
+    :param pressures: (t,) gauge, of each tube [Pa].
+    :param lengths: (m, ...) of the members, pinch to pinch, in one shape or in many [m].
+    :return: (3, 6 m, ...).
+    :raises StructureError: the stiffness model has no stiffness for a length and pressure.
+    """
+    topology, module = robot.topology, robot.description.module
+    # Section stiffness belongs to whole members, pinch to pinch; their pieces inherit it.
+    pressure = np.array(pressures)[topology.tube]
+    each = np.repeat(pressure, lengths.size // len(lengths))
+    of_tubes = tube.section_stiffness(lengths.ravel(), each)
+    # Rows: AB, AC, BC of all modules, then BD, CE and DE'.
+    values = np.empty((3, 6, *lengths.shape))
+    rigid = (module.axial_rigidity, module.flexural_rigidity, np.inf)
+    for value, of_module, of_tube in zip(values, rigid, of_tubes, strict=True):
+        value[:3], value[3:] = of_module, of_tube.reshape(lengths.shape)
+        value[4] = value[3][topology.previous]
+    return values.reshape(3, 6 * len(lengths), *lengths.shape[1:])
+
+
+def bisection_gradients(robot: Mechanism, points: Points) -> Array:
+    """
+    Return the entries of A(x) of (4): the rod turns half as much as both arms together.
+
+    :param robot: the robot.
+    :param points: (n, ...) nodes of its frame, in one shape or in many [m].
+    :return: (10 m, ...), in the order of the rows of the robot's frame.
+    """
+    a, b = robot.topology.joint, frame_layout(robot).b
+    c, d, e = b + 1, b + 2, b + 3
+    turn = 1j / (0.5 * (points[b] + points[c]) - points[a]).conj()
+    arm_b, arm_c = 1j / (points[d] - points[b]).conj(), 1j / (points[e] - points[c]).conj()
+    gradients = np.concatenate([2.0 * turn, -arm_b - turn, -arm_c - turn, arm_b, arm_c])
+    return np.concatenate([gradients.real, gradients.imag])
+
+
+class FrameLayout(NamedTuple):
     """
     What does not change with the configuration of a robot.
 
@@ -143,7 +167,12 @@ class _Layout(NamedTuple):
 
 
 @functools.lru_cache(maxsize=16)
-def _layout(robot: Mechanism) -> _Layout:
+def frame_layout(robot: Mechanism) -> FrameLayout:
+    """
+    Return what the frames of a robot share; that of the last few robots is kept.
+
+    :param robot: the robot.
+    """
     topology = robot.topology
     m, joints = topology.n_modules, len(topology.joint_names)
     a, b = topology.joint, joints + 4 * np.arange(m)
@@ -166,7 +195,7 @@ def _layout(robot: Mechanism) -> _Layout:
     pinned_end = np.zeros(6 * m, dtype=bool)
     pattern = FramePattern(start, end, pinned_start, pinned_end, held, bisection)
     places = {name: i for i, name in enumerate(names)}
-    return _Layout(
+    return FrameLayout(
         names, places, b, start, end, pinned_start, pinned_end, held, bisection, pattern
     )
 
