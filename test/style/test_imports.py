@@ -13,6 +13,7 @@ for name in blocked:
 
 from isotruss_ros import core
 
+assert 'jsonschema' not in sys.modules, 'the core imports it before a robot file is read'
 for name in core.__all__:
     getattr(core, name)
 robot = core.load_robot('nine_member')

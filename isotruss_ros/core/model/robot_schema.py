@@ -8,11 +8,13 @@ import functools
 import itertools
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.model.presets import config_directory
-import jsonschema
+
+if TYPE_CHECKING:
+    import jsonschema
 
 #: Beyond this magnitude a number is a slip of the keyboard and overflows in products.
 MAX_MAGNITUDE = 1e12
@@ -70,11 +72,16 @@ def _unique_texts(_validator: Any, wanted: bool, value: Any, _schema: Any) -> It
     """
     texts = [item for item in value if isinstance(item, str)] if isinstance(value, list) else []
     if wanted and len(set(texts)) < len(texts):
+        import jsonschema
+
         yield jsonschema.ValidationError('not unique')
 
 
 @functools.lru_cache(maxsize=1)
 def _validator() -> Any:
+    # A seventh of the time to import the core; who reads no robot file does not need it.
+    import jsonschema
+
     schema = json.loads((config_directory() / 'robot.schema.json').read_text(encoding='utf-8'))
     base = jsonschema.Draft7Validator
     checker = base.TYPE_CHECKER.redefine('number', _is_number)
