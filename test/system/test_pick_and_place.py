@@ -1,11 +1,14 @@
 """Pick, move and place with all nodes as processes: the object is where it should be, at rest."""
 
+from pathlib import Path
 import signal
+import subprocess
+import sys
 
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
-from nav_msgs.msg import Path
+from nav_msgs.msg import Path as PathMessage
 import numpy as np
 import pytest
 from rclpy.action import ActionClient
@@ -94,7 +97,7 @@ def path_to(x, y):
     """Return a path of one pose."""
     pose = PoseStamped()
     pose.pose.position.x, pose.pose.position.y = x, y
-    return Path(poses=[pose])
+    return PathMessage(poses=[pose])
 
 
 def test_an_object_is_picked_up_moved_and_placed(tmp_path):
@@ -123,6 +126,12 @@ def test_an_object_is_picked_up_moved_and_placed(tmp_path):
         assert status == GoalStatus.STATUS_ABORTED
         assert 'not held' in refused.message
         assert result.object_pose.pose.position.x == pytest.approx(client.place()[0], abs=1e-6)
+        example = Path(__file__).parents[2] / 'examples' / 'ros_pick_and_place.py'
+        done = subprocess.run(
+            [sys.executable, example], capture_output=True, text=True, timeout=90, check=True
+        )
+        assert 'pick_object: held at' in done.stdout
+        assert 'place_object: free' in done.stdout
 
 
 def test_a_cancel_at_every_stage_leaves_the_robot_at_rest(tmp_path):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.held_members import Hold, member_depths
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import module_index
@@ -28,6 +28,8 @@ import numpy as np
 #: Shares of the squeeze at the waypoints of the unloading; at the last the members let go. What
 #: still presses there moves the object by its share of the deflection.
 UNLOADING = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
+#: A member that presses with less than this only touches the object [N].
+LEAST_FORCE = 0.01
 #: By so much the grip then opens in place, before the members move away [rad].
 FIRST_OPENING = 5e-3
 #: Waypoints of the members' way from the object.
@@ -102,11 +104,14 @@ def _unload(
     Also where the object is at its end: a grip of few rollers takes it along a little.
     """
     path = [config]
+    diameter = config.robot.description.tube_diameter
+    depth = float(member_depths(config, closing.cylinder).max())
+    if depth <= closing.settings.first_contact * diameter:
+        return path, closing
     grasp = RollingGrasp.attach(config, closing.cylinder, angle)
     if isinstance(grasp, Hold):
-        none = grasp is Hold.NO_CONTACT
-        return (path, closing) if none else Violation('held', 0.0, 1.0, 10.0)
-    if grasp.state.normal_forces.min() <= 0.0:
+        return Violation('held', 0.0, 1.0, 10.0)
+    if grasp.state.normal_forces.min() <= LEAST_FORCE:
         return path, closing
     if set(map(int, grasp.members)) != set(closing.members):
         return Violation('grip', 2.0, 2.0, 15.0)

@@ -94,6 +94,15 @@ def test_an_object_that_nothing_presses_on_is_left_at_once():
     assert again.apart == 1
 
 
+def test_an_object_that_is_barely_touched_is_left_at_once():
+    plant = Plant(0.2)
+    touch = plant.grasp.path[plant.grasp.touch]
+    config = HOME.robot.configuration(touch)
+    release = plan_release(config, Cylinder(CENTER, 0.2), MODULE, CLEARANCE)
+    assert release.violation is None
+    assert release.apart == 1
+
+
 def test_another_module_does_not_hold_it():
     held = grasped(0.2)
     release = plan_release(held.config, Cylinder(CENTER, 0.2), 'south/P', CLEARANCE)
