@@ -145,7 +145,12 @@ def test_interrupted_it_gives_the_best_so_far(monkeypatch, tmp_path, capsys):
 
 def test_interrupted_twice_it_ends(monkeypatch):
     interrupt(monkeypatch, lambda: [signal.raise_signal(signal.SIGINT) for _ in '12'])
-    assert command.main([*OBJECT, '--workers', '1']) == 130
+    # A shell without job control starts what runs in the background with SIGINT ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        assert command.main([*OBJECT, '--workers', '1']) == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert not workers()
 
 
