@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+from isotruss_ros.core import StampedInput
 from isotruss_ros.nodes.components import action_steps
 from isotruss_ros.nodes.components.action_steps import (
     ActionStep,
@@ -10,7 +11,7 @@ from isotruss_ros.nodes.components.action_steps import (
     set_parameters,
     StepError,
 )
-from isotruss_ros.nodes.components.grasp_sequences import _run_while, grip_of
+from isotruss_ros.nodes.components.grasp_sequences import _run_while, GraspSequences, grip_of
 from probe import ROBOT
 import pytest
 from rclpy.task import Future
@@ -222,3 +223,18 @@ def test_the_grip_is_the_module_whose_members_hold():
     for members in ([], [ROBOT.member_names[0]], [ROBOT.member_names[0], ROBOT.member_names[4]]):
         with pytest.raises(StepError, match='must be the two of a module'):
             grip_of(ROBOT, members)
+
+
+@pytest.mark.parametrize(
+    ('held', 'age', 'words'),
+    [(True, 0.1, ''), (False, 0.1, 'not held'), (True, 0.3, '0.300 s old')],
+)
+def test_an_object_counts_as_held_while_a_new_analysis_says_so(held, age, words):
+    sequences = GraspSequences.__new__(GraspSequences)
+    sequences._node = SimpleNamespace(now=lambda: 10.0)
+    sequences.timeout = 0.2
+    state = SimpleNamespace(held=held, message='', hold_message='it slips', slip_margin=1.0)
+    sequences.grasp = StampedInput(state, 10.0 - age)
+    fault = sequences._find_loss()
+    assert words in fault
+    assert bool(fault) == bool(words)

@@ -124,6 +124,7 @@ def test_an_object_is_picked_up_moved_and_placed(tmp_path):
         assert np.hypot(*(client.place() - held)) < 5e-3
         status, refused = client.end(client.begin(MoveObject.Goal(path=path_to(0.6, 0.35))))
         assert status == GoalStatus.STATUS_ABORTED
+        assert refused.code == MoveObject.Result.NOT_HELD
         assert 'not held' in refused.message
         assert result.object_pose.pose.position.x == pytest.approx(client.place()[0], abs=1e-6)
         example = Path(__file__).parents[2] / 'examples' / 'ros_pick_and_place.py'

@@ -17,7 +17,7 @@ from isotruss_msgs.action import (
 )
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import Cylinder, plan_release, Pose, Release, Robot, StampedInput
-from isotruss_ros.core.control.inputs import Input, require_fresh
+from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.planning.export import export_violation
 from isotruss_ros.core.planning.grasp_plan import path_times, violation_in_words
 from isotruss_ros.nodes.components.action_steps import (
@@ -136,7 +136,7 @@ class GraspSequences:
         """
         self.stage = PLACE.PLANNING
         self._require_inputs()
-        state, pose = self._require_held(), self.pose.value
+        state, pose = self._require_held(Outcome.NOT_READY), self.pose.value
         config = self._shape.configuration(self._node.now(), self.timeout, self.rollers)
         planned: Future[Release] = self._thread.submit(
             plan_release,
@@ -178,7 +178,7 @@ class GraspSequences:
         """
         self.stage = MOVE.MOVING
         self._require_inputs()
-        self._require_held()
+        self._require_held(Outcome.NOT_HELD)
         wanted = FollowObjectPath.Goal(path=goal.path, speed=goal.speed, turn_rate=goal.turn_rate)
         steps = self._object.run(wanted, lambda feedback: feedback.progress)
         followed = yield from _run_while(steps, self._find_loss)
@@ -231,16 +231,19 @@ class GraspSequences:
             self._node.now(), self.timeout, joint_states=self.rollers, object_pose=self.pose
         )
 
-    def _require_held(self) -> GraspState:
+    def _require_held(self, otherwise: Outcome) -> GraspState:
         (given,) = require_fresh(self._node.now(), self.timeout, grasp_state=self.grasp)
         if not given.value.held:
-            raise StepError(Outcome.NOT_READY, self._describe_grasp())
+            raise StepError(otherwise, self._describe_grasp())
         return given.value
 
     def _find_loss(self) -> str:
-        """Return why the object is not held any more; empty while it is."""
-        lost = isinstance(self.grasp, StampedInput) and not self.grasp.value.held
-        return self._describe_grasp() if lost else ''
+        """Return why the object is not known to be held; empty while it is."""
+        try:
+            self._require_held(Outcome.NOT_HELD)
+        except (InputError, StepError) as error:
+            return str(error)
+        return ''
 
     def _describe_grasp(self) -> str:
         if not isinstance(self.grasp, StampedInput):
