@@ -12,8 +12,8 @@ import time
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
+from isotruss_ros.viewer.names import PLANTS
 
-PLANTS = ('kinematic', 'elastic', 'mujoco')
 DIAMETER = 0.3
 #: By so much the tubes are indented at first, so that the object is squeezed [m].
 INDENTATION = 0.01

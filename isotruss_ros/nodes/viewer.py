@@ -10,6 +10,7 @@ from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import ConfigurationError, load_robot
 from isotruss_ros.nodes.components.object_goals import ObjectGoals
+from isotruss_ros.nodes.components.plant_choice import PlantChoice
 from isotruss_ros.nodes.conversions.messages import (
     name_object_frame,
     stamp_header,
@@ -27,6 +28,7 @@ from isotruss_ros.viewer.names import (
     OBJECT,
     PICK,
     PLACE,
+    PLANT,
     RELEASE,
     STOP,
 )
@@ -102,6 +104,7 @@ class Viewer(StoppableNode):
             for name in ('manipulation', 'grasp_analysis', 'pick_and_place')
         }
         self._goals = ObjectGoals(self, self._report_goal)
+        self._plant = PlantChoice(self, self._report_goal)
         self._squeeze = 0.0
 
     def serve(self) -> None:
@@ -213,6 +216,8 @@ class Viewer(StoppableNode):
             self._goals.send(PICK, squeeze=self._squeeze)
         elif name == PLACE:
             self._goals.send(PLACE)
+        elif name == PLANT:
+            self._plant.choose(value)
         else:
             parameter, nodes = SETTINGS[name]
             if name == 'squeeze':

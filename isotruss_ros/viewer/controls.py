@@ -11,12 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import queue
 
-from isotruss_ros.viewer.names import OBJECT, PICK, PLACE, RELEASE, STOP
+from isotruss_ros.viewer.names import OBJECT, PICK, PLACE, PLANT, PLANTS, RELEASE, STOP
 from isotruss_ros.viewer.picture import Picture
 import viser
 
 #: Radius of the handle [m], and its colour.
 HANDLE, COLOR = 0.05, (31, 79, 217)
+#: The plant that runs, of which the view knows nothing.
+AS_STARTED = 'as started'
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,8 @@ class Controls:
                 Setting('squeeze', 'squeeze [N]', (0.0, 60.0), 1.0, 0.0),
             ):
                 self._add(gui, setting, self._leave_if_on)
+            plant = gui.add_dropdown('plant', (AS_STARTED, *PLANTS))
+            plant.on_update(lambda _: self._choose_plant(plant.value))
         with gui.add_folder('external wrench', expand_by_default=False):
             for setting in WRENCH:
                 self._add(gui, setting, self._set_wrench)
@@ -124,6 +128,11 @@ class Controls:
         """Switch the control off."""
         self._control.value = False
         self._switch()
+
+    def _choose_plant(self, plant: str) -> None:
+        self._switch()
+        if plant != AS_STARTED:
+            self._leave_if_on(PLANT, plant)
 
     def _add_goal(self, gui: viser.GuiApi, name: str) -> None:
         gui.add_button(name).on_click(lambda _: self._begin_goal(name))

@@ -8,6 +8,8 @@ from isotruss_ros.core import IsotrussError
 OBJECT, STOP, RELEASE = 'object', 'stop', 'release'
 #: Requests that are goals.
 PICK, PLACE = 'pick', 'place'
+#: The request for another plant, and what can be chosen.
+PLANT, PLANTS = 'plant', ('kinematic', 'elastic', 'mujoco')
 #: This machine only.
 LOCAL = '127.0.0.1'
 

@@ -1,0 +1,73 @@
+"""Another plant for the node `simulator`: it is configured anew, by its lifecycle services."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+
+SIMULATOR = 'simulator'
+
+
+class PlantChoice:
+    """
+    Clients of the simulator.
+
+    :param node: has the clients.
+    :param report: called with what becomes of a choice, in words.
+    """
+
+    def __init__(self, node: Node, report: Callable[[str], None]) -> None:
+        self._report = report
+        self._change = node.create_client(ChangeState, f'{SIMULATOR}/change_state')
+        self._set = node.create_client(SetParameters, f'{SIMULATOR}/set_parameters')
+
+    def choose(self, plant: str) -> None:
+        """
+        Configure the simulator with another plant; the robot begins at home.
+
+        :param plant: value of its parameter `plant`.
+        """
+        if not (self._change.service_is_ready() and self._set.service_is_ready()):
+            self._report(f'plant {plant}: there is no simulator')
+            return
+        parameter = Parameter('plant', value=plant).to_parameter_msg()
+        request = SetParameters.Request(parameters=[parameter])
+        # The first two fail where it is inactive or unconfigured already.
+        steps: list[tuple[str, Any]] = [
+            ('', self._transition(Transition.TRANSITION_DEACTIVATE)),
+            ('', self._transition(Transition.TRANSITION_CLEANUP)),
+            ('cannot be set', lambda: self._set.call_async(request)),
+            ('cannot be configured', self._transition(Transition.TRANSITION_CONFIGURE)),
+            ('cannot be activated', self._transition(Transition.TRANSITION_ACTIVATE)),
+        ]
+        self._take(plant, steps)
+
+    def _transition(self, which: int) -> Callable[[], Future]:
+        request = ChangeState.Request(transition=Transition(id=which))
+        return lambda: self._change.call_async(request)
+
+    def _take(self, plant: str, steps: list[tuple[str, Any]]) -> None:
+        """Take the first step, and the others once it is done."""
+        if not steps:
+            self._report(f'plant {plant}: active')
+            return
+        (fault, call), *others = steps
+
+        def go_on(future: Future) -> None:
+            response = future.result()
+            results = getattr(response, 'results', None)
+            good = response.success if results is None else results[0].successful
+            if good or not fault:
+                self._take(plant, others)
+                return
+            reason = 'see the log of the simulator' if results is None else results[0].reason
+            self._report(f'plant {plant} {fault}: {reason}')
+
+        call().add_done_callback(go_on)

@@ -1,0 +1,60 @@
+"""Another plant: the steps that configure the simulator anew, and what is said where one fails."""
+
+from types import SimpleNamespace
+
+from isotruss_ros.nodes.components.plant_choice import PlantChoice
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import world
+from probe import overrides
+import pytest
+from rclpy.task import Future
+
+
+class Clients:
+    """Calls the services of a node at once."""
+
+    def __init__(self, w, ready=True):
+        self._world, self._ready = w, ready
+
+    def create_client(self, kind, name):
+        """Return a client."""
+
+        def call(request):
+            done = Future()
+            done.set_result(self._world.call(name, request))
+            return done
+
+        return SimpleNamespace(call_async=call, service_is_ready=lambda: self._ready)
+
+
+@pytest.fixture
+def w():
+    """Return a simulator, elastic."""
+    with world(lambda: Simulator(overrides(plant='elastic', friction=0.8))) as made:
+        yield made
+
+
+def test_the_simulator_is_active_with_the_other_plant(w):
+    said = []
+    choice = PlantChoice(Clients(w), said.append)
+    for plant in ('kinematic', 'elastic'):
+        choice.choose(plant)
+        assert said[-1] == f'plant {plant}: active'
+        assert w.nodes[1].get_parameter('plant').value == plant
+        assert w.nodes[1].state == 'active'
+
+
+def test_a_plant_that_there_is_not_is_told_and_another_one_works(w):
+    said = []
+    choice = PlantChoice(Clients(w), said.append)
+    choice.choose('soft')
+    assert 'plant soft cannot be' in said[-1]
+    assert w.nodes[1].state != 'active'
+    choice.choose('kinematic')
+    assert said[-1] == 'plant kinematic: active'
+
+
+def test_without_a_simulator_it_says_so(w):
+    said = []
+    PlantChoice(Clients(w, ready=False), said.append).choose('elastic')
+    assert said == ['plant elastic: there is no simulator']
