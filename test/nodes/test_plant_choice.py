@@ -15,11 +15,13 @@ class Clients:
 
     def __init__(self, w, ready=True):
         self._world, self._ready = w, ready
+        self.before = lambda: None
 
     def create_client(self, kind, name):
         """Return a client."""
 
         def call(request):
+            self.before()
             done = Future()
             done.set_result(self._world.call(name, request))
             return done
@@ -52,6 +54,23 @@ def test_a_plant_that_there_is_not_is_told_and_another_one_works(w):
     assert w.nodes[1].state != 'active'
     choice.choose('kinematic')
     assert said[-1] == 'plant kinematic: active'
+
+
+def test_a_later_choice_ends_an_earlier_one(w):
+    said, calls = [], []
+    clients = Clients(w)
+    choice = PlantChoice(clients, said.append)
+
+    def choose_another():
+        calls.append(len(calls))
+        if len(calls) == 3:
+            choice.choose('kinematic')
+
+    clients.before = choose_another
+    choice.choose('elastic')
+    assert said == ['plant kinematic: active']
+    assert w.nodes[1].get_parameter('plant').value == 'kinematic'
+    assert len(calls) == 3 + 5
 
 
 def test_without_a_simulator_it_says_so(w):

@@ -192,12 +192,12 @@ def test_a_signal_during_the_start_ends_it_without_a_word(which, tmp_path):
 
 
 def _has_handler(process):
-    """Tell whether a process has a handler of its own for SIGTERM (see proc(5), SigCgt)."""
+    """Tell whether a process has set its handlers: SIGHUP's is the last (see proc(5), SigCgt)."""
     status = Path(f'/proc/{process.process.pid}/status').read_text()
     caught = int(
         next(line for line in status.splitlines() if line.startswith('SigCgt')).split()[1], 16
     )
-    return bool(caught >> (signal.SIGTERM - 1) & 1)
+    return bool(caught >> (signal.SIGHUP - 1) & 1)
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ class PlantChoice:
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
         self._report = report
+        self._wanted: str | None = None
         self._change = node.create_client(ChangeState, f'{SIMULATOR}/change_state')
         self._set = node.create_client(SetParameters, f'{SIMULATOR}/set_parameters')
 
@@ -32,11 +33,14 @@ class PlantChoice:
         """
         Configure the simulator with another plant; the robot begins at home.
 
+        A choice that is under way takes no further step.
+
         :param plant: value of its parameter `plant`.
         """
         if not (self._change.service_is_ready() and self._set.service_is_ready()):
             self._report(f'plant {plant}: there is no simulator')
             return
+        self._wanted = plant
         parameter = Parameter('plant', value=plant).to_parameter_msg()
         request = SetParameters.Request(parameters=[parameter])
         # The first two fail where it is inactive or unconfigured already.
@@ -61,6 +65,8 @@ class PlantChoice:
         (fault, call), *others = steps
 
         def go_on(future: Future) -> None:
+            if plant != self._wanted:
+                return
             response = future.result()
             results = getattr(response, 'results', None)
             good = response.success if results is None else results[0].successful
