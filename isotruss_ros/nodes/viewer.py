@@ -97,7 +97,7 @@ class Viewer(StoppableNode):
         self._subscribe()
         self._twists = self.create_publisher(Twist, 'cmd_vel', RELIABLE)
         self._wrenches = self.create_publisher(WrenchStamped, 'external_wrench', RELIABLE)
-        self._stops = self.create_publisher(Bool, 'emergency_stop', LATCHED[0])
+        self._stops = self.create_publisher(Bool, 'emergency_stop', LATCHED)
         self._release = self.create_client(Trigger, 'release_emergency_stop')
         self._set = {
             name: self.create_client(SetParameters, f'{name}/set_parameters')

@@ -15,7 +15,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.nodes.framework.parameters import ParameterError, Value
-from isotruss_ros.nodes.framework.subscriptions import subscribe_latched
+from isotruss_ros.nodes.framework.subscriptions import EveryMessage
 from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -40,7 +40,9 @@ class FailedRollers:
         self._named: frozenset[str] = frozenset()
         #: Detected by the servo before, for the next one.
         self._detected: frozenset[str] = frozenset()
-        subscribe_latched(node, String, NAME, self._receive)
+        #: Why the rollers that the topic names are not known; None if they are.
+        self._unknown: str | None = None
+        self._messages = EveryMessage(node, String, NAME, self._receive, self._report_missing)
         node.create_service(Trigger, SERVICE, self._reset)
 
     def select_named(self, robot: Robot) -> frozenset[str]:
@@ -53,10 +55,12 @@ class FailedRollers:
 
     def find_fault(self, robot: Robot) -> str | None:
         """
-        Return what is wrong with the last message of the topic; None if nothing is.
+        Return why it is not known which rollers the topic names; None if it is.
 
         :param robot: whose rollers it must name.
         """
+        if self._unknown is not None:
+            return self._unknown
         try:
             check_roller_names(f'the topic {NAME}', self._named, robot.roller_names)
         except GraspError as error:
@@ -74,11 +78,15 @@ class FailedRollers:
         servo = self._servo()
         servo.detector.failed = self._detected & frozenset(servo.robot.roller_names)
 
-    def _receive(self, message: String) -> None:
-        named = frozenset(part.strip() for part in message.data.split(',')) - {''}
-        if named != self._named:
-            self._named = named
+    def _receive(self, messages: list[String]) -> None:
+        named = frozenset(part.strip() for part in messages[-1].data.split(',')) - {''}
+        if named != self._named or self._unknown is not None:
+            self._named, self._unknown = named, None
             self._changed()
+
+    def _report_missing(self, why: str) -> None:
+        self._unknown = f'{why}: publish which rollers have failed again, an empty string for none'
+        self._changed()
 
     def _reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Use the rollers again that were detected to have failed."""

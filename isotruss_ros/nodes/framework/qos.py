@@ -36,11 +36,12 @@ RELIABLE = _last(1)
 ACKNOWLEDGE_TIME = Duration(seconds=0.5)
 #: What tools that show `/diagnostics` expect.
 DIAGNOSTICS = _last(10)
-#: For `subscribe_latched`: publishers that latch, and those that do not. Reliable both: what a
-#: publisher sends before a best-effort subscription has discovered it is lost.
-LATCHED = (_last(100, durability=DurabilityPolicy.TRANSIENT_LOCAL), _last(100))
-#: For `EveryMessage`, reliable for the same reason. All messages are kept, up to the 5000 of
-#: Fast DDS; then the publishers wait, and where they do not, an event reports the loss.
+#: For what holds until the next message: late joiners receive it.
+LATCHED = _last(100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+#: For `EveryMessage`: publishers that latch, and those that do not. Reliable both: what a
+#: publisher sends before a best-effort subscription has discovered it is lost. All messages are
+#: kept, up to the 5000 of Fast DDS; then the publishers wait, and where they do not, an event
+#: reports the loss.
 EVERY = tuple(
     QoSProfile(
         history=HistoryPolicy.KEEP_ALL,

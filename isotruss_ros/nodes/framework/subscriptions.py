@@ -11,7 +11,7 @@ import math
 import time
 from typing import Any
 
-from isotruss_ros.nodes.framework.qos import EVERY, LATCHED, NEWEST
+from isotruss_ros.nodes.framework.qos import EVERY, NEWEST
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -56,32 +56,15 @@ def subscribe_newest(node: Node, kind: type, topic: str, callback: Callable[[Any
     subscription = node.create_subscription(kind, topic, take, NEWEST, event_callbacks=events)
 
 
-def subscribe_latched(node: Node, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
+class EveryMessage:
     """
-    Call back with the messages of every reliable publisher, latched ones from before included.
+    Call back with every message of every reliable publisher, or report that some may be missing.
 
     A subscription with transient-local durability never matches a volatile publisher, such as
     `ros2 topic pub` without options: a stop would not be received. So there are two subscriptions,
     and a message of a latching publisher is received twice.
 
     :param node: subscribes twice.
-    :param kind: type of the messages.
-    :param topic: relative name of the topic.
-    :param callback: called with each message.
-    """
-    for profile in LATCHED:
-        # That the latched one does not match a volatile publisher is as it should be; rclpy warns
-        # of a publisher that the other one does not match either.
-        volatile = profile.durability == DurabilityPolicy.VOLATILE
-        events = SubscriptionEventCallbacks(use_default_callbacks=volatile)
-        node.create_subscription(kind, topic, callback, profile, event_callbacks=events)
-
-
-class EveryMessage:
-    """
-    Call back with every message of every reliable publisher, or report that some may be missing.
-
-    :param node: subscribes twice, for the same reason as in `subscribe_latched`.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
     :param callback: called with one or more messages, in the order in which they were received.
