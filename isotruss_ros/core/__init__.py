@@ -21,6 +21,7 @@ from isotruss_ros.core.errors import (
     ConfigurationError,
     GraspError,
     IsotrussError,
+    ObjectFileError,
     PathError,
     RobotFileError,
     SolverError,
@@ -46,8 +47,13 @@ from isotruss_ros.core.manipulation.solve_twist import (
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.tangent_center import tangent_center
 from isotruss_ros.core.manipulation.task import task_jacobian
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.ellipse import Ellipse
+from isotruss_ros.core.model.object_file import object_from_mapping, read_object
 from isotruss_ros.core.model.objects import Cylinder, Pose
+from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.presets import preset_names
+from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, Violation
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
 from isotruss_ros.core.planning.release import plan_release, Release
@@ -64,10 +70,13 @@ __all__ = [
     'AnalyzedGrasp',
     'Configuration',
     'ConfigurationError',
+    'ConvexObject',
     'Cylinder',
     'Decision',
     'Deformation',
+    'Disc',
     'ElasticObject',
+    'Ellipse',
     'FailureCriterion',
     'FailureDetector',
     'FreeObject',
@@ -87,11 +96,13 @@ __all__ = [
     'Limit',
     'Measure',
     'MemberLengthLimit',
+    'ObjectFileError',
     'ObjectPath',
     'PathError',
     'PathPhase',
     'PathTracker',
     'PlannedGrasp',
+    'Polygon',
     'Pose',
     'Progress',
     'Question',
@@ -121,10 +132,12 @@ __all__ = [
     'analyze_grasps',
     'deform',
     'load_robot',
+    'object_from_mapping',
     'plan_grasps',
     'plan_release',
     'preset_names',
     'reachable_twists',
+    'read_object',
     'settle_grasp',
     'shape_margins',
     'solve_joint_velocity',

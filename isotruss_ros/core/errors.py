@@ -17,6 +17,10 @@ class GraspError(IsotrussError, ValueError):
     """The grasp, the twist or the list of failed rollers is not usable."""
 
 
+class ObjectFileError(GraspError):
+    """A file or a text describes no object that could be held."""
+
+
 class SolverError(IsotrussError, RuntimeError):
     """A quadratic program was not solved, although it has a solution."""
 

@@ -10,17 +10,9 @@ from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.model.description import Module, RobotDescription, Tube
 from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.core.model.robot_schema import check_form, refuse_if_any
+from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.stiffness_law import find_contradictions, read_laws
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
 
-#: A robot of 300 modules needs 30 kB; beyond this size the file is something else.
-MAX_FILE_SIZE = 200_000
-#: The keys go four levels deep; the reader takes time in the square of the depth.
-MAX_DEPTH = 8
-#: Longer texts are no names, and longer numbers Python does not print.
-MAX_SCALAR_LENGTH = 1000
 DEFAULT_FRAME = 'truss'
 
 
@@ -33,55 +25,10 @@ def read_robot_file(name_or_path: str | Path) -> RobotDescription:
         the file, the key, the value and what would be right.
     """
     path = find_robot_file(name_or_path)
-    try:
-        with path.open('rb') as file:
-            data = file.read(MAX_FILE_SIZE + 1)
-    except OSError as error:
-        raise RobotFileError(f'{path}: cannot be read: {error.strerror}') from error
-    if len(data) > MAX_FILE_SIZE:
-        raise RobotFileError(f'{path}: too long; a robot file has at most {MAX_FILE_SIZE} bytes')
-    try:
-        content = _parse(path, data.decode('utf-8'))
-        check_form(path, content)
-        return _describe(path, content)
-    except UnicodeDecodeError as error:
-        raise RobotFileError(f'{path}: byte {error.start}: not UTF-8 text') from error
-
-
-def _parse(path: Path, text: str) -> Any:
-    try:
-        depth = 0
-        for event in YAML(typ='safe', pure=True).parse(text):
-            depth += isinstance(event, CollectionStartEvent)
-            depth -= isinstance(event, CollectionEndEvent)
-            if depth > MAX_DEPTH:
-                raise RobotFileError(
-                    f'{path}: line {event.start_mark.line + 1}: nested too deeply '
-                    'to be a robot file'
-                )
-            if isinstance(event, ScalarEvent) and len(event.value) > MAX_SCALAR_LENGTH:
-                raise RobotFileError(
-                    f'{path}: line {event.start_mark.line + 1}: {event.value[:20]!r}... has '
-                    f'{len(event.value)} characters; must be at most {MAX_SCALAR_LENGTH}'
-                )
-            # An alias can name its own parent, or unfold a small file into gigabytes.
-            if getattr(event, 'anchor', None) is not None:
-                sign = '*' if isinstance(event, AliasEvent) else '&'
-                raise RobotFileError(
-                    f'{path}: line {event.start_mark.line + 1}: {sign}{event.anchor}: anchors '
-                    'and aliases are not used in robot files; write the value out'
-                )
-        return YAML(typ='safe', pure=True).load(text)
-    except YAMLError as error:
-        mark = getattr(error, 'problem_mark', None)
-        where = f'line {mark.line + 1}, column {mark.column + 1}: ' if mark else ''
-        problem = getattr(error, 'problem', None) or str(error).splitlines()[0]
-        raise RobotFileError(f'{path}: {where}not YAML 1.2: {problem}') from error
-    except RobotFileError:
-        raise
-    # The reader's own constructors: dates, very long integers, tags on what does not fit them.
-    except (ValueError, LookupError, TypeError, AttributeError) as error:
-        raise RobotFileError(f'{path}: not YAML 1.2: {error}') from error
+    text = read_text(path, 'a robot file', RobotFileError)
+    content = parse_yaml(path, text, 'robot files', RobotFileError)
+    check_form(path, content)
+    return _describe(path, content)
 
 
 def _describe(path: Path, content: dict[str, Any]) -> RobotDescription:

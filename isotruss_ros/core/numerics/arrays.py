@@ -24,7 +24,11 @@ def finite_array(
     :param error: the exception to raise.
     :raises IsotrussError: of the given class; names what was given and what would be right.
     """
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        # Lists of different lengths.
+        array = np.asarray(None)
     fits = array.dtype.kind in 'iuf' and array.shape == (count,) and np.isfinite(array).all()
     if not fits:
         given = repr(values)

@@ -8,7 +8,8 @@ import re
 from hypothesis import given, strategies
 from isotruss_ros.core import load_robot, preset_names, RobotFileError
 from isotruss_ros.core.errors import StructureError
-from isotruss_ros.core.model.robot_file import MAX_FILE_SIZE, read_robot_file
+from isotruss_ros.core.model.robot_file import read_robot_file
+from isotruss_ros.core.model.safe_yaml import MAX_FILE_SIZE
 from isotruss_ros.core.model.stiffness_law import read_laws
 from isotruss_ros.core.statics.power_law import PowerLaw
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness

@@ -1,0 +1,128 @@
+"""A convex object in its place: shape, pose, and what else is known of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.model.objects import Cylinder, MAX_DISTANCE, Pose
+from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
+import numpy as np
+from numpy.typing import ArrayLike
+
+ORIGIN = Pose(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class ConvexObject:
+    """
+    An object with a convex cross-section, in its place.
+
+    :ivar shape: a `Disc`, `Polygon` or `Ellipse`, in the object's frame.
+    :ivar pose: of the object's frame in the robot frame (x, y, angle) [m, rad].
+    :ivar mass: None where it is not known [kg].
+    :ivar center_of_mass: (x, y) in the object's frame; that of the area if None [m].
+    :ivar friction: coefficient between this object and the tubes; None for that of the grasp.
+    :raises GraspError: a number is not usable.
+    """
+
+    shape: Shape
+    pose: Pose = ORIGIN
+    mass: float | None = None
+    center_of_mass: tuple[float, float] | None = None
+    friction: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if not callable(getattr(self.shape, 'nearest', None)):
+            raise GraspError(f'shape {self.shape!r}: must be a Disc, a Polygon or an Ellipse')
+        pose = finite_array(self.pose, 3, "the object's pose (x, y, angle) [m, rad]", GraspError)
+        if np.abs(pose).max() > MAX_DISTANCE:
+            raise GraspError(f"the object's pose {self.pose!r}: must be within {MAX_DISTANCE:g} m")
+        object.__setattr__(self, 'pose', Pose(*map(float, pose)))
+        if self.mass is not None:
+            (mass,) = finite_array([self.mass], 1, "the object's mass [kg]", GraspError)
+            if mass <= 0.0:
+                raise GraspError(f"the object's mass {self.mass!r} kg: must be positive")
+            object.__setattr__(self, 'mass', float(mass))
+        if self.center_of_mass is not None:
+            x, y = finite_array(
+                self.center_of_mass, 2, 'center_of_mass (x, y) in the object [m]', GraspError
+            )
+            if self.shape.nearest(np.array([complex(x, y)])).gaps[0] > 0.0:
+                raise GraspError(f'center_of_mass ({x:g}, {y:g}) m: must be within the object')
+            object.__setattr__(self, 'center_of_mass', (float(x), float(y)))
+        if self.friction is not None:
+            (friction,) = finite_array([self.friction], 1, "the object's friction", GraspError)
+            if friction < 0.0:
+                raise GraspError(f"the object's friction {self.friction!r}: must not be negative")
+            object.__setattr__(self, 'friction', float(friction))
+
+    def moved_to(self, pose: ArrayLike) -> ConvexObject:
+        """
+        Return the same object elsewhere.
+
+        :param pose: of its frame in the robot frame (x, y, angle) [m, rad].
+        :raises GraspError: the pose is not three finite numbers within range.
+        """
+        return replace(self, pose=pose)
+
+    @cached_property
+    def center(self) -> complex:
+        """Return the origin of the object's frame in the robot frame, x + iy [m]."""
+        return complex(self.pose.x, self.pose.y)
+
+    @cached_property
+    def turn(self) -> complex:
+        """Return the direction of the object's x axis in the robot frame, cos + i sin."""
+        return complex(np.exp(1j * self.pose.angle))
+
+    @cached_property
+    def middle(self) -> complex:
+        """Return the centroid of the area in the robot frame, x + iy; it is inside [m]."""
+        return self.center + self.turn * self.shape.centroid
+
+    @cached_property
+    def arm(self) -> float:
+        """Return the arm by which moments are compared with forces: half the mean width [m]."""
+        if isinstance(self.shape, Disc):
+            return 0.5 * self.shape.diameter
+        return self.shape.perimeter / (2.0 * np.pi)
+
+    def support(self, normals: Points) -> Array:
+        """
+        Return how far tangents are from the origin of the object's frame, (c,) [m].
+
+        :param normals: (c,) outward unit normals of the tangents in the robot frame, x + iy.
+        """
+        return self.shape.support(normals * self.turn.conjugate())
+
+    def nearest(self, points: Points) -> SurfacePoints:
+        """
+        Return what is nearest on the surface, with normals in the robot frame.
+
+        :param points: (c,) x + iy in the robot frame, outside or inside [m].
+        """
+        found = self.shape.nearest((points - self.center) * self.turn.conjugate())
+        return found._replace(normals=found.normals * self.turn)
+
+    def outline(self, spacing: float = 0.005) -> Points:
+        """
+        Return points along the surface, counter-clockwise in the robot frame, (k,) x + iy [m].
+
+        :param spacing: largest distance of the points where the surface is curved [m].
+        """
+        return self.center + self.turn * self.shape.outline(spacing)
+
+
+def as_convex_object(given: Cylinder | ConvexObject) -> ConvexObject:
+    """
+    Return an object in its place as a convex one; a cylinder is a disc at angle 0.
+
+    :param given: the object.
+    """
+    if isinstance(given, ConvexObject):
+        return given
+    return ConvexObject(Disc(given.diameter), Pose(*given.center, 0.0))

@@ -1,0 +1,155 @@
+"""Ellipses as cross-sections of objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.model.objects import MAX_DISTANCE, MIN_DIAMETER
+from isotruss_ros.core.model.shapes import normalize, SurfacePoints
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
+import numpy as np
+from scipy.special import ellipe
+
+#: Semi-axes differ by at most this factor; beyond it an ellipse is a sheet.
+MAX_ASPECT = 1e3
+#: Newton steps toward the foot of a point, each with twice the digits once it is near.
+MAX_STEPS = 60
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """
+    An ellipse around the origin of the object's frame, its axes along x and y.
+
+    :ivar semi_axes: half of its extent along x and along y [m].
+    :raises GraspError: these are not two positive numbers within range.
+    """
+
+    semi_axes: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        a, b = finite_array(self.semi_axes, 2, 'semi_axes [m]', GraspError)
+        fits = min(a, b) >= MIN_DIAMETER and max(a, b) <= MAX_DISTANCE
+        if not fits or max(a, b) > MAX_ASPECT * min(a, b):
+            raise GraspError(
+                f'semi_axes ({a:g}, {b:g}) m: must be from {MIN_DIAMETER:g} to {MAX_DISTANCE:g} m '
+                f'and differ by at most a factor of {MAX_ASPECT:g}'
+            )
+        object.__setattr__(self, 'semi_axes', (float(a), float(b)))
+
+    @property
+    def area(self) -> float:
+        """Return the area [m^2]."""
+        return float(np.pi * self.semi_axes[0] * self.semi_axes[1])
+
+    @property
+    def perimeter(self) -> float:
+        """Return the length of the outline [m]."""
+        long, short = max(self.semi_axes), min(self.semi_axes)
+        return float(4.0 * long * ellipe(1.0 - (short / long) ** 2))
+
+    @property
+    def centroid(self) -> complex:
+        """Return the centroid, x + iy [m]."""
+        return 0j
+
+    @property
+    def gyration(self) -> float:
+        """Return the radius of gyration about the centroid [m]."""
+        return 0.5 * float(np.hypot(*self.semi_axes))
+
+    @property
+    def reach(self) -> float:
+        """Return the largest distance of the surface from the origin [m]."""
+        return max(self.semi_axes)
+
+    def support(self, normals: Points) -> Array:
+        """
+        Return h(n), the distance of tangents from the origin, (c,) [m].
+
+        :param normals: (c,) outward unit normals of the tangents, x + iy.
+        """
+        a, b = self.semi_axes
+        return np.hypot(a * normals.real, b * normals.imag)
+
+    def support_points(self, normals: Points) -> Points:
+        """
+        Return points of the surface on tangents, (c,) x + iy [m].
+
+        :param normals: (c,) outward unit normals of the tangents, x + iy.
+        """
+        a, b = self.semi_axes
+        return (a**2 * normals.real + 1j * b**2 * normals.imag) / self.support(normals)
+
+    def nearest(self, points: Points) -> SurfacePoints:
+        """
+        Return what is nearest on the surface.
+
+        :param points: (c,) x + iy, outside or inside [m].
+        """
+        a, b = self.semi_axes
+        # In units of the long axis, which lies along x, and in the first quadrant.
+        long, lying = max(a, b), a >= b
+        flat = min(a, b) / long
+        u, v = np.abs(points.real) / long, np.abs(points.imag) / long
+        if not lying:
+            u, v = v, u
+        x, y = _foot(u, v, flat)
+        normals = normalize(x + 1j * y / flat**2)
+        # How far the point is along the normal; by the difference, of which the foot is free.
+        gaps = ((u - x + 1j * (v - y)) * normals.conj()).real
+        radii = flat**2 * (x**2 + y**2 / flat**4) ** 1.5
+        if not lying:
+            normals = normals.imag + 1j * normals.real
+        signed = np.copysign(normals.real, points.real)
+        signed = signed + 1j * np.copysign(normals.imag, points.imag)
+        return SurfacePoints(long * gaps, signed, long * radii)
+
+    def rounded(self, length: float) -> Ellipse:
+        """
+        Return the ellipse itself, which has no corners.
+
+        :param length: of pieces that cannot tell them [m].
+        """
+        return self
+
+    def outline(self, spacing: float) -> Points:
+        """
+        Return points along the surface, counter-clockwise and without repetition, (k,) [m].
+
+        :param spacing: about the largest distance of the points [m].
+        """
+        count = max(16, int(np.ceil(2.0 * np.pi * self.reach / spacing)))
+        along = 2.0 * np.pi * np.arange(count) / count
+        return self.semi_axes[0] * np.cos(along) + 1j * self.semi_axes[1] * np.sin(along)
+
+
+def _foot(u: Array, v: Array, flat: float) -> tuple[Array, Array]:
+    """
+    Return the feet of points in the first quadrant on the ellipse with semi-axes 1 and b = flat.
+
+    The foot is (u / (t + 1), b^2 v / (t + b^2)); that it is on the ellipse is one equation for t,
+    whose left side is convex and falls, so that Newton's method from below ends at the root. With
+    s = t + b^2.
+    """
+    square = flat**2
+    rest = 1.0 - square
+    s = np.maximum(flat * v, u - rest)
+    tiny = 1e-15 * square
+    # Inside near the long axis there is no root: the foot is above or below the point.
+    deep = s <= tiny
+    s = np.where(deep, 1.0, s)
+    for _ in range(MAX_STEPS):
+        across, along = flat * v / s, u / (s + rest)
+        value = along**2 + across**2 - 1.0
+        slope = 2.0 * (along**2 / (s + rest) + across**2 / s)
+        step = np.divide(value, slope, out=np.zeros_like(s), where=slope > 0.0)
+        step[deep] = 0.0
+        s = s + step
+        if (np.abs(step) <= 4e-16 * s).all():
+            break
+    x = np.where(deep, np.minimum(u / max(rest, tiny), 1.0), u / (s + rest))
+    y = np.where(deep, flat * np.sqrt(np.maximum(0.0, 1.0 - x**2)), square * v / s)
+    return np.minimum(x, 1.0), y

@@ -1,0 +1,96 @@
+"""
+Objects from YAML: a file, or the text of a parameter.
+
+    shape: polygon                            # or disc, with diameter; or ellipse, with semi_axes
+    vertices: [[0, 0], [0.3, 0], [0.3, 0.2], [0, 0.2]]
+    corner_radius: 0.01
+    mass: 1.5                                 # optional, as what follows
+    center_of_mass: [0.15, 0.1]
+    friction: 0.4
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import difflib
+from pathlib import Path
+from typing import Any
+
+from isotruss_ros.core.errors import GraspError, ObjectFileError, quote
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.ellipse import Ellipse
+from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
+from isotruss_ros.core.model.shapes import Disc, Shape
+
+#: The keys of each shape: those that it needs, and those that it may have.
+SHAPES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    'disc': (('diameter',), ()),
+    'polygon': (('vertices',), ('corner_radius',)),
+    'ellipse': (('semi_axes',), ()),
+}
+#: Keys of all objects.
+OPTIONAL = ('mass', 'center_of_mass', 'friction')
+
+
+def read_object(path_or_text: str | Path) -> ConvexObject:
+    """
+    Read an object from a YAML file, or from YAML itself; its pose is the origin.
+
+    :param path_or_text: the path of a file, or a text that begins with `{`.
+    :raises ObjectFileError: the file is missing, not YAML 1.2, or describes no object; names the
+        file, the key and what would be right.
+    """
+    if isinstance(path_or_text, str) and path_or_text.lstrip().startswith('{'):
+        source, text = 'object', path_or_text
+    else:
+        source = str(path_or_text)
+        text = read_text(Path(path_or_text), 'an object file', ObjectFileError)
+    return object_from_mapping(parse_yaml(source, text, 'object files', ObjectFileError), source)
+
+
+def object_from_mapping(content: Any, source: str = 'object') -> ConvexObject:
+    """
+    Return the object that keys and values describe; its pose is the origin.
+
+    :param content: a mapping with the key `shape`, the keys of that shape, and what is optional.
+    :param source: where it is from, for errors.
+    :raises ObjectFileError: it describes no object; names the key and what would be right.
+    """
+    if not isinstance(content, Mapping):
+        raise ObjectFileError(
+            f'{source}: {quote(repr(content))}: must be keys and values, with the key shape'
+        )
+    known = ', '.join(SHAPES)
+    if 'shape' not in content:
+        raise ObjectFileError(f"{source}: key 'shape' is missing; it is one of {known}")
+    kind = content['shape']
+    if not isinstance(kind, str) or kind not in SHAPES:
+        raise ObjectFileError(f'{source}: shape: {quote(str(kind))}: must be one of {known}')
+    needed, possible = SHAPES[kind]
+    allowed = ('shape', *needed, *possible, *OPTIONAL)
+    for key in content:
+        if key not in allowed:
+            close = difflib.get_close_matches(str(key), allowed, n=1)
+            hint = f'did you mean {close[0]}? ' if close else ''
+            raise ObjectFileError(
+                f'{source}: unknown key {quote(str(key))}; {hint}those of a {kind} are '
+                + ', '.join(allowed)
+            )
+    for key in needed:
+        if key not in content:
+            raise ObjectFileError(f'{source}: key {key!r} is missing; a {kind} needs it')
+    try:
+        return ConvexObject(
+            _shape(kind, content), **{key: content[key] for key in OPTIONAL if key in content}
+        )
+    except GraspError as error:
+        raise ObjectFileError(f'{source}: {error}') from error
+
+
+def _shape(kind: str, content: Mapping[str, Any]) -> Shape:
+    if kind == 'disc':
+        return Disc(content['diameter'])
+    if kind == 'ellipse':
+        return Ellipse(content['semi_axes'])
+    return Polygon(content['vertices'], content.get('corner_radius', 0.0))

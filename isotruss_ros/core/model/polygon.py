@@ -1,0 +1,341 @@
+"""Convex polygons with sharp or rounded corners."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.model.objects import MAX_DISTANCE, MIN_DIAMETER
+from isotruss_ros.core.model.shapes import SurfacePoints
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
+import numpy as np
+
+#: More corners than this are no workpiece but a slip.
+MAX_VERTICES = 1000
+#: The sine of the angle by which the outline turns at a corner is at least this.
+STRAIGHT = 1e-9
+
+
+@dataclass(frozen=True)
+class Polygon:
+    """
+    A convex polygon; its corners may be rounded off within it, by arcs tangent to both sides.
+
+    :ivar vertices: (x, y) of three or more vertices in the object's frame, around the polygon
+        either way; kept counter-clockwise [m].
+    :ivar corner_radius: of the arcs, one for all corners or one for each vertex as given [m]; 0:
+        sharp.
+    :raises GraspError: the vertices are no convex polygon, or the arcs do not fit into it; names
+        the place.
+    """
+
+    vertices: tuple[tuple[float, float], ...]
+    corner_radius: float | tuple[float, ...] = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers, and turn the vertices counter-clockwise."""
+        corners = _validate_vertices(self.vertices)
+        radii = _validate_radii(self.corner_radius, len(corners))
+        area = _check_convex(corners)
+        _check_fit(corners, radii)
+        step = 1 if area > 0.0 else -1
+        vertices = tuple((float(z.real), float(z.imag)) for z in corners[::step])
+        object.__setattr__(self, 'vertices', vertices)
+        same = not isinstance(self.corner_radius, Sequence)
+        kept = float(radii[0]) if same else tuple(map(float, radii[::step]))
+        object.__setattr__(self, 'corner_radius', kept)
+
+    @cached_property
+    def corners(self) -> Points:
+        """Return the vertices, (k,) counter-clockwise x + iy [m]."""
+        return np.array(self.vertices) @ np.array([1.0, 1.0j])
+
+    @cached_property
+    def normals(self) -> Points:
+        """Return the outward unit normals of the sides, (k,): from each vertex to the next."""
+        sides = np.roll(self.corners, -1) - self.corners
+        return -1j * sides / np.abs(sides)
+
+    @cached_property
+    def radii(self) -> Array:
+        """Return the radii of the arcs at the vertices, (k,) [m]."""
+        return np.broadcast_to(np.asarray(self.corner_radius, dtype=float), len(self.vertices))
+
+    @cached_property
+    def turns(self) -> Array:
+        """Return the angles by which the outline turns at the vertices, (k,) [rad]."""
+        return np.angle(self.normals * np.roll(self.normals, 1).conj())
+
+    @cached_property
+    def arc_centers(self) -> Points:
+        """Return the centres of the arcs, (k,) x + iy [m]; the vertices where they are sharp."""
+        middle = self.normals + np.roll(self.normals, 1)
+        inward = middle / np.abs(middle) / np.cos(0.5 * self.turns)
+        return self.corners - self.radii * inward
+
+    @cached_property
+    def offsets(self) -> Array:
+        """Return h(n) of the sides, (k,) [m]."""
+        return (self.corners * self.normals.conj()).real
+
+    @cached_property
+    def _moments(self) -> tuple[float, complex, float]:
+        """Return the integrals of 1, z and |z|^2 over the area."""
+        parts = [_polygon_moments(self.corners)]
+        for corner, center, radius, turn in zip(
+            self.corners, self.arc_centers, self.radii, self.turns, strict=True
+        ):
+            if radius == 0.0:
+                continue
+            # Off with the kite between the two sides and the arc's centre, on with its sector.
+            out = (corner - center) / abs(corner - center)
+            half = 0.5 * turn
+            ends = center + radius * out * np.exp(1j * half * np.array([-1.0, 1.0]))
+            kite = _polygon_moments(np.array([corner, ends[1], center, ends[0]]))
+            area = half * radius**2
+            mean = center + out * 2.0 * radius * np.sin(half) / (3.0 * half)
+            # About the origin by that about the arc's centre.
+            polar = 0.5 * area * radius**2
+            polar += area * (2.0 * (mean * center.conjugate()).real - abs(center) ** 2)
+            parts += [tuple(-value for value in kite), (area, area * mean, polar)]
+        area, first, second = (sum(values) for values in zip(*parts, strict=True))
+        return float(area), complex(first), float(second)
+
+    @property
+    def area(self) -> float:
+        """Return the area [m^2]."""
+        return self._moments[0]
+
+    @cached_property
+    def perimeter(self) -> float:
+        """Return the length of the outline [m]."""
+        saved = self.radii * (2.0 * np.tan(0.5 * self.turns) - self.turns)
+        return float(np.abs(np.roll(self.corners, -1) - self.corners).sum() - saved.sum())
+
+    @property
+    def centroid(self) -> complex:
+        """Return the centroid of the area, x + iy [m]."""
+        area, first, _ = self._moments
+        return first / area
+
+    @property
+    def gyration(self) -> float:
+        """Return the radius of gyration of the area about its centroid [m]."""
+        area, first, second = self._moments
+        return float(np.sqrt(second / area - abs(first / area) ** 2))
+
+    @cached_property
+    def reach(self) -> float:
+        """Return the largest distance of the surface from the origin [m]."""
+        after, before = self.normals, np.roll(self.normals, 1)
+        ends = self.arc_centers + self.radii * np.stack([before, after])
+        facing = self._corner_of(self.arc_centers) == np.arange(len(self.vertices))
+        middle = np.where(facing, np.abs(self.arc_centers) + self.radii, 0.0)
+        return float(max(np.abs(ends).max(), middle.max()))
+
+    @cached_property
+    def _directions(self) -> Array:
+        """Return the angles of the sides' normals from that of the first one, (k,) [rad]."""
+        return np.append(0.0, np.cumsum(self.turns[1:]))
+
+    def _corner_of(self, normals: Points) -> Indices:
+        """Return the vertices (c,) in whose normal cones directions (c,) are."""
+        angles = np.angle(normals * self.normals[0].conj()) % (2.0 * np.pi)
+        return self._directions.searchsorted(angles) % len(self.vertices)
+
+    def support(self, normals: Points) -> Array:
+        """
+        Return h(n), the distance of tangents from the origin, (c,) [m].
+
+        :param normals: (c,) outward unit normals of the tangents, x + iy.
+        """
+        at = self._corner_of(normals)
+        return (self.arc_centers[at] * normals.conj()).real + self.radii[at]
+
+    def support_points(self, normals: Points) -> Points:
+        """
+        Return points of the surface on tangents, (c,) x + iy [m]; of a side, one of its ends.
+
+        :param normals: (c,) outward unit normals of the tangents, x + iy.
+        """
+        at = self._corner_of(normals)
+        return self.arc_centers[at] + self.radii[at] * normals
+
+    def nearest(self, points: Points) -> SurfacePoints:
+        """
+        Return what is nearest on the surface.
+
+        :param points: (c,) x + iy, outside or inside [m].
+        """
+        own = np.arange(len(points))
+        beyond = (points[:, None] * self.normals.conj()).real - self.offsets
+        side = beyond.argmax(axis=1)
+        gaps, normals = beyond[own, side], self.normals[side]
+        radii = np.full(len(points), np.inf)
+        # An arc matters where the direction from its centre is between the normals of its sides.
+        away = points[:, None] - self.arc_centers
+        # The side that begins at a vertex, and the one that ends there.
+        after = (away * self.normals.conj()).imag
+        before = (away * np.roll(self.normals, 1).conj()).imag
+        distance = np.where((after < 0.0) & (before > 0.0), np.abs(away) - self.radii, -np.inf)
+        corner = distance.argmax(axis=1)
+        gap, near = distance[own, corner], away[own, corner]
+        at = np.flatnonzero(gap > gaps)
+        gaps[at], radii[at] = gap[at], self.radii[corner[at]]
+        normals[at] = near[at] / np.abs(near[at])
+        return SurfacePoints(gaps, normals, radii)
+
+    def rounded(self, length: float) -> Polygon:
+        """
+        Return the polygon with its corners rounded off as far as pieces of a length can tell.
+
+        A piece that lies over a corner, half on each side of it, finds it lower than it is by a
+        quarter of its length times the slope of the sides; the arc takes off as much.
+
+        :param length: of the pieces [m].
+        """
+        half = 0.5 * self.turns
+        sides = np.abs(np.roll(self.corners, -1) - self.corners)
+        room = 0.5 * np.minimum(sides, np.roll(sides, 1)) / np.tan(half)
+        blunt = np.minimum(0.25 * length / np.tan(0.5 * half), room * (1.0 - 1e-9))
+        if (blunt <= self.radii).all():
+            return self
+        return Polygon(self.vertices, tuple(map(float, np.maximum(self.radii, blunt))))
+
+    def outline(self, spacing: float) -> Points:
+        """
+        Return points along the surface, counter-clockwise and without repetition, (k,) [m].
+
+        :param spacing: largest distance of the points along the arcs [m].
+        """
+        parts = []
+        for center, radius, turn, normal in zip(
+            self.arc_centers, self.radii, self.turns, np.roll(self.normals, 1), strict=True
+        ):
+            count = 1 + int(np.ceil(radius * turn / spacing))
+            along = np.linspace(0.0, turn, count)
+            parts.append(center + radius * normal * np.exp(1j * along))
+        return np.concatenate(parts)
+
+
+def _validate_vertices(vertices: object) -> Points:
+    """Return vertices as an array (k,) x + iy."""
+    try:
+        count = len(vertices)  # type: ignore[arg-type]
+    except TypeError:
+        raise GraspError(f'vertices {vertices!r}: must be a list of [x, y] [m]') from None
+    if not 3 <= count <= MAX_VERTICES:
+        raise GraspError(
+            f'a polygon of {count} vertices: must have at least 3 and at most {MAX_VERTICES}'
+        )
+    found = np.empty(count, dtype=np.complex128)
+    for i, vertex in enumerate(vertices):  # type: ignore[arg-type]
+        x, y = finite_array(vertex, 2, f'vertex {i + 1} (x, y) [m]', GraspError)
+        if max(abs(x), abs(y)) > MAX_DISTANCE:
+            raise GraspError(f'vertex {i + 1} ({x:g}, {y:g}) m: must be within {MAX_DISTANCE:g} m')
+        found[i] = complex(x, y)
+    return found
+
+
+def _validate_radii(radius: object, count: int) -> Array:
+    """Return the radii at the vertices, (k,)."""
+    if isinstance(radius, Sequence) and not isinstance(radius, str):
+        radii = finite_array(radius, count, 'corner_radius [m], one for each vertex', GraspError)
+    else:
+        radii = np.repeat(finite_array([radius], 1, 'corner_radius [m]', GraspError), count)
+    if (radii < 0.0).any():
+        raise GraspError(f'corner_radius {radius!r} m: must not be negative')
+    return radii
+
+
+def _name(corner: complex, i: int) -> str:
+    return f'vertex {i + 1} ({corner.real:g}, {corner.imag:g}) m'
+
+
+def _check_convex(corners: Points) -> float:
+    """Return the area between the sides, negative if clockwise; refuse what is not convex."""
+    count = len(corners)
+    sides = np.roll(corners, -1) - corners
+    lengths = np.abs(sides)
+    i = int(lengths.argmin())
+    if lengths[i] < MIN_DIAMETER:
+        raise GraspError(
+            f'{_name(corners[i], i)}: the next vertex is in the same place; must be '
+            f'{MIN_DIAMETER:g} m apart'
+        )
+    turns = np.angle(sides * np.roll(sides, 1).conj())
+    sines = np.sin(turns)
+    i = int(np.abs(sines).argmin())
+    if abs(sines[i]) < STRAIGHT:
+        raise GraspError(
+            f'{_name(corners[i], i)}: on one line with its neighbours; leave it out, or let the '
+            'outline turn there'
+        )
+    area = _polygon_moments(corners - corners[0])[0]
+    sense = 1.0 if turns.sum() > 0.0 else -1.0
+    wrong = np.flatnonzero(sense * turns < 0.0)
+    if len(wrong):
+        crossing = _find_crossing(corners)
+        if crossing is not None:
+            raise GraspError(_tell_crossing(corners, *crossing))
+        i = int(wrong[0])
+        raise GraspError(
+            f'{_name(corners[i], i)}: the polygon is concave there; must be convex: leave this '
+            'vertex out, or divide the object'
+        )
+    # All turn one way; an outline that goes around more than once crosses itself.
+    if abs(turns.sum()) > 3.0 * np.pi:
+        crossing = _find_crossing(corners)
+        raise GraspError(
+            _tell_crossing(corners, *(crossing if crossing is not None else (0, count - 2)))
+        )
+    if abs(area) < MIN_DIAMETER**2:
+        raise GraspError(f'a polygon of area {abs(area):g} m^2: must have an extent')
+    return area
+
+
+def _tell_crossing(corners: Points, i: int, j: int) -> str:
+    return (
+        f'the sides that begin at {_name(corners[i], i)} and {_name(corners[j], j)} cross each '
+        'other; list the vertices in their order around the polygon'
+    )
+
+
+def _find_crossing(corners: Points) -> tuple[int, int] | None:
+    """Return two sides that cross each other, by the vertices where they begin."""
+    ends = np.roll(corners, -1)
+    sides = ends - corners
+
+    def beside(points: Points) -> Array:
+        """Return on which side of each line (k, 1) points (k,) are, (k, k)."""
+        return (sides.conj()[:, None] * (points - corners[:, None])).imag
+
+    apart = beside(corners) * beside(ends) < 0.0
+    found = np.argwhere(np.triu(apart & apart.T))
+    return (int(found[0, 0]), int(found[0, 1])) if len(found) else None
+
+
+def _check_fit(corners: Points, radii: Array) -> None:
+    """Refuse arcs that take more of a side than there is."""
+    sides = np.roll(corners, -1) - corners
+    half = 0.5 * np.abs(np.angle(sides * np.roll(sides, 1).conj()))
+    taken = radii * np.tan(half)
+    left = np.abs(sides) - taken - np.roll(taken, -1)
+    i = int(left.argmin())
+    if left[i] < 0.0:
+        raise GraspError(
+            f'corner_radius {radii[i]:g} m does not fit: the side of {abs(sides[i]):g} m that '
+            f'begins at {_name(corners[i], i)} is shorter than its two arcs take '
+            f'({taken[i]:g} and {np.roll(taken, -1)[i]:g} m)'
+        )
+
+
+def _polygon_moments(corners: Points) -> tuple[float, complex, float]:
+    """Return the integrals of 1, z and |z|^2 over a polygon, positive if counter-clockwise."""
+    following = np.roll(corners, -1)
+    cross = (corners.conj() * following).imag
+    squares = np.abs(corners) ** 2 + np.abs(following) ** 2 + (corners * following.conj()).real
+    first = (cross * (corners + following)).sum() / 6.0
+    return float(0.5 * cross.sum()), complex(first), float((cross * squares).sum() / 12.0)

@@ -1,0 +1,85 @@
+"""YAML from outside: read it with bounds, or say where it is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from isotruss_ros.core.errors import IsotrussError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
+
+#: A robot of 300 modules needs 30 kB; beyond this size the file is something else.
+MAX_FILE_SIZE = 200_000
+#: The keys go four levels deep; the reader takes time in the square of the depth.
+MAX_DEPTH = 8
+#: Longer texts are no names, and longer numbers Python does not print.
+MAX_SCALAR_LENGTH = 1000
+
+
+def read_text(path: Path, kind: str, error: type[IsotrussError]) -> str:
+    """
+    Return the text of a file.
+
+    :param path: of the file.
+    :param kind: what it is, with its article, for messages.
+    :param error: the exception to raise.
+    :raises IsotrussError: of the given class: the file is missing, too long or not UTF-8.
+    """
+    try:
+        with path.open('rb') as file:
+            data = file.read(MAX_FILE_SIZE + 1)
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, 'strerror', None) or problem
+        raise error(f'{path}: cannot be read: {reason}') from problem
+    if len(data) > MAX_FILE_SIZE:
+        raise error(f'{path}: too long; {kind} has at most {MAX_FILE_SIZE} bytes')
+    try:
+        return data.decode('utf-8')
+    except UnicodeDecodeError as problem:
+        raise error(f'{path}: byte {problem.start}: not UTF-8 text') from problem
+
+
+def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError]) -> Any:
+    """
+    Return what a text of YAML 1.2 says: plain values, lists and mappings.
+
+    :param source: where it is from, for messages.
+    :param text: the YAML.
+    :param kind: what such texts are, in the plural, for messages.
+    :param refusal: the exception to raise.
+    :raises IsotrussError: of the given class: the text is not YAML, or not such as is needed.
+    """
+    try:
+        depth = 0
+        for event in YAML(typ='safe', pure=True).parse(text):
+            depth += isinstance(event, CollectionStartEvent)
+            depth -= isinstance(event, CollectionEndEvent)
+            if depth > MAX_DEPTH:
+                raise refusal(
+                    f'{source}: line {event.start_mark.line + 1}: nested too deeply for {kind}'
+                )
+            if isinstance(event, ScalarEvent) and len(event.value) > MAX_SCALAR_LENGTH:
+                raise refusal(
+                    f'{source}: line {event.start_mark.line + 1}: {event.value[:20]!r}... has '
+                    f'{len(event.value)} characters; must be at most {MAX_SCALAR_LENGTH}'
+                )
+            # An alias can name its own parent, or unfold a small file into gigabytes.
+            if getattr(event, 'anchor', None) is not None:
+                sign = '*' if isinstance(event, AliasEvent) else '&'
+                raise refusal(
+                    f'{source}: line {event.start_mark.line + 1}: {sign}{event.anchor}: anchors '
+                    f'and aliases are not used in {kind}; write the value out'
+                )
+        return YAML(typ='safe', pure=True).load(text)
+    except YAMLError as error:
+        mark = getattr(error, 'problem_mark', None)
+        where = f'line {mark.line + 1}, column {mark.column + 1}: ' if mark else ''
+        problem = getattr(error, 'problem', None) or str(error).splitlines()[0]
+        raise refusal(f'{source}: {where}not YAML 1.2: {problem}') from error
+    except refusal:
+        raise
+    # The reader's own constructors: dates, very long integers, tags on what does not fit them.
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        raise refusal(f'{source}: not YAML 1.2: {error}') from error

@@ -1,0 +1,186 @@
+"""
+Shapes of objects: convex cross-sections, by what touches them and from where.
+
+A convex shape is known by its support function h(n), the distance from the origin of the tangent
+with the outward normal n. Its signed distance to a point x is the largest of x . n - h(n) over all
+normals, outside as well as inside; the normal for which it is that is the outward normal at the
+foot of x. Points and normals are complex numbers x + iy in the object's frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+from isotruss_ros.core.model.objects import validate_disc
+from isotruss_ros.core.numerics.arrays import Array, Points
+import numpy as np
+
+
+class SurfacePoints(NamedTuple):
+    """
+    What points find nearest to them on a surface; the foot of a point is `point - gap * normal`.
+
+    :ivar gaps: (c,) distance from the surface, negative inside [m].
+    :ivar normals: (c,) outward unit normals at the feet, x + iy; at a sharp corner one within its
+        normal cone.
+    :ivar radii: (c,) radius of curvature there [m]: 0 at a sharp corner, infinite on a face.
+    """
+
+    gaps: Array
+    normals: Points
+    radii: Array
+
+
+class Shape(Protocol):
+    """A convex cross-section, in the frame of the object."""
+
+    @property
+    def area(self) -> float:
+        """Return the area [m^2]."""
+
+    @property
+    def perimeter(self) -> float:
+        """Return the length of the outline [m]; over 2 pi it is the mean of h(n)."""
+
+    @property
+    def centroid(self) -> complex:
+        """Return the centroid of the area, x + iy, which is inside [m]."""
+
+    @property
+    def gyration(self) -> float:
+        """Return the radius of gyration of the area about its centroid [m]."""
+
+    @property
+    def reach(self) -> float:
+        """Return the largest distance of the surface from the origin [m]."""
+
+    def support(self, normals: Points) -> Array:
+        """
+        Return h(n), the distance of tangents from the origin, (c,) [m].
+
+        :param normals: (c,) outward unit normals of the tangents, x + iy.
+        """
+
+    def support_points(self, normals: Points) -> Points:
+        """
+        Return points of the surface on tangents, (c,) x + iy [m].
+
+        :param normals: (c,) outward unit normals of the tangents, x + iy.
+        """
+
+    def nearest(self, points: Points) -> SurfacePoints:
+        """
+        Return what is nearest on the surface.
+
+        :param points: (c,) x + iy, outside or inside [m].
+        """
+
+    def rounded(self, length: float) -> Shape:
+        """
+        Return the shape with its corners rounded off as far as pieces of a length can tell.
+
+        :param length: of the pieces [m].
+        """
+
+    def outline(self, spacing: float) -> Points:
+        """
+        Return points along the surface, counter-clockwise and without repetition, (k,) [m].
+
+        :param spacing: largest distance of the points where the surface is curved [m].
+        """
+
+
+@dataclass(frozen=True)
+class Disc:
+    """
+    A circle around the origin of the object's frame.
+
+    :ivar diameter: its own diameter d [m].
+    :raises GraspError: the diameter is not a positive number within range.
+    """
+
+    diameter: float
+
+    def __post_init__(self) -> None:
+        """Check the number."""
+        object.__setattr__(self, 'diameter', validate_disc((0.0, 0.0), self.diameter)[1])
+
+    @property
+    def area(self) -> float:
+        """Return the area [m^2]."""
+        return 0.25 * np.pi * self.diameter**2
+
+    @property
+    def perimeter(self) -> float:
+        """Return the length of the outline [m]."""
+        return np.pi * self.diameter
+
+    @property
+    def centroid(self) -> complex:
+        """Return the centroid, x + iy [m]."""
+        return 0j
+
+    @property
+    def gyration(self) -> float:
+        """Return the radius of gyration about the centroid [m]."""
+        return self.diameter / np.sqrt(8.0)
+
+    @property
+    def reach(self) -> float:
+        """Return the largest distance of the surface from the origin [m]."""
+        return 0.5 * self.diameter
+
+    def support(self, normals: Points) -> Array:
+        """
+        Return the distance of tangents from the origin, (c,) [m].
+
+        :param normals: (c,) outward unit normals of the tangents, x + iy.
+        """
+        return np.full(len(normals), 0.5 * self.diameter)
+
+    def support_points(self, normals: Points) -> Points:
+        """
+        Return points of the surface on tangents, (c,) x + iy [m].
+
+        :param normals: (c,) outward unit normals of the tangents, x + iy.
+        """
+        return 0.5 * self.diameter * normals
+
+    def nearest(self, points: Points) -> SurfacePoints:
+        """
+        Return what is nearest on the surface.
+
+        :param points: (c,) x + iy, outside or inside [m].
+        """
+        radius, away = 0.5 * self.diameter, np.abs(points)
+        return SurfacePoints(away - radius, normalize(points), np.full(len(points), radius))
+
+    def rounded(self, length: float) -> Disc:
+        """
+        Return the disc itself, which has no corners.
+
+        :param length: of pieces that cannot tell them [m].
+        """
+        return self
+
+    def outline(self, spacing: float) -> Points:
+        """
+        Return points along the surface, counter-clockwise and without repetition, (k,) [m].
+
+        :param spacing: largest distance of the points [m].
+        """
+        count = max(8, int(np.ceil(self.perimeter / spacing)))
+        return 0.5 * self.diameter * np.exp(2j * np.pi * np.arange(count) / count)
+
+
+def normalize(vectors: Points) -> Points:
+    """
+    Return directions; that of a point at the very centre is any, say upward.
+
+    :param vectors: (c,) x + iy [m].
+    """
+    sizes = np.abs(vectors)
+    if sizes.all():
+        return vectors / sizes
+    return np.where(sizes > 0.0, vectors / np.where(sizes > 0.0, sizes, 1.0), 1.0j)

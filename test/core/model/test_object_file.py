@@ -1,0 +1,83 @@
+"""Objects from YAML: what is read, and what is refused with key and remedy."""
+
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Ellipse,
+    GraspError,
+    object_from_mapping,
+    ObjectFileError,
+    Polygon,
+    read_object,
+)
+import pytest
+
+BOX = """
+shape: polygon
+vertices: [[0, 0], [0.3, 0], [0.3, 0.2], [0, 0.2]]
+corner_radius: 0.01
+mass: 1.5
+center_of_mass: [0.15, 0.1]
+friction: 0.4
+"""
+VERTICES = ((0.0, 0.0), (0.3, 0.0), (0.3, 0.2), (0.0, 0.2))
+
+
+def test_reads_a_box_from_a_file(tmp_path):
+    path = tmp_path / 'box.yaml'
+    path.write_text(BOX, encoding='utf-8')
+    wanted = ConvexObject(
+        Polygon(VERTICES, 0.01), mass=1.5, center_of_mass=(0.15, 0.1), friction=0.4
+    )
+    assert read_object(path) == read_object(str(path)) == wanted
+
+
+def test_reads_objects_from_text():
+    assert read_object('{shape: disc, diameter: 0.2}') == ConvexObject(Disc(0.2))
+    found = read_object('{shape: ellipse, semi_axes: [0.2, 0.1], friction: 0}')
+    assert found == ConvexObject(Ellipse((0.2, 0.1)), friction=0.0)
+    assert object_from_mapping({'shape': 'polygon', 'vertices': VERTICES}).shape == Polygon(
+        VERTICES
+    )
+
+
+@pytest.mark.parametrize(
+    ('text', 'words'),
+    [
+        ('{}', "key 'shape' is missing; it is one of disc, polygon, ellipse"),
+        ('{shape: box}', "shape: 'box': must be one of"),
+        ('{shape: [1]}', 'must be one of'),
+        ('{shape: disc}', "'diameter' is missing; a disc needs it"),
+        ('{shape: disc, diameter: wide}', 'diameter'),
+        ('{shape: disc, diametre: 0.1}', 'did you mean diameter'),
+        ('{shape: disc, diameter: 0.1, vertices: []}', "unknown key 'vertices'"),
+        ('{shape: polygon, vertices: [[0, 0], [1, 0]]}', 'at least 3'),
+        ('{shape: polygon, vertices: {a: 1, b: 2, c: 3}}', 'vertex 1'),
+        ('{shape: polygon, vertices: [[0, 0], [1, 0], [1, [0]]]}', 'vertex 3'),
+        ('{shape: disc, diameter: 0.1, mass: heavy}', 'mass'),
+        ('{shape: disc, diameter: 0.1, mass: true}', 'mass'),
+        ('{shape: disc, diameter: .nan}', 'diameter'),
+        ('{shape: disc', 'not YAML'),
+        ('{shape: &a disc}', 'anchors and aliases are not used in object files'),
+    ],
+)
+def test_refuses_what_is_no_object(text, words):
+    with pytest.raises(ObjectFileError, match=words):
+        read_object(text)
+
+
+def test_refuses_files_with_their_name(tmp_path):
+    path = tmp_path / 'none.yaml'
+    with pytest.raises(GraspError, match=r'none\.yaml: cannot be read'):
+        read_object(path)
+    path.write_text('- 1', encoding='utf-8')
+    with pytest.raises(ObjectFileError, match=r'none\.yaml: .* must be keys and values'):
+        read_object(path)
+    path.write_bytes(b'\xff')
+    with pytest.raises(ObjectFileError, match='not UTF-8'):
+        read_object(path)
+    path.write_text('#' * 300_000, encoding='utf-8')
+    with pytest.raises(ObjectFileError, match='too long; an object file has at most'):
+        read_object(path)
+    with pytest.raises(ObjectFileError, match='cannot be read'):
+        read_object('a\0b')

@@ -1,0 +1,255 @@
+"""Convex shapes: their surface by brute force, and what is no shape is refused with the place."""
+
+from hypothesis import given, strategies
+from isotruss_ros.core import ConvexObject, Cylinder, Disc, Ellipse, GraspError, Polygon
+from isotruss_ros.core.model.convex_object import as_convex_object
+import numpy as np
+import pytest
+from shapes import dense_outline, random_polygon, random_shape, surface_distance
+
+SEEDS = strategies.integers(0, 10**6)
+SQUARE = ((-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1))
+
+
+def directions(generator, count=40):
+    return np.exp(1j * generator.uniform(-np.pi, np.pi, count))
+
+
+@given(SEEDS)
+def test_distances_are_those_of_the_outline(seed):
+    generator = np.random.default_rng(seed)
+    shape = random_shape(generator)
+    points = shape.centroid + generator.uniform(0.0, 0.4, 40) * directions(generator)
+    found = shape.nearest(points)
+    wanted = surface_distance(dense_outline(shape, 4000), points)
+    step = shape.perimeter / 4000
+    near = np.maximum(np.abs(wanted), 0.1 * step)
+    assert np.all(np.abs(found.gaps - wanted) <= step**2 / near + 1e-6 * shape.perimeter)
+    feet = points - found.gaps * found.normals
+    assert shape.nearest(feet).gaps == pytest.approx(0.0, abs=1e-12)
+    assert np.abs(found.normals) == pytest.approx(1.0, abs=1e-12)
+    # The foot lies on the tangent with that normal.
+    assert (feet * found.normals.conj()).real == pytest.approx(
+        shape.support(found.normals), abs=1e-12
+    )
+
+
+@given(SEEDS)
+def test_no_point_of_the_outline_is_beyond_its_tangents(seed):
+    generator = np.random.default_rng(seed)
+    shape = random_shape(generator)
+    normals = directions(generator)
+    far = (dense_outline(shape, 4000) * normals[:, None].conj()).real.max(axis=1)
+    support = shape.support(normals)
+    assert np.all(far <= support + 1e-12)
+    assert support == pytest.approx(far, abs=1e-3 * shape.perimeter)
+    on = shape.support_points(normals)
+    assert (on * normals.conj()).real == pytest.approx(support, abs=1e-12)
+    assert shape.nearest(on).gaps == pytest.approx(0.0, abs=1e-12)
+    assert shape.reach >= np.abs(dense_outline(shape, 4000)).max() - 1e-12
+
+
+@given(SEEDS)
+def test_gap_and_normal_turn_as_the_radius_of_curvature_says(seed):
+    generator = np.random.default_rng(seed)
+    shape = random_shape(generator)
+    normals = directions(generator)
+    points = shape.support_points(normals) + 0.05 * normals
+    step = 1e-6
+    found, moved = shape.nearest(points), shape.nearest(points + 1j * step * normals)
+    turned = np.angle(moved.normals / found.normals) / step
+    # Where a step leads from an arc to a face there is no derivative.
+    same = found.radii == moved.radii if isinstance(shape, Polygon) else np.full(40, True)
+    with np.errstate(divide='ignore'):
+        wanted = 1.0 / (0.05 + found.radii)
+    assert turned[same] == pytest.approx(wanted[same], rel=1e-3, abs=1e-6)
+    slope = (moved.gaps - found.gaps) / step
+    assert slope == pytest.approx(np.zeros(40), abs=1e-4)
+
+
+@given(SEEDS)
+def test_area_centroid_and_gyration_are_those_of_the_outline(seed):
+    shape = random_shape(np.random.default_rng(seed))
+    z = dense_outline(shape, 4000)
+    z, following = z, np.roll(z, -1)
+    cross = (z.conj() * following).imag
+    area = 0.5 * cross.sum()
+    centroid = (cross * (z + following)).sum() / 6.0 / area
+    a, b = z - centroid, following - centroid
+    polar = (cross_of(a, b) * (abs2(a) + abs2(b) + (a * b.conj()).real)).sum() / 12.0
+    assert shape.area == pytest.approx(area, rel=1e-5)
+    assert abs(shape.centroid - centroid) < 1e-5 * shape.perimeter
+    assert shape.gyration == pytest.approx(np.sqrt(polar / area), rel=1e-5)
+    assert shape.perimeter == pytest.approx(np.abs(following - z).sum(), rel=1e-5)
+    assert shape.nearest(np.array([shape.centroid])).gaps[0] < 0.0
+
+
+def cross_of(a, b):
+    return (a.conj() * b).imag
+
+
+def abs2(z):
+    return np.abs(z) ** 2
+
+
+def test_a_square_by_hand():
+    square = Polygon(SQUARE)
+    found = square.nearest(np.array([0.3 + 0.02j, 0.13 + 0.14j, 0.08 + 0.01j]))
+    assert found.gaps == pytest.approx([0.2, 0.05, -0.02])
+    assert found.normals == pytest.approx([1.0, 0.6 + 0.8j, 1.0])
+    assert found.radii.tolist() == [np.inf, 0.0, np.inf]
+    assert square.support(np.array([1.0, np.exp(0.25j * np.pi)])) == pytest.approx(
+        [0.1, 0.1 * np.sqrt(2.0)]
+    )
+    rounded = Polygon(SQUARE, 0.05)
+    assert rounded.area == pytest.approx(0.04 - (4.0 - np.pi) * 0.05**2)
+    assert rounded.perimeter == pytest.approx(0.4 + 2.0 * np.pi * 0.05)
+    assert rounded.nearest(np.array([0.11 + 0.13j])).gaps == pytest.approx([0.05])
+
+
+def test_a_polygon_of_many_sides_is_a_disc():
+    angles = 2.0 * np.pi * np.arange(200) / 200
+    polygon = Polygon(0.1 * np.column_stack([np.cos(angles), np.sin(angles)]))
+    disc = Disc(0.2)
+    points = 0.3 * directions(np.random.default_rng(1), 200) * np.linspace(0.3, 1.0, 200)
+    many, one = polygon.nearest(points), disc.nearest(points)
+    assert many.gaps == pytest.approx(one.gaps, abs=0.1 * (np.pi / 200) ** 2)
+    assert polygon.perimeter == pytest.approx(disc.perimeter, rel=1e-4)
+    assert polygon.gyration == pytest.approx(disc.gyration, rel=1e-3)
+
+
+def test_an_ellipse_with_equal_axes_is_a_disc():
+    points = np.append(0.2 * directions(np.random.default_rng(2)), [0.0, 0.03j, 0.03])
+    ellipse, disc = Ellipse((0.1, 0.1)).nearest(points), Disc(0.2).nearest(points)
+    assert ellipse.gaps == pytest.approx(disc.gaps, abs=1e-14)
+    assert ellipse.radii == pytest.approx(disc.radii)
+    assert np.delete(ellipse.normals, 40) == pytest.approx(np.delete(disc.normals, 40), abs=1e-12)
+
+
+def test_feet_of_points_on_the_axes_of_an_ellipse():
+    ellipse = Ellipse((0.3, 0.1))
+    # Inside of the evolute the foot is off the axis; beyond, at the vertex.
+    found = ellipse.nearest(np.array([0.0, 0.2, 0.29, 0.4, 0.05j, -0.2j]))
+    beside = (0.3**2 - 0.2**2 * 0.3**2 / (0.3**2 - 0.1**2)) ** 0.5
+    assert found.gaps[[0, 2, 3, 4, 5]] == pytest.approx([-0.1, -0.01, 0.1, -0.05, 0.1])
+    foot = 0.2 - found.gaps[1] * found.normals[1]
+    assert foot.real == pytest.approx(0.3**2 * 0.2 / (0.3**2 - 0.1**2))
+    assert abs(foot.imag) == pytest.approx(0.1 * np.sqrt(1.0 - (foot.real / 0.3) ** 2))
+    assert beside > 0.0
+
+
+@given(SEEDS)
+def test_vertices_may_run_either_way(seed):
+    generator = np.random.default_rng(seed)
+    polygon = random_polygon(generator)
+    again = Polygon(polygon.vertices[::-1], tuple(polygon.radii[::-1]))
+    points = 0.3 * directions(generator)
+    one, other = polygon.nearest(points), again.nearest(points)
+    assert one.gaps == pytest.approx(other.gaps, abs=1e-14)
+    assert one.normals == pytest.approx(other.normals, abs=1e-12)
+    assert hash(again) == hash(Polygon(again.vertices, again.corner_radius))
+
+
+@given(SEEDS, strategies.floats(0.001, 0.05))
+def test_rounding_off_stays_within_and_takes_off_as_much_as_pieces_can_tell(seed, length):
+    generator = np.random.default_rng(seed)
+    sharp = random_polygon(generator, rounded=False)
+    blunt = sharp.rounded(length)
+    points = 0.4 * directions(generator)
+    assert np.all(blunt.nearest(points).gaps >= sharp.nearest(points).gaps - 1e-12)
+    half = 0.5 * sharp.turns
+    taken = np.abs(sharp.corners - blunt.arc_centers) - blunt.radii
+    assert np.all(taken <= 0.25 * length * np.tan(half) * (1.0 + 1e-9))
+    assert blunt.rounded(length) is blunt
+
+
+WRONG = {
+    'no list': (3, 'must be a list'),
+    'two': (((0, 0), (1, 0)), 'of 2 vertices: must have at least 3'),
+    'a triple': (((0, 0), (1, 0, 0), (0, 1)), r'vertex 2 \(x, y\)'),
+    'uneven': (((0, 0), (1, [0]), (0, 1)), 'vertex 2'),
+    'not finite': (((0, 0), (1, float('nan')), (0, 1)), 'vertex 2'),
+    'far': (((0, 0), (1e10, 0), (0, 1)), 'vertex 2 .* within'),
+    'twice': (((0, 0), (1, 0), (1, 0), (0, 1)), r'vertex 2 \(1, 0\) m: .* same place'),
+    'a line': (((0, 0), (1, 0), (2, 0)), 'on one line'),
+    'straight': (((0, 0), (1, 0), (2, 0), (0, 1)), r'vertex 2 \(1, 0\) m: on one line'),
+    'there and back': (((0, 0), (2, 0), (1, 0), (0, 1)), 'vertex 2 .* on one line'),
+    'concave': (((0, 0), (2, 0), (1, 0.2), (1, 2)), r'vertex 3 \(1, 0.2\) m: .* concave'),
+    'concave, clockwise': (((1, 2), (1, 0.2), (2, 0), (0, 0)), r'vertex 2 \(1, 0.2\) .* concave'),
+    'a bow tie': (((0, 0), (1, 1), (1, 0), (0, 1)), r'vertex 1 .* vertex 3 .* cross each other'),
+    'a pentagram': (
+        [(np.cos(4 * np.pi * i / 5), np.sin(4 * np.pi * i / 5)) for i in range(5)],
+        'cross each other',
+    ),
+    'around twice': (
+        [(np.cos(a), np.sin(a)) for a in 2 * np.pi * np.arange(7) * 2 / 7],
+        'cross each other',
+    ),
+}
+
+
+@pytest.mark.parametrize('case', WRONG)
+def test_refuses_what_is_no_convex_polygon_with_the_place(case):
+    vertices, words = WRONG[case]
+    with pytest.raises(GraspError, match=words):
+        Polygon(vertices)
+
+
+@pytest.mark.parametrize(
+    ('radius', 'words'),
+    [
+        (-0.01, 'must not be negative'),
+        (0.11, 'does not fit: the side of 0.2 m that begins at vertex 1'),
+        ((0.0, 0.15, 0.06, 0.0), r'that begins at vertex 2 \(0.1, -0.1\) m'),
+        ((0.01, 0.01), 'must be 4 finite numbers'),
+        ('thick', 'corner_radius'),
+    ],
+)
+def test_refuses_arcs_that_do_not_fit(radius, words):
+    with pytest.raises(GraspError, match=words):
+        Polygon(SQUARE, radius)
+
+
+@pytest.mark.parametrize(
+    ('make', 'words'),
+    [
+        (lambda: Disc(-1.0), 'positive'),
+        (lambda: Ellipse((0.1, 0.0)), 'semi_axes'),
+        (lambda: Ellipse((0.1, 1e-5)), 'factor'),
+        (lambda: Ellipse((0.1,)), 'semi_axes'),
+        (lambda: ConvexObject('box'), 'must be a Disc'),
+        (lambda: ConvexObject(Disc(0.1), (0.0, 0.0)), 'pose'),
+        (lambda: ConvexObject(Disc(0.1), (1e10, 0.0, 0.0)), 'within'),
+        (lambda: ConvexObject(Disc(0.1), mass=0.0), 'mass'),
+        (lambda: ConvexObject(Disc(0.1), center_of_mass=(0.06, 0.0)), 'within the object'),
+        (lambda: ConvexObject(Disc(0.1), friction=-0.1), 'friction'),
+    ],
+)
+def test_refuses_numbers_that_are_not_usable(make, words):
+    with pytest.raises(GraspError, match=words):
+        make()
+
+
+@given(SEEDS)
+def test_an_object_moves_with_its_pose(seed):
+    generator = np.random.default_rng(seed)
+    shape = random_shape(generator)
+    pose = tuple(generator.uniform(-1.0, 1.0, 3))
+    held = ConvexObject(shape).moved_to(pose)
+    turn = np.exp(1j * pose[2])
+    points = 0.3 * directions(generator)
+    own, moved = shape.nearest(points), held.nearest(complex(*pose[:2]) + turn * points)
+    assert moved.gaps == pytest.approx(own.gaps, abs=1e-12)
+    assert moved.normals == pytest.approx(turn * own.normals, abs=1e-9)
+    assert held.nearest(held.outline()).gaps == pytest.approx(0.0, abs=1e-12)
+    assert held.nearest(np.array([held.middle])).gaps[0] < 0.0
+    normals = directions(generator)
+    assert held.support(normals) == pytest.approx(shape.support(normals / turn), abs=1e-12)
+
+
+def test_a_cylinder_is_a_disc_in_its_place():
+    held = as_convex_object(Cylinder((0.3, -0.2), 0.25))
+    assert held == ConvexObject(Disc(0.25), (0.3, -0.2, 0.0))
+    assert held.arm == 0.125
+    assert as_convex_object(held) is held
+    assert ConvexObject(Ellipse((0.125, 0.125))).arm == pytest.approx(0.125)
