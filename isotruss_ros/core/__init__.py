@@ -36,6 +36,8 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import worst_case_rigidity_index
 from isotruss_ros.core.kinematics.robot import load_robot, Robot
 from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limits import Limit, MemberLengthLimit, RollerSpeedLimit
 from isotruss_ros.core.manipulation.solve_joint_velocity import JointCommand, solve_joint_velocity
 from isotruss_ros.core.manipulation.solve_twist import (
@@ -89,6 +91,7 @@ __all__ = [
     'GraspPlan',
     'GraspReport',
     'GraspRequirements',
+    'Grip',
     'HeldObject',
     'Hold',
     'IsotrussError',
@@ -131,6 +134,7 @@ __all__ = [
     'analyze_grasp',
     'analyze_grasps',
     'deform',
+    'grip_jacobian',
     'load_robot',
     'object_from_mapping',
     'plan_grasps',

@@ -9,6 +9,7 @@ import math
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject, members_at_module
+from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limit_handling import (
     apply_limits,
     Regularization,
@@ -57,7 +58,7 @@ class RollerCommand:
 
 def solve_twist(
     config: Configuration,
-    grasp: Grasp,
+    grasp: Grasp | Grip,
     twist: ArrayLike,
     failed: Collection[str] = (),
     limits: Sequence[Limit] | None = None,
@@ -69,14 +70,15 @@ def solve_twist(
     """
     Find the roller velocities of the least cost (11) that move the object with a twist (20).
 
-    The grip keeps its opening angle (14), unless its rate is given, and every tube its length (13)
-    in all cases. A twist
-    that is unreachable is replaced by the closest reachable one, in the measure
-    |v|^2 + |omega d/2|^2. When limits bind, the direction is kept and the size scaled; or, with
-    `slide_along_limits`, the closest twist that they admit is carried out, see `apply_limits`.
+    The grip keeps its opening angle (14), or a `Grip` its contacts, unless its rate is given, and
+    every tube its length (13) in all cases. A twist that is unreachable, or that would leave the
+    contacts, is replaced by the closest reachable one, in the measure |v|^2 + |omega d/2|^2, and
+    the status is `UNREACHABLE`. When limits bind, the direction is kept and the size scaled; or,
+    with `slide_along_limits`, the closest twist that they admit is carried out, see
+    `apply_limits`.
 
     :param config: configuration of the robot.
-    :param grasp: the grasp.
+    :param grasp: the grasp, at a module or as a grip of any two members, or three.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
     :param failed: names of the rollers that have failed and stand still.
     :param limits: limits in place of those of the robot file.
@@ -84,10 +86,12 @@ def solve_twist(
     :param period: period of the loop [s]: where limits bind, progress that takes far more roller
         speed than it yields is left, see `Regularization`. Zero for the largest progress.
     :param regularization: weights where limits bind.
-    :param opening_rate: of the angle between the grasping members [rad/s]: the right-hand side of
-        the fourth row of (19), scaled with the twist; while sliding along limits as far as those
-        of the roller speeds scale it, and zero where the others do not admit that.
-    :raises GraspError: the grasp, the twist or a name in `failed` is not usable.
+    :param opening_rate: of the angle between the grasping members [rad/s], or of the distance
+        between the two contacts of a `Grip` [m/s]: the right-hand side of the fourth row of (19),
+        scaled with the twist; while sliding along limits as far as those of the roller speeds
+        scale it, and zero where the others do not admit that.
+    :raises GraspError: the grasp, the twist or a name in `failed` is not usable; or a grip of
+        three members is to open, for which one rate does not say how.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
     """
@@ -97,8 +101,8 @@ def solve_twist(
         desired = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
     jacobian, reach = find_reach(config, grasp, working.places)
-    if opening_rate != 0.0:  # (14) counts it with the sign of the side that holds the object
-        opening_rate *= members_at_module(config, grasp.module).side
+    if opening_rate != 0.0:
+        opening_rate = _opening(config, grasp, opening_rate)
     limits = default_limits(robot) if limits is None else limits
     return carry_out(
         config,
@@ -112,6 +116,18 @@ def solve_twist(
         regularization,
         opening_rate,
     )
+
+
+def _opening(config: Configuration, grasp: Grasp | Grip, rate: float) -> float:
+    """Return the right-hand side of the grip's row for an opening rate."""
+    if isinstance(grasp, Grasp):  # (14) counts it with the sign of the side that holds the object
+        return rate * members_at_module(config, grasp.module).side
+    if len(grasp.members) > 2:
+        raise GraspError(
+            f'opening rate {rate:g} m/s of a grip of {len(grasp.members)} members: only two '
+            'members have one'
+        )
+    return rate
 
 
 def carry_out(
@@ -217,15 +233,18 @@ def solve_twist_ahead(
     return solve_twist(ahead, held.grasp_in(ahead), twist, failed, limits)
 
 
-def reachable_twists(config: Configuration, grasp: Grasp, failed: Collection[str]) -> Array:
+def reachable_twists(
+    config: Configuration, grasp: Grasp | Grip, failed: Collection[str] = ()
+) -> Array:
     """
     Return the motions of the object that the working rollers can produce.
 
     :param config: configuration of the robot.
-    :param grasp: the grasp.
+    :param grasp: the grasp, at a module or as a grip of any two members, or three.
     :param failed: names of the rollers that have failed and stand still.
     :return: (k, 3) twists vx, vy [m/s], omega [rad/s] in the robot frame, as many as are
-        independent, orthonormal in the measure |v|^2 + |omega d/2|^2; the grip keeps its angle.
+        independent, orthonormal in the measure |v|^2 + |omega d/2|^2; the grip keeps its angle,
+        a `Grip` its contacts.
     :raises GraspError: the grasp or a name in `failed` is not usable.
     :raises ConfigurationError: the configuration is singular.
     """

@@ -1,6 +1,8 @@
 """
 The task of a grasped object as rows on the roller speeds: equations (14) to (20).
 
+For a `Grip` these rows are those of its contacts, see `grip_rows`.
+
 The node velocities of (19) and (20) follow from the roller speeds by (12), so that the unknowns
 are the speeds of the working rollers alone.
 """
@@ -13,6 +15,8 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import find_grasping_members, Grasp
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 from scipy.linalg import lapack
@@ -91,33 +95,47 @@ class Reach:
     All rows are speeds of the object's surface, so that rotation and translation compare.
 
     :ivar task: (3, w) rows vx, vy, omega d/2 on the speeds of the working rollers [-].
-    :ivar grip: (1, w) row that keeps the grip's angle; (0, w) where no roller changes it [-].
+    :ivar grip: (g, w) rows that keep the grip: its angle, or the contacts of a `Grip`, as far as
+        rollers change it [-].
     :ivar directions: (k, 3) orthonormal: the reachable twists.
     :ivar weights: (3,) what turns vx, vy, omega into speeds of the surface: 1, 1, d/2 [m].
+    :ivar opening: what turns an opening rate into a speed: d/2 [m] for an angle, 1 for a distance.
     """
 
     task: Array
     grip: Array
     directions: Array
     weights: Array
+    opening: float = 1.0
 
     @classmethod
-    def of(cls, active: Array, radius: float) -> Reach:
+    def of(cls, active: Array, radius: float, opening: float) -> Reach:
         """
         Compute which twists are reachable.
 
-        :param active: (4, w) columns of the task Jacobian that belong to working rollers.
+        :param active: (3 + g, w) columns of the task Jacobian that belong to working rollers.
         :param radius: of the object [m].
+        :param opening: what turns the g rows of the grip into speeds [-] or [m].
         """
         weights = np.array([1.0, 1.0, radius])
         task = weights[:, None] * active[:3]
-        grip = active[3] * radius
+        if len(active) > 4:
+            return cls._of_many(task, opening * active[3:], weights, opening)
+        grip = active[3] * opening
         square = float(grip @ grip)
         held = square > RANK_TOLERANCE**2
         keeping = task - (task @ grip)[:, None] * (grip / square) if held else task
         basis, gains, _ = np.linalg.svd(keeping, full_matrices=False)
         kept = grip[None] if held else grip[None][:0]
-        return cls(task, kept, basis[:, gains > RANK_TOLERANCE].T, weights)
+        return cls(task, kept, basis[:, gains > RANK_TOLERANCE].T, weights, opening)
+
+    @classmethod
+    def _of_many(cls, task: Array, grip: Array, weights: Array, opening: float) -> Reach:
+        """Compute which twists are reachable with several rows (g, w) that keep the grip."""
+        _, gains, basis = np.linalg.svd(grip, full_matrices=False)
+        kept = basis[gains > RANK_TOLERANCE]
+        directions, gains, _ = np.linalg.svd(task - (task @ kept.T) @ kept, full_matrices=False)
+        return cls(task, kept, directions[:, gains > RANK_TOLERANCE].T, weights, opening)
 
     @classmethod
     def of_points(cls, active: Array) -> Reach:
@@ -132,18 +150,25 @@ class Reach:
         return cls(active, no_grip, reachable, np.ones(len(active)))
 
 
-def find_reach(config: Configuration, grasp: Grasp, working: Indices) -> tuple[Array, Reach]:
+def find_reach(
+    config: Configuration, grasp: Grasp | Grip, working: Indices
+) -> tuple[Array, Reach]:
     """
-    Return the task Jacobian (4, r), see `task_jacobian`, and the reachable twists.
+    Return the task Jacobian, see `task_jacobian` and `grip_jacobian`, and the reachable twists.
 
     :param config: configuration of the robot.
-    :param grasp: the grasp.
+    :param grasp: the grasp, at a module or as a grip.
     :param working: (w,) numbers of the rollers that have not failed.
-    :raises GraspError: see `grasp_rows`.
+    :return: (3 + g, r), and the twists that keep the g last rows at zero.
+    :raises GraspError: see `grasp_rows` and `find_contacts`.
     :raises ConfigurationError: the configuration is singular.
     """
+    if isinstance(grasp, Grip):
+        jacobian = grip_jacobian(config, grasp)
+        return jacobian, Reach.of(jacobian[:, working], 0.5 * grasp.body.diameter, 1.0)
     jacobian = task_jacobian(config, grasp)
-    return jacobian, Reach.of(jacobian[:, working], 0.5 * grasp.diameter)
+    radius = 0.5 * grasp.diameter
+    return jacobian, Reach.of(jacobian[:, working], radius, radius)
 
 
 class Task:
@@ -153,7 +178,8 @@ class Task:
     :param reach: the reachable twists.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] in the robot frame.
     :param even: (w, w) E with |C E y| = |y|, see `WorkingRollers`.
-    :param opening_rate: right-hand side of the grip's row [rad/s]; it or the twist is not zero.
+    :param opening_rate: right-hand side of the grip's row [rad/s], of two contacts [m/s]; it or
+        the twist is not zero.
     :ivar equality: (k, w) rows of (20) on the working rollers: reachable directions, then grip.
     :ivar direction: (k,) unit vector of the closest reachable twist in these rows.
     :ivar speed: its size [m/s], zero where nothing of the twist is reachable.
@@ -163,7 +189,7 @@ class Task:
     """
 
     def __init__(self, reach: Reach, twist: Array, even: Array, opening_rate: float = 0.0) -> None:
-        opening = reach.weights[-1] * opening_rate if len(reach.grip) else 0.0
+        opening = reach.opening * opening_rate if len(reach.grip) else 0.0
         size = max(float(np.abs(twist).max()), abs(opening))
         # A twist of any finite size must not overflow.
         unit = reach.weights * (twist / size)

@@ -1,0 +1,89 @@
+"""
+The one constraint of a grip: J_h(q) qdot = G^T nu (Murray, Li and Sastry).
+
+At every contact the tube's material moves as the object's surface does: contacts roll. For a
+cylinder between the two members of one module the rows are those of (14) to (18).
+
+The tube does not stretch, so that the material of a straight member moves as a rigid body: with
+the member's ends, and along it with the roller at which the member starts. The roller at its end
+moves it just as much, (12): past the passive module of the tube it is the one that turns.
+"""
+
+from __future__ import annotations
+
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import find_contacts, Grip, GripContacts
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+from scipy.linalg import lapack
+
+#: Gradients of vx and of vy of a node that moves a contact along.
+AXES = np.array([1.0, 1j])
+
+
+def hand_jacobian(config: Configuration, contacts: GripContacts) -> Array:
+    """
+    Return J_h: the velocity of the tubes' material at the contacts.
+
+    :param config: configuration of the robot.
+    :param contacts: of the grip.
+    :return: (2 k, r) vx, vy of contact after contact in the robot frame, for 1 m/s at each
+        roller [-].
+    :raises ConfigurationError: the configuration is singular.
+    """
+    nodes = contacts.nodes
+    count = len(nodes.columns)
+    # Turning rate of a member: Re(conj(turn) (velocity of its end - velocity of its start)). It
+    # moves a point as i times its arm does, from the start on.
+    arms = contacts.points - config.points[nodes.starts]
+    turn = 1j / contacts.spans.conj()
+    across = (1j * arms).view(np.float64).reshape(-1, 2) * turn[:, None]
+    rows = np.zeros(count * len(config.points), dtype=np.complex128)
+    rows[nodes.places] = AXES - across, across
+    velocities = config.module_rows(rows.view(np.float64).reshape(count, -1))
+    velocities[np.arange(count), nodes.columns] += contacts.axes.view(np.float64)
+    return velocities[:, config.robot.topology.driven]
+
+
+def grasp_map(center: complex, contacts: GripContacts) -> Array:
+    """
+    Return G^T: the velocity of the object's surface at the contacts.
+
+    :param center: of the object, to which the twist belongs, x + iy [m].
+    :param contacts: of the grip.
+    :return: (2 k, 3) vx, vy of contact after contact in the robot frame, for a twist vx, vy
+        [m/s], omega [rad/s].
+    """
+    arms = contacts.points - center
+    rows = np.zeros((2 * len(arms), 3))
+    rows[::2, 0] = rows[1::2, 1] = 1.0
+    rows[::2, 2], rows[1::2, 2] = -arms.imag, arms.real
+    return rows
+
+
+def grip_jacobian(config: Configuration, grip: Grip) -> Array:
+    """
+    Return the map from roller speeds to the motion of an object in a grip.
+
+    The first three rows solve J_h(q) qdot = G^T nu for the twist, the others are what is left of
+    it: a motion keeps the contacts where they are zero.
+
+    :param config: configuration of the robot.
+    :param grip: the grip.
+    :return: (2 k, r) of k contacts, for 1 m/s at each roller, robot frame: rows vx, vy [m/s] and
+        omega [rad/s] of the object, then 2 k - 3 rows [m/s]; the one of two contacts is the rate
+        of their distance.
+    :raises GraspError: see `find_contacts`.
+    :raises ConfigurationError: the configuration is singular.
+    """
+    contacts = find_contacts(config, grip)
+    hand = hand_jacobian(config, contacts)
+    rigid = grasp_map(complex(*grip.body.center), contacts)
+    if len(rigid) > 4:
+        # No twist does to the contacts what is at right angles to G^T.
+        misfits = np.linalg.qr(rigid, mode='complete')[0][:, 3:]
+    else:
+        apart = contacts.points[1] - contacts.points[0]
+        x, y = 0.5 * apart.real / abs(apart), 0.5 * apart.imag / abs(apart)
+        misfits = np.array([[-x], [-y], [x], [y]])
+    return np.asarray(lapack.dgesv(np.concatenate([rigid, misfits], axis=1), hand)[2])

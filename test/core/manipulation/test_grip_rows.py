@@ -1,0 +1,144 @@
+"""The rows of a grip of any members: against the paper's, and against simulated rolling."""
+
+from hypothesis import assume, given, strategies
+from isotruss_ros.core import (
+    Grasp,
+    Grip,
+    grip_jacobian,
+    load_robot,
+    tangent_center,
+    task_jacobian,
+)
+from isotruss_ros.core.manipulation.grip import find_contacts, find_members, GripContacts
+from isotruss_ros.core.manipulation.grip_rows import grasp_map, hand_jacobian
+from isotruss_ros.core.numerics.arrays import as_xy
+import numpy as np
+import pytest
+import random_grips
+import robots
+from scipy.linalg import null_space
+
+NUMBERS = strategies.integers(0, 10**6)
+#: Central differences of fourth order.
+STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -8.0 / 12.0), (1.0, 8.0 / 12.0), (2.0, -1.0 / 12.0))
+STEP = 1e-3
+#: What the members have in common, and how many there are.
+KINDS = (('module', 2), ('tube', 2), ('tubes', 2), ('module', 3), ('tubes', 3))
+
+
+def row_space(rows):
+    """Return the projector on the space that rows span."""
+    basis = np.linalg.qr(rows.T)[0]
+    return basis @ basis.T
+
+
+def constraint_of(config, grip):
+    """Return J_h and -G^T side by side, and the contacts."""
+    contacts = find_contacts(config, grip)
+    center = complex(*grip.body.center)
+    return np.hstack([hand_jacobian(config, contacts), -grasp_map(center, contacts)]), contacts
+
+
+def along(contacts):
+    """Return normals and axes of contacts, by which vx, vy become the two of each contact."""
+    turned = np.zeros((len(contacts.axes), 2, len(contacts.axes), 2))
+    each = np.arange(len(contacts.axes))
+    turned[each, 0, each] = as_xy(-contacts.normals)
+    turned[each, 1, each] = as_xy(contacts.axes)
+    return turned.reshape(2 * len(each), -1)
+
+
+@robots.examples(40)
+@given(robots.robots(), robots.generators(), NUMBERS)
+def test_rows_at_a_module_are_those_of_the_paper(robot, rng, number):
+    config, grasp, _ = robots.random_grasp(robot, rng, number)
+    centers = Grip.at_module(robot, grasp).body.center
+    ends = robots.side_ends(config, grasp.module)
+    center = complex(*centers)
+    feet = [((b - a).conjugate() * (center - a)) / abs(b - a) for a, b in (ends[:2], ends[2:])]
+    offs = [abs(foot.imag) for foot in feet]
+    tube = robot.description.tube_diameter
+    diameter = sum(offs) - tube
+    lengths = [abs(ends[1] - ends[0]), abs(ends[3] - ends[2])]
+    assume(np.ptp(offs) < 1.9 * tube and diameter > 0.02)
+    assume(all(0.0 < foot.real < length for foot, length in zip(feet, lengths, strict=True)))
+    grasp = Grasp(grasp.module, centers, diameter)
+    rows = task_jacobian(config, grasp)
+    paper = np.vstack([np.hstack([rows[:3], -np.eye(3)]), np.append(rows[3], np.zeros(3))])
+    found, _ = constraint_of(config, Grip.at_module(robot, grasp))
+    scale = np.append(np.ones(rows.shape[1]), [1.0, 1.0, 2.0 / diameter])
+    assert np.abs(row_space(found * scale) - row_space(paper * scale)).max() < 1e-12
+
+
+@pytest.mark.parametrize('module', load_robot('nine_member').module_names)
+def test_rows_of_a_disc_in_a_corner_are_those_of_the_paper(module):
+    robot = load_robot('nine_member')
+    config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
+    grasp = Grasp(module, tangent_center(config, module, 0.3, 0.02), 0.3)
+    rows = task_jacobian(config, grasp)
+    paper = np.vstack([np.hstack([rows[:3], -np.eye(3)]), np.append(rows[3], np.zeros(3))])
+    found, _ = constraint_of(config, Grip.at_module(robot, grasp))
+    assert np.abs(row_space(found) - row_space(paper)).max() < 1e-12
+
+
+def differences(config, grip, pose):
+    """Return the derivatives by rollers and pose of what rolling keeps constant."""
+    sides = random_grips.side_of(config, grip)
+    count = len(config.roller_positions)
+    columns = []
+    for change in np.eye(count + 3):
+        column = 0.0
+        for step, weight in STENCIL:
+            moved = config.moved_to(config.roller_positions + STEP * step * change[:count])
+            there = np.array(pose) + STEP * step * change[count:]
+            column += weight / STEP * random_grips.rolled_lengths(moved, grip, there, sides)
+        columns.append(column)
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize(('kind', 'count'), KINDS)
+@robots.examples(25)
+@given(robots.robots(), robots.generators())
+def test_rows_are_the_differences_of_rolling_discs(kind, count, robot, rng):
+    config, grip = random_grips.random_grip(robot, rng, kind, count)
+    assume(grip is not None)
+    pose = (*grip.body.center, rng.uniform(-3.0, 3.0))
+    found, contacts = constraint_of(config, grip)
+    assert along(contacts) @ -found == pytest.approx(differences(config, grip, pose), abs=1e-7)
+
+
+@pytest.mark.parametrize(('kind', 'count'), KINDS)
+@robots.examples(25)
+@given(robots.robots(), robots.generators())
+def test_motions_that_keep_the_contacts_are_those_of_the_constraint(kind, count, robot, rng):
+    config, grip = random_grips.random_grip(robot, rng, kind, count)
+    assume(grip is not None)
+    found, _ = constraint_of(config, grip)
+    jacobian = grip_jacobian(config, grip)
+    for rollers in null_space(jacobian[3:], rcond=1e-9).T:
+        assert found @ np.append(rollers, jacobian[:3] @ rollers) == pytest.approx(0.0, abs=1e-11)
+
+
+@pytest.mark.parametrize('member', load_robot('nine_member').member_names)
+def test_the_roller_at_either_end_of_a_member_moves_its_material(member):
+    """Past the passive module of a tube it is the other roller that turns."""
+    robot = load_robot('nine_member')
+    config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
+    start, end = random_grips.member_ends(config, member)
+    axis = (end - start) / abs(end - start)
+    number = robot.member_names.index(member)
+    following = robot.topology.following[number]
+    contacts = GripContacts(
+        find_members(robot, (member,)),
+        np.array([end - start]),
+        np.array([axis]),
+        np.array([0.3 * start + 0.7 * end]),
+        np.array([1j * axis]),
+        np.array([-1.0]),
+    )
+    velocity = hand_jacobian(config, contacts).T.copy().view(complex)[:, 0]
+    velocities = config.node_jacobian.T.copy().view(complex)
+    for node, module in ((contacts.nodes.starts[0], number), (contacts.nodes.ends[0], following)):
+        rolled = ((velocity - velocities[:, node]) * axis.conjugate()).real
+        turning = np.array(robot.roller_names) == robot.module_names[module]
+        assert rolled == pytest.approx(turning.astype(float), abs=1e-12)

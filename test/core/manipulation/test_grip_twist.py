@@ -1,0 +1,159 @@
+"""Roller velocities for an object between any members, against the constraint itself."""
+
+from hypothesis import assume, given
+from isotruss_ros.core import (
+    Cylinder,
+    Grasp,
+    GraspError,
+    Grip,
+    grip_jacobian,
+    load_robot,
+    reachable_twists,
+    solve_twist,
+    Status,
+    tangent_center,
+)
+from isotruss_ros.core.manipulation.grip import find_contacts
+from isotruss_ros.core.manipulation.grip_rows import grasp_map, hand_jacobian
+import numpy as np
+import pytest
+import random_grips
+import robots
+from scipy.linalg import null_space
+
+NINE = load_robot('nine_member')
+KINDS = (('module', 2), ('tube', 2), ('tubes', 2), ('module', 3), ('tubes', 3))
+
+
+def motions(config, grip):
+    """Return all (rollers, twist) that keep the constraint, as columns, in speeds [m/s]."""
+    contacts = find_contacts(config, grip)
+    hand = hand_jacobian(config, contacts)
+    rigid = grasp_map(complex(*grip.body.center), contacts) / surface(grip)
+    return null_space(np.hstack([hand, -rigid]), rcond=1e-9)
+
+
+def surface(grip):
+    """Return the weights of the measure |v|^2 + |omega d/2|^2."""
+    return np.array([1.0, 1.0, 0.5 * grip.body.diameter])
+
+
+def least_cost(config, grip, twist):
+    """Return the twist that is nearest of those that keep the contacts, and its rollers (11)."""
+    found = motions(config, grip)
+    count = len(config.roller_positions)
+    if found.shape[1] == 0:
+        return np.zeros(count), np.zeros(3)
+    rollers, twists = found[:count], found[count:]
+    target = surface(grip) * twist
+    share = np.linalg.lstsq(twists, target, rcond=1e-9)[0]
+    still = null_space(twists, rcond=1e-9)
+    incidence = config.robot.topology.incidence
+    if still.shape[1]:
+        free = incidence @ rollers @ still
+        share = share - still @ np.linalg.lstsq(free, incidence @ rollers @ share, rcond=1e-9)[0]
+    return rollers @ share, twists @ share / surface(grip)
+
+
+def well_posed(config, grip):
+    """Tell whether no motion is nearly lost."""
+    _, twists = np.split(motions(config, grip), [len(config.roller_positions)])
+    if twists.shape[1] == 0:
+        return True
+    gains = np.linalg.svd(twists, compute_uv=False)
+    kept = np.linalg.svd(grip_jacobian(config, grip)[3:], compute_uv=False)
+    return all(np.all((g > 1e-2) | (g < 1e-10)) for g in (gains, kept))
+
+
+@pytest.mark.parametrize(('kind', 'count'), KINDS)
+@robots.examples(15)
+@given(robots.robots(), robots.generators())
+def test_rollers_are_those_of_the_least_cost_that_keep_the_contacts(kind, count, robot, rng):
+    config, grip = random_grips.random_grip(robot, rng, kind, count)
+    assume(grip is not None and well_posed(config, grip))
+    twist = rng.standard_normal(3) / surface(grip)
+    command = solve_twist(config, grip, twist, limits=())
+    rollers, nearest = least_cost(config, grip, twist)
+    size = max(1.0, np.abs(rollers).max())
+    assert command.scale == 1.0
+    assert command.roller_velocities == pytest.approx(rollers, abs=1e-8 * size)
+    assert command.achieved_twist * surface(grip) == pytest.approx(
+        nearest * surface(grip), abs=1e-8 * size
+    )
+    missed = np.abs(surface(grip) * (nearest - twist)).max()
+    assert command.status is (Status.OK if missed < 1e-9 else Status.UNREACHABLE)
+
+
+@pytest.mark.parametrize(('kind', 'count'), KINDS)
+@robots.examples(15)
+@given(robots.robots(), robots.generators())
+def test_reachable_twists_are_those_that_keep_the_contacts(kind, count, robot, rng):
+    config, grip = random_grips.random_grip(robot, rng, kind, count)
+    assume(grip is not None and well_posed(config, grip))
+    basis = reachable_twists(config, grip) * surface(grip)
+    _, twists = np.split(motions(config, grip), [len(config.roller_positions)])
+    wanted = twists @ np.linalg.pinv(twists, rcond=1e-6)
+    assert basis.T @ basis == pytest.approx(wanted, abs=1e-9)
+    assert basis @ basis.T == pytest.approx(np.eye(len(basis)), abs=1e-12)
+    for twist in basis / surface(grip):
+        assert solve_twist(config, grip, twist, limits=()).status is Status.OK
+    for twist in null_space(basis).T / surface(grip) if len(basis) else ():
+        command = solve_twist(config, grip, twist, limits=())
+        assert command.status is Status.UNREACHABLE
+        assert not command.roller_velocities.any()
+
+
+@pytest.mark.parametrize('module', NINE.module_names)
+@pytest.mark.parametrize('speed', [0.01, 10.0])
+def test_a_grip_at_a_module_moves_as_the_grasp_there(module, speed):
+    config = NINE.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
+    grasp = Grasp(module, tangent_center(config, module, 0.3, 0.01), 0.3)
+    grip = Grip.at_module(NINE, grasp)
+    for twist in speed * np.array([[1.0, 0.0, 0.0], [0.3, -0.5, 2.0], [0.0, 0.0, 1.0]]):
+        wanted, found = solve_twist(config, grasp, twist), solve_twist(config, grip, twist)
+        size = np.abs(wanted.roller_velocities).max()
+        assert found.roller_velocities == pytest.approx(
+            wanted.roller_velocities, abs=1e-6 * size + 1e-12
+        )
+        assert found.scale == pytest.approx(wanted.scale, abs=1e-7)
+        assert (found.status, found.reachable_dof) == (wanted.status, wanted.reachable_dof)
+    basis = reachable_twists(config, grip) * (1.0, 1.0, 0.15)
+    wanted = reachable_twists(config, grasp) * (1.0, 1.0, 0.15)
+    assert basis.T @ basis == pytest.approx(wanted.T @ wanted, abs=1e-9)
+
+
+@robots.examples(15)
+@given(robots.robots(), robots.generators())
+def test_two_contacts_move_apart_at_the_opening_rate(robot, rng):
+    config, grip = random_grips.random_grip(robot, rng, 'module')
+    assume(grip is not None and well_posed(config, grip))
+    contacts = find_contacts(config, grip)
+    hand = hand_jacobian(config, contacts)
+    assume(len(config.roller_positions) >= 4)
+    apart = contacts.points[1] - contacts.points[0]
+    assume(np.linalg.svd(grip_jacobian(config, grip), compute_uv=False)[3:].min() > 1e-2)
+    command = solve_twist(config, grip, np.zeros(3), limits=(), opening_rate=0.01)
+    speeds = (hand @ command.roller_velocities).view(complex)
+    rate = ((speeds[1] - speeds[0]) * apart.conjugate()).real / abs(apart)
+    assert rate == pytest.approx(0.01, abs=1e-10)
+    assert command.achieved_twist * surface(grip) == pytest.approx(0.0, abs=1e-10)
+
+
+def test_an_opening_rate_of_three_members_is_refused():
+    rng = np.random.default_rng(0)
+    config, grip = random_grips.random_grip(NINE, rng, 'module', 3)
+    with pytest.raises(GraspError, match='3 members: only two'):
+        solve_twist(config, grip, np.zeros(3), opening_rate=0.01)
+    assert solve_twist(config, grip, np.zeros(3)).status is Status.IDLE
+
+
+def test_a_disc_that_fills_a_triangle_cannot_be_moved_by_its_two_rollers():
+    robot = load_robot('triangle')
+    ends = [random_grips.member_ends(robot.home, name) for name in robot.member_names]
+    center = random_grips.equally_far(ends, np.mean(robot.home.points))
+    far, _ = random_grips.local_center(robot.home, robot.member_names[0], center)
+    diameter = 2.0 * abs(far.imag) - robot.description.tube_diameter
+    grip = Grip(robot.member_names, Cylinder((center.real, center.imag), diameter))
+    assert len(reachable_twists(robot.home, grip)) < 3
+    command = solve_twist(robot.home, grip, [0.01, 0.0, 0.0])
+    assert command.status is Status.UNREACHABLE
