@@ -31,6 +31,19 @@ ARMATURE = 10.0
 TUBE_COLOR, MODULE_COLOR, OBJECT_COLOR = '0.25 0.5 0.75 1', '0.2 0.2 0.2 1', '0.85 0.45 0.15 1'
 
 
+def spring_damping(stiffness: Array, along: Array, options: PlantOptions) -> Array:
+    """
+    Return the damping of elastic joints, (k,) [N s/m or N m s].
+
+    :param stiffness: (k,) of the joints [N/m or N m].
+    :param along: (k,) whether a joint is a slide along the tube. Rollers change its rest length,
+        which losses of the tube would resist: it has only what the time step demands.
+    :param options: losses of the tubes, and the time step.
+    """
+    losses = np.where(along, 0.0, options.tube_relaxation)
+    return stiffness * (losses + np.sqrt(ARMATURE) * options.time_step)
+
+
 def segment_counts(
     robot: Robot, objects: Sequence[Cylinder], options: PlantOptions, reach: float = 0.5
 ) -> Indices:
@@ -158,14 +171,12 @@ def _add_member(
     angle = float(np.angle(points[topology.c[topology.following[i]]] - b))
     ring, segment = file.module.guide_ring_distance, float(springs.segment[i])
     radius, name = 0.5 * file.tube_diameter, topology.module_names[i]
-    step = options.time_step
 
-    def spring(stiffness: float) -> dict[str, float]:
-        armature = ARMATURE * stiffness * step**2
+    def spring(stiffness: float, along: bool = False) -> dict[str, float]:
         return {
             'stiffness': stiffness,
-            'armature': armature,
-            'damping': float(np.sqrt(stiffness * armature)),
+            'armature': ARMATURE * stiffness * options.time_step**2,
+            'damping': float(spring_damping(np.array(stiffness), np.array(along), options)),
         }
 
     body = ET.SubElement(module, 'body', name=f'{name}/B', pos=_place(b - a))
@@ -181,14 +192,14 @@ def _add_member(
             _hinge(body, f'{name}:ring', **spring(springs.ring[i]))
         else:
             along = springs.end_slide[i] if piece == 1 else springs.middle_slide[i]
-            _slide(body, f'{name}:x{piece}', 0, **spring(along))
+            _slide(body, f'{name}:x{piece}', 0, **spring(along, along=True))
             _slide(body, f'{name}:y{piece}', 1, **spring(springs.shear[i]))
             _hinge(body, f'{name}:bend{piece}', **spring(springs.bend[i]))
         whole = 0 < piece < count
         _capsule(body, f'{name}#{piece}', segment * (1.0 if whole else 0.5), radius)
     body = ET.SubElement(body, 'body', name=f'{name}/E', pos=_text([0.5 * segment, 0.0, 0.0]))
     _inertial(body, PIECE_MASS)
-    _slide(body, f'{name}:x{count + 1}', 0, **spring(springs.end_slide[i]))
+    _slide(body, f'{name}:x{count + 1}', 0, **spring(springs.end_slide[i], along=True))
     _hinge(body, f'{name}:end', **spring(springs.ring[i]))
     _capsule(body, f'{name}#E', ring, radius)
 

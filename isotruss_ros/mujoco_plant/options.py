@@ -28,6 +28,8 @@ class PlantOptions:
     :ivar segments: of members near which no object is at the start.
     :ivar contact_segments: of the members next to an object at the start.
     :ivar joint_drag: resistance of each joint of the robot against its speed [N s/m].
+    :ivar tube_relaxation: time in which a tube that bends or shears would come to rest by its own
+        losses, had it no mass [s].
     :ivar object_drag: resistance of the ground against an object's speed [N s/m].
     :raises PlantError: a value is not usable.
     """
@@ -39,18 +41,24 @@ class PlantOptions:
     time_step: float = 0.002
     segments: int = 4
     contact_segments: int = 8
-    joint_drag: float = 25.0
-    object_drag: float = 2.0
+    joint_drag: float = 5.0
+    tube_relaxation: float = 0.1
+    object_drag: float = 0.5
 
     def __post_init__(self) -> None:
         """Check the values."""
         positive = (self.object_mass, self.module_mass, self.time_step)
-        not_negative = (self.friction, self.joint_drag, self.object_drag)
+        not_negative = (
+            self.friction,
+            self.joint_drag,
+            self.object_drag,
+            self.tube_relaxation,
+        )
         values = np.array([*positive, *not_negative, *self.gravity], dtype=float)
         if not np.isfinite(values).all() or min(positive) <= 0.0 or min(not_negative) < 0.0:
             raise PlantError(
-                'MuJoCo plant: masses and time step must be positive numbers, friction and drag '
-                f'not negative, gravity finite: {self}'
+                'MuJoCo plant: masses and time step must be positive numbers, friction, '
+                f'drag and relaxation not negative, gravity finite: {self}'
             )
         if not 1 <= min(self.segments, self.contact_segments) <= MAX_SEGMENTS or (
             max(self.segments, self.contact_segments) > MAX_SEGMENTS

@@ -9,7 +9,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.objects import Cylinder, Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.mujoco_plant.engine import load_mujoco
-from isotruss_ros.mujoco_plant.mjcf import ARMATURE, export_mjcf, segment_counts
+from isotruss_ros.mujoco_plant.mjcf import ARMATURE, export_mjcf, segment_counts, spring_damping
 from isotruss_ros.mujoco_plant.options import PlantError, PlantOptions
 from isotruss_ros.mujoco_plant.springs import springs_of
 import numpy as np
@@ -73,6 +73,11 @@ class MujocoPlant:
     def time(self) -> float:
         """Return the simulated time since the start [s]."""
         return float(self.data.time)
+
+    @property
+    def speeds(self) -> Array:
+        """Return the (r,) speeds of the tube through the rollers, commanded last [m/s]."""
+        return self._speeds
 
     @property
     def nodes(self) -> Array:
@@ -298,7 +303,9 @@ class MujocoPlant:
         self.model.jnt_stiffness[self._spring_joint] = stiffness
         armature = ARMATURE * stiffness * self.options.time_step**2
         self.model.dof_armature[self._spring_dof] = armature
-        self.model.dof_damping[self._spring_dof] = np.sqrt(stiffness * armature)
+        along = self._spring_kind < 2
+        damping = spring_damping(stiffness, along, self.options)
+        self.model.dof_damping[self._spring_dof] = damping
         tube = self._piece_whole > 0.0
         half = 0.5 * self._piece_whole * springs.segment[self._piece_member]
         geoms = self._piece_geom[tube]

@@ -2,12 +2,13 @@
 
 import importlib
 
+from comparison.grips import Grip, move_to, press, release, STILL
 from isotruss_ros.core import analyze_grasp, Cylinder, deform, load_robot, settle_grasp
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.mujoco_plant import engine
 from isotruss_ros.mujoco_plant.options import PlantError, PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
-from mujoco_worlds import gripped_plant, move_to, needs_mujoco
+from mujoco_worlds import needs_mujoco
 import numpy as np
 import pytest
 
@@ -42,7 +43,7 @@ def test_the_capsules_of_a_member_join_at_any_length():
 @needs_mujoco
 def test_small_joint_loads_move_all_nodes_as_deform_says():
     robot = load_robot('nine_member')
-    plant = MujocoPlant(robot)
+    plant = MujocoPlant(robot, options=STILL)
     move_to(plant, [0.1, -0.05, 0.08, 0.02, -0.06, 0.04])
     plant.settle(4.0)
     config = robot.configuration(plant.travel)
@@ -56,7 +57,7 @@ def test_small_joint_loads_move_all_nodes_as_deform_says():
 
 @needs_mujoco
 def test_a_grasp_presses_needs_friction_and_gives_as_statics_says():
-    plant, config, cylinder = gripped_plant(0.04, friction=0.0)
+    plant, config, cylinder = press(Grip(40.0, 0.04))
     found = plant.contact_forces()
     expected = analyze_grasp(config, cylinder, 0.5, flattening=False).contact_forces
     assert found.keys() == expected.keys()
@@ -64,9 +65,7 @@ def test_a_grasp_presses_needs_friction_and_gives_as_statics_says():
         # Capsules bend in steps, and the object touches the middle of one.
         assert force.normal == pytest.approx(expected[member], rel=0.05)
         assert force.friction == pytest.approx(0.0, abs=0.01)
-    plant.set_friction(0.8)
-    plant.release_object()
-    plant.settle(3.0)
+    release(plant, 0.8)
     start = np.array(plant.object_pose())
     forces = plant.contact_forces().values()
     settled = settle_grasp(config, Cylinder(tuple(start[:2]), cylinder.diameter), 0.8)
@@ -82,9 +81,8 @@ def test_a_grasp_presses_needs_friction_and_gives_as_statics_says():
 
 @needs_mujoco
 def test_a_carried_object_follows_and_is_dropped_when_friction_is_too_low():
-    plant, config, _ = gripped_plant(0.04, friction=0.8)
-    plant.release_object()
-    plant.settle(2.0)
+    plant, config, _ = press(Grip(40.0, 0.04))
+    release(plant, 0.8)
     start = np.array(plant.object_pose())
     held = RollingGrasp.attach(config, Cylinder(tuple(start[:2]), 0.3), start[2])
     travel = plant.travel + np.array([0.01, -0.01, 0.01, 0.01, -0.005, 0.01])
@@ -108,9 +106,8 @@ def test_a_carried_object_follows_and_is_dropped_when_friction_is_too_low():
 def test_the_same_commands_lead_to_the_same_state():
     ends = []
     for _ in range(2):
-        plant, _, _ = gripped_plant(0.03, friction=0.6)
-        plant.release_object()
-        plant.settle(0.5)
+        plant, _, _ = press(Grip(40.0, 0.03))
+        release(plant, 0.6, 0.5)
         ends.append(plant.data.qpos.copy())
     np.testing.assert_array_equal(*ends)
 

@@ -89,7 +89,15 @@ def imports(folder):
                 continue
             for name in found:
                 names.setdefault(name.split('.')[0], path)
-    foreign = names.keys() - sys.stdlib_module_names - {'isotruss_ros', 'paper'}
+    foreign = (
+        names.keys()
+        - sys.stdlib_module_names
+        - {
+            'comparison',
+            'isotruss_ros',
+            'paper',
+        }
+    )
     return {name: names[name] for name in foreign}
 
 

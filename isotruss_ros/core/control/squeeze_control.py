@@ -60,7 +60,7 @@ class SqueezeSettings:
     friction: float
     gain: float = 5.0
     max_force_rate: float = 10.0
-    pose_gain: float = 20.0
+    pose_gain: float = 4.0
     bias_gain: float = 2.0
     min_slip_margin: float = 0.0
     max_utilisation: float = 1.0

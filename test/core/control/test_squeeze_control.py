@@ -3,7 +3,8 @@
 from dataclasses import replace
 import math
 
-from grips import gripped, opening
+from comparison.wedge import opening
+from grips import gripped
 from isotruss_ros.core import (
     ElasticObject,
     Grasp,
@@ -17,6 +18,7 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
+from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import (
     squeeze_by_opening,
     SqueezeControl,
@@ -34,14 +36,16 @@ MODULE, FRICTION, PERIOD, GAIN = 'north/Z', 0.5, 0.02, 2.0
 class Loop:
     """A controller and a plant, in step."""
 
-    def __init__(self, force=None, scale=1.0, regulated=True, max_utilisation=math.inf, noise=0.0):
+    def __init__(
+        self, force=None, scale=1.0, regulated=True, max_utilisation=math.inf, noise=0.0, **gains
+    ):
         self.object = ElasticObject(CYLINDER, FRICTION, stiffness_scale=scale)
         self.plant = SimulatedRobot(CONFIG, self.object, RollerFaults())
         self.plant.advance(0.0)
         model = RollingGrasp.attach(CONFIG, CYLINDER)
         self.target = model.squeeze if force is None else force
         self.control = SqueezeControl(
-            SqueezeSettings(self.target, FRICTION, max_utilisation=max_utilisation)
+            SqueezeSettings(self.target, FRICTION, max_utilisation=max_utilisation, **gains)
         )
         self.regulated = regulated
         self.noise, self.rng, self.statuses = noise, np.random.default_rng(0), []
@@ -120,13 +124,18 @@ def test_an_unknown_load_is_found_and_costs_little_squeeze_and_no_pose():
     assert loop.control.slip_margin == pytest.approx(loop.object.slip_margin, rel=0.05)
 
 
-def test_an_unknown_rotating_load_moves_the_object_little():
-    loop = Loop()
+# High gains are for robots whose masses do not count: MuJoCo's swings with them.
+@pytest.mark.parametrize(
+    ('gains', 'bound'),
+    [({}, 5e-3), ({'pose_gain': 20.0, 'load': LoadSettings(time=0.02)}, 1.5e-3)],
+)
+def test_an_unknown_rotating_load_moves_the_object_little(gains, bound):
+    loop = Loop(**gains)
     for k in range(100):
         size, turn = min(3.0, 0.12 * k), 3.0 * PERIOD * k
         loop.object.external_wrench = (size * math.cos(turn), size * math.sin(turn), 0.0)
         loop.run((0.0, 0.0, 0.0), PERIOD)
-    assert max(loop.errors) < 1.5e-3
+    assert max(loop.errors) < bound
 
 
 def test_a_softer_plant_presses_less_and_goes_where_it_should():

@@ -1,0 +1,1 @@
+"""Our model against MuJoCo's, number by number: `make plant` writes docs/plant.md."""

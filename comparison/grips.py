@@ -1,0 +1,88 @@
+"""Plants in MuJoCo that hold an object in a wedge of the nine-member robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from comparison.wedge import closed_to, MODULE
+from isotruss_ros.core import Configuration, Cylinder, load_robot, tangent_center
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+
+#: Where an object waits that would be in the way of the closing wedge: x, y [m], angle [rad].
+AWAY = (5.0, 5.0, 0.0)
+#: Where only the state at rest counts: drag so large that oscillations of soft modes end soon.
+STILL = PlantOptions(joint_drag=25.0)
+#: Rest after a motion of the rollers [s].
+REST = 1.0
+
+
+@dataclass(frozen=True)
+class Grip:
+    """
+    What presses on an object.
+
+    :ivar degrees: angle of the wedge at `MODULE`.
+    :ivar indentation: of each member by the object, tubes unbent [m].
+    :ivar diameter: of the object [m].
+    """
+
+    degrees: float
+    indentation: float
+    diameter: float = 0.3
+
+
+def move_to(
+    plant: MujocoPlant, travel: Sequence[float] | Array, duration: float = 2.0, cycle: float = 0.01
+) -> None:
+    """
+    Drive the rollers to a travel at even speeds, and let the robot come to rest.
+
+    :param plant: the robot.
+    :param travel: (r,) travel since home [m].
+    :param duration: of the motion [s].
+    :param cycle: of the commands [s].
+    """
+    speeds = (np.asarray(travel) - plant.travel) / duration
+    for _ in range(round(duration / cycle)):
+        plant.advance(cycle, speeds)
+    plant.settle(REST)
+
+
+def press(
+    grip: Grip, friction: float = 0.0, options: PlantOptions = STILL
+) -> tuple[MujocoPlant, Configuration, Cylinder]:
+    """
+    Return a plant that presses on an object held fast, its configuration, and the object.
+
+    :param grip: what presses.
+    :param friction: coefficient between tube and object while the tubes bend around it.
+    :param options: of the plant.
+    """
+    robot = load_robot('nine_member')
+    config = closed_to(robot.home, grip.degrees, grip.diameter)
+    center = tangent_center(config, MODULE, grip.diameter, grip.indentation)
+    cylinder = Cylinder(center, grip.diameter)
+    plant = MujocoPlant(robot, [cylinder], options)
+    plant.set_friction(friction)
+    plant.hold_object(AWAY)
+    move_to(plant, config.roller_positions)
+    plant.hold_object((*center, 0.0))
+    plant.settle(REST)
+    return plant, config, cylinder
+
+
+def release(plant: MujocoPlant, friction: float, duration: float = 3.0) -> None:
+    """
+    Let go of the object: friction holds it from now on.
+
+    :param plant: presses on an object held fast.
+    :param friction: coefficient between tube and object.
+    :param duration: until it is at rest [s].
+    """
+    plant.set_friction(friction)
+    plant.release_object()
+    plant.settle(duration)

@@ -1,0 +1,53 @@
+"""Configurations whose grip is open by a given angle."""
+
+from __future__ import annotations
+
+from isotruss_ros.core import (
+    Configuration,
+    ConfigurationError,
+    Grasp,
+    tangent_center,
+    task_jacobian,
+)
+from isotruss_ros.core.manipulation.grasp import members_at_module
+import numpy as np
+
+MODULE = 'north/Z'
+#: Steps toward the angle, the largest of them [rad], and when it is reached [rad].
+MAX_STEPS, MAX_STEP, TOLERANCE = 60, 0.05, 1e-10
+
+
+def opening(config: Configuration, module: str = MODULE) -> float:
+    """
+    Return the angle between the two members that meet at a module [rad].
+
+    :param config: configuration of the robot.
+    :param module: name `t/j` of the module.
+    """
+    members = members_at_module(config, module)
+    return float(abs(np.angle(members.ahead / members.back)))
+
+
+def closed_to(
+    config: Configuration, degrees: float, diameter: float, module: str = MODULE
+) -> Configuration:
+    """
+    Return a configuration whose wedge at a module has a given angle, at least roller travel.
+
+    :param config: where the search begins.
+    :param degrees: the angle [degrees].
+    :param diameter: of an object in the wedge, whose centre stays as it can [m].
+    :param module: name `t/j` of the module.
+    :raises ConfigurationError: the wedge does not reach the angle.
+    """
+    for _ in range(MAX_STEPS):
+        change = np.radians(degrees) - opening(config, module)
+        if abs(change) < TOLERANCE:
+            return config
+        center = tangent_center(config, module, diameter)
+        row = task_jacobian(config, Grasp(module, center, diameter))[3]
+        # (14) counts the angle with the sign of the side that holds the object.
+        side = members_at_module(config, module).side
+        travel = side * row * np.clip(change, -MAX_STEP, MAX_STEP) / (row @ row)
+        config = config.moved_to(config.roller_positions + travel)
+    raise ConfigurationError(f'the wedge at {module} does not close to {degrees:g} degrees')
