@@ -26,7 +26,7 @@ unexport FASTRTPS_DEFAULT_PROFILES_FILE FASTDDS_DEFAULT_PROFILES_FILE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test noble demo view paper docs colcon bench fuzz soak mutate coverage format clean noble-tests noble-venv FORCE
+.PHONY: help venv test noble demo view paper plant docs colcon bench fuzz soak mutate coverage format clean noble-tests noble-venv FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation'
@@ -34,6 +34,7 @@ help:
 	@echo 'make test     style and tests; those of ament run with make colcon'
 	@echo 'make noble    the tests, the demo and the paper with the versions of Ubuntu 24.04, in .noble'
 	@echo 'make paper    compute and draw what the paper shows: docs/paper.md'
+	@echo 'make plant    compare our model with MuJoCo: docs/plant.md'
 	@echo 'make docs     build the documentation site: docs/_build/html/index.html'
 	@echo 'make colcon   build and test both packages as a colcon workspace, in .colcon'
 	@echo 'make bench    run the benchmarks'
@@ -74,6 +75,9 @@ view: venv
 
 paper: venv
 	$(BIN)/python -m paper
+
+plant: venv
+	$(BIN)/python -m comparison
 
 docs: venv $(STAMPS)/docs
 	rm -rf docs/_build docs/api

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+import functools
 
 from comparison.wedge import closed_to, MODULE
 from isotruss_ros.core import Configuration, Cylinder, load_robot, tangent_center
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.grasp import members_at_module
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
+#: Factor on the stiffness of sections against flattening: dents stay below a micrometre.
+ROUND = 1e4
 #: Where an object waits that would be in the way of the closing wedge: x, y [m], angle [rad].
 AWAY = (5.0, 5.0, 0.0)
 #: Where only the state at rest counts: drag so large that oscillations of soft modes end soon.
@@ -35,6 +40,17 @@ class Grip:
     diameter: float = 0.3
 
 
+@functools.cache
+def round_robot() -> Robot:
+    """
+    Return the nine-member robot with tubes that stay round where they are touched, as MuJoCo's do.
+
+    Its file says that a section resists flattening far more than by theory.
+    """
+    file = load_robot('nine_member').description
+    return Robot(replace(file, local_stiffness=ROUND))
+
+
 def move_to(
     plant: MujocoPlant, travel: Sequence[float] | Array, duration: float = 2.0, cycle: float = 0.01
 ) -> None:
@@ -52,6 +68,17 @@ def move_to(
     plant.settle(REST)
 
 
+def place(grip: Grip) -> tuple[Configuration, Cylinder]:
+    """
+    Return the configuration of a grip, and the object in it.
+
+    :param grip: what presses.
+    """
+    config = closed_to(round_robot().home, grip.degrees, grip.diameter)
+    center = tangent_center(config, MODULE, grip.diameter, grip.indentation)
+    return config, Cylinder(center, grip.diameter)
+
+
 def press(
     grip: Grip, friction: float = 0.0, options: PlantOptions = STILL
 ) -> tuple[MujocoPlant, Configuration, Cylinder]:
@@ -62,16 +89,17 @@ def press(
     :param friction: coefficient between tube and object while the tubes bend around it.
     :param options: of the plant.
     """
-    robot = load_robot('nine_member')
-    config = closed_to(robot.home, grip.degrees, grip.diameter)
-    center = tangent_center(config, MODULE, grip.diameter, grip.indentation)
-    cylinder = Cylinder(center, grip.diameter)
-    plant = MujocoPlant(robot, [cylinder], options)
+    config, cylinder = place(grip)
+    robot = config.robot
+    segments = np.full(len(robot.member_names), options.segments)
+    following = members_at_module(config, MODULE).index
+    segments[[following, robot.topology.previous[following]]] = options.contact_segments
+    plant = MujocoPlant(robot, [cylinder], options, segments)
     plant.set_friction(friction)
     plant.hold_object(AWAY)
     move_to(plant, config.roller_positions)
-    plant.hold_object((*center, 0.0))
-    plant.settle(REST)
+    plant.hold_object((*cylinder.center, 0.0))
+    plant.settle(2.0 * REST)
     return plant, config, cylinder
 
 

@@ -27,6 +27,8 @@ INERTIA, HINGE_DRAG = 1e-3, 0.05
 #: The armature of an elastic joint is its stiffness times the square of the time step times this:
 #: its oscillation is slow enough for the integrator, and fast against the motion of the robot.
 ARMATURE = 10.0
+#: Arm of the friction under a disc that weighs evenly, as a share of its radius.
+EVEN_DISC = 2.0 / 3.0
 #: Colours by kind of body.
 TUBE_COLOR, MODULE_COLOR, OBJECT_COLOR = '0.25 0.5 0.75 1', '0.2 0.2 0.2 1', '0.85 0.45 0.15 1'
 
@@ -237,8 +239,18 @@ def _add_object(
     body = ET.SubElement(world, 'body', name=name, pos=_place(complex(*cylinder.center)))
     _inertial(body, options.object_mass, inertia=0.5 * options.object_mass * radius**2)
     for axis, letter in enumerate('xy'):
-        _slide(body, f'{name}:{letter}', axis, damping=options.object_drag)
-    _hinge(body, f'{name}:turn', damping=options.object_drag * radius**2)
+        _slide(
+            body,
+            f'{name}:{letter}',
+            axis,
+            damping=options.object_drag,
+            frictionloss=options.ground_friction,
+        )
+    turning = {
+        'damping': options.object_drag * radius**2,
+        'frictionloss': options.ground_friction * EVEN_DISC * radius,
+    }
+    _hinge(body, f'{name}:turn', **turning)
     for letter in ('x', 'y', 'turn'):
         held = {'name': f'{name}:hold_{letter}', 'joint1': f'{name}:{letter}', 'active': 'false'}
         ET.SubElement(equality, 'joint', **held)

@@ -31,6 +31,7 @@ class PlantOptions:
     :ivar tube_relaxation: time in which a tube that bends or shears would come to rest by its own
         losses, had it no mass [s].
     :ivar object_drag: resistance of the ground against an object's speed [N s/m].
+    :ivar ground_friction: force along x or y at which an object begins to slide on the ground [N].
     :raises PlantError: a value is not usable.
     """
 
@@ -44,6 +45,7 @@ class PlantOptions:
     joint_drag: float = 5.0
     tube_relaxation: float = 0.1
     object_drag: float = 0.5
+    ground_friction: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -53,6 +55,7 @@ class PlantOptions:
             self.joint_drag,
             self.object_drag,
             self.tube_relaxation,
+            self.ground_friction,
         )
         values = np.array([*positive, *not_negative, *self.gravity], dtype=float)
         if not np.isfinite(values).all() or min(positive) <= 0.0 or min(not_negative) < 0.0:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.objects import Cylinder, Pose
-from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
 from isotruss_ros.mujoco_plant.engine import load_mujoco
 from isotruss_ros.mujoco_plant.mjcf import ARMATURE, export_mjcf, segment_counts, spring_damping
 from isotruss_ros.mujoco_plant.options import PlantError, PlantOptions
@@ -43,6 +43,7 @@ class MujocoPlant:
     :param robot: starts at home.
     :param objects: round objects, free from the start.
     :param options: masses, mesh and contact; the defaults if None.
+    :param segments: (m,) numbers of segments of the members; by `segment_counts` if None.
     :raises PlantError: MuJoCo is not installed.
     :raises StructureError: the stiffness model has no stiffness for a member.
     """
@@ -52,18 +53,19 @@ class MujocoPlant:
         robot: Robot,
         objects: Sequence[Cylinder] = (),
         options: PlantOptions | None = None,
+        segments: Indices | None = None,
     ) -> None:
         self._mj = load_mujoco()
         self.robot, self.options = robot, options or PlantOptions()
         self._objects = tuple(objects)
-        self._counts = segment_counts(robot, objects, self.options)
+        counts = segment_counts(robot, objects, self.options) if segments is None else segments
+        self._counts = counts
         text = export_mjcf(robot, objects, self.options, self._counts)
         self.model = self._mj.MjModel.from_xml_string(text)
         self.data = self._mj.MjData(self.model)
         self.travel = np.zeros(len(robot.roller_names))
         self._speeds = np.zeros_like(self.travel)
         self._home = robot.home.member_lengths
-        self._wrench = np.zeros((len(objects), 3))
         self._due = 0.0
         self._find_addresses()
         self._refresh()
@@ -131,8 +133,8 @@ class MujocoPlant:
         :param number: of the object.
         :raises PlantError: not three finite numbers.
         """
-        self._wrench[number] = finite_array(wrench, 3, 'the wrench (fx, fy, m)', PlantError)
-        self.data.qfrc_applied[self._object_dofs[number]] = self._wrench[number]
+        pulling = finite_array(wrench, 3, 'the wrench (fx, fy, m)', PlantError)
+        self.data.qfrc_applied[self._object_dofs[number]] = pulling
 
     def load_joint(self, joint: str, force: ArrayLike) -> None:
         """
@@ -193,6 +195,23 @@ class MujocoPlant:
         :param duration: simulated [s].
         """
         self.advance(duration, np.zeros_like(self.travel))
+
+    def save(self) -> Array:
+        """Return MuJoCo's state, to come back to with `restore` as long as no roller turns."""
+        kind = self._mj.mjtState.mjSTATE_INTEGRATION
+        state = np.empty(self._mj.mj_stateSize(self.model, kind))
+        self._mj.mj_getState(self.model, self.data, state, kind)
+        return state
+
+    def restore(self, state: Array) -> None:
+        """
+        Return to a saved state, what pulls at the objects included.
+
+        :param state: by `save`; the rollers have not turned since.
+        """
+        kind = self._mj.mjtState.mjSTATE_INTEGRATION
+        self._mj.mj_setState(self.model, self.data, state, kind)
+        self._mj.mj_forward(self.model, self.data)
 
     def contact_forces(self, number: int = 0) -> dict[str, ContactForce]:
         """

@@ -41,7 +41,6 @@ class RollingGrasp:
     :ivar wrench: (fx, fy, m / radius) on the object [N].
     :ivar stiffness_scale: stiffness of the robot against that of the model.
     :ivar pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
-    :ivar flattening: whether the tubes' sections flatten where they are touched.
     """
 
     config: Configuration
@@ -53,7 +52,6 @@ class RollingGrasp:
     wrench: Array
     stiffness_scale: float = 1.0
     pressure: Pressure | None = None
-    flattening: bool = True
 
     @classmethod
     def attach(
@@ -64,7 +62,6 @@ class RollingGrasp:
         external_wrench: Array | None = None,
         stiffness_scale: float = 1.0,
         pressure: Pressure | None = None,
-        flattening: bool = True,
     ) -> RollingGrasp | Hold:
         """
         Find the equilibrium near a pose, of which the past is not known, see `settle_grasp`.
@@ -75,7 +72,6 @@ class RollingGrasp:
         :param external_wrench: (fx, fy, m) on the object [N, N m]; none if None.
         :param stiffness_scale: stiffness of the robot against that of the model.
         :param pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
-        :param flattening: whether the tubes' sections flatten where they are touched.
         :return: which condition has no solution, if one has none.
         :raises StructureError: see `structure_of`.
         """
@@ -84,7 +80,7 @@ class RollingGrasp:
         if depths[members].min() <= -config.robot.description.tube_diameter:
             return Hold.NO_CONTACT
         statics = held_object_statics(
-            config, cylinder, members, stiffness_scale, flattening, pressure
+            config, cylinder, members, stiffness_scale, pressure=pressure
         )
         center = complex(*cylinder.center)
         start = static_start(statics, center, depths[members])
@@ -103,7 +99,6 @@ class RollingGrasp:
             wrench,
             stiffness_scale,
             pressure,
-            flattening,
         )
 
     @property
@@ -142,12 +137,7 @@ class RollingGrasp:
         wrench = scaled_wrench(external_wrench, self.statics.radius)
         cylinder = Cylinder(self.pose[:2], self.diameter)
         statics = held_object_statics(
-            config,
-            cylinder,
-            self.members,
-            self.stiffness_scale,
-            self.flattening,
-            self.pressure,
+            config, cylinder, self.members, self.stiffness_scale, pressure=self.pressure
         )
         closure = roll(self.anchors, _travel(config, self.members), statics)
         state = statics.solve(self.state.unknowns, wrench, closure)
@@ -163,7 +153,6 @@ class RollingGrasp:
             wrench,
             self.stiffness_scale,
             self.pressure,
-            self.flattening,
         )
 
     def hold(self, friction: float) -> Hold:

@@ -64,7 +64,6 @@ def settle_grasp(
     friction: float = 0.5,
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
     pressure: Pressure | None = None,
-    flattening: bool = True,
 ) -> SettledGrasp:
     """
     Find the equilibrium of a grasped object near its measured pose.
@@ -78,7 +77,6 @@ def settle_grasp(
     :param friction: coefficient between tube and object, not negative.
     :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
     :param pressure: gauge, measured [Pa], see `tube_pressures`; that of the robot file if None.
-    :param flattening: whether the tubes' sections flatten where they are touched.
     :raises GraspError: an argument is not usable.
     :raises StructureError: a pressure is not usable, the robot is a mechanism, or its stiffness
         laws are contradictory.
@@ -89,9 +87,7 @@ def settle_grasp(
     wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
     if np.count_nonzero(member_depths(config, cylinder) > 0.0) > 2:
         return _not_settled(cylinder, Hold.OTHER_CONTACT)
-    found = RollingGrasp.attach(
-        config, cylinder, external_wrench=wrench, pressure=pressure, flattening=flattening
-    )
+    found = RollingGrasp.attach(config, cylinder, external_wrench=wrench, pressure=pressure)
     if isinstance(found, Hold):
         return _not_settled(cylinder, found)
     return _assess(cylinder, found, float(mu))

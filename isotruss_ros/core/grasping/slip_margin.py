@@ -82,6 +82,28 @@ def slip_margin(state: HeldState, response: WrenchResponse, friction: float) -> 
     :param friction: coefficient mu.
     :return: negative where a contact slips or pulls already.
     """
+    reserve, slope = _conditions(state, response, friction)
+    return float((reserve / np.linalg.norm(slope, axis=1)).min())
+
+
+def weakest_direction(state: HeldState, response: WrenchResponse, friction: float) -> Array:
+    """
+    Return the unit wrench (fx, fy, m / radius) along which the slip margin is the least, (3,).
+
+    :param state: the equilibrium.
+    :param response: how its forces change with the wrench.
+    :param friction: coefficient mu.
+    """
+    reserve, slope = _conditions(state, response, friction)
+    size = np.linalg.norm(slope, axis=1)
+    nearest = int((reserve / size).argmin())
+    return -slope[nearest] / size[nearest]
+
+
+def _conditions(
+    state: HeldState, response: WrenchResponse, friction: float
+) -> tuple[Array, Array]:
+    """Return what is left until each contact slips or lets go (6,), and its slopes (6, 3)."""
     normal, tangential = state.normal_forces, state.friction_forces
     reserve = np.concatenate(
         [friction * normal - tangential, friction * normal + tangential, normal]
@@ -93,4 +115,4 @@ def slip_margin(state: HeldState, response: WrenchResponse, friction: float) -> 
             response.normal,
         ]
     )
-    return float((reserve / np.linalg.norm(slope, axis=1)).min())
+    return reserve, slope

@@ -1,0 +1,138 @@
+"""Fig. 9 carried open loop, with feedback, and with the squeeze regulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from comparison.carrying import Carried, carry, Feedback, OpenLoop, Regulated, Steering
+from comparison.grips import Grip, press, release
+from comparison.section import Check, Section
+from comparison.wedge import MODULE
+from isotruss_ros.core import Cylinder, Grasp, settle_grasp
+from isotruss_ros.core.control.squeeze_control import SqueezeSettings
+from isotruss_ros.demo.path import figure_9, Phase
+from isotruss_ros.mujoco_plant.options import PlantOptions
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+import numpy as np
+from paper.style import BLUE, GREEN, GREY, ORANGE, PAGE, SETTINGS
+from paper.tables import number, Table
+
+#: The corner at home, as in the paper's figure, and friction that holds there.
+GRIP, FRICTION = Grip(60.0, 0.02), 0.8
+OPEN, FEEDBACK, REGULATED = 'open loop', 'feedback', 'squeeze regulated'
+COLORS = {OPEN: ORANGE, FEEDBACK: BLUE, REGULATED: GREEN}
+#: Bounds on position [mm] and orientation [degrees].
+BOUNDS = {OPEN: (13.0, 1.5), FEEDBACK: (4.0, 0.5), REGULATED: (2.0, 0.3)}
+REASONS = {
+    OPEN: 'the tubes are elastic, and the program is for rigid ones',
+    FEEDBACK: 'the same: the gain is 1/s',
+    REGULATED: 'the robot lags: drag, and the model in the loop has no masses',
+}
+
+
+def compare(phases: Sequence[Phase] = figure_9()) -> Section:
+    """
+    Carry an object in three ways.
+
+    :param phases: of the path.
+    """
+    carried = {name: run(name, phases) for name in COLORS}
+    checks = []
+    for name, result in carried.items():
+        position, angle = BOUNDS[name]
+        reason = REASONS[name]
+        checks.append(
+            Check(f'Fig. 9, {name}: position', 1e3 * result.position_error, position, 'mm', reason)
+        )
+        turned = float(np.degrees(result.angle_error))
+        checks.append(Check(f'Fig. 9, {name}: orientation', turned, angle, '°', 'the same'))
+    rows = [
+        (
+            name,
+            'lost' if result.lost else 'carried',
+            number(1e3 * result.position_error),
+            number(float(np.degrees(result.angle_error)), 2),
+            number(1e3 * float(np.hypot(*(result.poses - result.goals)[-1, :2])), 2),
+            f'{number(float(result.squeezes.min()))} to {number(float(result.squeezes.max()))}',
+            number(float(result.frictions.max())),
+        )
+        for name, result in carried.items()
+    ]
+    return Section(
+        'Fig. 9 carried',
+        'The object of 0.3 m, in the corner of 60° at home, is carried along the path of '
+        f'Fig. 9, friction {FRICTION:g}. Open loop the rollers follow the paper’s program for '
+        'rigid tubes. With feedback the program gets the measured pose and 1/s of its error. '
+        'With the squeeze regulated it is the servo of `manipulation`, which is to keep the '
+        'squeeze that it has.',
+        tuple(checks),
+        (
+            Table(
+                'carried',
+                'Largest differences on the path',
+                (
+                    'rollers',
+                    'object',
+                    'position [mm]',
+                    'orientation [°]',
+                    'at the end [mm]',
+                    'squeeze [N]',
+                    'friction used',
+                ),
+                rows,
+            ),
+        ),
+        _draw(carried, phases),
+        'Left the path of the object with its ends, right the distance from the path over time, '
+        'in the three ways: large and back to zero open loop, smaller with feedback, smallest '
+        'with the squeeze regulated.',
+    )
+
+
+def run(name: str, phases: Sequence[Phase]) -> Carried:
+    """
+    Carry the object in one way.
+
+    :param name: of the way.
+    :param phases: of the path.
+    """
+    plant, config, cylinder = press(GRIP, options=PlantOptions())
+    release(plant, FRICTION)
+    center = plant.object_pose()[:2]
+    grasp = Grasp(MODULE, center, cylinder.diameter)
+    steering: Steering
+    if name == OPEN:
+        steering = OpenLoop(config, grasp)
+    elif name == FEEDBACK:
+        steering = Feedback(config, grasp)
+    else:
+        settled = settle_grasp(config, Cylinder(center, cylinder.diameter), FRICTION)
+        squeeze = float(np.mean(list(settled.normal_forces.values())))
+        steering = Regulated(config, grasp, SqueezeSettings(squeeze, FRICTION))
+    return carry(plant, steering, phases)
+
+
+def _draw(carried: dict[str, Carried], phases: Sequence[Phase]) -> Figure:
+    """Draw the paths, and the errors over time."""
+    with rc_context(SETTINGS):
+        figure = Figure(figsize=(PAGE, 2.6), layout='constrained')
+        where, when = figure.subplots(1, 2, width_ratios=(1.0, 1.6))
+        for name, result in carried.items():
+            x, y = result.poses[:, :2].T
+            where.plot(x, y, color=COLORS[name], label=name)
+            off = 1e3 * np.hypot(*(result.poses - result.goals)[:, :2].T)
+            when.plot(result.times, off, color=COLORS[name], label=name)
+        goal = carried[OPEN].goals
+        where.plot(goal[:, 0], goal[:, 1], color=GREY, linestyle='--', label='path', zorder=0)
+        where.set(xlabel='x [m]', ylabel='y [m]', aspect='equal')
+        when.set(xlabel='time [s]', ylabel='distance from the path [mm]', ylim=(0.0, None))
+        end = 0.0
+        for phase in phases:
+            when.axvline(end, color=GREY, linewidth=0.5)
+            when.annotate(
+                phase.name, (end + 0.2, 1.0), xycoords=('data', 'axes fraction'), va='bottom'
+            )
+            end += phase.duration
+        when.legend()
+    return figure

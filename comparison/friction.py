@@ -1,0 +1,86 @@
+"""Friction lowered until an object is lost, predicted and found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from comparison.grips import Grip, press, release
+from comparison.section import Check, Section
+from isotruss_ros.core import Cylinder, settle_grasp
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+from paper.tables import number, Table
+
+GRIPS = (Grip(60.0, 0.03), Grip(50.0, 0.03), Grip(40.0, 0.04), Grip(30.0, 0.06))
+#: Friction at first, and by how much it falls in a second [1/s].
+FRICTION, RATE = 0.8, 0.005
+#: It begins at this share of the prediction; the object is looked at after each period [s].
+START, PERIOD = 1.05, 0.1
+#: An object that moved by this is lost [m].
+MOVED = 2e-3
+
+
+def compare(grips: Sequence[Grip] = GRIPS) -> Section:
+    """
+    Compare the friction at which objects are lost.
+
+    :param grips: what presses on them.
+    """
+    rows, errors = [], []
+    for grip in grips:
+        plant, config, cylinder = press(grip)
+        release(plant, FRICTION)
+        pose = plant.object_pose()
+        settled = settle_grasp(config, Cylinder(pose[:2], cylinder.diameter), FRICTION)
+        ours = settled.required_friction
+        theirs = lost_at(plant, START * ours)
+        errors.append(abs(theirs / ours - 1.0))
+        rows.append(
+            (
+                f'{grip.degrees:.0f}',
+                f'{1e3 * grip.indentation:.0f}',
+                number(theirs),
+                number(ours),
+                number(100.0 * (theirs / ours - 1.0), 2),
+            )
+        )
+    check = Check(
+        'friction at which an object is lost',
+        100.0 * max(errors),
+        3.0,
+        '%',
+        'the normal forces, and the time in which it moves away',
+    )
+    return Section(
+        'Friction lowered until the object is lost',
+        f'Friction falls by {RATE:g} in a second until the object has moved by '
+        f'{1e3 * MOVED:g} mm. Ours is the friction that `settle_grasp` requires.',
+        (check,),
+        (
+            Table(
+                'friction',
+                'Coefficient of friction at which the object is lost',
+                ('wedge [°]', 'indentation [mm]', 'MuJoCo', 'ours', 'off by [%]'),
+                rows,
+            ),
+        ),
+    )
+
+
+def lost_at(plant: MujocoPlant, start: float) -> float:
+    """
+    Return the friction at which the object was lost, zero where it never is.
+
+    :param plant: holds the object.
+    :param start: friction at first.
+    """
+    plant.set_friction(start)
+    plant.settle(1.0)
+    before, friction = np.array(plant.object_pose()[:2]), start
+    while friction > 0.0:
+        friction -= RATE * PERIOD
+        plant.set_friction(friction)
+        plant.settle(PERIOD)
+        if np.hypot(*(np.array(plant.object_pose()[:2]) - before)) > MOVED:
+            return friction
+    return 0.0

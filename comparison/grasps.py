@@ -1,0 +1,238 @@
+"""Grasps over wedge and indentation: forces, friction and stiffness, held fast and then free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+import itertools
+
+from comparison.grips import Grip, press, release, STILL
+from comparison.section import Check, Section
+from isotruss_ros.core import analyze_grasp, Configuration, Cylinder, GraspAnalysis, settle_grasp
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+from paper.tables import number, Table
+
+WEDGES, INDENTATIONS = (55.0, 40.0, 30.0), (0.01, 0.02, 0.04)
+#: Up to this indentation our linear structure is good [m].
+LIGHT = 0.02
+STEPS = 'MuJoCo bends in steps, and its friction creeps'
+LINEAR = 'the object gives by a centimetre, tubes incline: our structure is linear'
+#: So that every wedge holds.
+FRICTION = 0.8
+#: Twice the usual number of segments where the object is.
+FINE = replace(STILL, contact_segments=16)
+#: Small wrenches with which the stiffness is measured [N, N, N m], and rest under each [s].
+PULLS, REST = np.diag([0.3, 0.3, 0.03]), 2.0
+
+
+@dataclass(frozen=True)
+class Compared:
+    """
+    One grasp in both models.
+
+    :ivar grip: what presses.
+    :ivar normals: (2, 2) normal forces held fast, without friction: MuJoCo's, ours [N].
+    :ivar places: (2,) how far apart the places of contact are [m].
+    :ivar gives: (2, 3) by which the object gives when it is released: MuJoCo's, ours [m, rad].
+    :ivar free: (2, 2) normal forces of the free object: MuJoCo's, ours [N].
+    :ivar required: (2,) friction that it requires: MuJoCo's, ours.
+    :ivar utilisation: largest bending moment over that at which a tube wrinkles.
+    :ivar stiffness: (2, 3, 3) of the grasp: MuJoCo's, ours [N/m, N, N m].
+    """
+
+    grip: Grip
+    normals: Array
+    places: Array
+    gives: Array
+    free: Array
+    required: Array
+    utilisation: float
+    stiffness: Array
+
+
+def compare(
+    wedges: Sequence[float] = WEDGES, indentations: Sequence[float] = INDENTATIONS
+) -> Section:
+    """
+    Compare grasps.
+
+    :param wedges: angles between the grasping members [degrees].
+    :param indentations: of the members by the object, tubes unbent [m].
+    """
+    grips = [Grip(*pair) for pair in itertools.product(wedges, indentations)]
+    found = [compare_one(grip) for grip in grips]
+    return Section(
+        'Forces, friction and stiffness of grasps',
+        'An object of 0.3 m is pressed into the corner of the tube `north` at the joint `Z`. '
+        'First it is held fast, without friction: the normal forces are those of '
+        '`analyze_grasp`, and so is where they act. Then friction '
+        f'({FRICTION:g}) comes on and it is let go: it gives by the unbalanced wrench over the '
+        'grasp stiffness, and rests where `settle_grasp` has its forces and the friction that '
+        'it requires. Small wrenches measure the stiffness. Where a tube would wrinkle, a '
+        'utilisation above 1, neither model counts, and no bound is checked.',
+        _checks(found),
+        _tables(found),
+    )
+
+
+def compare_one(grip: Grip) -> Compared:
+    """
+    Compare one grasp.
+
+    :param grip: what presses.
+    """
+    plant, config, cylinder = press(grip, options=FINE)
+    analysis, forces = analyze_grasp(config, cylinder), plant.contact_forces()
+    names = sorted(analysis.contact_forces)
+    normals = np.array(
+        [
+            [forces[name].normal for name in names],
+            [analysis.contact_forces[name] for name in names],
+        ]
+    )
+    places = np.array([forces[name].point - _place(config, name, analysis) for name in names])
+    release(plant, FRICTION)
+    start = np.array(plant.object_pose())
+    settled = settle_grasp(config, Cylinder(tuple(start[:2]), cylinder.diameter), FRICTION)
+    free = plant.contact_forces()
+    gives = [start - (*cylinder.center, 0.0)]
+    gives.append(np.linalg.solve(settled.stiffness, analysis.normal_wrench))
+    return Compared(
+        grip,
+        normals,
+        np.abs(places),
+        np.array(gives),
+        np.array(
+            [
+                [free[name].normal for name in names],
+                [settled.normal_forces[name] for name in names],
+            ]
+        ),
+        np.array(
+            [
+                max(abs(force.friction) / force.normal for force in free.values()),
+                settled.required_friction,
+            ]
+        ),
+        max(analysis.utilisation.values()),
+        np.array([_stiffness(plant, start), settled.stiffness]),
+    )
+
+
+def _place(config: Configuration, name: str, analysis: GraspAnalysis) -> complex:
+    """Return where a member's resultant acts in the analysis, x + iy [m]."""
+    mine = analysis.members == config.robot.member_names.index(name)
+    x, y = np.average(analysis.points[mine], axis=0, weights=analysis.normal_forces[mine])
+    return complex(x, y)
+
+
+def _stiffness(plant: MujocoPlant, start: Array) -> Array:
+    """Return the grasp stiffness by small pulls (3, 3)."""
+    gives = []
+    for wrench in PULLS:
+        ends = []
+        for sign in (1.0, -1.0):
+            plant.pull(sign * wrench)
+            plant.settle(REST)
+            ends.append(np.array(plant.object_pose()))
+        gives.append(0.5 * (ends[0] - ends[1]))
+    plant.pull(np.zeros(3))
+    return np.linalg.inv(np.array(gives).T @ np.linalg.inv(PULLS))
+
+
+def _checks(found: Sequence[Compared]) -> tuple[Check, ...]:
+    inside = [grasp for grasp in found if grasp.utilisation <= 1.0]
+    light = [grasp for grasp in inside if grasp.grip.indentation <= LIGHT]
+    heavy = [grasp for grasp in inside if grasp.grip.indentation > LIGHT]
+    up_to = f'up to {1e3 * LIGHT:.0f} mm'
+    checks = _checks_of(light, up_to, (4.0, 1.0, 6.0, 3.0, 1.0, 6.0), STEPS)
+    if not heavy:
+        return checks
+    deepest = max(grasp.grip.indentation for grasp in heavy)
+    deep = f'at {1e3 * deepest:.0f} mm'
+    return (*checks, *_checks_of(heavy, deep, (10.0, 3.0, 12.0, 6.0, 2.0, 10.0), LINEAR))
+
+
+def _checks_of(
+    grasps: Sequence[Compared], which: str, bounds: Sequence[float], why: str
+) -> tuple[Check, ...]:
+    """Return the checks of some grasps, with their bounds [%, mm, %, %, %, %]."""
+
+    def worst(share: Callable[[Compared], Array | float]) -> float:
+        return max(float(np.max(share(grasp))) for grasp in grasps)
+
+    kinds: tuple[tuple[str, float, str, Callable[[Compared], Array | float]], ...] = (
+        ('normal forces, held fast', 1e2, '%', lambda g: np.abs(g.normals[0] / g.normals[1] - 1)),
+        ('place of contact', 1e3, 'mm', lambda g: g.places),
+        ('give on release', 1e2, '%', _give_error),
+        ('normal forces, free', 1e2, '%', lambda g: np.abs(g.free[0] / g.free[1] - 1)),
+        ('required friction', 1e2, '%', lambda g: abs(g.required[0] / g.required[1] - 1)),
+        ('grasp stiffness', 1e2, '%', _stiffness_error),
+    )
+    return tuple(
+        Check(f'{what}, {which}', unit * worst(share), bound, name, why)
+        for (what, unit, name, share), bound in zip(kinds, bounds, strict=True)
+    )
+
+
+def _give_error(grasp: Compared) -> float:
+    """Return the difference of the give as a share of it, turns over the radius."""
+    even = np.array([1.0, 1.0, 0.5 * grasp.grip.diameter])
+    gives = grasp.gives * even
+    return float(np.linalg.norm(gives[0] - gives[1]) / np.linalg.norm(gives[1]))
+
+
+def _stiffness_error(grasp: Compared) -> float:
+    """Return the largest difference of the compliance, as a share of its size."""
+    even = np.array([1.0, 1.0, 0.5 * grasp.grip.diameter])
+    give = np.linalg.inv(grasp.stiffness) * np.outer(even, even)
+    return float(np.linalg.norm(give[0] - give[1], 2) / np.linalg.norm(give[1], 2))
+
+
+def _tables(found: Sequence[Compared]) -> tuple[Table, ...]:
+    fast, free = [], []
+    for grasp in found:
+        grip = (f'{grasp.grip.degrees:.0f}', f'{1e3 * grasp.grip.indentation:.0f}')
+        pairs = [cell for theirs, our in grasp.normals.T for cell in (number(theirs), number(our))]
+        used = number(grasp.utilisation, 2)
+        fast.append((*grip, *pairs, number(1e3 * float(grasp.places.max()), 2), used))
+        gives = [number(1e3 * float(np.hypot(*give[:2]))) for give in grasp.gives]
+        forces = [number(float(forces.mean())) for forces in grasp.free]
+        needs = [number(need) for need in grasp.required]
+        off = number(100.0 * _stiffness_error(grasp), 2)
+        free.append((*grip, *gives, *forces, *needs, off))
+    wedge = ('wedge [°]', 'indentation [mm]')
+    return (
+        Table(
+            'grasps_fast',
+            'Held fast, without friction',
+            (
+                *wedge,
+                'N₁ MuJoCo [N]',
+                'N₁ ours',
+                'N₂ MuJoCo',
+                'N₂ ours',
+                'contacts apart [mm]',
+                'utilisation',
+            ),
+            fast,
+        ),
+        Table(
+            'grasps_free',
+            'Let go, held by friction; the give is that of the centre, the stiffness as its '
+            'inverse',
+            (
+                *wedge,
+                'give MuJoCo [mm]',
+                'ours',
+                'mean N MuJoCo [N]',
+                'ours',
+                'required friction MuJoCo',
+                'ours',
+                'stiffness off by [%]',
+            ),
+            free,
+        ),
+    )

@@ -1,0 +1,108 @@
+"""Displacements under loads at joints, against `deform` (1), (2), (4)."""
+
+from __future__ import annotations
+
+from comparison.grips import move_to, round_robot, STILL
+from comparison.section import Check, Section
+from isotruss_ros.core import Configuration, deform, shape_margins
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+from paper.tables import number, Table
+
+#: Loads at each joint that is free, one after the other [N].
+SMALL, LARGE = (0.05, 0.03), (2.0, 1.2)
+#: Largest travel of a roller in a random shape [m], and how many are looked at for soft ones.
+TRAVEL, TRIALS = 0.25, 60
+#: Rest after a motion and after a load [s].
+REST = 4.0
+
+
+def compare(soft: int = 2) -> Section:
+    """
+    Compare displacements at home and in soft shapes.
+
+    :param soft: how many of them.
+    """
+    robot = round_robot()
+    topology = robot.topology
+    held = {int(place) // 2 for place in topology.grounded}
+    free = [name for node, name in enumerate(topology.joint_names) if node not in held]
+    rows, worst = [], 0.0
+    for label, config in [('home', robot.home), *_soft_shapes(soft)]:
+        plant = MujocoPlant(robot, options=STILL)
+        if config is not robot.home:
+            move_to(plant, config.roller_positions)
+            plant.settle(REST)
+        before = plant.nodes
+        for joint in free:
+            off, most = _difference(plant, config, joint, SMALL, before)
+            large, _ = _difference(plant, config, joint, LARGE, before)
+            worst = max(worst, off)
+            rigidity = number(shape_margins(config).rigidity, 2)
+            give = number(1e3 * most / np.hypot(*SMALL), 3)
+            cells = (number(100.0 * off, 2), number(100.0 * large, 2))
+            rows.append((label, rigidity, joint, give, *cells))
+    check = Check(
+        'displacements under small joint loads',
+        100.0 * worst,
+        0.2,
+        '%',
+        '`deform` is linear',
+    )
+    small, large = np.hypot(*SMALL), np.hypot(*LARGE)
+    return Section(
+        'Displacements under joint loads',
+        f'A force pulls at one joint after the other, {small:.2g} N and {large:.2g} N; the '
+        'difference of all nodes is a share of the largest displacement. The small one shows '
+        'whether both have the same stiffness. With the large one soft shapes leave what a '
+        'linear structure can say, and it has no bound.',
+        (check,),
+        (
+            Table(
+                'joint_loads',
+                'Largest difference of the displacement of any node',
+                (
+                    'shape',
+                    'rigidity index',
+                    'joint',
+                    'largest give [mm/N]',
+                    'small load [%]',
+                    'large load [%]',
+                ),
+                rows,
+            ),
+        ),
+    )
+
+
+def _soft_shapes(count: int) -> list[tuple[str, Configuration]]:
+    """Return the softest of some random shapes that the robot can take."""
+    robot, random = round_robot(), np.random.default_rng(0)
+    found = []
+    for _ in range(TRIALS):
+        travel = TRAVEL * random.uniform(-1.0, 1.0, len(robot.roller_names))
+        config = robot.configuration(travel)
+        margins = shape_margins(config)
+        if margins.clearance > 0.0:
+            found.append((margins.rigidity, config))
+    found.sort(key=lambda pair: pair[0])
+    return [(f'soft {k + 1}', config) for k, (_, config) in enumerate(found[:count])]
+
+
+def _difference(
+    plant: MujocoPlant,
+    config: Configuration,
+    joint: str,
+    load: tuple[float, float],
+    before: np.ndarray,
+) -> tuple[float, float]:
+    """Return the difference as a share of the largest displacement, and that [m]."""
+    plant.load_joint(joint, load)
+    plant.settle(REST)
+    expected = deform(config, {joint: load})
+    moved = np.array([expected.displacement(node)[:2] for node in config.robot.node_names])
+    found = plant.nodes - before
+    plant.load_joint(joint, (0.0, 0.0))
+    plant.settle(REST)
+    most = float(np.abs(moved).max())
+    return float(np.abs(found - moved).max()) / most, most

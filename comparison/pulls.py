@@ -1,0 +1,117 @@
+"""Slip margins under pulls in eight directions, predicted and found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+from comparison.grips import Grip, press, release
+from comparison.section import Check, Section
+from isotruss_ros.core import Configuration, Cylinder, Hold
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+from paper.tables import number, Table
+
+GRIPS, FRICTION = (Grip(40.0, 0.04), Grip(30.0, 0.08)), 0.5
+DIRECTIONS = tuple(math.radians(45.0 * k) for k in range(8))
+#: A pull rises at this rate [N/s], and is looked at after each period [s] ...
+RATE, PERIOD = 0.5, 0.02
+#: ... from this share of ours on; below it rises so much quicker.
+SURE, QUICKER = 0.7, 8.0
+#: A contact slips when it uses this share of the friction.
+SLIPS = 0.999
+#: The search for the pull begins with steps of this size and ends at this one [N].
+STEP, FINEST = 0.5, 1e-3
+#: No pull is larger [N].
+LARGEST = 50.0
+
+
+def compare(grips: Sequence[Grip] = GRIPS, directions: Sequence[float] = DIRECTIONS) -> Section:
+    """
+    Compare the pulls at which a contact slips or lets go.
+
+    :param grips: what presses on the object.
+    :param directions: of the pulls, from x counter-clockwise [rad].
+    """
+    rows, errors = [], []
+    for grip in grips:
+        plant, config, cylinder = press(grip)
+        release(plant, FRICTION)
+        state = plant.save()
+        pose = plant.object_pose()
+        model = RollingGrasp.attach(config, Cylinder(pose[:2], cylinder.diameter), pose.angle)
+        assert isinstance(model, RollingGrasp), model
+        margin = model.slip_margin(FRICTION)
+        for direction in directions:
+            along = np.array([math.cos(direction), math.sin(direction), 0.0])
+            ours = predicted(model, config, along)
+            plant.restore(state)
+            theirs = found(plant, along, SURE * ours)
+            errors.append(abs(theirs / ours - 1.0))
+            name = f'{grip.degrees:.0f}°, {1e3 * grip.indentation:.0f} mm'
+            cells = (number(theirs), number(ours), number(margin))
+            rows.append((name, f'{math.degrees(direction):.0f}', *cells))
+    check = Check(
+        'pull at which a contact slips',
+        100.0 * max(errors),
+        10.0,
+        '%',
+        'the largest pulls bend tubes by centimetres, and our structure is linear',
+    )
+    return Section(
+        'Slip margin under pulls',
+        f'A pull at the free object rises by {RATE:g} N/s in one of eight directions until a '
+        f'contact uses all of the friction, {FRICTION:g}. Ours is the pull at which the '
+        'equilibrium does. The margin in the last column is the smallest of all directions, '
+        'moments included: the bound that `settle_grasp` returns.',
+        (check,),
+        (
+            Table(
+                'pulls',
+                'Pull at which a contact slips or lets go [N]',
+                ('wedge, indentation', 'direction [°]', 'MuJoCo', 'ours', 'slip margin'),
+                rows,
+            ),
+        ),
+    )
+
+
+def predicted(model: RollingGrasp, config: Configuration, along: Array) -> float:
+    """
+    Return the pull at which the equilibrium slips, lets go or ends [N].
+
+    :param model: how the object is held.
+    :param config: configuration of the robot.
+    :param along: (3,) the wrench of a unit pull.
+    """
+    size, step = 0.0, STEP
+    while step > FINEST and size < LARGEST:
+        there = model.moved_to(config, (size + step) * along)
+        if there is not None and there.hold(FRICTION) is Hold.HELD:
+            size, model = size + step, there
+        else:
+            step *= 0.5
+    return size
+
+
+def found(plant: MujocoPlant, along: Array, sure: float) -> float:
+    """
+    Return the pull at which a contact slips or lets go in MuJoCo [N].
+
+    :param plant: holds the object.
+    :param along: (3,) the wrench of a unit pull.
+    :param sure: up to here the pull rises quicker [N].
+    """
+    size = 0.0
+    while size < LARGEST:
+        size += RATE * PERIOD * (QUICKER if size < sure else 1.0)
+        plant.pull(size * along)
+        plant.settle(PERIOD)
+        forces = plant.contact_forces().values()
+        if len(forces) < 2 or max(abs(f.friction) / max(f.normal, 1e-9) for f in forces) >= (
+            SLIPS * FRICTION
+        ):
+            break
+    return size

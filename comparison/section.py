@@ -1,0 +1,64 @@
+"""What a comparison consists of: bounds, tables and words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+from paper.tables import number, Table
+
+
+@dataclass(frozen=True)
+class Check:
+    """
+    A difference between the two models, and what it may be.
+
+    :ivar what: that is compared.
+    :ivar found: the largest difference.
+    :ivar bound: on it.
+    :ivar unit: of both.
+    :ivar why: it is not zero.
+    """
+
+    what: str
+    found: float
+    bound: float
+    unit: str
+    why: str
+
+    @property
+    def kept(self) -> bool:
+        """Return whether the difference is within its bound."""
+        return self.found <= self.bound
+
+    def row(self) -> tuple[str, str, str, str]:
+        """Return the cells of a table of checks."""
+        found = f'{number(self.found, 2)} {self.unit}'
+        bound = f'{number(self.bound, 2)} {self.unit}'
+        return self.what, found if self.kept else f'**{found}**', bound, self.why
+
+
+@dataclass(frozen=True)
+class Section:
+    """
+    One comparison.
+
+    :ivar heading: of its section.
+    :ivar words: what was done, and what is to be seen.
+    :ivar checks: the differences, each with its bound.
+    :ivar tables: the numbers.
+    :ivar figure: a drawing; None for none.
+    :ivar picture: its alternative text.
+    """
+
+    heading: str
+    words: str
+    checks: tuple[Check, ...]
+    tables: tuple[Table, ...] = ()
+    figure: Figure | None = None
+    picture: str = ''
+
+
+#: Makes one comparison.
+Compare = Callable[[], Section]

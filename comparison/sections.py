@@ -1,0 +1,24 @@
+"""All comparisons, in the order of the page."""
+
+from __future__ import annotations
+
+from comparison import carried, friction, grasps, joint_loads, pulls, unloaded
+from comparison.section import Compare, Section
+
+SECTIONS: dict[str, Compare] = {
+    'unloaded': unloaded.compare,
+    'joint_loads': joint_loads.compare,
+    'grasps': grasps.compare,
+    'pulls': pulls.compare,
+    'friction': friction.compare,
+    'carried': carried.compare,
+}
+
+
+def make(name: str) -> Section:
+    """
+    Make one comparison, in a process of its own.
+
+    :param name: of the comparison.
+    """
+    return SECTIONS[name]()

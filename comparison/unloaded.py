@@ -1,0 +1,56 @@
+"""Unloaded nodes, against forward kinematics (3), (12), (13)."""
+
+from __future__ import annotations
+
+from comparison.grips import move_to
+from comparison.section import Check, Section
+from isotruss_ros.core import load_robot, preset_names
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+from paper.tables import number, Table
+
+#: Largest travel of a roller [m], and rest after it [s].
+TRAVEL, REST = 0.15, 4.0
+MICROMETRE = 1e-6
+
+
+def compare(shapes: int = 3) -> Section:
+    """
+    Compare the nodes of both presets in random shapes.
+
+    :param shapes: of each.
+    """
+    rows, worst = [], 0.0
+    for name in preset_names():
+        robot, random = load_robot(name), np.random.default_rng(3)
+        plant, errors, way = MujocoPlant(robot), [], 0.0
+        for _ in range(shapes):
+            travel = TRAVEL * random.uniform(-1.0, 1.0, len(robot.roller_names))
+            move_to(plant, travel)
+            plant.settle(REST)
+            nodes = robot.configuration(travel).nodes
+            errors.append(float(np.abs(plant.nodes - nodes).max()))
+            way = max(way, float(np.abs(nodes - robot.home.nodes).max()))
+        worst = max(worst, *errors)
+        rows.append((name, str(shapes), number(way), number(max(errors) / MICROMETRE, 2)))
+    check = Check(
+        'unloaded nodes',
+        worst / MICROMETRE,
+        1.0,
+        'µm',
+        'drag and losses against soft members die out slowly',
+    )
+    return Section(
+        'Unloaded nodes',
+        f'Rollers travel at random, up to {TRAVEL:g} m; MuJoCo moves the robot there through '
+        'all shapes between, and `core.Configuration` computes it at once.',
+        (check,),
+        (
+            Table(
+                'unloaded',
+                'Largest difference of a coordinate of any node',
+                ('robot', 'shapes', 'farthest from home [m]', 'difference [µm]'),
+                rows,
+            ),
+        ),
+    )

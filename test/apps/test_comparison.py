@@ -1,0 +1,67 @@
+"""A short part of the comparison with MuJoCo, and the page in docs/ that shows all of it."""
+
+from pathlib import Path
+
+from comparison import carried, friction, grasps, pulls
+from comparison.grips import Grip
+from comparison.page import FOLDER, page
+from comparison.section import Check, Section
+from comparison.sections import SECTIONS
+from isotruss_ros.demo.path import translation
+from matplotlib.figure import Figure
+from mujoco_worlds import needs_mujoco
+import numpy as np
+from paper.tables import Table
+import pytest
+
+DOCS = Path(__file__).resolve().parents[2] / 'docs'
+
+
+def require_kept(section):
+    for check in section.checks:
+        assert check.kept, check.row()
+
+
+@needs_mujoco
+def test_a_grasp_is_within_its_bounds():
+    require_kept(grasps.compare(wedges=(40.0,), indentations=(0.02,)))
+
+
+@needs_mujoco
+def test_a_pull_that_slips_is_within_its_bounds():
+    require_kept(pulls.compare((Grip(40.0, 0.04),), directions=(np.pi, -0.5 * np.pi)))
+
+
+@needs_mujoco
+def test_an_object_is_lost_where_friction_is_too_low():
+    require_kept(friction.compare((Grip(50.0, 0.03),)))
+
+
+@needs_mujoco
+def test_an_object_carried_with_its_squeeze_regulated_follows_its_path():
+    result = carried.run(carried.REGULATED, (translation('up', 3.0, 0.03, 0.08),))
+    position, angle = carried.BOUNDS[carried.REGULATED]
+    assert 1e3 * result.position_error < position
+    assert np.degrees(result.angle_error) < angle
+    assert result.squeezes.min() > 0.9 * result.squeezes.max()
+    assert np.hypot(*(result.poses[-1] - result.poses[0])[:2]) == pytest.approx(0.085, abs=2e-3)
+
+
+def test_the_page_shows_what_is_out_of_bounds():
+    table = Table('things', 'Some', ('a', 'b'), [('1', '2')])
+    checks = (Check('kept', 1.0, 2.0, 'mm', 'steps'), Check('broken', 3.0, 2.0, '%', 'why'))
+    text = page([Section('Things', 'Words.', checks, (table,), Figure(), 'A picture')])
+    assert '| kept | 1 mm | 2 mm | steps |' in text
+    assert '| broken | **3 %** | 2 % | why |' in text
+    assert f'![A picture]({FOLDER}/things.png)' in text
+    assert f'Some ([CSV]({FOLDER}/things.csv)):' in text
+    assert not checks[1].kept
+
+
+def test_the_page_in_the_docs_keeps_all_bounds():
+    text = (DOCS / 'plant.md').read_text(encoding='utf-8')
+    bounds = text.split('## Bounds')[1].split('\n## ')[0]
+    assert '**' not in bounds
+    assert text.count('\n## ') == 1 + len(SECTIONS)
+    tables = {path.stem for path in (DOCS / FOLDER).glob('*.csv')}
+    assert tables == {name for name in tables if f'({FOLDER}/{name}.csv)' in text}
