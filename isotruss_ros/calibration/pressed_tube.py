@@ -8,6 +8,7 @@ from isotruss_ros.core.grasping.contact import solve_contact
 from isotruss_ros.core.grasping.contact_points import ContactPoints
 from isotruss_ros.core.grasping.contact_regions import contact_extents
 from isotruss_ros.core.grasping.flattening import flattening
+from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.beam import local_stiffness
 from isotruss_ros.core.statics.interior import InteriorPoints
@@ -75,7 +76,7 @@ def press(
     places = position + SPACING * reach
     places = places[(places > 0.0) & (places < tube.length)]
     points = _contact_points(tube, pressure, places, flattens)
-    contact = solve_contact(points, center, radius)
+    contact = solve_contact(points, RoundSurface(center, radius))
     force = -float((contact.forces * contact.normals).imag.sum())
     length, _, _ = contact_extents(points, contact, 1)
     return Pressed(force / depth, float(length[0]))

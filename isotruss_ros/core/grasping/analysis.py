@@ -13,9 +13,13 @@ from isotruss_ros.core.grasping.flattening import flattening_of
 from isotruss_ros.core.grasping.force_closure import check_force_closure
 from isotruss_ros.core.grasping.refinement import PreviousContact, refine_contact
 from isotruss_ros.core.grasping.relaxation import relax_contact
+from isotruss_ros.core.grasping.sliding_contact import solve_sliding_contact
+from isotruss_ros.core.grasping.surfaces import surface_of
 from isotruss_ros.core.grasping.wrinkling import find_wrinkling
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array, as_xy, finite_array, Indices
 from isotruss_ros.core.statics.pressures import Pressure
 from isotruss_ros.core.statics.structure import structure_of
@@ -25,6 +29,10 @@ from scipy.linalg import lapack
 
 #: Contact points closer than this are one point to the tube, further apart they miss the object.
 SPACINGS = (1e-4, 0.1)
+#: Contact points that are spent in any case on an object that is no disc.
+BUDGET = 80
+#: Coefficient of friction where nothing is known of it.
+FRICTION = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,14 +48,16 @@ class GraspAnalysis:
     :ivar normals: (k, 2) unit normals of the object's surface, outward: toward the tube.
     :ivar normal_forces: (k,) pressing tube and object apart, not negative [N].
     :ivar friction_forces: (k,) on the object, along the tangent, counter-clockwise [N].
-    :ivar normal_wrench: (fx, fy, m) of the normal forces on the object about its centre [N, N m].
+    :ivar normal_wrench: (fx, fy, m) of the normal forces on the object about the origin of
+        its frame, the centre of a cylinder [N, N m].
     :ivar force_closure: whether the object is touched, and friction balances normal forces and
         external wrench.
-    :ivar closure_residual: what friction leaves, moments over d/2 [N].
+    :ivar closure_residual: what friction leaves, moments over half of the mean width, d/2 of a
+        cylinder [N].
     :ivar closure_tolerance: below which the residual counts as none [N].
     :ivar required_friction: smallest coefficient that closes; infinite if none does.
     :ivar closure_margin: largest extra wrench of any direction that friction still balances,
-        moments over d/2 [N]; negative where the grasp is open.
+        moments over half of the mean width [N]; negative where the grasp is open.
     :ivar contact_lengths: length of tube in contact by member, of those in contact [m].
     :ivar contact_spans: where along the member contact begins and ends, from the member's start,
         by member, of those in contact [m].
@@ -91,8 +101,8 @@ class GraspAnalysis:
 
 def analyze_grasp(
     config: Configuration,
-    cylinder: Cylinder,
-    friction: float = 0.5,
+    body: Cylinder | ConvexObject,
+    friction: float | None = None,
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
     method: Literal['exact', 'relaxation'] = 'exact',
     spacing: float = 0.005,
@@ -104,9 +114,11 @@ def analyze_grasp(
     Analyse a grasp: contact (5) to (9), force closure (10), grasp stiffness.
 
     :param config: where the robot is; its rollers do not turn.
-    :param cylinder: the object, in its place.
-    :param friction: coefficient between tube and object, not negative.
-    :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
+    :param body: the object, in its place.
+    :param friction: coefficient between tube and object, not negative; if None the object's own,
+        0.5 where it has none.
+    :param external_wrench: (fx, fy, m) on the object about the origin of its frame, the centre
+        of a cylinder [N, N m].
     :param method: 'exact' (complementarity by pivoting) or 'relaxation' (the paper's (9)).
     :param spacing: of the contact points along the tubes [m]; tubes that flatten have points where
         they are touched, a half or a quarter of this apart where a region of contact is short.
@@ -121,19 +133,28 @@ def analyze_grasp(
         laws are contradictory.
     :raises SolverError: the contact problem was not solved.
     """
+    if friction is None:
+        own = getattr(body, 'friction', None)
+        friction = FRICTION if own is None else own
     mu, gap = finite_array([friction, spacing], 2, 'friction and spacing [m]', GraspError)
     if mu < 0.0:
         raise GraspError(f'friction {friction!r}: must not be negative')
     if not SPACINGS[0] <= gap <= SPACINGS[1]:
         raise GraspError(f'spacing {spacing!r} m: must be from {SPACINGS[0]} to {SPACINGS[1]} m')
     wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
-    solvers = {'exact': solve_contact, 'relaxation': relax_contact}
+    held = as_convex_object(body)
+    sliding = flattening and not isinstance(held.shape, Disc)
+    solvers = {
+        'exact': solve_sliding_contact if sliding else solve_contact,
+        'relaxation': relax_contact,
+    }
     if method not in solvers:
         raise GraspError(f'method {method!r}: must be one of {", ".join(solvers)}')
-    center, arm = complex(*cylinder.center), 0.5 * cylinder.diameter
     structure = structure_of(config, pressure)
+    margin = 0.0 if flattening else 0.5 * config.robot.description.tube_diameter
+    surface = surface_of(held, margin)
     if flattening:
-        radius, kernel = arm, flattening_of(config.robot, structure.pressures)
+        kernel = flattening_of(config.robot, structure.pressures)
         before = None
         if previous is not None and previous.contact_spans:
             before = PreviousContact(
@@ -143,25 +164,24 @@ def analyze_grasp(
                 previous.normals @ np.array([1.0, 1.0j]),
             )
         contact_points, contact, extents, kept = refine_contact(
-            structure, center, radius, gap, kernel, solvers[method], before
+            structure, surface, gap, kernel, solvers[method], before, BUDGET if sliding else None
         )
     else:
-        radius = arm + 0.5 * config.robot.description.tube_diameter
-        contact_points = find_contact_points(structure, center, radius, gap)
+        contact_points = find_contact_points(structure, surface, gap)
         start = None
         if previous is not None and len(previous.normal_forces) == len(contact_points.points):
             start = ContactGuess(previous.normal_forces)
-        contact = solvers[method](contact_points, center, radius, start)
+        contact = solvers[method](contact_points, surface, start)
         extents = contact_extents(contact_points, contact, len(config.robot.member_names))
         kept = np.arange(len(contact_points.points))
     normals = as_xy(contact.normals)
-    pressed = -contact.forces @ normals
+    pressed, levers = _pressed(held, contact_points, contact, margin)
     tangents = as_xy(1j * contact.normals)
-    load = np.array([pressed[0] + wrench[0], pressed[1] + wrench[1], wrench[2] / arm])
-    closure = check_force_closure(tangents, contact.forces, load, float(mu))
+    load = (pressed + wrench) / np.array([1.0, 1.0, held.arm])
+    closure = check_force_closure(tangents, contact.forces, load, float(mu), levers)
     gauge = np.array(structure.pressures)[config.robot.topology.tube]
     wrinkling = find_wrinkling(structure, gauge, contact_points, contact)
-    regions = contact_regions(contact_points, contact, extents, arm, gauge, wrinkling)
+    regions = contact_regions(contact_points, contact, extents, gauge, wrinkling)
     names = config.robot.member_names
     touching = np.flatnonzero(regions.length).tolist()
     wide = touching if flattening else []
@@ -170,14 +190,14 @@ def analyze_grasp(
         return {names[i]: values.item(i) for i in members}
 
     return GraspAnalysis(
-        points=as_xy(center + (radius + contact.gaps[kept]) * contact.normals[kept]),
+        points=as_xy((contact_points.skin + contact.displacements)[kept]),
         members=contact_points.member[kept],
         places=contact_points.place[kept],
         gaps=contact.gaps[kept],
         normals=normals[kept],
         normal_forces=contact.forces[kept],
         friction_forces=closure.friction_forces[kept],
-        normal_wrench=np.array([pressed[0], pressed[1], 0.0]),
+        normal_wrench=pressed,
         # Without a touch all is in balance, but nothing is held.
         force_closure=closure.closed and bool((contact.forces > 0.0).any()),
         closure_residual=closure.residual,
@@ -195,8 +215,27 @@ def analyze_grasp(
         peak_pressures=by_member(regions.peak_pressure, wide),
         utilisation=dict(zip(names, wrinkling.utilisation.tolist(), strict=True)),
         utilisation_places=dict(zip(names, wrinkling.place.tolist(), strict=True)),
-        stiffness=_stiffness(contact_points, contact, center),
+        stiffness=_stiffness(contact_points, contact, held.center),
     )
+
+
+def _pressed(
+    held: ConvexObject, contact_points: ContactPoints, contact: ContactState, margin: float
+) -> tuple[Array, Array | None]:
+    """
+    Return the wrench (3,) of the tubes on the object, and the levers of friction.
+
+    :param margin: how far the surface that the points meet is from the object's own [m].
+    :return: levers (k,) of forces along the tangents over half of the mean width; None for a disc.
+    """
+    if isinstance(held.shape, Disc):
+        return np.append(-contact.forces @ as_xy(contact.normals), 0.0), None
+    # Where the forces act on the object's own surface, from the origin of its frame.
+    arms = contact_points.skin + contact.displacements - held.center
+    arms = arms - (contact.gaps + margin) * contact.normals
+    force, moment = contact.push.sum(), (arms.conj() * contact.push).imag.sum()
+    levers = (arms * contact.normals.conj()).real / held.arm
+    return -np.array([force.real, force.imag, moment]), levers
 
 
 def _stiffness(contact_points: ContactPoints, contact: ContactState, center: complex) -> Array:

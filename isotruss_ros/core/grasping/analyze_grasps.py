@@ -7,7 +7,7 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError, IsotrussError, StructureError
 from isotruss_ros.core.grasping.analysis import analyze_grasp, SPACINGS
 from isotruss_ros.core.grasping.closure_stack import check_closure_stack
-from isotruss_ros.core.grasping.contact import MANY, normalize
+from isotruss_ros.core.grasping.contact import MANY
 from isotruss_ros.core.grasping.contact_stack import solve_contact_stack
 from isotruss_ros.core.grasping.grasp_analyses import GraspAnalyses
 from isotruss_ros.core.grasping.point_stack import stack_points, Touches
@@ -20,6 +20,7 @@ from isotruss_ros.core.model.objects import (
     MIN_DIAMETER,
     validate_disc,
 )
+from isotruss_ros.core.model.shapes import normalize
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Flags, Indices, Points
 from isotruss_ros.core.statics.frame_stack import FrameStack
 from isotruss_ros.core.statics.pressures import Pressure, tube_pressures

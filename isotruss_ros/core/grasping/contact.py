@@ -1,10 +1,10 @@
 """
-Unilateral contact of tubes with a cylinder: equations (5) to (8).
+Unilateral contact of tubes with a convex object: equations (5) to (8).
 
-Points of the tubes meet a disc: those of the skin, where tubes flatten, the object's own; in the
-paper's model those of the centre lines one of radius (d + tube diameter) / 2. They give by a
-compliance that is condensed to these points; for fixed normals the contact forces solve a linear
-complementarity problem, and the normals follow the deformed points until they settle.
+Points of the tubes meet a surface: those of the skin, where tubes flatten, the object's own; in
+the paper's model those of the centre lines one that is farther out by the tube's radius. They give
+by a compliance that is condensed to these points; for fixed normals the contact forces solve a
+linear complementarity problem, and the normals follow the deformed points until they settle.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.grasping.contact_points import ContactPoints
 from isotruss_ros.core.grasping.lcp import GAP_TOLERANCE, solve_complementarity
+from isotruss_ros.core.grasping.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 import numpy as np
 from scipy.linalg import lapack
@@ -35,15 +36,19 @@ class ContactState:
     Where and how hard the object is touched.
 
     :ivar forces: (c,) normal forces, not negative [N].
-    :ivar gaps: (c,) distances of the deformed tube from the disc, not negative [m].
-    :ivar normals: (c,) unit normals of the object's surface, outward, x + iy.
+    :ivar gaps: (c,) distances of the deformed tube from the surface, not negative [m].
+    :ivar normals: (c,) unit normals of the surface, outward, x + iy.
     :ivar displacements: (c,) of what meets the object, see `ContactPoints.skin`, x + iy [m].
+    :ivar radii: (c,) radius of curvature of the surface at the feet of the points [m].
+    :ivar push: (c,) forces on the tubes, x + iy [N].
     """
 
     forces: Array
     gaps: Array
     normals: Points
     displacements: Points
+    radii: Array
+    push: Points
 
 
 class ContactGuess(NamedTuple):
@@ -59,51 +64,48 @@ class ContactGuess(NamedTuple):
 
 
 def solve_contact(
-    contact_points: ContactPoints,
-    center: complex,
-    radius: float,
-    start: ContactGuess | None = None,
+    contact_points: ContactPoints, surface: Surface, start: ContactGuess | None = None
 ) -> ContactState:
     """
     Solve (8): gaps and forces not negative, and one of them zero everywhere.
 
     :param contact_points: points that the object could touch.
-    :param center: of the object, x + iy [m].
-    :param radius: of the disc that the points meet, see `find_contact_points` [m].
+    :param surface: what the points meet, see `find_contact_points`.
     :param start: what to begin with; found out if None.
     :raises SolverError: the normals do not settle.
     """
-    away = contact_points.skin - center
+    away = contact_points.skin - surface.center
     # Those of the centre lines: the skin may be beyond the centre of a small object.
-    normals = normalize(contact_points.points - center)
+    normals = surface.facing(contact_points.points - surface.center, contact_points.axis)
     if start is not None:
         active = start.forces > 0.0
         if start.normals is not None:
             normals = start.normals
     elif len(away) <= MANY:
-        active = _guess_contact(contact_points, (away * normals.conj()).real - radius)
+        gaps = (away * normals.conj()).real - surface.support(normals)
+        active = guess_contact(contact_points, gaps)
     else:
         few = np.arange(0, len(away), 4)
-        coarse = solve_contact(contact_points[few], center, radius)
+        coarse = solve_contact(contact_points[few], surface)
         push = np.zeros_like(away)
         push[few] = coarse.forces * coarse.normals
         moved = away + contact_points.displacements(push)
-        normals, active = normalize(moved), np.abs(moved) < radius
-    # Outside of the tangent at a point's foot is outside of the disc: what solves the problem for
-    # some normals is admissible for the next ones, which can but take less energy. These steps
+        found = surface.nearest(moved)
+        normals, active = found.normals, found.gaps < 0.0
+    # Outside of the tangent at a point's foot is outside of the object: what solves the problem
+    # for some normals is admissible for the next ones, which can but take less energy. These steps
     # settle therefore, if slowly; following the normals of those in contact makes them few.
     for _ in range(MAX_STEPS):
-        gaps = (away * normals.conj()).real - radius
+        gaps = (away * normals.conj()).real - surface.support(normals)
         forces, active = solve_complementarity(
             contact_points.normal_compliance(normals), gaps, active
         )
         places = np.flatnonzero(active)
         ahead = np.zeros_like(away)
-        ahead[places] = _settle_normals(contact_points, places, normals, center, radius)
+        ahead[places] = _settle_normals(contact_points, places, normals, surface)
         for push in (ahead, forces * normals):
             displacements = contact_points.displacements(push)
-            turned = normalize(away + displacements)
-            gaps = np.abs(away + displacements) - radius  # (5)
+            gaps, turned, radii = surface.nearest(away + displacements)  # (5)
             # (6), (7): no force pulls, and none is tangential.
             pressing, sizes = push * turned.conj(), np.abs(push)
             if (
@@ -112,36 +114,40 @@ def solve_contact(
                 and gaps.min(initial=0.0) >= -GAP_TOLERANCE
                 and gaps[places].max(initial=0.0) <= GAP_TOLERANCE
             ):
-                return ContactState(pressing.real, gaps, turned, displacements)
+                normal = pressing.real * turned
+                return ContactState(pressing.real, gaps, turned, displacements, radii, normal)
         normals = turned
     raise SolverError(
         f'the contact did not settle in {MAX_STEPS} steps; the object is pressed in too deeply'
     )
 
 
-def estimate_contact(
-    contact_points: ContactPoints, center: complex, radius: float
-) -> ContactState:
+def estimate_contact(contact_points: ContactPoints, surface: Surface) -> ContactState:
     """
     Solve (8) for the normals of the undeformed tubes; the normals of the answer are new ones.
 
     :param contact_points: points that the object could touch.
-    :param center: of the object, x + iy [m].
-    :param radius: of the disc that the points meet [m].
+    :param surface: what the points meet.
     :raises SolverError: the contact problem was not solved.
     """
-    away = contact_points.skin - center
-    normals = normalize(contact_points.points - center)
-    gaps = (away * normals.conj()).real - radius
+    away = contact_points.skin - surface.center
+    normals = surface.facing(contact_points.points - surface.center, contact_points.axis)
+    gaps = (away * normals.conj()).real - surface.support(normals)
     compliance = contact_points.normal_compliance(normals)
-    forces, _ = solve_complementarity(compliance, gaps, _guess_contact(contact_points, gaps))
+    forces, _ = solve_complementarity(compliance, gaps, guess_contact(contact_points, gaps))
     displacements = contact_points.displacements(forces * normals)
     gaps += compliance @ forces
-    return ContactState(forces, gaps, normalize(away + displacements), displacements)
+    _, turned, radii = surface.nearest(away + displacements)
+    return ContactState(forces, gaps, turned, displacements, radii, forces * turned)
 
 
-def _guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
-    """Return where contact is likely: where each member is deepest, and as deep if it flattens."""
+def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
+    """
+    Return where contact is likely: where each member is deepest, and as deep if it flattens.
+
+    :param contact_points: points that the object could touch.
+    :param gaps: (c,) without forces [m].
+    """
     member = contact_points.member
     deepest = np.full(int(member.max(initial=-1)) + 1, np.inf)
     np.minimum.at(deepest, member, gaps)
@@ -151,7 +157,7 @@ def _guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
 
 
 def _settle_normals(
-    contact_points: ContactPoints, places: Indices, normals: Points, center: complex, radius: float
+    contact_points: ContactPoints, places: Indices, normals: Points, surface: Surface
 ) -> Points:
     """Return the forces (a,), x + iy [N], that close gaps (a,), along normals that follow."""
     count = len(places)
@@ -159,7 +165,7 @@ def _settle_normals(
         return np.zeros(0, dtype=np.complex128)
     axis = contact_points.axis[places]
     away, local = (
-        axis.conj() * (contact_points.skin[places] - center),
+        axis.conj() * (contact_points.skin[places] - surface.center),
         axis.conj() * normals[places],
     )
     # Few points, and several steps: the whole matrix is cheaper than its factors.
@@ -167,28 +173,16 @@ def _settle_normals(
     for _ in range(MAX_NORMAL_UPDATES):
         along, across = local.real, local.imag
         moving = compliance[:, :count] * along + compliance[:, count:] * across
-        gaps = (away * local.conj()).real - radius
+        gaps = (away * local.conj()).real - surface.support(axis * local)
         normal = along[:, None] * moving[:count] + across[:, None] * moving[count:]
         _, pressing, failed = lapack.dposv(normal, -gaps)
         if failed:
             raise SolverError('the contact compliance is not positive definite')
         moved = moving @ pressing
-        turned = normalize(away + moved[:count] + 1j * moved[count:])
+        turned = surface.normals_of(away + moved[:count] + 1j * moved[count:], axis)
         forces = pressing * local
         change = float(np.abs(turned - local).max(initial=0.0))
         local = turned
         if change < 0.01 * SMOOTH:
             break
     return axis * forces
-
-
-def normalize(vectors: Points) -> Points:
-    """
-    Return directions; that of a point at the very centre is any, say upward.
-
-    :param vectors: (c,) x + iy [m].
-    """
-    sizes = np.abs(vectors)
-    if sizes.all():
-        return vectors / sizes
-    return np.where(sizes > 0.0, vectors / np.where(sizes > 0.0, sizes, 1.0), 1.0j)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from isotruss_ros.core.grasping.flattening import Flattening
+from isotruss_ros.core.grasping.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.interior import InteriorPoints
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
@@ -132,25 +133,23 @@ class ContactPoints:
 
 def find_contact_points(
     structure: Structure,
-    center: complex,
-    radius: float,
+    surface: Surface,
     spacing: float,
     flattening: Flattening | None = None,
     windows: Array | None = None,
 ) -> ContactPoints:
     """
-    Place contact points on every piece of tube that comes within reach of a disc.
+    Place contact points on every piece of tube that comes within reach of an object.
 
     :param structure: the frame of the robot.
-    :param center: of the object, x + iy [m].
-    :param radius: of the disc that the points meet [m]: half of the object's own diameter, with
-        half of the tube's added where the tubes do not flatten.
+    :param surface: what the points meet: the object's own surface, or where the tubes do not
+        flatten that which is farther out by half of the tube's diameter.
     :param spacing: distance of the points along the tube [m].
     :param flattening: how the tubes flatten; None for the paper's model, in which they do not.
     :param windows: (m, 2) between which points of each member, from its start, points are placed;
         everywhere if None [m].
     """
-    topology, frame = structure.config.robot.topology, structure.frame
+    topology, frame, center = structure.config.robot.topology, structure.frame, surface.center
     m = topology.n_modules
     pieces = tube_pieces(m).ravel()
     owner = np.concatenate([np.arange(m), topology.previous, np.arange(m)])
@@ -159,11 +158,15 @@ def find_contact_points(
     axis = (end - start) / length
     foot = ((center - start) * axis.conj()).real
     aside = ((center - start) * axis.conj()).imag
-    # A tube that gives elsewhere may come into contact beyond the chord of the disc.
-    reach = radius + 2.0 * spacing
-    off = np.abs(aside) - (0.0 if flattening is None else flattening.radius)
+    # A tube that gives elsewhere may come into contact beyond the chord of the object.
+    reach, width = surface.reach + 2.0 * spacing, 0.0 if flattening is None else flattening.radius
+    off = np.abs(aside) - width
     chord = np.sqrt(np.maximum(0.0, reach**2 - np.maximum(off, 0.0) ** 2))
     low, high = np.maximum(0.0, foot - chord), np.minimum(length, foot + chord)
+    normals, distances = surface.tangents()
+    if len(normals):
+        first, last = _clip(start - center, axis, normals, distances + 2.0 * spacing, width)
+        low, high = np.maximum(low, first), np.minimum(high, last)
     # All pieces of a member are one line, that of the long piece, whichever way they run.
     line, origin = axis[2 * m + owner], start[2 * m + owner]
     ahead, base = (axis * line.conj()).real, length[owner] + ((start - origin) * line.conj()).real
@@ -220,3 +223,24 @@ def find_contact_points(
         frame.compliance(used),
         dents,
     )
+
+
+def _clip(
+    start: Points, axis: Points, normals: Points, distances: Array, width: float
+) -> tuple[Array, Array]:
+    """
+    Return between which distances from their starts strips (p,) are within all of some tangents.
+
+    :param start: (p,) relative to the point that the tangents' distances are measured from [m].
+    :param width: half of that of the strips [m].
+    """
+    # Of the two edges of a strip, the one that is farther inside.
+    slope = (axis[:, None] * normals.conj()).real
+    lean = np.abs((axis[:, None] * normals.conj()).imag)
+    room = distances - (start[:, None] * normals.conj()).real + width * lean
+    with np.errstate(divide='ignore', invalid='ignore'):
+        place = room / slope
+    low = np.where(slope < 0.0, place, -np.inf).max(axis=1)
+    high = np.where(slope > 0.0, place, np.inf).min(axis=1)
+    apart = ((slope == 0.0) & (room < 0.0)).any(axis=1)
+    return np.where(apart, np.inf, low), high

@@ -2,8 +2,9 @@
 Contact regions: how long and wide the tubes touch the object, and with what pressure.
 
 Where a section is flattened its wall is straight across the tube, so that it presses with the
-gauge pressure p and with what its tension along the tube, T, adds around an object of radius r:
-p + T / r. The width of the contact is the load per length over this pressure.
+gauge pressure p and with what its tension along the tube, T, adds around an object whose surface
+has the radius of curvature r: p + T / r. The width of the contact is the load per length over this
+pressure.
 """
 
 from __future__ import annotations
@@ -61,7 +62,6 @@ def contact_regions(
     contact_points: ContactPoints,
     contact: ContactState,
     extents: ContactExtents,
-    radius: float,
     pressure: Array,
     wrinkling: Wrinkling,
 ) -> ContactRegions:
@@ -71,7 +71,6 @@ def contact_regions(
     :param contact_points: points that the object could touch.
     :param contact: where it does.
     :param extents: of the contact, see `contact_extents`.
-    :param radius: of the object [m].
     :param pressure: (m,) p in each member, gauge [Pa].
     :param wrinkling: with the tension of the wall at the points.
     """
@@ -82,7 +81,7 @@ def contact_regions(
     zero = np.zeros(count)
     if not contact_points.dents.any():
         return ContactRegions(force, length, start, end, zero, zero, zero, zero)
-    local = pressure[member] + wrinkling.tension / radius
+    local = pressure[member] + wrinkling.tension / contact.radii
     area = np.bincount(member, forces / local, count)
     width, peak = zero.copy(), zero.copy()
     np.maximum.at(width, member, forces / local / spacing)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.grasping.contact import MAX_NORMAL_UPDATES, normalize, SMOOTH
+from isotruss_ros.core.grasping.contact import MAX_NORMAL_UPDATES, SMOOTH
 from isotruss_ros.core.grasping.lcp import GAP_TOLERANCE
 from isotruss_ros.core.grasping.point_stack import PointStack, Touches
+from isotruss_ros.core.model.shapes import normalize
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 from isotruss_ros.core.statics.frame_stack import LoadedStack
 import numpy as np

@@ -3,8 +3,9 @@ Force closure: whether friction within its limits balances the rest, equation (1
 
 The wrenches that friction can bring about form a zonotope: a sum of segments, one for each
 contact. Its facets are planes spanned by pairs of segments, so that the smallest friction
-coefficient and the distance from opening follow without iteration. Moments are divided by the arm
-d/2 of friction at the object's surface, so that all three components are forces.
+coefficient and the distance from opening follow without iteration. Moments are divided by half of
+the object's mean width, the arm d/2 of friction at the surface of a cylinder, so that all three
+components are forces.
 """
 
 from __future__ import annotations
@@ -55,7 +56,11 @@ class Closure:
 
 
 def check_force_closure(
-    tangents: Array, normal_forces: Array, load: Array, friction: float
+    tangents: Array,
+    normal_forces: Array,
+    load: Array,
+    friction: float,
+    levers: Array | None = None,
 ) -> Closure:
     """
     Balance a load by friction forces with |F_i| <= mu N_i, equation (10).
@@ -64,14 +69,18 @@ def check_force_closure(
     :param normal_forces: (k,) N_i, not negative [N].
     :param load: (3,) resultant of all else on the object: fx, fy, m / (d/2) [N].
     :param friction: mu, not negative.
+    :param levers: (k,) of forces along the tangents, over half of the mean width; None for a
+        cylinder, where they are 1.
     """
     touching = normal_forces > 0.0
-    segments = np.column_stack([tangents[touching], np.ones(touching.sum())])
+    levers_here = np.ones(touching.sum()) if levers is None else levers[touching]
+    segments = np.column_stack([tangents[touching], levers_here])
     segments = segments * normal_forces[touching, None]
     tolerance = CLOSURE_TOLERANCE * max(
         1e-3, float(np.abs(load).max()), float(normal_forces.sum())
     )
-    required, margin = _extremes(segments, -load, friction, tolerance)
+    facets = (_facets_of_cone if levers is None else _facets)(segments)
+    required, margin = _extremes(facets, -load, friction, tolerance)
     shares, residual = _balance(segments, load, friction, np.zeros(len(segments)))
     for _ in range(MAX_REFINEMENTS):
         if residual <= 0.1 * tolerance or required > friction:
@@ -166,14 +175,14 @@ def _balance_by_qp(segments: Array, load: Array, friction: float, shares: Array)
 
 
 def _extremes(
-    segments: Array, wanted: Array, friction: float, tolerance: float
+    facets: tuple[Array, Array], wanted: Array, friction: float, tolerance: float
 ) -> tuple[float, float]:
     """
     Return the smallest coefficient with which friction gives a wrench, and how far it is inside.
 
-    :param segments: (k, 3), of friction at coefficient 1.
+    :param facets: of what friction can give at coefficient 1.
     """
-    normals, support = _facets(segments)
+    normals, support = facets
     need = np.abs(normals @ wanted)
     # A flat zonotope, as of two contacts, reaches nothing across its plane.
     flat = support == 0.0
@@ -189,9 +198,22 @@ def _facets(segments: Array) -> tuple[Array, Array]:
     """
     Return unit normals of the facets of a zonotope, and its extent along them from the centre.
 
-    :param segments: (k, 3), on the cone x^2 + y^2 = z^2, z > 0.
+    :param segments: (k, 3).
     :return: (f, 3) and (f,); the extent is 0 across a zonotope that is flat.
     """
+    first, second = _pairs(len(segments))
+    normals = np.cross(segments[first], segments[second])
+    sizes, reach = np.linalg.norm(normals, axis=1), np.linalg.norm(segments, axis=1)
+    good = sizes > FACET_TOLERANCE * reach[first] * reach[second]
+    normals = normals[good] / sizes[good, None]
+    support = np.abs(normals @ segments.T).sum(axis=1)
+    if (support > FACET_TOLERANCE * reach.sum()).any():
+        return normals, support
+    return _flat_facets(segments, bool(good.any()))
+
+
+def _facets_of_cone(segments: Array) -> tuple[Array, Array]:
+    """Return the same of segments on the cone x^2 + y^2 = z^2, z > 0: those of a cylinder."""
     k = len(segments)
     # The plane through two lines of the cone parts those between them from the others, around the
     # cone: sums over ranges take the place of sums over all, so that hundreds of contacts are few.
@@ -210,7 +232,16 @@ def _facets(segments: Array) -> tuple[Array, Array]:
     support = np.abs(np.einsum('fi,fi->f', normals, across))
     if (support > FACET_TOLERANCE * reach.sum()).any():
         return normals, support
-    rank = min(k, 1 + good.any())
+    return _flat_facets(segments, bool(good.any()))
+
+
+def _flat_facets(segments: Array, plane: bool) -> tuple[Array, Array]:
+    """
+    Return the same of segments, (k, 3), that are all in one plane.
+
+    :param plane: whether they are not all in one line.
+    """
+    rank = min(len(segments), 1 + plane)
     axes = np.linalg.svd(segments)[2]
     within = np.cross(segments, axes[2]) if rank == 2 else axes[:rank]
     within = within / np.linalg.norm(within, axis=1)[:, None]

@@ -14,6 +14,7 @@ import functools
 from isotruss_ros.core.grasping.contact import solve_contact
 from isotruss_ros.core.grasping.contact_points import ContactPoints
 from isotruss_ros.core.grasping.flattening import flattening_of
+from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
@@ -131,5 +132,5 @@ def _pressing_force(
         ends=np.zeros((0, 0)),
         dents=dents,
     )
-    contact = solve_contact(still, -1j * (radius - depth), radius)
+    contact = solve_contact(still, RoundSurface(-1j * (radius - depth), radius))
     return float((contact.forces * contact.normals.imag).sum())

@@ -16,11 +16,12 @@ from isotruss_ros.core.grasping.contact import (
     ContactGuess,
     ContactState,
     estimate_contact,
-    normalize,
 )
 from isotruss_ros.core.grasping.contact_points import ContactPoints, find_contact_points
 from isotruss_ros.core.grasping.contact_regions import contact_extents, ContactExtents
 from isotruss_ros.core.grasping.flattening import Flattening
+from isotruss_ros.core.grasping.surfaces import Surface
+from isotruss_ros.core.model.shapes import normalize
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
@@ -34,7 +35,7 @@ DIVISIONS = (1, 2, 4)
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
 
-ContactSolver = Callable[[ContactPoints, complex, float, ContactGuess | None], ContactState]
+ContactSolver = Callable[[ContactPoints, Surface, ContactGuess | None], ContactState]
 
 
 class PreviousContact(NamedTuple):
@@ -55,23 +56,24 @@ class PreviousContact(NamedTuple):
 
 def refine_contact(
     structure: Structure,
-    center: complex,
-    radius: float,
+    surface: Surface,
     spacing: float,
     flattening: Flattening,
     solver: ContactSolver,
     previous: PreviousContact | None = None,
+    budget: int | None = None,
 ) -> tuple[ContactPoints, ContactState, ContactExtents, Indices]:
     """
     Solve the contact of tubes that flatten with points where it is.
 
     :param structure: the frame of the robot.
-    :param center: of the object, x + iy [m].
-    :param radius: of the object [m].
+    :param surface: of the object.
     :param spacing: largest distance of the points [m].
     :param flattening: how the tubes flatten.
-    :param solver: `solve_contact` or `relax_contact`.
+    :param solver: `solve_contact`, `solve_sliding_contact` or `relax_contact`.
     :param previous: contact of a similar grasp; a search finds one if None.
+    :param budget: number of points up to which the spacing is divided in any case; if None it is
+        divided where the shortest region needs it.
     :return: points, the contact there, how far it goes, and which of the points are the answer:
         those from one spacing before each region of contact to one behind it; without a touch,
         points of all tubes within reach.
@@ -80,24 +82,27 @@ def refine_contact(
     names = structure.config.robot.member_names
     room = spacing * np.array([-1.0, 1.0])
 
-    def place(distance: float, windows: Array | None = None) -> ContactPoints:
-        return find_contact_points(structure, center, radius, distance, flattening, windows)
+    def place(distance: float, windows: Array | None = None) -> tuple[ContactPoints, Surface]:
+        """Return points so far apart, and what such points can tell of the surface."""
+        points = find_contact_points(structure, surface, distance, flattening, windows)
+        return points, surface.resolved(distance)
 
     def solve(
         regions: Array, around: PreviousContact, limited: bool
     ) -> tuple[ContactPoints, ContactState, ContactExtents, Array, bool]:
         """Solve with points around regions, and return whether they are enough."""
-        division = _division(regions, spacing)
+        division = _division(regions, spacing, budget)
         within = limited & _touched(regions)
         windows = np.where(within, regions + SEARCH * room, EVERYWHERE)
-        points = place(spacing / division, windows)
+        points, seen = place(spacing / division, windows)
         forces = _within(points, regions).astype(float)
-        contact = solver(points, center, radius, ContactGuess(forces, _carry_over(around, points)))
+        contact = solver(points, seen, ContactGuess(forces, _carry_over(around, points)))
         extents = contact_extents(points, contact, len(names))
         found = _regions(extents)
         # A member whose contact has left its window may be touched elsewhere.
         fits = ((found + room - windows) * room <= 0.0).all() and (_touched(found) >= within).all()
-        enough = bool(fits) and division == _division(found, spacing)
+        divided = budget is not None or division == _division(found, spacing)
+        enough = bool(fits) and divided
         return points, contact, extents, found, enough
 
     settled = False
@@ -105,12 +110,12 @@ def refine_contact(
         before = np.array([previous.spans.get(name, -EVERYWHERE) for name in names])
         points, contact, extents, regions, settled = solve(before, previous, limited=True)
     if not settled:
-        points = place(SEARCH * spacing)
-        contact = estimate_contact(points, center, radius)
+        points, seen = place(SEARCH * spacing)
+        contact = estimate_contact(points, seen)
         regions = _regions(contact_extents(points, contact, len(names)))
         if not _touched(regions).any():
-            points = place(spacing)
-            contact = solver(points, center, radius, None)
+            points, seen = place(spacing)
+            contact = solver(points, seen, None)
             extents = contact_extents(points, contact, len(names))
             return points, contact, extents, np.arange(len(points.points))
     for step in range(MAX_STEPS):
@@ -147,10 +152,13 @@ def _regions(extents: ContactExtents) -> Array:
     return regions
 
 
-def _division(regions: Array, spacing: float) -> int:
-    """Return by what the spacing is to be divided for the shortest region."""
-    length = regions[:, 1] - regions[:, 0]
-    shortest = length[length > 0.0].min(initial=np.inf)
+def _division(regions: Array, spacing: float, budget: int | None = None) -> int:
+    """Return by what the spacing is to be divided: for the shortest region, or within a budget."""
+    length = (regions[:, 1] - regions[:, 0])[_touched(regions)[:, 0]]
+    if budget is not None:
+        points = (length + 2.0 * SEARCH * spacing).sum() / spacing
+        return next((n for n in reversed(DIVISIONS) if n * points <= budget), DIVISIONS[0])
+    shortest = length.min(initial=np.inf)
     enough = REGION_POINTS * spacing / shortest
     return next((n for n in DIVISIONS if n >= enough), DIVISIONS[-1])
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from isotruss_ros.core.errors import SolverError
-from isotruss_ros.core.grasping.contact import ContactGuess, ContactState, normalize
+from isotruss_ros.core.grasping.contact import ContactGuess, ContactState
 from isotruss_ros.core.grasping.contact_points import ContactPoints
 from isotruss_ros.core.grasping.lcp import GAP_TOLERANCE
+from isotruss_ros.core.grasping.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -26,10 +27,7 @@ TOLERANCE = 1e-2 * GAP_TOLERANCE
 
 
 def relax_contact(
-    contact_points: ContactPoints,
-    center: complex,
-    radius: float,
-    start: ContactGuess | None = None,
+    contact_points: ContactPoints, surface: Surface, start: ContactGuess | None = None
 ) -> ContactState:
     """
     Solve (8) by (9): forces grow where the gap is negative and fade where it is positive.
@@ -38,29 +36,28 @@ def relax_contact(
     lambda_max(W), and K3 = K1 / (largest force), so that fading is never quicker than growing.
 
     :param contact_points: points that the object could touch.
-    :param center: of the object, x + iy [m].
-    :param radius: of the disc that the points meet, see `find_contact_points` [m].
+    :param surface: what the points meet, see `find_contact_points`.
     :param start: its forces are those to begin with; none if None.
     :raises SolverError: no rest within two million steps.
     """
-    away = contact_points.skin - center
-    moved = contact_points.points - center
+    away = contact_points.skin - surface.center
+    normals = surface.facing(contact_points.points - surface.center, contact_points.axis)
     forces = np.zeros(len(away)) if start is None else start.forces.copy()
     for _ in range(MAX_STEPS // STEPS_BETWEEN_LOOKS):
-        normals = normalize(moved)
-        gaps = (away * normals.conj()).real - radius
+        gaps = (away * normals.conj()).real - surface.support(normals)
         compliance = contact_points.normal_compliance(normals)
         # Points without force that are not touched take no part: they do not bound the gain.
         part = np.flatnonzero((forces > 0.0) | (gaps + compliance @ forces < 0.0))
         if len(part):
             forces[part] = _steps(gaps[part], compliance[np.ix_(part, part)], forces[part])
         forces = np.where(forces > NEGLIGIBLE * forces.max(initial=0.0), forces, 0.0)
-        moved = away + contact_points.displacements(forces * normals)
-        gap = np.abs(moved) - radius
+        displacements = contact_points.displacements(forces * normals)
+        gap, normals, radii = surface.nearest(away + displacements)
         left = np.maximum(gap, 0.0) * forces / max(forces.max(initial=0.0), TINY)
         if gap.min(initial=0.0) > -TOLERANCE and left.max(initial=0.0) < TOLERANCE:
             touching = np.where(gap < TOUCHING, forces, 0.0)
-            return ContactState(touching, gap, normalize(moved), moved - away)
+            push = touching * normals
+            return ContactState(touching, gap, normals, displacements, radii, push)
     raise SolverError(f'the relaxation of the contact forces did not rest in {MAX_STEPS} steps')
 
 

@@ -118,7 +118,7 @@ def find_wrinkling(
     m = topology.n_modules
     radius = 0.5 * file.tube_diameter
     pieces, touching = contact_points.pieces, np.flatnonzero(contact.forces > 0.0)
-    local = contact.forces * contact.normals * contact_points.axis.conj()
+    local = contact.push * contact_points.axis.conj()
     # What moves the ends of the pieces as the forces inside do, which the pieces carry besides.
     pushed = local.real @ contact_points.spread[0] + local.imag @ contact_points.spread[1]
     pushed = pushed.reshape(-1, 6)

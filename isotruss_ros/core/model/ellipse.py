@@ -14,7 +14,9 @@ from scipy.special import ellipe
 #: Semi-axes differ by at most this factor; beyond it an ellipse is a sheet.
 MAX_ASPECT = 1e3
 #: Newton steps toward the foot of a point, each with twice the digits once it is near.
-MAX_STEPS = 60
+MAX_STEPS = 30
+#: The last step is this small against what it is added to; the error left is about its square.
+LAST_STEP = 1e-9
 
 
 @dataclass(frozen=True)
@@ -142,13 +144,12 @@ def _foot(u: Array, v: Array, flat: float) -> tuple[Array, Array]:
     deep = s <= tiny
     s = np.where(deep, 1.0, s)
     for _ in range(MAX_STEPS):
-        across, along = flat * v / s, u / (s + rest)
-        value = along**2 + across**2 - 1.0
-        slope = 2.0 * (along**2 / (s + rest) + across**2 / s)
-        step = np.divide(value, slope, out=np.zeros_like(s), where=slope > 0.0)
-        step[deep] = 0.0
+        across, along = (flat * v / s) ** 2, (u / (s + rest)) ** 2
+        slope = 2.0 * (along / (s + rest) + across / s)
+        # Nothing is to be done for what lies deep, where both terms may vanish.
+        step = np.where(deep, 0.0, (along + across - 1.0) / np.where(deep, 1.0, slope))
         s = s + step
-        if (np.abs(step) <= 4e-16 * s).all():
+        if (np.abs(step) <= LAST_STEP * s).all():
             break
     x = np.where(deep, np.minimum(u / max(rest, tiny), 1.0), u / (s + rest))
     y = np.where(deep, flat * np.sqrt(np.maximum(0.0, 1.0 - x**2)), square * v / s)

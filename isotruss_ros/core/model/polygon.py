@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import functools
 from functools import cached_property
 
 from isotruss_ros.core.errors import GraspError
@@ -74,11 +75,6 @@ class Polygon:
         middle = self.normals + np.roll(self.normals, 1)
         inward = middle / np.abs(middle) / np.cos(0.5 * self.turns)
         return self.corners - self.radii * inward
-
-    @cached_property
-    def offsets(self) -> Array:
-        """Return h(n) of the sides, (k,) [m]."""
-        return (self.corners * self.normals.conj()).real
 
     @cached_property
     def _moments(self) -> tuple[float, complex, float]:
@@ -170,22 +166,35 @@ class Polygon:
         :param points: (c,) x + iy, outside or inside [m].
         """
         own = np.arange(len(points))
-        beyond = (points[:, None] * self.normals.conj()).real - self.offsets
+        away = points[:, None] - self.arc_centers
+        # Over the side that begins at a vertex, and past the one that ends there.
+        after, before = away * self._begins, (away * self._ends).imag
+        beyond = after.real - self.radii
         side = beyond.argmax(axis=1)
         gaps, normals = beyond[own, side], self.normals[side]
         radii = np.full(len(points), np.inf)
         # An arc matters where the direction from its centre is between the normals of its sides.
-        away = points[:, None] - self.arc_centers
-        # The side that begins at a vertex, and the one that ends there.
-        after = (away * self.normals.conj()).imag
-        before = (away * np.roll(self.normals, 1).conj()).imag
-        distance = np.where((after < 0.0) & (before > 0.0), np.abs(away) - self.radii, -np.inf)
+        beside = (after.imag < 0.0) & (before > 0.0)
+        if not beside.any():
+            return SurfacePoints(gaps, normals, radii)
+        distance = np.where(beside, np.abs(away) - self.radii, -np.inf)
         corner = distance.argmax(axis=1)
-        gap, near = distance[own, corner], away[own, corner]
+        gap = distance[own, corner]
         at = np.flatnonzero(gap > gaps)
-        gaps[at], radii[at] = gap[at], self.radii[corner[at]]
-        normals[at] = near[at] / np.abs(near[at])
+        corner, near = corner[at], away[at, corner[at]]
+        gaps[at], radii[at] = gap[at], self.radii[corner]
+        normals[at] = near / np.abs(near)
         return SurfacePoints(gaps, normals, radii)
+
+    @cached_property
+    def _begins(self) -> Points:
+        """Return the conjugates of the normals of the sides that begin at the vertices, (k,)."""
+        return self.normals.conj()
+
+    @cached_property
+    def _ends(self) -> Points:
+        """Return the conjugates of the normals of the sides that end there, (k,)."""
+        return np.roll(self._begins, 1)
 
     def rounded(self, length: float) -> Polygon:
         """
@@ -196,13 +205,7 @@ class Polygon:
 
         :param length: of the pieces [m].
         """
-        half = 0.5 * self.turns
-        sides = np.abs(np.roll(self.corners, -1) - self.corners)
-        room = 0.5 * np.minimum(sides, np.roll(sides, 1)) / np.tan(half)
-        blunt = np.minimum(0.25 * length / np.tan(0.5 * half), room * (1.0 - 1e-9))
-        if (blunt <= self.radii).all():
-            return self
-        return Polygon(self.vertices, tuple(map(float, np.maximum(self.radii, blunt))))
+        return _rounded(self, length)
 
     def outline(self, spacing: float) -> Points:
         """
@@ -218,6 +221,26 @@ class Polygon:
             along = np.linspace(0.0, turn, count)
             parts.append(center + radius * normal * np.exp(1j * along))
         return np.concatenate(parts)
+
+
+@functools.lru_cache(maxsize=64)
+def _rounded(polygon: Polygon, length: float) -> Polygon:
+    """Return what `Polygon.rounded` does; the last few are kept."""
+    half = 0.5 * polygon.turns
+    sides = np.abs(np.roll(polygon.corners, -1) - polygon.corners)
+    room = 0.5 * np.minimum(sides, np.roll(sides, 1)) / np.tan(half)
+    blunt = np.minimum(0.25 * length / np.tan(0.5 * half), room * (1.0 - 1e-9))
+    if (blunt <= polygon.radii).all():
+        return polygon
+    # What has been checked need not be checked again.
+    found = object.__new__(Polygon)
+    radii = np.maximum(polygon.radii, blunt)
+    object.__setattr__(found, 'vertices', polygon.vertices)
+    object.__setattr__(found, 'corner_radius', tuple(radii.tolist()))
+    for name in ('corners', 'normals', 'turns', '_directions', '_begins', '_ends'):
+        found.__dict__[name] = getattr(polygon, name)
+    found.__dict__['radii'] = radii
+    return found
 
 
 def _validate_vertices(vertices: object) -> Points:

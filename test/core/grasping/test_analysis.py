@@ -8,6 +8,7 @@ from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.grasping.contact import solve_contact
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.force_closure import check_force_closure
+from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -139,7 +140,7 @@ def test_stiffness_is_what_a_robot_with_nodes_there_answers(rng):
     center = complex(*cylinder.center)
     radius = 0.5 * (cylinder.diameter + config.robot.description.tube_diameter)
     touching = np.flatnonzero(analysis.normal_forces > 0.0)
-    found = find_contact_points(structure_of(config), center, radius, 0.01)
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.01)
     frame, nodes = tubes.robot_with_nodes(structure_of(config), found.points[touching])
     compliance = tubes.node_compliance(frame, nodes).reshape(2 * len(nodes), -1)
     arms = (analysis.points[touching] @ [1.0, 1.0j]) - center
@@ -275,7 +276,10 @@ def two_tubes(degrees, deep, place):
     ends = np.exp(1j * np.array([half, -half]))
     structure = tubes.bare(0.05 * ends, 1.05 * ends, 1.9e4, 25.0, 1.9e3)
     center, radius = place / np.cos(half) + 0j, place * np.tan(half) + deep
-    contact = solve_contact(find_contact_points(structure, center, radius, 0.001), center, radius)
+    contact = solve_contact(
+        find_contact_points(structure, RoundSurface(center, radius), 0.001),
+        RoundSurface(center, radius),
+    )
     normals = contact.normals.view(float).reshape(-1, 2)
     tangents = (1j * contact.normals).view(float).reshape(-1, 2)
     load = np.append(-contact.forces @ normals, 0.0)
@@ -342,7 +346,7 @@ def test_a_wedge_of_a_robot_needs_the_tangent_of_half_its_angle(degrees):
         ({'friction': math.inf}, 'friction'),
         ({'friction': -0.1}, 'negative'),
         ({'friction': 'much'}, 'friction'),
-        ({'friction': None}, 'friction'),
+        ({'friction': [0.5, 0.5]}, 'friction'),
         ({'spacing': 0.0}, 'spacing'),
         ({'spacing': -0.005}, 'spacing'),
         ({'spacing': 1e-5}, 'spacing'),

@@ -10,6 +10,7 @@ from isotruss_ros.core.grasping.contact import ContactGuess, solve_contact
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.lcp import solve_complementarity
 from isotruss_ros.core.grasping.relaxation import relax_contact
+from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -152,7 +153,7 @@ def test_candidates_are_where_a_straight_tube_is_within_reach(rng, spacing):
     radius = rng.uniform(0.05, 0.3)
     foot, aside = rng.uniform(-0.3, 1.1), rng.uniform(-0.4, 0.4)
     center = start + (foot + 1j * aside) * direction
-    found = find_contact_points(structure, center, radius, spacing)
+    found = find_contact_points(structure, RoundSurface(center, radius), spacing)
     place = ((found.points - start) * direction.conjugate()).real
     assert np.abs(((found.points - start) * direction.conjugate()).imag).max(initial=0.0) < 1e-12
     assert place.min(initial=0.0) >= -1e-12
@@ -168,7 +169,7 @@ def test_candidates_are_where_a_straight_tube_is_within_reach(rng, spacing):
 
 
 def test_candidates_of_a_disc_at_midspan_mirror_each_other():
-    found = find_contact_points(straight(), 0.5 * LENGTH - 0.1j, RADIUS, 0.005)
+    found = find_contact_points(straight(), RoundSurface(0.5 * LENGTH - 0.1j, RADIUS), 0.005)
     place = found.points.real - 0.5 * LENGTH
     assert len(place) % 2 == 1
     assert place == pytest.approx(-place[::-1], abs=1e-12)
@@ -183,7 +184,7 @@ def test_candidates_are_on_every_member_within_reach_and_once(robot, rng):
     nodes = dict(zip(robot.node_names, config.points, strict=True))
     center = config.points[rng.integers(len(config.points))] + 0.5 * complex(*rng.normal(size=2))
     radius, spacing = rng.uniform(0.05, 1.0), rng.uniform(0.003, 0.02)
-    found = find_contact_points(structure_of(config), center, radius, spacing)
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), spacing)
     topology = robot.topology
     for i in range(topology.n_modules):
         start = nodes[f'{topology.module_names[i]}/B']
@@ -213,20 +214,20 @@ def test_a_guide_ring_on_the_lattice_is_one_point():
         end = nodes[f'{topology.module_names[topology.following[i]]}/C']
         for foot in (start, end):
             center = foot + 0.1j * (end - start) / abs(end - start)
-            found = find_contact_points(structure_of(config), center, 0.2, 0.005)
+            found = find_contact_points(structure_of(config), RoundSurface(center, 0.2), 0.005)
             here = found.points[found.member == i]
             assert (np.abs(here[:, None] - here) + np.eye(len(here))).min() > 1e-4
-            solve_contact(found, center, 0.12)
+            solve_contact(found, RoundSurface(center, 0.12))
 
 
 @pytest.mark.parametrize('preset', robots.PRESETS)
 def test_far_objects_have_no_candidates(preset):
     structure = structure_of(load_robot(preset).home)
     for center in (100.0 + 0j, -7.0 - 9.0j, 1e6j):
-        found = find_contact_points(structure, center, 0.3, 0.005)
+        found = find_contact_points(structure, RoundSurface(center, 0.3), 0.005)
         assert len(found.points) == 0
         for solve in (solve_contact, relax_contact):
-            state = solve(found, center, 0.3)
+            state = solve(found, RoundSurface(center, 0.3))
             assert state.forces.shape == state.gaps.shape == (0,)
 
 
@@ -238,7 +239,7 @@ def test_far_objects_have_no_candidates(preset):
 def test_compliance_is_that_of_a_robot_in_which_candidates_are_nodes(robot, rng):
     config = robots.random_state(robot, rng)
     center = config.points[rng.integers(len(config.points))] + 0.1 * complex(*rng.normal(size=2))
-    found = find_contact_points(structure_of(config), center, 0.4, 0.02)
+    found = find_contact_points(structure_of(config), RoundSurface(center, 0.4), 0.02)
     some = np.sort(rng.permutation(len(found.points))[:8])
     frame, nodes = tubes.robot_with_nodes(structure_of(config), found.points[some])
     expected = tubes.node_compliance(frame, nodes)
@@ -301,11 +302,11 @@ def test_a_disc_pressed_into_a_tube_meets_the_stiffness_of_a_beam(share, hinged,
         HINGED if hinged else None,
     )
     center = (share * LENGTH - 1j * (RADIUS - delta)) * turn
-    found = find_contact_points(structure, center, RADIUS, 0.005)
+    found = find_contact_points(structure, RoundSurface(center, RADIUS), 0.005)
     form = hinged_stiffness if hinged else clamped_stiffness
     expected = delta * form(share * LENGTH, LENGTH, FLEXURAL, shear)
     for solve in (solve_contact, relax_contact):
-        state = solve(found, center, RADIUS)
+        state = solve(found, RoundSurface(center, RADIUS))
         assert (state.forces > 0.0).sum() == 1
         assert state.forces.sum() == pytest.approx(expected, rel=1e-6)
         at = state.forces.argmax()
@@ -315,9 +316,12 @@ def test_a_disc_pressed_into_a_tube_meets_the_stiffness_of_a_beam(share, hinged,
 
 
 def test_a_disc_pressed_from_the_other_side_meets_the_same():
-    above = find_contact_points(straight(), 0.3 + 0.14j, RADIUS, 0.005)
-    below = find_contact_points(straight(), 0.3 - 0.14j, RADIUS, 0.005)
-    up, down = (solve_contact(c, 0.3 + s * 0.14j, RADIUS) for c, s in ((above, 1), (below, -1)))
+    above = find_contact_points(straight(), RoundSurface(0.3 + 0.14j, RADIUS), 0.005)
+    below = find_contact_points(straight(), RoundSurface(0.3 - 0.14j, RADIUS), 0.005)
+    up, down = (
+        solve_contact(c, RoundSurface(0.3 + s * 0.14j, RADIUS))
+        for c, s in ((above, 1), (below, -1))
+    )
     assert up.forces == pytest.approx(down.forces, rel=1e-9, abs=1e-9)
     assert up.normals == pytest.approx(down.normals.conj(), abs=1e-9)
 
@@ -330,12 +334,20 @@ def test_a_beam_over_three_supports_has_the_stiffness_of_the_tables():
         np.array([0j, LENGTH]), np.array([LENGTH, 2 * LENGTH]) + 0j, AXIAL, FLEXURAL, np.inf, held
     )
     # The stub of two tubes makes two nodes of the middle support: turn them alike.
-    apart = find_contact_points(structure, 0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS, 0.005)
-    alone = solve_contact(apart, 0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS).forces.sum()
+    apart = find_contact_points(
+        structure, RoundSurface(0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS), 0.005
+    )
+    alone = solve_contact(
+        apart, RoundSurface(0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS)
+    ).forces.sum()
     assert alone == pytest.approx(48.0 * FLEXURAL / LENGTH**3 * delta, rel=1e-6)
     joined = tubes.joined(structure, 0, 1)
-    found = find_contact_points(joined, 0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS, 0.005)
-    through = solve_contact(found, 0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS).forces.sum()
+    found = find_contact_points(
+        joined, RoundSurface(0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS), 0.005
+    )
+    through = solve_contact(
+        found, RoundSurface(0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS)
+    ).forces.sum()
     assert through == pytest.approx(1536.0 / 23.0 * FLEXURAL / LENGTH**3 * delta, rel=1e-6)
 
 
@@ -346,8 +358,8 @@ def test_a_string_wraps_around_a_disc(spacing):
     tension, delta, half = 50.0, 0.03, 0.5 * LENGTH
     center = half - 1j * (RADIUS - delta)
     structure = straight(flexural=1e7, shear=tension, axial=1e9)
-    found = find_contact_points(structure, center, RADIUS, spacing)
-    state = solve_contact(found, center, RADIUS)
+    found = find_contact_points(structure, RoundSurface(center, RADIUS), spacing)
+    state = solve_contact(found, RoundSurface(center, RADIUS))
 
     def too_low(phi):
         drop = RADIUS * (1.0 - np.cos(phi))
@@ -373,8 +385,10 @@ def test_a_bent_beam_wraps_around_a_large_disc(delta):
     # from no slope at the clamps.
     radius, half = 1.5, 0.5 * LENGTH
     center = half - 1j * (radius - delta)
-    found = find_contact_points(straight(shear=np.inf, axial=1e7), center, radius, 0.002)
-    state = solve_contact(found, center, radius)
+    found = find_contact_points(
+        straight(shear=np.inf, axial=1e7), RoundSurface(center, radius), 0.002
+    )
+    state = solve_contact(found, RoundSurface(center, radius))
     check_state(found, state, center, radius)
     beyond = 1.5 * half - 3.0 * radius * delta / half
     places = found.points[state.forces > 1e-3 * state.forces.sum()].real - half
@@ -427,8 +441,8 @@ def test_grasps_of_robots_are_complementary(rng):
     config, center, radius = pressed(
         rng, load_robot(robots.PRESETS[preset]) if preset < 2 else None
     )
-    found = find_contact_points(structure_of(config), center, radius, 0.005)
-    state = solve_contact(found, center, radius)
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.005)
+    state = solve_contact(found, RoundSurface(center, radius))
     assert (state.forces > 0.0).any()
     check_state(found, state, center, radius)
 
@@ -437,8 +451,8 @@ def test_grasps_of_robots_are_complementary(rng):
 @given(generators)
 def test_supports_and_displacements_answer_the_contact_forces(rng):
     config, center, radius = pressed(rng)
-    found = find_contact_points(structure_of(config), center, radius, 0.01)
-    state = solve_contact(found, center, radius)
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.01)
+    state = solve_contact(found, RoundSurface(center, radius))
     touching = np.flatnonzero(state.forces > 0.0)
     frame, nodes = tubes.robot_with_nodes(structure_of(config), found.points[touching])
     loads = np.zeros((len(frame.points), 3))
@@ -462,10 +476,10 @@ def test_supports_and_displacements_answer_the_contact_forces(rng):
 def test_warm_starts_lead_to_the_same_forces(rng):
     # Pressed in by a decimetre or more, a tube may lie on either side of an object: two answers.
     config, center, radius = pressed(rng)
-    found = find_contact_points(structure_of(config), center, radius, 0.005)
-    cold = solve_contact(found, center, radius)
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.005)
+    cold = solve_contact(found, RoundSurface(center, radius))
     for start in (cold.forces, np.zeros(len(cold.forces)), rng.random(len(cold.forces))):
-        warm = solve_contact(found, center, radius, ContactGuess(start))
+        warm = solve_contact(found, RoundSurface(center, radius), ContactGuess(start))
         slack = 1e-5 * cold.forces.sum()
         assert warm.forces == pytest.approx(cold.forces, abs=slack)
         assert warm.gaps == pytest.approx(cold.gaps, abs=1e-7)
@@ -485,8 +499,10 @@ def between(share, deep):
 @pytest.mark.parametrize('share', [0.35, 0.5, 0.65])
 def test_relaxation_agrees_with_pivoting(share, deep):
     config, center, radius = between(share, deep)
-    found = find_contact_points(structure_of(config), center, radius, 0.01)
-    exact, relaxed = (solve(found, center, radius) for solve in (solve_contact, relax_contact))
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.01)
+    exact, relaxed = (
+        solve(found, RoundSurface(center, radius)) for solve in (solve_contact, relax_contact)
+    )
     check_state(found, exact, center, radius)
     total = exact.forces.sum()
     assert relaxed.forces == pytest.approx(exact.forces, abs=1e-4 * total)
@@ -499,11 +515,11 @@ def test_relaxation_agrees_with_pivoting(share, deep):
 
 def test_relaxation_leaves_its_start_alone():
     config, center, radius = between(0.5, 2e-3)
-    found = find_contact_points(structure_of(config), center, radius, 0.01)
-    state = relax_contact(found, center, radius)
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.01)
+    state = relax_contact(found, RoundSurface(center, radius))
     start = state.forces + 0.1
     kept = start.copy()
-    again = relax_contact(found, center, radius, ContactGuess(start))
+    again = relax_contact(found, RoundSurface(center, radius), ContactGuess(start))
     assert start.tolist() == kept.tolist()
     assert again.forces == pytest.approx(state.forces, abs=1e-4 * state.forces.sum())
 
@@ -512,8 +528,8 @@ def test_little_indentations_press_in_proportion():
     forces = []
     for deep in (1e-6, 2e-6, 4e-6):
         config, center, radius = between(0.5, deep)
-        found = find_contact_points(structure_of(config), center, radius, 0.005)
-        forces.append(solve_contact(found, center, radius).forces.sum())
+        found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.005)
+        forces.append(solve_contact(found, RoundSurface(center, radius)).forces.sum())
     assert forces[1] == pytest.approx(2.0 * forces[0], rel=1e-3)
     assert forces[2] == pytest.approx(4.0 * forces[0], rel=1e-3)
 
@@ -522,7 +538,8 @@ def test_finer_candidates_change_the_forces_little():
     config, center, radius = between(0.5, 0.015)
     totals = [
         solve_contact(
-            find_contact_points(structure_of(config), center, radius, s), center, radius
+            find_contact_points(structure_of(config), RoundSurface(center, radius), s),
+            RoundSurface(center, radius),
         ).forces
         for s in (0.01, 0.005, 0.0025, 0.00125)
     ]
@@ -555,6 +572,8 @@ def test_objects_of_any_size_in_bad_places_are_answered(preset, diameter):
     radius = 0.5 * (diameter + robot.description.tube_diameter)
     for center in places.values():
         spacing = max(0.01, 0.01 * diameter)
-        found = find_contact_points(structure_of(robot.home), center, radius, spacing)
-        state = solve_contact(found, center, radius)
+        found = find_contact_points(
+            structure_of(robot.home), RoundSurface(center, radius), spacing
+        )
+        state = solve_contact(found, RoundSurface(center, radius))
         check_state(found, state, center, radius, 1e-4)

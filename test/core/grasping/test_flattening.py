@@ -6,6 +6,7 @@ from hypothesis import given, strategies
 from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, tangent_center
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.flattening import flattening, flattening_of
+from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.core.statics.tube_stiffness import Fabric
 import numpy as np
@@ -118,7 +119,9 @@ def test_a_guide_ring_does_not_part_a_dent():
     ring = ROBOT.description.module.guide_ring_distance
     for foot, member in ((b + ring * axis, 'north/Z-R'), (b_end - ring * axis, 'north/Z-R')):
         center = foot - (RADIUS + 0.1 - 0.005) * inward  # from outside
-        found = find_contact_points(structure_of(ROBOT.home), center, 0.1, 0.005, KERNEL)
+        found = find_contact_points(
+            structure_of(ROBOT.home), RoundSurface(center, 0.1), 0.005, KERNEL
+        )
         here = np.flatnonzero(found.member == ROBOT.member_names.index(member))
         order = here[np.argsort(found.place[here])]
         assert len(set(found.piece[order])) == 2

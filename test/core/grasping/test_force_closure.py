@@ -27,12 +27,12 @@ def random_contacts(rng, count, spread=2.0 * np.pi):
     return tangents, forces, load
 
 
-def wrenches(tangents, forces):
+def wrenches(tangents, forces, levers=1.0):
     """Return (k, 3): of friction N_i at each contact, moments over the arm."""
-    return forces[:, None] * np.column_stack([tangents, np.ones(len(forces))])
+    return forces[:, None] * np.column_stack([tangents, np.full(len(forces), levers)])
 
 
-def least_friction(tangents, forces, load):
+def least_friction(tangents, forces, load, levers=1.0):
     """Return the smallest coefficient by a linear program; infinite if there is none."""
     k, size = len(forces), max(forces.max(initial=0.0), 1e-9)
     one = np.ones((k, 1))
@@ -40,7 +40,7 @@ def least_friction(tangents, forces, load):
         np.append(np.zeros(k), 1.0),
         A_ub=np.block([[np.eye(k), -one], [-np.eye(k), -one]]),
         b_ub=np.zeros(2 * k),
-        A_eq=np.column_stack([wrenches(tangents, forces).T, np.zeros(3)]) / size,
+        A_eq=np.column_stack([wrenches(tangents, forces, levers).T, np.zeros(3)]) / size,
         b_eq=-load / size,
         bounds=[(None, None)] * k + [(0.0, None)],
         method='highs',
@@ -48,12 +48,12 @@ def least_friction(tangents, forces, load):
     return answer.x[-1] if answer.status == 0 else np.inf
 
 
-def reach_along(tangents, forces, load, friction, direction):
+def reach_along(tangents, forces, load, friction, direction, levers=1.0):
     """Return the largest extra load of this direction that friction balances, by a program."""
     k, size = len(forces), forces.max()
     answer = linprog(
         np.append(np.zeros(k), -1.0),
-        A_eq=np.column_stack([wrenches(tangents, forces).T / size, direction]),
+        A_eq=np.column_stack([wrenches(tangents, forces, levers).T / size, direction]),
         b_eq=-load / size,
         bounds=[(-friction, friction)] * k + [(None, None)],
         method='highs',
@@ -292,3 +292,44 @@ def test_hundreds_of_contacts_are_answered():
     assert closure.closed
     expected = least_friction(tangents_at(angles), forces, load)
     assert closure.required_friction == pytest.approx(expected, rel=1e-6)
+
+
+# Objects that are no discs: friction has levers of its own.
+
+
+@robots.examples(80)
+@given(generators, strategies.integers(3, 15), coefficients)
+def test_levers_of_one_are_those_of_a_cylinder(rng, count, friction):
+    tangents, forces, load = random_contacts(rng, count)
+    one = check_force_closure(tangents, forces, load, friction)
+    other = check_force_closure(tangents, forces, load, friction, np.ones(count))
+    assert other.required_friction == pytest.approx(one.required_friction, rel=1e-7)
+    assert other.margin == pytest.approx(one.margin, rel=1e-7, abs=1e-7)
+    assert other.closed == one.closed
+
+
+@robots.examples(80)
+@given(generators, strategies.integers(1, 15), coefficients)
+def test_required_friction_with_levers_is_that_of_a_linear_program(rng, count, friction):
+    tangents, forces, _ = random_contacts(rng, count)
+    levers = rng.uniform(-0.5, 2.0, count)
+    load = wrenches(tangents, forces, levers).T @ rng.uniform(-1.0, 1.0, count)
+    closure = check_force_closure(tangents, forces, load, friction, levers)
+    expected = least_friction(tangents, forces, load, levers)
+    assert closure.required_friction == pytest.approx(expected, rel=1e-5, abs=1e-6)
+    left = load + np.column_stack([tangents, levers]).T @ closure.friction_forces
+    assert closure.residual == pytest.approx(np.linalg.norm(left), abs=1e-9 * forces.sum())
+
+
+@robots.examples(30)
+@given(generators, strategies.integers(4, 12), strategies.floats(0.05, 1.5))
+def test_no_direction_is_shorter_than_the_margin_with_levers(rng, count, friction):
+    tangents, forces, _ = random_contacts(rng, count)
+    forces += 0.1
+    levers = rng.uniform(0.3, 1.5, count)
+    load = -wrenches(tangents, forces, levers).T @ rng.uniform(-friction, friction, count)
+    margin = check_force_closure(tangents, forces, load, friction, levers).margin
+    directions = rng.normal(size=(60, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    reached = [reach_along(tangents, forces, load, friction, way, levers) for way in directions]
+    assert -1e-9 <= margin <= min(reached) * (1.0 + 1e-6) + 1e-6

@@ -6,6 +6,7 @@ from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.equilibrium import FEET
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.grasping.wrinkling import find_wrinkling
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -18,7 +19,7 @@ def test_as_for_the_same_forces_at_the_nearest_contact_points(angle):
     grasp = RollingGrasp.attach(config, cylinder)
     structure, state = structure_of(config), grasp.state
     radius = 0.5 * (cylinder.diameter + config.robot.description.tube_diameter)
-    points = find_contact_points(structure, state.center, radius, 5e-4)
+    points = find_contact_points(structure, RoundSurface(state.center, radius), 5e-4)
     feet = grasp.statics.compliance.start + state.unknowns[FEET] * grasp.statics.compliance.axis
     nearest = [int(np.abs(points.points - foot).argmin()) for foot in feet]
     forces = np.zeros(len(points.points))
@@ -26,7 +27,8 @@ def test_as_for_the_same_forces_at_the_nearest_contact_points(angle):
     pushed = (state.normal_forces + 1j * state.friction_forces) * state.normals
     forces[nearest], normals[nearest] = np.abs(pushed), pushed / np.abs(pushed)
     zero = np.zeros(len(forces))
-    contact = ContactState(forces, zero, normals, zero.astype(complex))
+    none = zero.astype(complex)
+    contact = ContactState(forces, zero, normals, none, zero, forces * normals)
     pressure = np.array(structure.pressures)[config.robot.topology.tube]
     expected = find_wrinkling(structure, pressure, points, contact).utilisation
     assert held_utilisation(grasp) == pytest.approx(expected, rel=0.01, abs=1e-4)

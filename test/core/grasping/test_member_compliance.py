@@ -3,6 +3,7 @@
 from grips import gripped
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.member_compliance import MemberCompliance
+from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def places(members, rng):
 
 def test_displacements_are_those_of_the_contact_points(members):
     center = complex(*CYLINDER.center)
-    points = find_contact_points(STRUCTURE, center, 0.5, 0.02)
+    points = find_contact_points(STRUCTURE, RoundSurface(center, 0.5), 0.02)
     rng = np.random.default_rng(0)
     for _ in range(30):
         pair = [int(rng.choice(np.flatnonzero(points.member == i))) for i in MEMBERS]
@@ -50,7 +51,7 @@ def test_displacements_are_those_of_the_contact_points(members):
 
 
 def test_slope_is_the_mean_of_both_sides_of_the_kink(members):
-    points = find_contact_points(STRUCTURE, complex(*CYLINDER.center), 0.25, 1e-3)
+    points = find_contact_points(STRUCTURE, RoundSurface(complex(*CYLINDER.center), 0.25), 1e-3)
     place = int(np.flatnonzero(points.member == MEMBERS[0])[200])
     force = 1j * members.axis[0] * 5.0
     forces = np.zeros(len(points.points), dtype=complex)

@@ -24,6 +24,7 @@ from isotruss_ros.core.grasping.held_members import (
 )
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response
+from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.numerics.arrays import as_xy
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -101,14 +102,14 @@ def test_with_friction_in_the_structure_the_contact_solver_and_closure_agree(wre
     config, cylinder = gripped(33.0, squeeze=squeeze)
     statics, state = balance(config, cylinder, wrench, flattening=False)
     radius = statics.radius + statics.tube_radius
-    points = find_contact_points(structure_of(config), state.center, radius, 0.002)
+    points = find_contact_points(structure_of(config), RoundSurface(state.center, radius), 0.002)
     feet = statics.compliance.start + state.unknowns[FEET] * statics.compliance.axis
     rubbing = np.zeros(len(points.points), dtype=complex)
     for foot, force in zip(feet, 1j * state.friction_forces * state.normals, strict=True):
         rubbing[np.abs(points.points - foot).argmin()] += force
     loaded = points.displacements(rubbing)
     shifted = dataclasses.replace(points, points=points.points + loaded, skin=points.skin + loaded)
-    contact = solve_contact(shifted, state.center, radius)
+    contact = solve_contact(shifted, RoundSurface(state.center, radius))
     members, *_ = system(config, cylinder)
     found = [contact.forces[points.member == i].sum() for i in members]
     # The solver leaves out that friction at the skin turns the tube.

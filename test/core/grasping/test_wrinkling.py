@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from hypothesis import given, strategies
 from isotruss_ros.core.grasping.contact import ContactState
 from isotruss_ros.core.grasping.contact_points import find_contact_points
+from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.grasping.wrinkling import find_wrinkling
 from isotruss_ros.core.statics.structure import structure_of, tube_pieces
 import numpy as np
@@ -19,7 +20,9 @@ PULL = PRESSURE * np.pi * RADIUS**2
 def pressed(found, forces, normals):
     """Return a state of contact with given forces."""
     zero = np.zeros(len(forces))
-    return ContactState(forces, zero, normals, zero.astype(complex))
+    return ContactState(
+        forces, zero, normals, zero.astype(complex), np.full(len(forces), np.inf), forces * normals
+    )
 
 
 def clamped(shear):
@@ -36,7 +39,7 @@ def clamped(shear):
 @pytest.mark.parametrize('angle', [0.0, 0.4, -0.4])
 def test_a_clamped_tube_under_one_force(shear, share, angle):
     structure, force = clamped(shear), 20.0
-    found = find_contact_points(structure, share * LENGTH - 0.15j, 0.151, 0.005)
+    found = find_contact_points(structure, RoundSurface(share * LENGTH - 0.15j, 0.151), 0.005)
     at = int(np.abs(found.points - share * LENGTH).argmin())
     forces = np.where(np.arange(len(found.points)) == at, force, 0.0)
     normals = np.full(len(forces), 1j * np.exp(1j * angle))
@@ -69,7 +72,7 @@ def test_a_clamped_tube_under_one_force(shear, share, angle):
 
 def test_at_midspan_the_moment_is_an_eighth_of_force_times_length():
     structure = clamped(1.9e3)
-    found = find_contact_points(structure, 0.5 * LENGTH - 0.15j, 0.151, 0.005)
+    found = find_contact_points(structure, RoundSurface(0.5 * LENGTH - 0.15j, 0.151), 0.005)
     at = int(np.abs(found.points - 0.5 * LENGTH).argmin())
     forces = np.where(np.arange(len(found.points)) == at, 1.0, 0.0)
     state = pressed(found, forces, np.full(len(forces), 1j))
@@ -80,7 +83,7 @@ def test_at_midspan_the_moment_is_an_eighth_of_force_times_length():
 
 def test_more_compression_than_pull_is_beyond_all_bounds():
     structure = clamped(1.9e3)
-    found = find_contact_points(structure, 0.3 * LENGTH - 0.15j, 0.151, 0.005)
+    found = find_contact_points(structure, RoundSurface(0.3 * LENGTH - 0.15j, 0.151), 0.005)
     forces = np.zeros(len(found.points))
     forces[len(forces) // 2] = 5.0 * PULL
     state = pressed(found, forces, np.full(len(forces), 1.0 + 0j))
@@ -94,7 +97,7 @@ def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, di
     config = robots.random_state(robot, rng)
     structure, m = structure_of(config), robot.topology.n_modules
     center = config.points[rng.integers(len(config.points))] + 0.1 * complex(*rng.normal(size=2))
-    found = find_contact_points(structure, center, diameter, 0.02)
+    found = find_contact_points(structure, RoundSurface(center, diameter), 0.02)
     some = np.sort(rng.permutation(len(found.points))[:8])
     forces, normals = np.zeros(len(found.points)), np.exp(6.3j * rng.random(len(found.points)))
     forces[some] = rng.uniform(0.0, 20.0, len(some))

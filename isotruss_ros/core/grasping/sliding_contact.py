@@ -1,0 +1,128 @@
+"""
+Contact of tubes that flatten with a convex object of any shape: (5) to (8), the tubes sliding.
+
+The skin of a straight tube is the same everywhere along it: without friction it may slide along
+itself under a corner, which takes no force. Points of a lattice on the tube do not know that. What
+presses on the two faces of a corner balances along the tube only in the sum over all pressures,
+and that of a few points is off by as much as friction would be. Here the balance is exact: each
+point presses across the bent centre line of its tube, and how far it slid along it moves the gap,
+but is known from the step before. At each step the normals are those of the object's surface at
+the feet of the points, and the forces solve a linear complementarity problem.
+"""
+
+from __future__ import annotations
+
+from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.grasping.contact import ContactGuess, ContactState, guess_contact
+from isotruss_ros.core.grasping.contact_points import ContactPoints
+from isotruss_ros.core.grasping.lcp import solve_complementarity
+from isotruss_ros.core.grasping.surfaces import Surface
+from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+import numpy as np
+
+#: Gaps are closed to this [m].
+GAP_TOLERANCE = 1e-7
+#: The skin stays out of what it could only touch where it is steeper than this, against the tube:
+#: tangents that lean more are turned back to it.
+STEEPEST = np.exp(1j * np.deg2rad(75.0))
+MAX_STEPS = 60
+
+
+def solve_sliding_contact(
+    contact_points: ContactPoints, surface: Surface, start: ContactGuess | None = None
+) -> ContactState:
+    """
+    Solve (8) for tubes that slide along themselves.
+
+    :param contact_points: points that the object could touch.
+    :param surface: what the points meet, see `find_contact_points`.
+    :param start: what to begin with; found out if None.
+    :raises SolverError: the normals do not settle.
+    """
+    away, axis = contact_points.skin - surface.center, contact_points.axis
+    normals = surface.facing(contact_points.points - surface.center, axis)
+    side = np.where((normals * axis.conj()).imag < 0.0, -1.0, 1.0)
+    active = None
+    if start is not None:
+        active = start.forces > 0.0
+        normals = normals if start.normals is None else start.normals
+    lattice = _Lattice(contact_points)
+    displacements, bent = np.zeros_like(away), axis
+    normals, _ = _limit(normals, bent, side)
+    still = (away * normals.conj()).real - surface.support(normals)
+    for _ in range(MAX_STEPS):
+        # Along and across the bent tubes.
+        local = normals * bent.conj()
+        push = 1j * local.imag * bent
+        gaps = still + (displacements * bent.conj()).real * local.real
+        if active is None:
+            active = guess_contact(contact_points, gaps)
+        forces, active = solve_complementarity(
+            contact_points.normal_compliance(push), gaps, active
+        )
+        push *= forces
+        displacements = contact_points.displacements(push)
+        moved = away + displacements
+        gaps, turned, radii = surface.nearest(moved)  # (5)
+        bent = lattice.bend(displacements, push)
+        normals, steep = _limit(turned, bent, side)
+        if steep.any():
+            at = np.flatnonzero(steep)
+            gaps[at] = (moved[at] * normals[at].conj()).real - surface.support(normals[at])
+        if (
+            gaps.min(initial=0.0) >= -GAP_TOLERANCE
+            and np.abs(gaps[active]).max(initial=0.0) <= GAP_TOLERANCE
+        ):
+            return ContactState(forces, gaps, normals, displacements, radii, push)
+        still = gaps - (displacements * normals.conj()).real
+    raise SolverError(
+        f'the contact did not settle in {MAX_STEPS} steps; the object is pressed in too deeply'
+    )
+
+
+def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
+    """
+    Return normals (c,) that lean no more than is admitted, and which of them did.
+
+    :param bent: (c,) directions of the tubes.
+    :param side: (c,) of the tubes that is away from the object: 1 left, -1 right.
+    """
+    local = normals * bent.conj()
+    steep = side * local.imag < STEEPEST.real
+    if not steep.any():
+        return normals, steep
+    along = np.copysign(STEEPEST.imag, local.real)
+    return np.where(steep, bent * (along + 1j * side * STEEPEST.real), normals), steep
+
+
+class _Lattice:
+    """
+    The points in their order along the members.
+
+    :param contact_points: the points.
+    """
+
+    def __init__(self, contact_points: ContactPoints) -> None:
+        self._points = contact_points
+        member, place = contact_points.member, contact_points.place
+        order = np.lexsort((place, member))
+        alike = member[order][1:] == member[order][:-1]
+        # The neighbours of each point on its member; itself where there is none.
+        before, after = order.copy(), order.copy()
+        before[1:] = np.where(alike, order[:-1], order[1:])
+        after[:-1] = np.where(alike, order[1:], order[:-1])
+        self._before, self._after = np.empty_like(order), np.empty_like(order)
+        self._before[order], self._after[order] = before, after
+
+    def bend(self, displacements: Points, push: Points) -> Points:
+        """Return the directions of the bent centre lines at the points, (c,)."""
+        points = self._points
+        # Without the dents, which move the skin alone.
+        across = 1j * points.axis * (points.dents @ (push * points.axis.conj()).imag)
+        moved = points.points + displacements - across
+        ahead = moved[self._after] - moved[self._before]
+        straight = points.points[self._after] - points.points[self._before]
+        turned = ahead * straight.conj()
+        size: Array = np.abs(turned)
+        turned = np.divide(turned, size, out=np.ones_like(turned), where=size > 0.0)
+        return turned * points.axis

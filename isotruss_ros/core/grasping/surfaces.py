@@ -1,0 +1,240 @@
+"""
+Surfaces that tubes meet: the object's own, or one as far out as the tube's centre line.
+
+Of a convex object the contact problem needs little: how far the tangent with a normal n is, and
+the normal at the foot of a point. A point beyond any one tangent is outside of the object, so that
+(5) with fixed normals, x . n - h(n) >= 0, never admits what the object forbids.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.model.shapes import Disc, normalize, Shape, SurfacePoints
+from isotruss_ros.core.numerics.arrays import Array, Points
+import numpy as np
+
+#: Tangents that bound a shape without sides, and at most so many that bound one with sides.
+TANGENTS, MAX_TANGENTS = 16, 32
+#: Tubes seen from this far off the object, as a share of its size, have the normals to begin with.
+CLEARANCE = 0.3
+
+
+class Surface(Protocol):
+    """
+    What points of the tubes meet.
+
+    :ivar center: a point inside, x + iy; all else is relative to it [m].
+    :ivar reach: the largest distance of the surface from there [m].
+    """
+
+    center: complex
+    reach: float
+
+    def support(self, normals: Points) -> Array | float:
+        """
+        Return how far tangents are from the centre, (c,) or one for all [m].
+
+        :param normals: (c,) outward unit normals, x + iy.
+        """
+
+    def nearest(self, away: Points) -> SurfacePoints:
+        """
+        Return what is nearest on the surface, (5).
+
+        :param away: (c,) x + iy, from the centre [m].
+        """
+
+    def normals_of(self, away: Points, axis: Points) -> Points:
+        """
+        Return the normals (c,) at the feet of points, along and across the tubes.
+
+        :param away: (c,) from the centre, along + i across the tubes [m].
+        :param axis: (c,) directions of the tubes.
+        """
+
+    def facing(self, away: Points, axis: Points) -> Points:
+        """
+        Return the normals (c,) with which tubes meet the object that do not bend yet.
+
+        :param away: (c,) points of the centre lines, from the centre; they may be inside [m].
+        :param axis: (c,) directions of the tubes.
+        """
+
+    def tangents(self) -> tuple[Points, Array]:
+        """Return normals (k,) and distances (k,) [m] of tangents that bound it besides `reach`."""
+
+    def resolved(self, spacing: float) -> Surface:
+        """
+        Return the surface as points of a spacing can tell it.
+
+        :param spacing: of the points along a tube [m].
+        """
+
+
+@dataclass(frozen=True)
+class RoundSurface:
+    """
+    A circle.
+
+    :ivar center: of the circle, x + iy [m].
+    :ivar reach: its radius [m].
+    """
+
+    center: complex
+    reach: float
+
+    def support(self, normals: Points) -> float:
+        """
+        Return how far tangents are from the centre [m].
+
+        :param normals: (c,) outward unit normals.
+        """
+        return self.reach
+
+    def nearest(self, away: Points) -> SurfacePoints:
+        """
+        Return what is nearest on the surface, (5).
+
+        :param away: (c,) x + iy, from the centre [m].
+        """
+        sizes = np.abs(away)
+        return SurfacePoints(sizes - self.reach, normalize(away), np.full(len(away), self.reach))
+
+    def normals_of(self, away: Points, axis: Points) -> Points:
+        """
+        Return the normals (c,) at the feet of points, along and across the tubes.
+
+        :param away: (c,) from the centre, along + i across the tubes [m].
+        :param axis: (c,) directions of the tubes.
+        """
+        return normalize(away)
+
+    def facing(self, away: Points, axis: Points) -> Points:
+        """
+        Return the normals (c,) at points of the centre lines.
+
+        :param away: (c,) from the centre [m].
+        :param axis: (c,) directions of the tubes.
+        """
+        return normalize(away)
+
+    def tangents(self) -> tuple[Points, Array]:
+        """Return none: the circle bounds itself."""
+        return np.zeros(0, dtype=np.complex128), np.zeros(0)
+
+    def resolved(self, spacing: float) -> RoundSurface:
+        """
+        Return the circle itself.
+
+        :param spacing: of the points along a tube [m].
+        """
+        return self
+
+
+@dataclass(frozen=True)
+class ConvexSurface:
+    """
+    The surface of a convex object, or a parallel one.
+
+    :ivar body: the object in its place.
+    :ivar margin: how far out the surface is [m].
+    :ivar shape: of the object, its corners rounded off as points can tell them.
+    """
+
+    body: ConvexObject
+    margin: float
+    shape: Shape
+
+    @cached_property
+    def center(self) -> complex:
+        """Return the centroid of the object's area, x + iy [m]."""
+        return self.body.middle
+
+    @cached_property
+    def reach(self) -> float:
+        """Return a distance from the centre beyond which there is no surface [m]."""
+        return self.body.shape.reach + abs(self._inside) + self.margin
+
+    @cached_property
+    def _inside(self) -> complex:
+        return self.body.shape.centroid
+
+    def support(self, normals: Points) -> Array:
+        """
+        Return how far tangents are from the centre, (c,) [m].
+
+        :param normals: (c,) outward unit normals, x + iy.
+        """
+        own = normals * self.body.turn.conjugate()
+        return self.shape.support(own) - (self._inside * own.conj()).real + self.margin
+
+    def nearest(self, away: Points) -> SurfacePoints:
+        """
+        Return what is nearest on the surface, (5).
+
+        :param away: (c,) x + iy, from the centre [m].
+        """
+        turn = self.body.turn
+        gaps, normals, radii = self.shape.nearest(away * turn.conjugate() + self._inside)
+        return SurfacePoints(gaps - self.margin, normals * turn, radii + self.margin)
+
+    def normals_of(self, away: Points, axis: Points) -> Points:
+        """
+        Return the normals (c,) at the feet of points, along and across the tubes.
+
+        :param away: (c,) from the centre, along + i across the tubes [m].
+        :param axis: (c,) directions of the tubes.
+        """
+        return axis.conj() * self.nearest(axis * away).normals
+
+    def facing(self, away: Points, axis: Points) -> Points:
+        """
+        Return the normals (c,) at points of the centre lines, pulled back until they are outside.
+
+        :param away: (c,) from the centre [m].
+        :param axis: (c,) directions of the tubes.
+        """
+        aside = (away * axis.conj()).imag
+        outward = 1j * np.where(aside < 0.0, -axis, axis)
+        short = self.support(outward) - np.abs(aside)
+        back = np.maximum(short + CLEARANCE * self.body.arm, 0.0)
+        return self.nearest(away + back * outward).normals
+
+    def tangents(self) -> tuple[Points, Array]:
+        """Return normals (k,) and distances (k,) [m] of tangents that bound it besides `reach`."""
+        shape = self.body.shape
+        if isinstance(shape, Polygon):
+            own = shape.normals[:: 1 + (len(shape.normals) - 1) // MAX_TANGENTS]
+        else:
+            own = np.exp(2j * np.pi * np.arange(TANGENTS) / TANGENTS)
+        normals = own * self.body.turn
+        return normals, self.support(normals)
+
+    def resolved(self, spacing: float) -> ConvexSurface:
+        """
+        Return the surface with its corners rounded off as far as points of a spacing can tell.
+
+        :param spacing: of the points along a tube [m].
+        """
+        return ConvexSurface(self.body, self.margin, self.body.shape.rounded(spacing))
+
+
+def surface_of(body: Cylinder | ConvexObject, margin: float = 0.0) -> Surface:
+    """
+    Return the surface of an object, or one that is farther out.
+
+    :param body: the object in its place.
+    :param margin: how far out the surface is: 0 for its own, the radius of the tube for what
+        centre lines meet where tubes stay round [m].
+    """
+    if isinstance(body, Cylinder):
+        return RoundSurface(complex(*body.center), 0.5 * body.diameter + margin)
+    if isinstance(body.shape, Disc):
+        return RoundSurface(body.center, 0.5 * body.shape.diameter + margin)
+    return ConvexSurface(body, margin, body.shape)
