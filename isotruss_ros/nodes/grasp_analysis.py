@@ -29,6 +29,7 @@ from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import CycleTimes, Level, WarningThrottle
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 from rclpy.parameter import Parameter
@@ -88,16 +89,23 @@ class GraspAnalysisNode(ManagedNode):
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
         self._transforms = TransformBroadcaster(self, self._robot)
         self._markers = GraspMarkers(self._robot.frame)
-        subscribe_joint_states(self, self._robot, self._monitor)
-        subscribe_object_center(self, self._robot, self._monitor)
+        self._inputs = PolledGroup()
+        subscribe_joint_states(self, self._robot, self._monitor, self._inputs)
+        subscribe_object_center(self, self._robot, self._monitor, self._inputs)
         subscribe_input(
-            self, WrenchStamped, 'external_wrench', self._read_wrench, self._monitor, 'wrench'
+            self,
+            WrenchStamped,
+            'external_wrench',
+            self._read_wrench,
+            self._monitor,
+            'wrench',
+            self._inputs,
         )
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Start the cycle and offer the service."""
-        self._cycle = Cycle(self, self.values[RATE], self._step, self._clear_inputs)
+        self._cycle = Cycle(self, self.values[RATE], self._step, self._inputs, self._clear_inputs)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
     def deactivate(self) -> None:
@@ -139,6 +147,7 @@ class GraspAnalysisNode(ManagedNode):
     def _analyze(
         self, request: AnalyzeGrasp.Request, response: AnalyzeGrasp.Response
     ) -> AnalyzeGrasp.Response:
+        self._inputs.take()
         report = self._monitor.analyze_request(
             read_question(request, self.values[SPACING]), self.now()
         )

@@ -41,6 +41,7 @@ from isotruss_ros.nodes.conversions.messages import (
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import ACKNOWLEDGE_TIME, RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
@@ -131,8 +132,9 @@ class Manipulation(ManagedNode):
         self._commands = self.create_lifecycle_publisher(
             Float64MultiArray, 'roller_velocity_controller/commands', RELIABLE
         )
-        subscribe_joint_states(self, self._robot, self._servo)
-        subscribe_object_pose(self, self._robot, self._servo)
+        self._inputs = PolledGroup()
+        subscribe_joint_states(self, self._robot, self._servo, self._inputs)
+        subscribe_object_pose(self, self._robot, self._servo, self._inputs)
         if values[params.USE_STAMPED_TWIST]:
             subscribe_input(
                 self, TwistStamped, 'cmd_vel', self._read_stamped_twist, self._servo, 'twist'
@@ -149,6 +151,7 @@ class Manipulation(ManagedNode):
             self,
             self.values[params.RATE],
             self._step,
+            self._inputs,
             jumped_back=self._clear_inputs,
             stopped=self._halt_on_stopped_clock,
             progress_timeout=self._servo.timeout,

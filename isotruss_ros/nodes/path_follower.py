@@ -28,6 +28,7 @@ from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
@@ -100,7 +101,16 @@ class PathFollower(ManagedNode):
         self._twists = self.create_lifecycle_publisher(
             TwistStamped if self._stamped else Twist, 'cmd_vel', RELIABLE
         )
-        subscribe_input(self, PoseStamped, 'object_pose', self._read_pose, self._servo, 'pose')
+        self._inputs = PolledGroup()
+        subscribe_input(
+            self,
+            PoseStamped,
+            'object_pose',
+            self._read_pose,
+            self._servo,
+            'pose',
+            self._inputs,
+        )
         subscribe_input(
             self,
             ManipulationStatus,
@@ -108,6 +118,7 @@ class PathFollower(ManagedNode):
             self._read_status,
             self._servo,
             'servo_feedback',
+            self._inputs,
         )
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
@@ -127,6 +138,7 @@ class PathFollower(ManagedNode):
             self,
             self.values[RATE],
             self._step,
+            self._inputs,
             jumped_back=self._clear_inputs,
             stopped=self._abort_on_stopped_clock,
             progress_timeout=self._servo.timeout,
@@ -177,6 +189,7 @@ class PathFollower(ManagedNode):
         """Begin to follow a path, or abort the goal with the reason."""
         self._cycles, self._last = 0, None
         values = self.values
+        self._inputs.take()
         try:
             settings = TrackingSettings(
                 goal.position_tolerance,

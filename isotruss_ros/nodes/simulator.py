@@ -31,6 +31,7 @@ from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 from rclpy.parameter import Parameter
@@ -151,15 +152,18 @@ class Simulator(ManagedNode):
     def activate(self) -> None:
         """Follow commands from now on; none is active yet."""
         self._time = self._commanded = self.now()
+        inputs = PolledGroup()
         self.create_subscription(
             Float64MultiArray,
             'roller_velocity_controller/commands',
             self._receive_command,
             RELIABLE,
+            callback_group=inputs,
         )
         self.create_subscription(PoseStamped, 'place_object', self._place_object, RELIABLE)
         self.create_subscription(WrenchStamped, 'external_wrench', self._receive_wrench, RELIABLE)
-        self._cycle = Cycle(self, self.values[params.RATE], self._step, self._stop_on_clock_jump)
+        rate = self.values[params.RATE]
+        self._cycle = Cycle(self, rate, self._step, inputs, self._stop_on_clock_jump)
 
     def deactivate(self) -> None:
         """Stop the rollers."""

@@ -16,6 +16,7 @@ from isotruss_ros.nodes.conversions.messages import (
     RollerStateReader,
 )
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
+from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -37,6 +38,7 @@ def subscribe_input(
     read: Callable[[Any], Any],
     holder: InputHolder,
     name: str,
+    group: CallbackGroup | None = None,
 ) -> None:
     """
     Subscribe to messages with a header and keep the newest value as an input.
@@ -47,6 +49,7 @@ def subscribe_input(
     :param read: returns the value of a message; raises MessageError for one that is unusable.
     :param holder: gets a StampedInput, or a RejectedInput with the reason.
     :param name: attribute of `holder`.
+    :param group: of the subscription; that of the node if None.
     """
 
     def receive(message: Any) -> None:
@@ -57,49 +60,58 @@ def subscribe_input(
             return
         setattr(holder, name, select_latest(getattr(holder, name), received, holder.timeout))
 
-    subscribe_newest(node, kind, topic, receive)
+    subscribe_newest(node, kind, topic, receive, group)
 
 
-def subscribe_joint_states(node: Node, robot: Robot, holder: InputHolder) -> None:
+def subscribe_joint_states(
+    node: Node, robot: Robot, holder: InputHolder, group: CallbackGroup | None = None
+) -> None:
     """
     Keep the state of the rollers, from `joint_states`, as `holder.rollers`.
 
     :param node: subscribes.
     :param robot: whose rollers are read.
     :param holder: gets a StampedInput of a RollerState, or a RejectedInput.
+    :param group: of the subscription; that of the node if None.
     """
     reader = RollerStateReader(robot.roller_names)
-    subscribe_input(node, JointState, 'joint_states', reader.read, holder, 'rollers')
+    subscribe_input(node, JointState, 'joint_states', reader.read, holder, 'rollers', group)
 
 
-def subscribe_object_center(node: Node, robot: Robot, holder: InputHolder) -> None:
+def subscribe_object_center(
+    node: Node, robot: Robot, holder: InputHolder, group: CallbackGroup | None = None
+) -> None:
     """
     Keep the object's centre (x, y) [m], from `object_pose`, as `holder.center`.
 
     :param node: subscribes.
     :param robot: in whose frame the pose must be.
     :param holder: gets a StampedInput or a RejectedInput.
+    :param group: of the subscription; that of the node if None.
     """
 
     def read(message: PoseStamped) -> tuple[float, float]:
         return read_object_center(message, robot.frame)
 
-    subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'center')
+    subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'center', group)
 
 
-def subscribe_object_pose(node: Node, robot: Robot, holder: InputHolder) -> None:
+def subscribe_object_pose(
+    node: Node, robot: Robot, holder: InputHolder, group: CallbackGroup | None = None
+) -> None:
     """
     Keep the measured `Pose` of the object, from `object_pose`, as `holder.pose`.
 
     :param node: subscribes.
     :param robot: in whose frame the pose must be.
     :param holder: gets a StampedInput or a RejectedInput.
+    :param group: of the subscription; that of the node if None.
     """
 
     def read(message: PoseStamped) -> Pose:
         return read_object_pose(message, robot.frame)
 
-    subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'pose')
+    subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'pose', group)
 
 
 def select_latest(kept: Input, received: StampedInput, timeout: float) -> Input:

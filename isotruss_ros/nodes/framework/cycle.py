@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
+from isotruss_ros.nodes.framework.polling import PolledGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -22,6 +23,7 @@ class Cycle:
     :param node: its clock, simulated or not, is the one that times are read from.
     :param rate: cycles per second of the clock of `timer_clock` [Hz].
     :param step: called in every cycle with the time.
+    :param inputs: subscriptions that are read before each step.
     :param jumped_back: called before the step when the clock reads less than in the step before.
     :param stopped: called repeatedly instead of steps while simulated time does not advance.
     :param progress_timeout: time without a change after which the clock counts as stopped [s].
@@ -32,12 +34,14 @@ class Cycle:
         node: Node,
         rate: float,
         step: Callable[[Time], None],
+        inputs: PolledGroup,
         jumped_back: Callable[[], None],
         stopped: Callable[[Time], None] | None = None,
         progress_timeout: float = 1.0,
     ) -> None:
         self._clock = node.get_clock()
         self._step, self._jumped_back, self._stopped = step, jumped_back, stopped
+        self._inputs = inputs
         self._progress_timeout = progress_timeout
         self._last = self._read = 0
         self._changed = time.monotonic()
@@ -62,6 +66,7 @@ class Cycle:
             self._watchdog.timer_period_ns = int(1e9 * _watch_period(progress_timeout))
 
     def _tick(self) -> None:
+        self._inputs.take()
         now = self._clock.now()
         if now.nanoseconds < self._last:
             self._jumped_back()

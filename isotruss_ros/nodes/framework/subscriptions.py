@@ -12,6 +12,7 @@ import time
 from typing import Any
 
 from isotruss_ros.nodes.framework.qos import EVERY, NEWEST
+from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -25,7 +26,13 @@ MAX_BACKLOG = 1000
 MATCH_DELAY = 1.0
 
 
-def subscribe_newest(node: Node, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
+def subscribe_newest(
+    node: Node,
+    kind: type,
+    topic: str,
+    callback: Callable[[Any], None],
+    group: CallbackGroup | None = None,
+) -> None:
     """
     Call back with the newest message of a topic; older ones that wait are dropped.
 
@@ -37,6 +44,7 @@ def subscribe_newest(node: Node, kind: type, topic: str, callback: Callable[[Any
     :param kind: type of the messages.
     :param topic: relative name of the topic.
     :param callback: called with a message, as the node's other callbacks are.
+    :param group: of the subscription; that of the node if None.
     """
 
     def take(message: Any) -> None:
@@ -53,7 +61,9 @@ def subscribe_newest(node: Node, kind: type, topic: str, callback: Callable[[Any
     events = SubscriptionEventCallbacks(
         incompatible_type=warn_of_type, use_default_callbacks=False
     )
-    subscription = node.create_subscription(kind, topic, take, NEWEST, event_callbacks=events)
+    subscription = node.create_subscription(
+        kind, topic, take, NEWEST, callback_group=group, event_callbacks=events
+    )
 
 
 class EveryMessage:
