@@ -2,9 +2,23 @@
 
 import itertools
 
-from isotruss_ros.core import Cylinder, Grip
+from isotruss_ros.core import (
+    ConfigurationError,
+    ConvexObject,
+    Cylinder,
+    Disc,
+    Ellipse,
+    GraspError,
+    Grip,
+    Polygon,
+    Pose,
+)
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts
+from isotruss_ros.core.model.convex_object import as_convex_object
 import numpy as np
 import robots
+from scipy.integrate import quad
+import shapes
 
 
 def member_ends(config, name):
@@ -27,6 +41,11 @@ def local_center(config, name, center):
     return axis.conjugate() * (center - start), axis
 
 
+def robots_with(kind):
+    """Return a strategy of robots that may have members of a kind, see `kind_of`."""
+    return robots.robots({'tube': ('polygon',), 'tubes': ('arch', 'ring')}.get(kind, robots.KINDS))
+
+
 def kind_of(robot, members):
     """Return whether members are of different tubes, meet at a module, or neither."""
     topology = robot.topology
@@ -37,13 +56,16 @@ def kind_of(robot, members):
     return 'module' if meet else 'tube'
 
 
-def random_grip(robot, rng, kind, count=2, tries=400):
+def random_grip(robot, rng, kind, count=2, tries=100):
     """
     Return a random state and a disc that touches members of a kind there, somewhat pressed in.
 
     :return: the grip is None where none was found.
     """
-    config = robots.random_state(robot, rng)
+    try:
+        config = robots.random_state(robot, rng)
+    except ConfigurationError:
+        return robot.home, None
     tube = robot.description.tube_diameter
     combinations = [
         names
@@ -70,6 +92,62 @@ def random_grip(robot, rng, kind, count=2, tries=400):
     return config, None
 
 
+def random_convex_grip(robot, rng, kind, count=2, flat=False):
+    """
+    Return a random state and a random shape that touches members of a kind, or None.
+
+    :param flat: a polygon of which a face lies on the first member.
+    """
+    config, round_grip = random_grip(robot, rng, kind, count)
+    if round_grip is None:
+        return config, None
+    size = 0.5 * round_grip.body.diameter
+    shape = shapes.random_polygon(rng, size) if flat else shapes.random_shape(rng, size)
+    center = complex(*round_grip.body.center)
+    ends = [member_ends(config, name) for name in round_grip.members]
+    normals = [toward(center, start, end) for start, end in ends]
+    turn = np.exp(1j * rng.uniform(-3.0, 3.0))
+    if flat:
+        turn = normals[0] / shape.normals[rng.integers(len(shape.normals))]
+    width = shape.support(np.array(normals) / turn).mean()
+    shape = scaled(shape, size / width)
+    # As far from all members as they are apart, pressed in a little.
+    reach = shape.support(np.array(normals) / turn) + 0.4 * robot.description.tube_diameter
+    rows = np.array([[n.real, n.imag] for n in normals])
+    right = [
+        ((a - center) * n.conjugate()).real - r
+        for (a, _), n, r in zip(ends, normals, reach, strict=True)
+    ]
+    x, y = np.linalg.lstsq(rows, np.array(right), rcond=0.2)[0]
+    place = center + complex(x, y)
+    body = ConvexObject(shape, Pose(place.real, place.imag, float(np.angle(turn))))
+    grip = Grip(round_grip.members, body)
+    middle = body.middle
+    if any(abs(toward(middle, *e) - n) > 1e-9 for e, n in zip(ends, normals, strict=True)):
+        return config, None
+    try:
+        find_contacts(config, grip)
+    except GraspError:
+        return config, None
+    return config, grip
+
+
+def scaled(shape, factor):
+    """Return a shape of another size."""
+    if isinstance(shape, Disc):
+        return Disc(factor * shape.diameter)
+    if isinstance(shape, Ellipse):
+        return Ellipse(tuple(factor * np.array(shape.semi_axes)))
+    return Polygon(factor * np.array(shape.vertices), tuple(factor * shape.radii))
+
+
+def toward(point, start, end):
+    """Return the unit vector from a point at right angles to a member."""
+    across = 1j * (end - start) / abs(end - start)
+    away = ((point - start) * across.conjugate()).real
+    return -across if away > 0.0 else across
+
+
 def equally_far(ends, near):
     """Return the point as far from three lines, on the sides of them on which a point is."""
     rows, right = [], []
@@ -83,23 +161,55 @@ def equally_far(ends, near):
     return complex(x, y)
 
 
-def rolled_lengths(config, grip, pose, sides):
+def rolled_lengths(config, grip, pose, contacts):
     """
-    Return what a disc that rolls without slip on its members keeps, two numbers by contact [m].
+    Return what an object that rolls without slip on its members keeps, two numbers by contact [m].
 
     Its distance from the member; and where the material of the tube that it touches lies along
-    the tube, less the arc of the disc that has been unrolled on it.
+    the tube, less the arc of the object that has been unrolled on it.
+
+    :param contacts: of the grip at the pose of its body: their members, sides, and points.
     """
     found = []
-    for name, side in zip(grip.members, sides, strict=True):
-        place, axis = local_center(config, name, complex(*pose[:2]))
-        turned = pose[2] - np.angle(axis)
+    center, turn = complex(*pose[:2]), np.exp(1j * pose[2])
+    for owner, side, point in zip(contacts.owners, contacts.sides, contacts.points, strict=True):
+        name = grip.members[owner]
+        start, end = member_ends(config, name)
+        axis = (end - start) / abs(end - start)
+        normal = -1j * side * axis
+        offset, unrolled = unroll(grip, point, normal, turn)
+        place = axis.conjugate() * (center + turn * offset - start)
         material = place.real - travel_into(config, name)
-        found += [side * place.imag, material + side * 0.5 * grip.body.diameter * turned]
+        found += [side * place.imag, material - side * unrolled]
     return np.array(found)
 
 
-def side_of(config, grip):
-    """Return +1 for each member that has the disc on its left, -1 for the others."""
-    center = complex(*grip.body.center)
-    return [np.sign(local_center(config, name, center)[0].imag) for name in grip.members]
+def unroll(grip, point, normal, turn):
+    """
+    Return the point of contact in the object, where it began, and the arc from there.
+
+    :param point: where the object is touched in its place in the grip.
+    :param normal: out of the object now.
+    :param turn: of the object now.
+    """
+    body = as_convex_object(grip.body)
+    shape, began = body.shape, (point - body.center) / body.turn
+    now = normal / turn
+    if isinstance(shape, Ellipse):
+        a, b = shape.semi_axes
+        direction = began.real / a**2 + 1j * began.imag / b**2
+        before, turned = np.angle(direction), np.angle(now / direction)
+
+        def radius(angle):
+            return (a * b) ** 2 / np.hypot(a * np.cos(angle), b * np.sin(angle)) ** 3
+
+        arc, _ = quad(radius, before, before + turned, epsabs=1e-14, epsrel=1e-12)
+        return shape.support_points(np.array([now]))[0], arc
+    if isinstance(shape, Disc):
+        return 0.5 * shape.diameter * now, 0.5 * shape.diameter * np.angle(now / began)
+    distance = np.abs(np.abs(began - shape.arc_centers) - shape.radii)
+    inner = np.where(distance < 1e-9, np.abs(began - shape.corners), np.inf)
+    corner = int(inner.argmin())
+    center, radius = shape.arc_centers[corner], shape.radii[corner]
+    arc = radius * np.angle(now * radius / (began - center)) if radius > 0.0 else 0.0
+    return center + radius * now, arc

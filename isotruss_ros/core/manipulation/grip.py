@@ -1,10 +1,4 @@
-"""
-An object held between any two members, or three, and where it touches them.
-
-A member touches with its straight skin: the object's contact is the point of its surface that is
-farthest in the direction of the member. Points of the plane are complex numbers, as in
-`constraints`.
-"""
+"""An object held between any two members, or three, and the numbers of these members."""
 
 from __future__ import annotations
 
@@ -13,11 +7,11 @@ import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError, quote
-from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grasp import Grasp, module_index
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Indices
 import numpy as np
 
 #: Number of members that hold an object.
@@ -33,15 +27,17 @@ class Grip:
     `at_module`.
 
     :ivar members: names `t/j-k` of two members, or three.
-    :ivar body: the object, placed in the robot frame.
-    :raises GraspError: not two or three different names.
+    :ivar body: the object in its place in the robot frame: a cylinder, or any convex object.
+    :raises GraspError: not two or three different names, or no such object.
     """
 
     members: tuple[str, ...]
-    body: Cylinder
+    body: Cylinder | ConvexObject
 
     def __post_init__(self) -> None:
         """Check the number of members; their names are checked against a robot when used."""
+        if not isinstance(self.body, Cylinder | ConvexObject):
+            raise GraspError(f'object {self.body!r}: must be a Cylinder or a ConvexObject')
         names = (self.members,) if isinstance(self.members, str) else tuple(self.members)
         fits = all(isinstance(name, str) for name in names) and len(names) == len(set(names))
         if not (fits and FEWEST <= len(names) <= MOST):
@@ -50,6 +46,18 @@ class Grip:
                 'members'
             )
         object.__setattr__(self, 'members', names)
+
+    @property
+    def center(self) -> complex:
+        """Return the origin of the object's frame, to which its twist belongs, x + iy [m]."""
+        body = self.body
+        return complex(*body.center) if isinstance(body, Cylinder) else body.center
+
+    @property
+    def arm(self) -> float:
+        """Return the arm by which turning is compared with moving: of a disc d/2 [m]."""
+        body = self.body
+        return 0.5 * body.diameter if isinstance(body, Cylinder) else body.arm
 
     @classmethod
     def at_module(cls, robot: Robot, grasp: Grasp) -> Grip:
@@ -75,6 +83,7 @@ class MemberNodes(NamedTuple):
     :ivar ends: (k,) nodes C at which they end.
     :ivar places: (2, k, 2) where starts and ends are in rows vx, vy by member and node, flat.
     :ivar columns: (2 k,) the members, for their rows vx and vy.
+    :ivar numbers: (k,) 0, 1, ...
     """
 
     members: Indices
@@ -82,27 +91,7 @@ class MemberNodes(NamedTuple):
     ends: Indices
     places: Indices
     columns: Indices
-
-
-@dataclass(frozen=True, eq=False)
-class GripContacts:
-    """
-    The k contacts of a grip, in the robot frame.
-
-    :ivar nodes: numbers of the members and of their nodes.
-    :ivar spans: (k,) members from start to end [m].
-    :ivar axes: (k,) their unit vectors.
-    :ivar points: (k,) of the object's surface [m].
-    :ivar normals: (k,) unit vectors out of the object into the member.
-    :ivar sides: (k,) +1 where the object is left of the member, -1 where it is right.
-    """
-
-    nodes: MemberNodes
-    spans: Points
-    axes: Points
-    points: Points
-    normals: Points
-    sides: Array
+    numbers: Indices
 
 
 @functools.lru_cache(maxsize=256)
@@ -122,51 +111,11 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
         )
     topology = robot.topology
     members = np.array([robot.member_names.index(name) for name in names])
+    numbers = np.arange(len(members))
     starts, ends = topology.b[members], topology.c[topology.following[members]]
     rows = np.arange(2 * len(members)).reshape(-1, 2) * topology.n_nodes
     places = np.stack([starts[:, None] + rows, ends[:, None] + rows])
-    found = MemberNodes(members, starts, ends, places, members.repeat(2))
-    for numbers in found:
-        numbers.flags.writeable = False
+    found = MemberNodes(members, starts, ends, places, members.repeat(2), numbers)
+    for array in found:
+        array.flags.writeable = False
     return found
-
-
-def find_contacts(config: Configuration, grip: Grip) -> GripContacts:
-    """
-    Find where the members touch the object.
-
-    :param config: configuration of the robot.
-    :param grip: the grip.
-    :raises GraspError: no such member; or a member does not touch the object between its ends:
-        it is off by more than a tube is thick.
-    """
-    nodes = find_members(config.robot, grip.members)
-    starts = config.points[nodes.starts]
-    spans = config.points[nodes.ends] - starts
-    lengths = np.abs(spans)
-    axes = spans / lengths
-    center, own_radius = complex(*grip.body.center), 0.5 * grip.body.diameter
-    local = axes.conj() * (center - starts)
-    along, across = local.real, local.imag
-    sides = np.sign(across)
-    tube = config.robot.description.tube_diameter
-    gaps, shares = np.abs(across) - (own_radius + 0.5 * tube), along / lengths
-    # Lists: with two or three entries quicker than arrays.
-    off, share = gaps.tolist(), shares.tolist()
-    if not (-tube <= min(off) and max(off) <= tube and min(share) >= 0.0 and max(share) <= 1.0):
-        raise GraspError(_explain(grip, gaps, np.maximum(-along, along - lengths), tube))
-    normals = -1j * sides * axes
-    return GripContacts(nodes, spans, axes, center + own_radius * normals, normals, sides)
-
-
-def _explain(grip: Grip, gaps: Array, beyond: Array, tube: float) -> str:
-    """Return what is wrong with the first member that does not touch the object."""
-    number = int(np.flatnonzero((beyond > 0.0) | (np.abs(gaps) > tube))[0])
-    x, y = grip.body.center
-    what = f'the gap is {gaps[number]:.3g} m, within {tube:.3g} m in a grip'
-    if beyond[number] > 0.0:
-        what = f'it ends {beyond[number]:.3g} m before'
-    return (
-        f'member {grip.members[number]} does not touch the object at ({x:.4g}, {y:.4g}) m: '
-        f'{what}; name the members that hold it, or give the centre in the robot frame'
-    )

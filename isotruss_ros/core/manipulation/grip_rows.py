@@ -11,8 +11,11 @@ moves it just as much, (12): past the passive module of the tube it is the one t
 
 from __future__ import annotations
 
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import find_contacts, Grip, GripContacts
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
+from isotruss_ros.core.model.objects import MIN_DIAMETER
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from scipy.linalg import lapack
@@ -71,19 +74,38 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     :param config: configuration of the robot.
     :param grip: the grip.
     :return: (2 k, r) of k contacts, for 1 m/s at each roller, robot frame: rows vx, vy [m/s] and
-        omega [rad/s] of the object, then 2 k - 3 rows [m/s]; the one of two contacts is the rate
-        of their distance.
-    :raises GraspError: see `find_contacts`.
+        omega [rad/s] of the object, then 2 k - 3 rows [m/s]; with two members the first of these
+        is the rate of the distance between them.
+    :raises GraspError: see `find_contacts`; or the contacts are all in one point.
     :raises ConfigurationError: the configuration is singular.
     """
     contacts = find_contacts(config, grip)
     hand = hand_jacobian(config, contacts)
-    rigid = grasp_map(complex(*grip.body.center), contacts)
-    if len(rigid) > 4:
-        # No twist does to the contacts what is at right angles to G^T.
-        misfits = np.linalg.qr(rigid, mode='complete')[0][:, 3:]
-    else:
-        apart = contacts.points[1] - contacts.points[0]
-        x, y = 0.5 * apart.real / abs(apart), 0.5 * apart.imag / abs(apart)
-        misfits = np.array([[-x], [-y], [x], [y]])
-    return np.asarray(lapack.dgesv(np.concatenate([rigid, misfits], axis=1), hand)[2])
+    rigid = grasp_map(grip.center, contacts)
+    square = np.concatenate([rigid, _misfits(rigid, contacts)], axis=1)
+    return np.asarray(lapack.dgesv(square, hand)[2])
+
+
+def _misfits(rigid: Array, contacts: GripContacts) -> Array:
+    """
+    Return what no twist does to the contacts: (2 k, 2 k - 3), at right angles to G^T.
+
+    With two members the first is that these move apart by 1 m/s.
+
+    :raises GraspError: the contacts are all in one point.
+    """
+    points = contacts.points
+    if max(map(abs, (points[1:] - points[0]).tolist())) < MIN_DIAMETER:
+        raise GraspError('the members touch the object in one point: it cannot be held there')
+    if len(points) == 2:
+        apart = complex(points[1] - points[0])
+        apart *= 0.5 / abs(apart)
+        return np.array([[-apart.real], [-apart.imag], [apart.real], [apart.imag]])
+    if contacts.owners[-1] > 1:
+        return np.linalg.qr(rigid, mode='complete')[0][:, 3:]
+    second = contacts.owners == 1
+    apart = points[second].mean() - points[~second].mean()
+    opening = np.where(second, 0.5, -0.5) * apart / abs(apart)
+    basis, sizes = np.linalg.qr(np.column_stack([rigid, opening.view(float)]), mode='complete')
+    basis[:, 3] *= sizes[3, 3]
+    return basis[:, 3:]

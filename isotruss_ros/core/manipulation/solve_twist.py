@@ -87,9 +87,9 @@ def solve_twist(
         speed than it yields is left, see `Regularization`. Zero for the largest progress.
     :param regularization: weights where limits bind.
     :param opening_rate: of the angle between the grasping members [rad/s], or of the distance
-        between the two contacts of a `Grip` [m/s]: the right-hand side of the fourth row of (19),
-        scaled with the twist; while sliding along limits as far as those of the roller speeds
-        scale it, and zero where the others do not admit that.
+        between the two members of a `Grip` where they touch [m/s]: the right-hand side of the
+        fourth row of (19), scaled with the twist; while sliding along limits as far as those of
+        the roller speeds scale it, and zero where the others do not admit that.
     :raises GraspError: the grasp, the twist or a name in `failed` is not usable; or a grip of
         three members is to open, for which one rate does not say how.
     :raises ConfigurationError: the configuration is singular.

@@ -99,14 +99,15 @@ class Reach:
         rollers change it [-].
     :ivar directions: (k, 3) orthonormal: the reachable twists.
     :ivar weights: (3,) what turns vx, vy, omega into speeds of the surface: 1, 1, d/2 [m].
-    :ivar opening: what turns an opening rate into a speed: d/2 [m] for an angle, 1 for a distance.
+    :ivar opening: (g,) what turns an opening rate into speeds along the rows of the grip: d/2 [m]
+        for an angle, [-] for a distance.
     """
 
     task: Array
     grip: Array
     directions: Array
     weights: Array
-    opening: float = 1.0
+    opening: Array
 
     @classmethod
     def of(cls, active: Array, radius: float, opening: float) -> Reach:
@@ -115,27 +116,31 @@ class Reach:
 
         :param active: (3 + g, w) columns of the task Jacobian that belong to working rollers.
         :param radius: of the object [m].
-        :param opening: what turns the g rows of the grip into speeds [-] or [m].
+        :param opening: what turns the g rows of the grip into speeds [-] or [m]; the first of
+            them is the opening rate.
         """
         weights = np.array([1.0, 1.0, radius])
         task = weights[:, None] * active[:3]
         if len(active) > 4:
-            return cls._of_many(task, opening * active[3:], weights, opening)
+            return cls._of_many(task, opening * active[3:], weights)
         grip = active[3] * opening
         square = float(grip @ grip)
         held = square > RANK_TOLERANCE**2
         keeping = task - (task @ grip)[:, None] * (grip / square) if held else task
         basis, gains, _ = np.linalg.svd(keeping, full_matrices=False)
         kept = grip[None] if held else grip[None][:0]
-        return cls(task, kept, basis[:, gains > RANK_TOLERANCE].T, weights, opening)
+        opened = np.array([opening] if held else [])
+        return cls(task, kept, basis[:, gains > RANK_TOLERANCE].T, weights, opened)
 
     @classmethod
-    def _of_many(cls, task: Array, grip: Array, weights: Array, opening: float) -> Reach:
+    def _of_many(cls, task: Array, grip: Array, weights: Array) -> Reach:
         """Compute which twists are reachable with several rows (g, w) that keep the grip."""
-        _, gains, basis = np.linalg.svd(grip, full_matrices=False)
-        kept = basis[gains > RANK_TOLERANCE]
-        directions, gains, _ = np.linalg.svd(task - (task @ kept.T) @ kept, full_matrices=False)
-        return cls(task, kept, directions[:, gains > RANK_TOLERANCE].T, weights, opening)
+        mixed, gains, basis = np.linalg.svd(grip, full_matrices=False)
+        held = gains > RANK_TOLERANCE
+        kept = basis[held]
+        directions, sizes, _ = np.linalg.svd(task - (task @ kept.T) @ kept, full_matrices=False)
+        reachable = directions[:, sizes > RANK_TOLERANCE].T
+        return cls(task, kept, reachable, weights, mixed[0, held] / gains[held])
 
     @classmethod
     def of_points(cls, active: Array) -> Reach:
@@ -147,7 +152,7 @@ class Reach:
         basis, gains, _ = np.linalg.svd(active, full_matrices=False)
         no_grip = np.zeros((0, active.shape[1]))
         reachable = basis[:, gains > RANK_TOLERANCE].T
-        return cls(active, no_grip, reachable, np.ones(len(active)))
+        return cls(active, no_grip, reachable, np.ones(len(active)), np.zeros(0))
 
 
 def find_reach(
@@ -165,7 +170,7 @@ def find_reach(
     """
     if isinstance(grasp, Grip):
         jacobian = grip_jacobian(config, grasp)
-        return jacobian, Reach.of(jacobian[:, working], 0.5 * grasp.body.diameter, 1.0)
+        return jacobian, Reach.of(jacobian[:, working], grasp.arm, 1.0)
     jacobian = task_jacobian(config, grasp)
     radius = 0.5 * grasp.diameter
     return jacobian, Reach.of(jacobian[:, working], radius, radius)
@@ -189,12 +194,15 @@ class Task:
     """
 
     def __init__(self, reach: Reach, twist: Array, even: Array, opening_rate: float = 0.0) -> None:
-        opening = reach.opening * opening_rate if len(reach.grip) else 0.0
-        size = max(float(np.abs(twist).max()), abs(opening))
+        opening = reach.opening * opening_rate
+        size = float(np.abs(twist).max())
+        if opening_rate != 0.0:
+            size = max(size, float(np.abs(opening).max(initial=0.0)))
         # A twist of any finite size must not overflow.
         unit = reach.weights * (twist / size)
         closest = reach.directions @ unit
-        length = math.hypot(math.sqrt(closest @ closest), opening / size)
+        opening /= size
+        length = math.sqrt(closest @ closest + opening @ opening)
         missed = reach.directions.T @ closest - unit
         smallest = REACH_TOLERANCE * math.sqrt(unit @ unit)
         self.rank = rank = len(reach.directions)
@@ -206,7 +214,7 @@ class Task:
         self.direction = np.zeros(len(self.equality))
         if self.speed > 0.0:
             self.direction[:rank] = closest / length
-            self.direction[rank:] = opening / size / length
+            self.direction[rank:] = opening / length
             self.free = least_cost(even, self.equality, self.direction)
 
 

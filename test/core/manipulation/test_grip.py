@@ -1,12 +1,25 @@
 """Grips of any two members, or three: what is one, and where the members touch."""
 
-from hypothesis import assume, given
-from isotruss_ros.core import Cylinder, Grasp, GraspError, Grip, load_robot, tangent_center
-from isotruss_ros.core.manipulation.grip import find_contacts
+from hypothesis import assume, given, strategies
+from isotruss_ros.core import (
+    ConvexObject,
+    Cylinder,
+    Disc,
+    Ellipse,
+    Grasp,
+    GraspError,
+    Grip,
+    load_robot,
+    Polygon,
+    Pose,
+    tangent_center,
+)
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts, touched_points
 import numpy as np
 import pytest
 import random_grips
 import robots
+import shapes
 
 ROBOT = load_robot('nine_member')
 DISC = Cylinder((0.0, 0.0), 0.3)
@@ -25,6 +38,15 @@ DISC = Cylinder((0.0, 0.0), 0.3)
 def test_a_grip_has_two_or_three_different_members(members):
     with pytest.raises(GraspError, match='two or three different members'):
         Grip(members, DISC)
+
+
+def test_the_object_is_a_cylinder_or_a_convex_object():
+    with pytest.raises(GraspError, match='must be a Cylinder or a ConvexObject'):
+        Grip(['north/P-Z', 'north/Z-R'], Disc(0.3))
+    shape = Ellipse((0.2, 0.1))
+    grip = Grip(['north/P-Z', 'north/Z-R'], ConvexObject(shape, Pose(1.0, 2.0, 0.5)))
+    assert grip.center == 1.0 + 2.0j
+    assert grip.arm == pytest.approx(shape.perimeter / (2.0 * np.pi))
 
 
 def test_members_are_those_of_the_robot():
@@ -93,5 +115,44 @@ def test_a_disc_beyond_the_end_of_a_member_is_not_touched():
             with pytest.raises(GraspError, match='member north/P-Z'):
                 find_contacts(ROBOT.home, grip)
         else:
-            with pytest.raises(GraspError, match=r'north/Z-R .* it ends 0\.01 m before'):
+            with pytest.raises(
+                GraspError, match=r'north/Z-R .* would touch at -0\.0098 of its length'
+            ):
                 find_contacts(ROBOT.home, grip)
+
+
+@robots.examples(40)
+@given(
+    strategies.data(), robots.generators(), strategies.sampled_from(['module', 'tube', 'tubes'])
+)
+def test_contacts_are_the_points_of_the_surface_farthest_toward_the_members(data, rng, kind):
+    robot = data.draw(random_grips.robots_with(kind))
+    config, grip = random_grips.random_convex_grip(robot, rng, kind)
+    assume(grip is not None)
+    contacts = find_contacts(config, grip)
+    outline = grip.body.center + grip.body.turn * shapes.dense_outline(grip.body.shape)
+    assert sorted(set(contacts.owners.tolist())) == [0, 1]
+    for k, owner in enumerate(contacts.owners):
+        start, end = random_grips.member_ends(config, grip.members[owner])
+        heights = ((outline - start) * contacts.normals[k].conjugate()).real
+        height = ((contacts.points[k] - start) * contacts.normals[k].conjugate()).real
+        assert height == pytest.approx(heights.max(), abs=1e-4)
+        assert np.abs(outline - contacts.points[k]).min() < 1e-3
+        assert contacts.normals[k] * (end - start) == pytest.approx(
+            -1j * contacts.sides[k] * abs(end - start) * contacts.axes[k] ** 2, abs=1e-9
+        )
+
+
+@pytest.mark.parametrize(('inclined', 'corners'), [(0.0, 2), (9e-4, 2), (-9e-4, 2), (2e-3, 1)])
+@pytest.mark.parametrize('radius', [0.0, 0.03])
+def test_a_face_on_a_member_is_touched_at_its_ends(inclined, corners, radius):
+    box = Polygon([(-0.2, -0.1), (0.2, -0.1), (0.2, 0.1), (-0.2, 0.1)], radius)
+    body = ConvexObject(box, Pose(1.0, 2.0, 0.3 + inclined))
+    down, right = -1j * np.exp(0.3j), np.exp(0.3j + 0.5j)
+    owners, points = touched_points(body, np.array([down, right]))
+    assert owners.tolist() == [0] * corners + [1]
+    own = (points - (1.0 + 2.0j)) * np.exp(-0.3j - 1j * inclined)
+    wanted = [-0.2 + radius - 0.1j, 0.2 - radius - 0.1j][:corners]
+    assert own[:corners] == pytest.approx(np.array(wanted), abs=3e-3 * radius + 1e-12)
+    rounded = 0.2 - radius + 1j * (0.1 - radius) + radius * np.exp(0.5j - 1j * inclined)
+    assert own[-1] == pytest.approx(rounded, abs=1e-12)

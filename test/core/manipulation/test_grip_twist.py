@@ -1,19 +1,22 @@
 """Roller velocities for an object between any members, against the constraint itself."""
 
-from hypothesis import assume, given
+from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
+    ConvexObject,
     Cylinder,
     Grasp,
     GraspError,
     Grip,
     grip_jacobian,
     load_robot,
+    Polygon,
+    Pose,
     reachable_twists,
     solve_twist,
     Status,
     tangent_center,
 )
-from isotruss_ros.core.manipulation.grip import find_contacts
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 from isotruss_ros.core.manipulation.grip_rows import grasp_map, hand_jacobian
 import numpy as np
 import pytest
@@ -29,13 +32,13 @@ def motions(config, grip):
     """Return all (rollers, twist) that keep the constraint, as columns, in speeds [m/s]."""
     contacts = find_contacts(config, grip)
     hand = hand_jacobian(config, contacts)
-    rigid = grasp_map(complex(*grip.body.center), contacts) / surface(grip)
+    rigid = grasp_map(grip.center, contacts) / surface(grip)
     return null_space(np.hstack([hand, -rigid]), rcond=1e-9)
 
 
 def surface(grip):
     """Return the weights of the measure |v|^2 + |omega d/2|^2."""
-    return np.array([1.0, 1.0, 0.5 * grip.body.diameter])
+    return np.array([1.0, 1.0, grip.arm])
 
 
 def least_cost(config, grip, twist):
@@ -67,8 +70,9 @@ def well_posed(config, grip):
 
 @pytest.mark.parametrize(('kind', 'count'), KINDS)
 @robots.examples(15)
-@given(robots.robots(), robots.generators())
-def test_rollers_are_those_of_the_least_cost_that_keep_the_contacts(kind, count, robot, rng):
+@given(strategies.data(), robots.generators())
+def test_rollers_are_those_of_the_least_cost_that_keep_the_contacts(kind, count, data, rng):
+    robot = data.draw(random_grips.robots_with(kind))
     config, grip = random_grips.random_grip(robot, rng, kind, count)
     assume(grip is not None and well_posed(config, grip))
     twist = rng.standard_normal(3) / surface(grip)
@@ -86,8 +90,9 @@ def test_rollers_are_those_of_the_least_cost_that_keep_the_contacts(kind, count,
 
 @pytest.mark.parametrize(('kind', 'count'), KINDS)
 @robots.examples(15)
-@given(robots.robots(), robots.generators())
-def test_reachable_twists_are_those_that_keep_the_contacts(kind, count, robot, rng):
+@given(strategies.data(), robots.generators())
+def test_reachable_twists_are_those_that_keep_the_contacts(kind, count, data, rng):
+    robot = data.draw(random_grips.robots_with(kind))
     config, grip = random_grips.random_grip(robot, rng, kind, count)
     assume(grip is not None and well_posed(config, grip))
     basis = reachable_twists(config, grip) * surface(grip)
@@ -137,6 +142,64 @@ def test_two_contacts_move_apart_at_the_opening_rate(robot, rng):
     rate = ((speeds[1] - speeds[0]) * apart.conjugate()).real / abs(apart)
     assert rate == pytest.approx(0.01, abs=1e-10)
     assert command.achieved_twist * surface(grip) == pytest.approx(0.0, abs=1e-10)
+
+
+@pytest.mark.parametrize('flat', [False, True])
+@robots.examples(15)
+@given(strategies.data(), robots.generators(), strategies.sampled_from(['module', 'tubes']))
+def test_a_convex_object_keeps_its_contacts_and_moves_as_commanded(flat, data, rng, kind):
+    robot = data.draw(random_grips.robots_with(kind))
+    config, grip = random_grips.random_convex_grip(robot, rng, kind, 2, flat)
+    assume(grip is not None and well_posed(config, grip))
+    twist = rng.standard_normal(3) / surface(grip)
+    command = solve_twist(config, grip, twist, limits=())
+    rollers, nearest = least_cost(config, grip, twist)
+    size = max(1.0, np.abs(rollers).max())
+    assert command.roller_velocities == pytest.approx(rollers, abs=1e-8 * size)
+    assert command.achieved_twist * surface(grip) == pytest.approx(
+        nearest * surface(grip), abs=1e-8 * size
+    )
+    if flat:
+        # The face neither lifts from the member nor turns against it.
+        start, end = random_grips.member_ends(config, grip.members[0])
+        names = [*robot.node_names]
+        tube, last = grip.members[0].split('/')[0], grip.members[0].split('-')[1]
+        velocities = (config.node_jacobian @ command.roller_velocities).view(complex)
+        at_start = velocities[names.index(grip.members[0].split('-')[0] + '/B')]
+        at_end = velocities[names.index(f'{tube}/{last}/C')]
+        turning = ((at_end - at_start) / (end - start)).imag
+        assert command.achieved_twist[2] == pytest.approx(turning, abs=1e-8 * size)
+
+
+@robots.examples(15)
+@given(robots.robots(('arch', 'ring')), robots.generators())
+def test_a_face_and_a_corner_move_apart_at_the_opening_rate(robot, rng):
+    config, grip = random_grips.random_convex_grip(robot, rng, 'tubes', 2, flat=True)
+    assume(grip is not None)
+    contacts = find_contacts(config, grip)
+    assume(len(contacts.owners) == 3)
+    jacobian = grip_jacobian(config, grip)
+    assume(np.linalg.svd(jacobian, compute_uv=False)[4] > 1e-2)
+    command = solve_twist(config, grip, np.zeros(3), limits=(), opening_rate=0.01)
+    speeds = (hand_jacobian(config, contacts) @ command.roller_velocities).view(complex)
+    face, corner = contacts.owners == 0, contacts.owners == 1
+    apart = contacts.points[corner].mean() - contacts.points[face].mean()
+    rate = ((speeds[corner].mean() - speeds[face].mean()) * apart.conjugate()).real / abs(apart)
+    assert rate > 0.0
+    assert command.achieved_twist * surface(grip) == pytest.approx(0.0, abs=1e-10)
+
+
+def test_members_that_touch_one_corner_do_not_hold_it():
+    """Both sides of a corner of the robot at the one vertex of a wedge that is in it."""
+    config = NINE.home
+    grasp = Grasp('north/Z', tangent_center(config, 'north/Z', 0.15), 0.15)
+    wedge = Polygon([(0.0, 0.0), (0.3, 0.02), (0.3, -0.02)])
+    ends = [random_grips.member_ends(config, m) for m in Grip.at_module(NINE, grasp).members]
+    inward = np.mean([random_grips.toward(complex(*grasp.center), *e) for e in ends]) * -1.0
+    body = ConvexObject(wedge, Pose(*grasp.center, float(np.angle(inward))))
+    grip = Grip(Grip.at_module(NINE, grasp).members, body)
+    with pytest.raises(GraspError, match='touch the object in one point'):
+        solve_twist(config, grip, [0.01, 0.0, 0.0])
 
 
 def test_an_opening_rate_of_three_members_is_refused():

@@ -1,0 +1,144 @@
+"""
+Where the members of a grip touch the object.
+
+A member touches with its straight skin: the object's contact is the point of its surface that is
+farthest toward the member. A face of a polygon that lies on the member is touched at its two ends;
+so it can neither lift nor turn. Points of the plane are complex numbers, as in `constraints`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import find_members, Grip, MemberNodes
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+import numpy as np
+
+#: A face lies on a member that is inclined against it by at most this [rad].
+FACE_ANGLE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class GripContacts:
+    """
+    The k contacts of a grip, in the robot frame: one for each member, two where a face lies on it.
+
+    :ivar nodes: numbers of the members, one for each contact, and of their nodes.
+    :ivar spans: (k,) members from start to end [m].
+    :ivar axes: (k,) their unit vectors.
+    :ivar points: (k,) of the object's surface [m].
+    :ivar normals: (k,) unit vectors out of the object into the member.
+    :ivar sides: (k,) +1 where the object is left of the member, -1 where it is right.
+    :ivar owners: (k,) which member of the grip it is.
+    """
+
+    nodes: MemberNodes
+    spans: Points
+    axes: Points
+    points: Points
+    normals: Points
+    sides: Array
+    owners: Indices
+
+
+def find_contacts(config: Configuration, grip: Grip) -> GripContacts:
+    """
+    Find where the members touch the object.
+
+    :param config: configuration of the robot.
+    :param grip: the grip.
+    :raises GraspError: no such member; or a member does not touch the object between its ends:
+        it is off by more than a tube is thick.
+    """
+    body, nodes = grip.body, find_members(config.robot, grip.members)
+    owners = nodes.numbers
+    starts = config.points[nodes.starts]
+    spans = config.points[nodes.ends] - starts
+    lengths = np.abs(spans)
+    axes = spans / lengths
+    inside = grip.center if isinstance(body, Cylinder) else body.middle
+    sides = np.sign((axes.conj() * (inside - starts)).imag)
+    normals = -1j * sides * axes
+    if isinstance(body, Cylinder):
+        points = inside + 0.5 * body.diameter * normals
+    else:
+        owners, points = touched_points(body, normals)
+        if len(owners) > len(spans):
+            nodes = find_members(config.robot, tuple(grip.members[i] for i in owners))
+            starts, spans, lengths, axes = (
+                values[owners] for values in (starts, spans, lengths, axes)
+            )
+            sides, normals = sides[owners], normals[owners]
+    local = axes.conj() * (points - starts)
+    tube = config.robot.description.tube_diameter
+    # Lists: with a few entries quicker than arrays.
+    gaps = (sides * local.imag - 0.5 * tube).tolist()
+    shares = (local.real / lengths).tolist()
+    if min(gaps) < -tube or max(gaps) > tube or min(shares) < 0.0 or max(shares) > 1.0:
+        _check_touch(grip, owners.tolist(), gaps, shares, tube)
+    return GripContacts(nodes, spans, axes, points, normals, sides, owners)
+
+
+def touched_points(body: ConvexObject, normals: Points) -> tuple[Indices, Points]:
+    """
+    Return where straight members touch an object.
+
+    :param body: the object in its place.
+    :param normals: (m,) unit vectors out of the object into the members, robot frame.
+    :return: (k,) numbers of the members, and (k,) points x + iy in the robot frame [m].
+    """
+    own = normals * body.turn.conjugate()
+    if not isinstance(body.shape, Polygon):
+        return np.arange(len(own)), body.center + body.turn * body.shape.support_points(own)
+    owners, corners = touched_corners(body.shape, own)
+    points = body.shape.arc_centers[corners] + body.shape.radii[corners] * own[owners]
+    return owners, body.center + body.turn * points
+
+
+def touched_corners(polygon: Polygon, normals: Points) -> tuple[Indices, Indices]:
+    """
+    Return with which corners a polygon touches straight members.
+
+    :param polygon: the shape.
+    :param normals: (m,) unit vectors out of the polygon into the members, in its own frame.
+    :return: (k,) numbers of the members, one after the other, and (k,) of the corners: one, or
+        both ends of a face that lies on the member.
+    """
+    count = len(polygon.vertices)
+    # Faces in their order fall behind a normal; between those before and behind it is its corner.
+    ahead = np.angle(normals[:, None] * polygon.normals.conj())
+    corners = ((ahead <= 0.0) & (np.roll(ahead, 1, axis=1) > 0.0)).argmax(axis=1)
+    inclined = np.abs(ahead)
+    faces = inclined.argmin(axis=1)
+    flat = inclined[np.arange(len(normals)), faces] <= FACE_ANGLE
+    first = np.where(flat, faces, corners)
+    owners = np.arange(len(normals)).repeat(1 + flat)
+    second = np.append(False, owners[1:] == owners[:-1])
+    return owners, (first[owners] + second) % count
+
+
+def _check_touch(
+    grip: Grip, owners: list[int], gaps: list[float], shares: list[float], tube: float
+) -> None:
+    """Refuse a member that does not touch the object; a face may reach beyond its end."""
+    for number, name in enumerate(grip.members):
+        own = [k for k, owner in enumerate(owners) if owner == number]
+        gap = min((gaps[k] for k in own), key=abs)
+        nearest, farthest = min(shares[k] for k in own), max(shares[k] for k in own)
+        if nearest <= 1.0 and farthest >= 0.0 and abs(gap) <= tube:
+            continue
+        what = f'the gap is {gap:.3g} m, within {tube:.3g} m in a grip'
+        if nearest > 1.0 or farthest < 0.0:
+            share = nearest if nearest > 1.0 else farthest
+            what = f'it would touch at {share:.3g} of its length'
+        center = grip.center
+        raise GraspError(
+            f'member {name} does not touch the object at ({center.real:.4g}, '
+            f'{center.imag:.4g}) m: {what}; name the members that hold it, or give its place in '
+            'the robot frame'
+        )
