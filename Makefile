@@ -23,6 +23,8 @@ export ROS_DOMAIN_ID := $(shell echo $$(($$$$ % 100 + 1)))
 unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH
 unexport RMW_IMPLEMENTATION ROS_DISCOVERY_SERVER ROS_LOCALHOST_ONLY ROS_STATIC_PEERS
 unexport FASTRTPS_DEFAULT_PROFILES_FILE FASTDDS_DEFAULT_PROFILES_FILE
+# Without bytecode, every process of the tests would compile all modules anew.
+unexport PYTHONDONTWRITEBYTECODE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 

@@ -1,0 +1,107 @@
+"""
+How long an import takes, and a node from its start to its first command.
+
+Each is a process of its own; the peers are the import of NumPy and SciPy's linear algebra, and an
+empty rclpy node that publishes the same type of message at the same rate.
+
+    python benchmarks/start_up.py
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import os
+import subprocess
+import sys
+import time
+
+from isotruss_ros.demo.processes import keep_to_this_machine
+from measuring import print_machine, print_table
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
+
+TRIALS = 7
+RATE = 200.0
+COMMANDS = 'roller_velocity_controller/commands'
+#: A process that says nothing for so long has failed [s].
+DEADLINE = 30.0
+IMPORTS = ('import isotruss_ros.core', 'import numpy, scipy.linalg')
+#: With compiled modules, as after the first start.
+ENVIRONMENT = {
+    name: value for name, value in os.environ.items() if name != 'PYTHONDONTWRITEBYTECODE'
+}
+#: What sends zeros while no input came: the first command.
+NODE = ('-m', 'isotruss_ros.executables', 'manipulation', '--ros-args', '-p', f'rate:={RATE}')
+
+
+def time_import(statement: str) -> float:
+    """Return the time of an import [s], in a new process, without the start of Python."""
+    measured = f'import time; t = time.perf_counter(); {statement}; print(time.perf_counter() - t)'
+    done = subprocess.run(
+        [sys.executable, '-c', measured],
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return float(done.stdout)
+
+
+def time_first_command(arguments: Sequence[str]) -> float:
+    """Return the time from the start of Python to the first command [s]."""
+    rclpy.init()
+    node = Node('watch')
+    seen: list[float] = []
+    node.create_subscription(
+        Float64MultiArray, COMMANDS, lambda _: seen.append(time.monotonic()), 1
+    )
+    began = time.monotonic()
+    process = subprocess.Popen(
+        [sys.executable, *arguments], env=ENVIRONMENT, stderr=subprocess.DEVNULL
+    )
+    try:
+        while not seen:
+            rclpy.spin_once(node, timeout_sec=0.1)
+            if time.monotonic() > began + DEADLINE:
+                raise RuntimeError(f'no command within {DEADLINE} s: {arguments}')
+    finally:
+        process.kill()
+        process.wait()
+        node.destroy_node()
+        rclpy.shutdown()
+    return seen[0] - began
+
+
+def run_peer() -> None:
+    """Publish from an empty timer until killed."""
+    rclpy.init()
+    node = Node('peer')
+    publisher = node.create_publisher(Float64MultiArray, COMMANDS, 1)
+    message = Float64MultiArray(data=[0.0] * 6)
+    node.create_timer(1.0 / RATE, lambda: publisher.publish(message))
+    rclpy.spin(node)
+
+
+def main() -> None:
+    """Print the table."""
+    print_machine()
+    keep_to_this_machine()
+    rows = []
+    for what, measure, ours, peer, target in (
+        ('import of the core', time_import, *IMPORTS, 0.3),
+        ('start to first command', time_first_command, NODE, (__file__, '--peer'), 1.5),
+    ):
+        # In turn, so that both see the same machine.
+        times = np.median([(measure(ours), measure(peer)) for _ in range(TRIALS)], axis=0)
+        own, other = times.tolist()
+        rows.append([what, f'{own:.2f}', f'{other:.2f}', f'{own / other:.1f}', f'{target:.1f}'])
+    print_table(['', 's', 'peer s', 'ratio', 'target'], rows)
+
+
+if __name__ == '__main__':
+    if sys.argv[1:] == ['--peer']:
+        run_peer()
+    else:
+        main()
