@@ -28,12 +28,13 @@ COMMANDS = 'roller_velocity_controller/commands'
 #: A process that says nothing for so long has failed [s].
 DEADLINE = 30.0
 IMPORTS = ('import isotruss_ros.core', 'import numpy, scipy.linalg')
-#: With compiled modules, as after the first start.
-ENVIRONMENT = {
-    name: value for name, value in os.environ.items() if name != 'PYTHONDONTWRITEBYTECODE'
-}
 #: What sends zeros while no input came: the first command.
 NODE = ('-m', 'isotruss_ros.executables', 'manipulation', '--ros-args', '-p', f'rate:={RATE}')
+
+
+def environment() -> dict[str, str]:
+    """Return the environment of a process that finds compiled modules, as after the first start."""
+    return {k: v for k, v in os.environ.items() if k != 'PYTHONDONTWRITEBYTECODE'}
 
 
 def time_import(statement: str) -> float:
@@ -41,7 +42,7 @@ def time_import(statement: str) -> float:
     measured = f'import time; t = time.perf_counter(); {statement}; print(time.perf_counter() - t)'
     done = subprocess.run(
         [sys.executable, '-c', measured],
-        env=ENVIRONMENT,
+        env=environment(),
         capture_output=True,
         text=True,
         check=True,
@@ -59,7 +60,7 @@ def time_first_command(arguments: Sequence[str]) -> float:
     )
     began = time.monotonic()
     process = subprocess.Popen(
-        [sys.executable, *arguments], env=ENVIRONMENT, stderr=subprocess.DEVNULL
+        [sys.executable, *arguments], env=environment(), stderr=subprocess.DEVNULL
     )
     try:
         while not seen:
