@@ -33,7 +33,7 @@ NODE = ('-m', 'isotruss_ros.executables', 'manipulation', '--ros-args', '-p', f'
 
 
 def environment() -> dict[str, str]:
-    """Return the environment of a process that finds compiled modules, as after the first start."""
+    """Return the environment of a process that finds compiled modules, as a second start does."""
     return {k: v for k, v in os.environ.items() if k != 'PYTHONDONTWRITEBYTECODE'}
 
 
