@@ -10,7 +10,9 @@ empty rclpy node that publishes the same type of message at the same rate.
 from __future__ import annotations
 
 from collections.abc import Sequence
+import contextlib
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -19,6 +21,7 @@ from isotruss_ros.demo.processes import keep_to_this_machine
 from measuring import print_machine, print_table
 import numpy as np
 import rclpy
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
@@ -50,29 +53,37 @@ def time_import(statement: str) -> float:
     return float(done.stdout)
 
 
-def time_first_command(arguments: Sequence[str]) -> float:
-    """Return the time from the start of Python to the first command [s]."""
-    rclpy.init()
-    node = Node('watch')
-    seen: list[float] = []
-    node.create_subscription(
-        Float64MultiArray, COMMANDS, lambda _: seen.append(time.monotonic()), 1
-    )
-    began = time.monotonic()
-    process = subprocess.Popen(
-        [sys.executable, *arguments], env=environment(), stderr=subprocess.DEVNULL
-    )
-    try:
-        while not seen:
-            rclpy.spin_once(node, timeout_sec=0.1)
-            if time.monotonic() > began + DEADLINE:
-                raise RuntimeError(f'no command within {DEADLINE} s: {arguments}')
-    finally:
-        process.kill()
-        process.wait()
-        node.destroy_node()
-        rclpy.shutdown()
-    return seen[0] - began
+class Watch:
+    """Hears commands; made once, since the first discovery of a new participant takes seconds."""
+
+    def __init__(self) -> None:
+        rclpy.init()
+        self._node = Node('watch')
+        self._seen: list[float] = []
+        self._node.create_subscription(
+            Float64MultiArray, COMMANDS, lambda _: self._seen.append(time.monotonic()), 1
+        )
+
+    def time_first_command(self, arguments: Sequence[str]) -> float:
+        """Return the time from the start of Python to the first command [s]."""
+        began = time.monotonic()
+        process = subprocess.Popen(
+            [sys.executable, *arguments], env=environment(), stderr=subprocess.DEVNULL
+        )
+        try:
+            while not self._seen:
+                rclpy.spin_once(self._node, timeout_sec=0.1)
+                if time.monotonic() > began + DEADLINE:
+                    raise RuntimeError(f'no command within {DEADLINE} s: {arguments}')
+            return self._seen[0] - began
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait()
+            while self._node.count_publishers(COMMANDS):
+                rclpy.spin_once(self._node, timeout_sec=0.1)
+            # The last message waits still.
+            rclpy.spin_once(self._node, timeout_sec=0.1)
+            self._seen.clear()
 
 
 def run_peer() -> None:
@@ -82,17 +93,18 @@ def run_peer() -> None:
     publisher = node.create_publisher(Float64MultiArray, COMMANDS, 1)
     message = Float64MultiArray(data=[0.0] * 6)
     node.create_timer(1.0 / RATE, lambda: publisher.publish(message))
-    rclpy.spin(node)
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(node)
 
 
 def main() -> None:
     """Print the table."""
     print_machine()
     keep_to_this_machine()
-    rows = []
+    rows, watch = [], Watch()
     for what, measure, ours, peer, target in (
         ('import of the core', time_import, *IMPORTS, 0.3),
-        ('start to first command', time_first_command, NODE, (__file__, '--peer'), 1.5),
+        ('start to first command', watch.time_first_command, NODE, (__file__, '--peer'), 1.5),
     ):
         # In turn, so that both see the same machine.
         times = np.median([(measure(ours), measure(peer)) for _ in range(TRIALS)], axis=0)
