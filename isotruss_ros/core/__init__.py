@@ -39,6 +39,7 @@ from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limits import Limit, MemberLengthLimit, RollerSpeedLimit
+from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.solve_joint_velocity import JointCommand, solve_joint_velocity
 from isotruss_ros.core.manipulation.solve_twist import (
     reachable_twists,
@@ -118,6 +119,7 @@ __all__ = [
     'RollerSpeedLimit',
     'RollerState',
     'RollerTrajectory',
+    'RollingGrip',
     'SettledGrasp',
     'ShapeBounds',
     'ShapeGuard',

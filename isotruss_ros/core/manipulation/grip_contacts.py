@@ -100,12 +100,15 @@ def touched_points(body: ConvexObject, normals: Points) -> tuple[Indices, Points
     return owners, body.center + body.turn * points
 
 
-def touched_corners(polygon: Polygon, normals: Points) -> tuple[Indices, Indices]:
+def touched_corners(
+    polygon: Polygon, normals: Points, face_angle: float = FACE_ANGLE
+) -> tuple[Indices, Indices]:
     """
     Return with which corners a polygon touches straight members.
 
     :param polygon: the shape.
     :param normals: (m,) unit vectors out of the polygon into the members, in its own frame.
+    :param face_angle: a face lies on a member that is inclined by at most this [rad].
     :return: (k,) numbers of the members, one after the other, and (k,) of the corners: one, or
         both ends of a face that lies on the member.
     """
@@ -115,7 +118,7 @@ def touched_corners(polygon: Polygon, normals: Points) -> tuple[Indices, Indices
     corners = ((ahead <= 0.0) & (np.roll(ahead, 1, axis=1) > 0.0)).argmax(axis=1)
     inclined = np.abs(ahead)
     faces = inclined.argmin(axis=1)
-    flat = inclined[np.arange(len(normals)), faces] <= FACE_ANGLE
+    flat = inclined[np.arange(len(normals)), faces] <= face_angle
     first = np.where(flat, faces, corners)
     owners = np.arange(len(normals)).repeat(1 + flat)
     second = np.append(False, owners[1:] == owners[:-1])

@@ -22,6 +22,7 @@ from isotruss_ros.core.manipulation.limits import (
     name_binding_rows,
     stack_rows,
 )
+from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import find_reach, Reach, Task
 from isotruss_ros.core.numerics.arrays import Array, finite_array
@@ -200,7 +201,7 @@ def carry_out(
 
 def solve_twist_ahead(
     config: Configuration,
-    grasp: Grasp,
+    grasp: Grasp | Grip,
     twist: ArrayLike,
     lead: float,
     failed: Collection[str] = (),
@@ -214,7 +215,7 @@ def solve_twist_ahead(
     of a step falls from second to third order (the explicit midpoint rule).
 
     :param config: configuration of the robot.
-    :param grasp: the grasp.
+    :param grasp: the grasp, at a module or as a grip of any two members, or three.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
     :param lead: not negative [s].
     :param failed: names of the rollers that have failed and stand still.
@@ -228,8 +229,11 @@ def solve_twist_ahead(
     command = solve_twist(config, grasp, twist, failed, limits)
     if lead == 0.0 or not command.roller_velocities.any():
         return command
-    held = HeldObject.attach(config, grasp)
     ahead = config.moved_to(config.roller_positions + lead * command.roller_velocities)
+    if isinstance(grasp, Grip):
+        rolled = RollingGrip.attach(config, grasp).moved_to(ahead)
+        return solve_twist(ahead, rolled.grip, twist, failed, limits)
+    held = HeldObject.attach(config, grasp)
     return solve_twist(ahead, held.grasp_in(ahead), twist, failed, limits)
 
 

@@ -1,0 +1,209 @@
+"""
+An object that rolls in a grip: its pose is a function of the configuration, so nothing drifts.
+
+A contact that rolls keeps the distance of the object from the member, and the place of the tube's
+material that it touches less the arc of the object that has been unrolled on it:
+
+    Im(conj(e) (p - B)) = gap,   Re(conj(e) (p - B)) - phi - arc = anchor
+
+with B the start of the member, e its direction, p the point of contact, phi the travel of the tube
+into the member; the constraint J_h(q) qdot = G^T nu is the derivative. Distances are counted
+toward the object, arcs along the member.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+import math
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts, touched_corners
+from isotruss_ros.core.manipulation.unrolled_arc import unrolled_arc
+from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
+from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+import numpy as np
+
+#: A face lies on a member that is inclined against it by at most this [rad]: less than what
+#: `find_contacts` takes for one, so that a face that comes to lie on a member does not snap.
+FLAT = 1e-6
+MAX_STEPS = 50
+#: After so many steps the contacts stay those that they are: rounding may not decide on one.
+FREE_STEPS = 10
+#: Poses are exact to this, in surface speeds [m].
+TOLERANCE = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class RollingGrip:
+    """
+    A grip in one configuration, and what stays as the object rolls.
+
+    :ivar config: the configuration.
+    :ivar grip: the grip, the object in its place.
+    :ivar angles: (m,) of the object's normals toward the members in its frame, not wrapped [rad].
+    :ivar gaps: (m,) of the object from the members' centre lines, which stay [m].
+    :ivar anchors: (m,) of the contacts along the tubes, which stay [m].
+    :ivar sides: (m,) +1 where the object is left of the member, -1 where it is right.
+    :ivar misfit: the largest deviation from `gaps` and `anchors` [m]: by so much members have come
+        closer, moved apart or slipped, since the rollers did not keep the contacts.
+    """
+
+    config: Configuration
+    grip: Grip
+    angles: Array
+    gaps: Array
+    anchors: Array
+    sides: Array
+    misfit: float = 0.0
+
+    @classmethod
+    def attach(cls, config: Configuration, grip: Grip, angle: float = 0.0) -> RollingGrip:
+        """
+        Close the grip around an object.
+
+        :param config: configuration of the robot.
+        :param grip: the grip, with the object in its place.
+        :param angle: the orientation of a cylinder [rad]; a convex object has its own.
+        :raises GraspError: see `find_contacts`.
+        """
+        body = as_convex_object(grip.body)
+        if body is not grip.body:
+            body = body.moved_to((*body.pose[:2], angle))
+        grip = replace(grip, body=body)
+        contacts = find_contacts(config, grip)
+        first = np.searchsorted(contacts.owners, np.arange(len(grip.members)))
+        sides = contacts.sides[first]
+        angles = np.angle(contacts.normals[first] * body.turn.conjugate())
+        zeros = np.zeros(len(sides))
+        rolling = cls(config, grip, angles, zeros, zeros, sides)
+        touch = rolling._touch(config, body.center, body.pose.angle)
+        # Of a face both ends have the same gap and anchor.
+        once = np.searchsorted(touch.owners, np.arange(len(sides)))
+        return replace(rolling, gaps=touch.gaps[once], anchors=touch.anchors[once])
+
+    @property
+    def pose(self) -> Pose:
+        """Return the object's pose; the angle is in (-pi, pi]."""
+        x, y, angle = self._body.pose
+        return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
+
+    @property
+    def _body(self) -> ConvexObject:
+        assert isinstance(self.grip.body, ConvexObject)
+        return self.grip.body
+
+    def moved_to(self, config: Configuration) -> RollingGrip:
+        """
+        Return the grip in another configuration, the object rolled there.
+
+        Where the rollers did not keep the contacts, the pose is the one with the least squares of
+        what is off, and `misfit` the largest.
+
+        :param config: near to the present one: the object turns by less than half a turn.
+        :raises GraspError: there is no such pose; or a member does not touch the object any more.
+        """
+        body, kept = self._body, None
+        center, angle = body.center, body.pose.angle
+        for step in range(MAX_STEPS):
+            touch = self._touch(config, center, angle, kept)
+            owners = touch.owners
+            off = np.concatenate(
+                [touch.gaps - self.gaps[owners], touch.anchors - self.anchors[owners]]
+            )
+            change = np.linalg.lstsq(touch.rows * (1.0, 1.0, 1.0 / body.arm), -off, rcond=1e-9)[0]
+            center += complex(change[0], change[1])
+            angle += float(change[2]) / body.arm
+            if np.abs(change).max() <= TOLERANCE * max(1.0, abs(center) / body.arm):
+                return self._settled(config, center, angle, float(np.abs(off).max()))
+            if not np.abs(change).max() <= body.arm:
+                break
+            kept = (touch.owners, touch.corners) if step >= FREE_STEPS else None
+        raise GraspError(
+            'the object does not roll to the new configuration: go there in smaller steps, or '
+            'with rollers that keep its contacts'
+        )
+
+    def _settled(
+        self, config: Configuration, center: complex, angle: float, misfit: float
+    ) -> RollingGrip:
+        """Return the grip with the object in its new place."""
+        body = self._body.moved_to((center.real, center.imag, angle))
+        grip = replace(self.grip, body=body)
+        find_contacts(config, grip)
+        normals = _lines(config, grip, self.sides)[2]
+        return replace(
+            self, config=config, grip=grip, angles=self._unwrapped(normals, angle), misfit=misfit
+        )
+
+    def _unwrapped(self, normals: Points, angle: float) -> Array:
+        """Return the angles of normals (m,) in the object, within half a turn of those before."""
+        turned = np.angle(normals * np.exp(-1j * (angle + self.angles)))
+        return self.angles + turned
+
+    def _touch(
+        self,
+        config: Configuration,
+        center: complex,
+        angle: float,
+        kept: tuple[Indices, Indices] | None = None,
+    ) -> _Touch:
+        """Return what rolling keeps, of an object in a place, and its derivative by the place."""
+        shape, turn = self._body.shape, complex(np.exp(1j * angle))
+        starts, axes, normals = _lines(config, self.grip, self.sides)
+        own = normals * turn.conjugate()
+        owners = corners = np.arange(len(own))
+        if isinstance(shape, Polygon):
+            owners, corners = kept or touched_corners(shape, own, FLAT)
+            points = shape.arc_centers[corners] + shape.radii[corners] * own[owners]
+        else:
+            points = shape.support_points(own)
+        arms = turn * points
+        axes, sides = axes[owners], self.sides[owners]
+        local = axes.conj() * (center + arms - starts[owners])
+        arcs = unrolled_arc(shape, self._unwrapped(normals, angle)[owners], corners)
+        inward = 1j * sides * axes
+        directions = np.concatenate([inward, axes])
+        turning = (directions.conj() * 1j * np.concatenate([arms, arms])).real
+        rows = np.column_stack([directions.real, directions.imag, turning])
+        anchors = local.real - _travel(config, self.grip)[owners] - sides * arcs
+        return _Touch(owners, corners, sides * local.imag, anchors, rows)
+
+
+@dataclass(frozen=True, eq=False)
+class _Touch:
+    """
+    The contacts of an object in some place.
+
+    :ivar owners: (k,) which member of the grip it is.
+    :ivar corners: (k,) which corner of a polygon.
+    :ivar gaps: (k,) from the members' centre lines [m].
+    :ivar anchors: (k,) [m].
+    :ivar rows: (2 k, 3) derivatives of gaps and anchors by the object's twist.
+    """
+
+    owners: Indices
+    corners: Indices
+    gaps: Array
+    anchors: Array
+    rows: Array
+
+
+def _lines(config: Configuration, grip: Grip, sides: Array) -> tuple[Points, Points, Points]:
+    """Return starts, directions and normals (m,) of the members, the latter out of the object."""
+    nodes = find_members(config.robot, grip.members)
+    starts = config.points[nodes.starts]
+    spans = config.points[nodes.ends] - starts
+    axes = spans / np.abs(spans)
+    return starts, axes, -1j * sides * axes
+
+
+def _travel(config: Configuration, grip: Grip) -> Array:
+    """Return the travel of the tubes into the members at their starts (m,) [m]."""
+    topology = config.robot.topology
+    travel = np.zeros(topology.n_modules)
+    travel[topology.driven] = config.roller_positions
+    return travel[find_members(config.robot, grip.members).members]

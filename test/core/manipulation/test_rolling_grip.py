@@ -1,0 +1,160 @@
+"""Objects that roll in a grip: carried and turned between sides that do not meet, and back."""
+
+from hypothesis import assume, given, strategies
+from isotruss_ros.core import (
+    ConvexObject,
+    Cylinder,
+    Ellipse,
+    Grasp,
+    GraspError,
+    Grip,
+    HeldObject,
+    load_robot,
+    Polygon,
+    Pose,
+    reachable_twists,
+    RollingGrip,
+    solve_twist,
+    solve_twist_ahead,
+    Status,
+    tangent_center,
+)
+import numpy as np
+import pytest
+import random_grips
+import robots
+
+NINE = load_robot('nine_member')
+#: What the members have in common, and how many there are.
+KINDS = (('module', 2), ('tube', 2), ('tubes', 2), ('tubes', 3))
+#: Two sides of different tubes, which meet at no module: the hole between the three tubes is
+#: between them.
+APART = ('south/P-Q', 'north/R-P')
+#: Where a disc of half a metre touches both.
+CENTER = 0.4180504 - 0.2413615j
+
+
+def pentagon(radius):
+    """Return a polygon about as large as a disc of half a metre."""
+    corners = 0.26 * np.exp(2j * np.pi * np.arange(5) / 5)
+    return Polygon(corners.view(float).reshape(-1, 2), radius)
+
+
+def difference(pose, other):
+    """Return the distance [m] and the angle [rad] between two poses."""
+    turned = np.angle(np.exp(1j * (pose[2] - other[2])))
+    return float(np.hypot(pose[0] - other[0], pose[1] - other[1])), abs(turned)
+
+
+def drive(rolling, twist, duration, rate=20.0):
+    """Hold each command, which is one for the middle of its interval, for the interval."""
+    for _ in range(round(duration * rate)):
+        command = solve_twist_ahead(rolling.config, rolling.grip, twist, 0.5 / rate)
+        assert command.status is Status.OK
+        travel = rolling.config.roller_positions + command.roller_velocities / rate
+        rolling = rolling.moved_to(rolling.config.moved_to(travel))
+    return rolling
+
+
+@pytest.mark.parametrize(
+    'body',
+    [
+        Cylinder((CENTER.real, CENTER.imag), 0.5),
+        ConvexObject(Ellipse((0.25, 0.24)), Pose(CENTER.real, CENTER.imag, 0.3)),
+        ConvexObject(pentagon(0.0), Pose(CENTER.real, CENTER.imag, 0.1)),
+        ConvexObject(pentagon(0.02), Pose(CENTER.real, CENTER.imag, 0.1)),
+    ],
+    ids=['disc', 'ellipse', 'pentagon', 'rounded pentagon'],
+)
+def test_carries_and_turns_an_object_between_sides_that_do_not_meet(body):
+    start = rolling = RollingGrip.attach(NINE.home, Grip(APART, body))
+    assert len(reachable_twists(NINE.home, rolling.grip)) == 3
+    wanted = np.array(start.pose)
+    legs = [(0.02, 0.0, 0.0), (0.0, 0.02, 0.0), (0.0, 0.0, 0.1)]
+    for twist in [*legs, *(-np.array(legs))]:
+        rolling = drive(rolling, twist, 2.0)
+        wanted += 2.0 * np.array(twist)
+        assert difference(rolling.pose, wanted) == pytest.approx((0.0, 0.0), abs=2e-6)
+        assert rolling.misfit < 1e-6
+    assert difference(rolling.pose, start.pose) == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+def test_the_pose_depends_on_the_configuration_and_not_on_the_path():
+    body = ConvexObject(pentagon(0.02), Pose(CENTER.real, CENTER.imag, 0.1))
+    start = RollingGrip.attach(NINE.home, Grip(APART, body))
+    away = drive(start, [0.01, 0.02, 0.1], 2.0)
+    # Straight back in one step; and by another way around.
+    assert difference(away.moved_to(start.config).pose, start.pose)[0] < 1e-9
+    around = drive(drive(away, [0.02, 0.0, 0.0], 1.0), [0.0, 0.0, -0.1], 1.0)
+    assert difference(around.moved_to(start.config).pose, start.pose) == pytest.approx(
+        (0.0, 0.0), abs=1e-9
+    )
+    assert around.moved_to(start.config).misfit < 1e-9
+
+
+@pytest.mark.parametrize('module', ['north/Z', 'east/Q', 'north/P'])
+def test_a_disc_at_a_module_is_where_the_held_object_is(module):
+    grasp = Grasp(module, tangent_center(NINE.home, module, 0.3, 0.01), 0.3)
+    held = HeldObject.attach(NINE.home, grasp, 0.4)
+    rolling = RollingGrip.attach(NINE.home, Grip.at_module(NINE, grasp), 0.4)
+    assert difference(rolling.pose, held.pose(NINE.home)) == pytest.approx((0.0, 0.0), abs=1e-12)
+    config = NINE.home
+    for _ in range(20):
+        command = solve_twist_ahead(config, held.grasp_in(config), [0.01, 0.02, -0.2], 0.05)
+        config = config.moved_to(config.roller_positions + 0.1 * command.roller_velocities)
+        rolling = rolling.moved_to(config)
+        apart = difference(rolling.pose, held.pose(config))
+        assert apart == pytest.approx((0.0, 0.0), abs=10.0 * rolling.misfit + 1e-9)
+    assert rolling.misfit < 1e-5
+    assert difference(rolling.pose, (0.0, 0.0, 0.4))[1] > 0.1
+
+
+@pytest.mark.parametrize(
+    ('kind', 'count'), [('module', 2), ('tube', 2), ('tubes', 2), ('tubes', 3)]
+)
+@robots.examples(10)
+@given(strategies.data(), robots.generators(), strategies.booleans())
+def test_the_object_moves_with_the_achieved_twist(kind, count, data, rng, flat):
+    robot = data.draw(random_grips.robots_with(kind))
+    config, grip = random_grips.random_convex_grip(robot, rng, kind, count, flat)
+    assume(grip is not None)
+    rolling = RollingGrip.attach(config, grip)
+    assert difference(rolling.pose, grip.body.pose) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assume(np.linalg.svd(rolling_rows(rolling), compute_uv=False)[-1] > 0.02)
+    command = solve_twist(config, grip, rng.standard_normal(3), limits=())
+    size = np.abs(command.roller_velocities).max()
+    assume(size > 1e-3)
+    step, moved = 1e-5 / size, []
+    for sign in (-1.0, 1.0):
+        travel = config.roller_positions + sign * step * command.roller_velocities
+        after = rolling.moved_to(config.moved_to(travel))
+        assert after.misfit < 1e-8
+        moved.append(np.array(after.pose))
+    change = moved[1] - moved[0]
+    change[2] = np.angle(np.exp(1j * change[2]))
+    rate = change / (2.0 * step) / size
+    assert rate == pytest.approx(command.achieved_twist / size, abs=1e-5)
+
+
+def rolling_rows(rolling):
+    """Return the derivative of what rolling keeps by the object's place, weighted."""
+    body = rolling.grip.body
+    touch = rolling._touch(rolling.config, body.center, body.pose.angle)
+    return touch.rows * (1.0, 1.0, 1.0 / body.arm)
+
+
+def test_rollers_that_do_not_keep_the_contacts_show_as_a_misfit():
+    rolling = RollingGrip.attach(NINE.home, Grip(APART, Cylinder((CENTER.real, CENTER.imag), 0.5)))
+    command = solve_twist(NINE.home, rolling.grip, np.zeros(3), opening_rate=0.01)
+    assert np.abs(command.achieved_twist).max() < 1e-9
+    opened = rolling.moved_to(NINE.home.moved_to(command.roller_velocities))
+    # Either contact is off by half of what the members moved apart, along the line between them.
+    assert 0.003 < opened.misfit < 0.006
+    assert difference(opened.pose, rolling.pose)[0] < 1e-3
+
+
+def test_an_object_that_left_the_members_is_refused():
+    rolling = RollingGrip.attach(NINE.home, Grip(APART, Cylinder((CENTER.real, CENTER.imag), 0.5)))
+    far = NINE.home.moved_to([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])
+    with pytest.raises(GraspError, match='does not'):
+        rolling.moved_to(far)

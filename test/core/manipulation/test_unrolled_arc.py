@@ -1,0 +1,68 @@
+"""How far a shape has rolled, against its outline."""
+
+from hypothesis import given
+from isotruss_ros.core import Disc, Ellipse, Polygon
+from isotruss_ros.core.manipulation.grip_contacts import touched_corners
+from isotruss_ros.core.manipulation.unrolled_arc import unrolled_arc
+import numpy as np
+import pytest
+import robots
+import shapes
+
+
+def arc(shape, angles):
+    """Return the arcs to the points with given normals; of no face."""
+    normals = np.exp(1j * angles)
+    corners = np.arange(len(normals))
+    if isinstance(shape, Polygon):
+        _, corners = touched_corners(shape, normals, -1.0)
+    return unrolled_arc(shape, angles, corners)
+
+
+@robots.examples(40)
+@given(robots.generators())
+def test_arcs_are_the_lengths_of_the_outline_between_the_points(rng):
+    shape = shapes.random_shape(rng)
+    angles = np.sort(rng.uniform(-3.0, 3.0, 2))
+    first, last = shape.support_points(np.exp(1j * angles))
+    outline = shapes.dense_outline(shape, 40_000)
+    begin, end = (np.abs(outline - point).argmin() for point in (first, last))
+    steps = np.abs(np.roll(outline, -1) - outline)
+    along = np.roll(steps, -begin)[: (end - begin) % len(outline)].sum()
+    found = np.diff(arc(shape, angles))[0]
+    slack = 3e-4 * shape.perimeter
+    assert min(abs(found - along), abs(found - along + shape.perimeter)) < slack
+
+
+@pytest.mark.parametrize(
+    'shape',
+    [
+        Disc(0.3),
+        Ellipse((0.3, 0.1)),
+        Ellipse((0.1, 0.3)),
+        Polygon([(0.0, 0.0), (0.4, 0.0), (0.1, 0.3)]),
+        Polygon([(0.0, 0.0), (0.4, 0.0), (0.4, 0.3), (0.0, 0.3)], 0.05),
+    ],
+)
+@pytest.mark.parametrize('turns', [-2, -1, 1, 3])
+def test_a_whole_turn_unrolls_the_perimeter(shape, turns):
+    angles = np.linspace(-3.1, 3.0, 41)
+    after = arc(shape, angles + 2.0 * np.pi * turns)
+    assert after - arc(shape, angles) == pytest.approx(turns * shape.perimeter, abs=1e-12)
+    assert (np.diff(arc(shape, np.linspace(-20.0, 20.0, 1001))) >= -1e-12).all()
+
+
+def test_a_face_is_unrolled_as_it_comes_to_lie_on_the_member():
+    square = Polygon([(0.0, 0.0), (0.4, 0.0), (0.4, 0.4), (0.0, 0.4)])
+    down = -0.5 * np.pi
+    before, after = arc(square, down + np.array([-0.01, 0.01]))
+    assert after - before == pytest.approx(0.4)
+    assert np.ptp(arc(square, down + np.array([0.01, 1.5]))) == 0.0
+
+
+def test_arcs_of_an_ellipse_follow_its_radius_of_curvature():
+    a, b = 0.3, 0.1
+    angles, step = np.linspace(-6.0, 6.0, 25), 1e-4
+    rate = (arc(Ellipse((a, b)), angles + step) - arc(Ellipse((a, b)), angles - step)) / 2 / step
+    radius = (a * b) ** 2 / np.hypot(a * np.cos(angles), b * np.sin(angles)) ** 3
+    assert rate == pytest.approx(radius, rel=1e-4)
