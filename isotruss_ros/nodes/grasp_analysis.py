@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 import time
 
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import GraspCode, GraspMonitor, GraspReport, load_robot
+from isotruss_ros.core import GraspCode, GraspMonitor, GraspReport, load_robot, read_object
 from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
+from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.nodes.components.sensors import (
     format_age,
     subscribe_input,
     subscribe_joint_states,
-    subscribe_object_center,
 )
 from isotruss_ros.nodes.components.transforms import TransformBroadcaster
 from isotruss_ros.nodes.conversions.grasp_messages import (
@@ -24,7 +25,13 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
     to_state_message,
 )
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
-from isotruss_ros.nodes.conversions.messages import name_object_frame, stamp_header, to_time
+from isotruss_ros.nodes.conversions.messages import (
+    name_object_frame,
+    read_object_center,
+    read_object_pose,
+    stamp_header,
+    to_time,
+)
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import CycleTimes, Level, WarningThrottle
@@ -45,6 +52,7 @@ SPACING = params.Spec(
 SPECS = (
     params.ROBOT,
     params.OBJECT_DIAMETER,
+    params.OBJECT,
     params.FRICTION,
     RATE,
     params.COMMAND_TIMEOUT,
@@ -82,6 +90,7 @@ class GraspAnalysisNode(ManagedNode):
             values[params.FRICTION],
             values[SPACING],
             values[params.COMMAND_TIMEOUT],
+            read_object(values[params.OBJECT]) if values[params.OBJECT] else None,
         )
         self._states = self.create_lifecycle_publisher(GraspState, 'grasp/state', RELIABLE)
         self._closures = self.create_lifecycle_publisher(Bool, 'grasp/force_closure', RELIABLE)
@@ -91,7 +100,17 @@ class GraspAnalysisNode(ManagedNode):
         self._markers = GraspMarkers(self._robot.frame)
         self._inputs = PolledGroup()
         subscribe_joint_states(self, self._robot, self._monitor, self._inputs)
-        subscribe_object_center(self, self._robot, self._monitor, self._inputs)
+        # The angle of a disc does not matter.
+        read_place = read_object_center if self._monitor.body is None else read_object_pose
+        subscribe_input(
+            self,
+            PoseStamped,
+            'object_pose',
+            partial(read_place, frame=self._robot.frame),
+            self._monitor,
+            'center',
+            self._inputs,
+        )
         subscribe_input(
             self,
             WrenchStamped,
@@ -169,7 +188,8 @@ class GraspAnalysisNode(ManagedNode):
             stamp_header(wrench.header, measured, frame)
             self._wrenches.publish(wrench)
             grasp = report.grasp
-            self._transforms.broadcast(grasp.config, grasp.cylinder.center, measured)
+            pose = as_convex_object(grasp.body).pose
+            self._transforms.broadcast(grasp.config, pose[:2], measured)
             used = max(report.grasp.analysis.utilisation.values())
             level = Level.OK if used <= MAX_UTILISATION else Level.WARN
             if report.code is not GraspCode.OK:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core import Configuration, Cylinder, GraspAnalysis
+from isotruss_ros.core import Configuration, ConvexObject, Cylinder, GraspAnalysis
 from isotruss_ros.core.grasping.deformed_shape import (
     deformed_lines,
     force_lines,
     member_lines,
     region_lines,
 )
+from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.plotting.robot_drawing import MODULE_COLOR, OBJECT_COLOR, TUBE_COLORS
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Polygon
 import numpy as np
 
 FORCE_COLOR = '#c8102e'
@@ -26,17 +27,20 @@ AROUND = 1.0
 
 
 def draw_forces(
-    axes: Axes, cylinder: Cylinder, analysis: GraspAnalysis, scale: float = ARROW_SCALE
+    axes: Axes,
+    body: Cylinder | ConvexObject,
+    analysis: GraspAnalysis,
+    scale: float = ARROW_SCALE,
 ) -> None:
     """
     Draw the force of each grasping member on the object, friction included, as one arrow.
 
     :param axes: in metres.
-    :param cylinder: the object.
+    :param body: the object.
     :param analysis: of its grasp.
     :param scale: length of an arrow for its force [m/N].
     """
-    for tail, tip in _resultants(cylinder, analysis, scale):
+    for tail, tip in _resultants(body, analysis, scale):
         axes.annotate(
             '',
             xy=(tip.real, tip.imag),
@@ -55,7 +59,7 @@ def draw_forces(
 def draw_grasp(
     axes: Axes,
     config: Configuration,
-    cylinder: Cylinder,
+    body: Cylinder | ConvexObject,
     analysis: GraspAnalysis,
     scale: float = ARROW_SCALE,
 ) -> None:
@@ -66,7 +70,7 @@ def draw_grasp(
 
     :param axes: to draw on, in the robot's frame [m].
     :param config: where the robot is.
-    :param cylinder: the object.
+    :param body: the object.
     :param analysis: of its grasp in this configuration.
     :param scale: length of an arrow for its force [m/N].
     """
@@ -81,24 +85,19 @@ def draw_grasp(
         axes.add_patch(patch)
     for line in member_lines(config):
         axes.plot(line.real, line.imag, '--', color=UNDEFORMED_COLOR, lw=1.0, zorder=6)
-    axes.add_patch(
-        Circle(
-            cylinder.center,
-            0.5 * cylinder.diameter,
-            facecolor=OBJECT_COLOR,
-            edgecolor=MODULE_COLOR,
-            zorder=5,
-        )
-    )
-    for line in region_lines(config, cylinder, analysis):
+    held = as_convex_object(body)
+    outline = held.outline(0.01 * held.arm)
+    corners = np.column_stack([outline.real, outline.imag])
+    axes.add_patch(Polygon(corners, facecolor=OBJECT_COLOR, edgecolor=MODULE_COLOR, zorder=5))
+    for line in region_lines(config, body, analysis):
         axes.plot(
             line.real, line.imag, color=REGION_COLOR, lw=5.0, solid_capstyle='butt', zorder=9
         )
-    draw_forces(axes, cylinder, analysis, scale)
+    draw_forces(axes, body, analysis, scale)
     lengths = ' + '.join(f'{1e3 * length:.0f}' for length in analysis.contact_lengths.values())
     axes.set_title(f'{analysis.normal_forces.sum():.1f} N on {lengths or 0} mm', fontsize=8, pad=2)
-    x, y = cylinder.center
-    around = AROUND * cylinder.diameter
+    x, y = held.pose[:2]
+    around = 2.0 * AROUND * held.shape.reach
     axes.set_aspect('equal')
     axes.set_xlim(x - around, x + around)
     axes.set_ylim(y - around, y + around)
@@ -106,9 +105,9 @@ def draw_grasp(
     axes.set_yticks([])
 
 
-def _resultants(cylinder: Cylinder, analysis: GraspAnalysis, scale: float) -> Points:
+def _resultants(body: Cylinder | ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
     """Return (g, 2) tails and tips of the resultants by member [m]; tips at the mean contact."""
-    lines = force_lines(cylinder, analysis, scale)
+    lines = force_lines(body, analysis, scale)
     touching = analysis.normal_forces > 0.0
     forces, member = analysis.normal_forces[touching], analysis.members[touching]
     _, group = np.unique(member, return_inverse=True)

@@ -16,6 +16,7 @@ ROS_EXAMPLES = sorted({path.stem for path in EXAMPLES.glob('ros_*.py')} - {PICKI
 CORE_EXAMPLES = sorted({p.stem for p in EXAMPLES.glob('*.py')} - {*ROS_EXAMPLES, PICKING})
 #: What each prints, beside whatever else.
 PRINTED = {
+    'analyze_box': 'push and turn the box',
     'analyze_grasp': 'force closure',
     'deform_under_load': 'T: ',
     'failed_roller': 'failed: none: 3 independent motions left',

@@ -5,7 +5,14 @@ import math
 from geometry_msgs.msg import Wrench
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import analyze_grasp, Cylinder, GraspCode, settle_grasp, tangent_center
+from isotruss_ros.core import (
+    analyze_grasp,
+    Cylinder,
+    GraspCode,
+    read_object,
+    settle_grasp,
+    tangent_center,
+)
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
@@ -14,6 +21,7 @@ import numpy as np
 from probe import DIAMETER, MODULE, N, overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
+from shapes import pressed_into
 from visualization_msgs.msg import Marker, MarkerArray
 
 NAMES = list(ROBOT.roller_names)
@@ -477,3 +485,55 @@ def test_what_slips_is_not_held_and_the_message_says_why():
         assert not state.held
         assert 'friction' in state.hold_message
         assert not any(m.data for _, m in w.probe.seen['closure'])
+
+
+# Objects that are no discs
+
+
+BOX = (
+    '{shape: polygon, vertices: [[-0.15, -0.1], [0.15, -0.1], [0.15, 0.1], [-0.15, 0.1]], '
+    'corner_radius: 0.02, friction: 0.9}'
+)
+
+
+def box_pose():
+    """Return where a box is in the grip at the angle with which poses are sent."""
+    held = pressed_into(ROBOT.home, MODULE, read_object(BOX).shape, 0.3, 0.015)
+    return held.pose
+
+
+def test_an_object_of_any_shape_is_analysed_and_shown(tmp_path):
+    path = tmp_path / 'box.yaml'
+    path.write_text(BOX, encoding='utf-8')
+    pose = box_pose()
+    expected = analyze_grasp(ROBOT.home, read_object(BOX).moved_to(pose))
+    with world(node(object=str(path))) as w:
+        w.probe.listen(MarkerArray, 'markers', 'grasp/markers')
+        state = w.until_code(GraspCode.OK, feed(w, center=pose[:2]), 'state')
+        wrench = state.normal_wrench
+        assert (wrench.force.x, wrench.force.y, wrench.torque.z) == pytest.approx(
+            expected.normal_wrench, rel=1e-6
+        )
+        assert state.required_friction == pytest.approx(expected.required_friction, rel=1e-6)
+        # By its own friction, not by that of the parameter.
+        assert state.closure_margin == pytest.approx(expected.closure_margin, rel=1e-6)
+        assert not state.held
+        assert 'only of a disc' in state.hold_message
+        w.until(lambda: w.probe.seen['markers'], feed(w, center=pose[:2]))
+        (thing,) = (m for m in w.probe.last('markers').markers if m.ns == 'object')
+        assert thing.type == Marker.TRIANGLE_LIST
+        corners = np.array([[p.x, p.y] for p in thing.points]) @ [1.0, 1.0j]
+        gaps = read_object(BOX).moved_to(pose).nearest(corners).gaps
+        assert gaps.max() == pytest.approx(0.0, abs=1e-9)
+        assert len(thing.points) % 9 == 0
+
+
+@pytest.mark.parametrize(
+    ('value', 'words'),
+    [
+        ('{shape: disk, diameter: 0.1}', 'must be one of disc, polygon, ellipse'),
+        ('nowhere/box.yaml', r'box\.yaml: cannot be read'),
+    ],
+)
+def test_what_is_no_object_is_refused(value, words):
+    check_refused(node(object=value), words)

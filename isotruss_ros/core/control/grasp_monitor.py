@@ -24,6 +24,7 @@ from isotruss_ros.core.grasping.settle_grasp import settle_grasp
 from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
 
 #: The code for each fault of an input; a wrench that was never received is zero.
@@ -53,13 +54,16 @@ class GraspMonitor:
     The latest input of each kind, and the analysis for them.
 
     :ivar rollers: input of the measured `RollerState`.
-    :ivar center: input of (x, y), the measured centre of the object in the robot frame [m].
+    :ivar center: input of (x, y), the measured centre of the object in the robot frame [m]; with
+        `body` of its `Pose`, (x, y, angle) [m, rad].
     :ivar wrench: input of (fx, fy, m), the external wrench on the object [N, N m]; zero if None.
     :param robot: the robot.
     :param object_diameter: the object's own diameter [m].
     :param friction: coefficient between tube and object.
     :param spacing: of the contact points along the tubes [m].
     :param timeout: inputs older than this are not used [s].
+    :param body: the object, wherever; None for a disc of the diameter. Where its friction is
+        known, it counts instead of the other.
     """
 
     def __init__(
@@ -69,12 +73,14 @@ class GraspMonitor:
         friction: float,
         spacing: float,
         timeout: float,
+        body: ConvexObject | None = None,
     ) -> None:
         self.robot = robot
         self.object_diameter = object_diameter
         self.friction = friction
         self.spacing = spacing
         self.timeout = timeout
+        self.body = body
         self.rollers: Input = None
         self.center: Input = None
         self.wrench: Input = None
@@ -97,13 +103,18 @@ class GraspMonitor:
             rollers, center, *wrench = require_fresh(now, self.timeout, **inputs)
         except InputError as error:
             return GraspReport(FAULTS[error.name, error.fault], str(error), now)
+        body, friction = self.body, self.friction
+        if body is not None:
+            body = body.moved_to(center.value)
+            friction = friction if body.friction is None else body.friction
         question = Question(
             tuple(rollers.value.positions.tolist()),
             center.value,
             self.object_diameter,
-            self.friction,
+            friction,
             wrench[0].value if wrench else NO_WRENCH,
             self.spacing,
+            body,
         )
         if question != self._question:
             self._report = _analyze(question, self._tracker.configuration, self._report.grasp)
@@ -141,22 +152,24 @@ def _analyze(
     """
     begin = time.perf_counter()
     try:
-        cylinder = Cylinder(question.center, question.diameter)
+        body = question.body
+        if body is None:
+            body = Cylinder(question.center, question.diameter)
         config = find(question.roller_positions)
         analysis = analyze_grasp(
             config,
-            cylinder,
+            body,
             question.friction,
             question.external_wrench,
             spacing=question.spacing,
             previous=None if last is None else last.analysis,
         )
-        settled = settle_grasp(config, cylinder, question.friction, question.external_wrench)
+        settled = settle_grasp(config, body, question.friction, question.external_wrench)
     except IsotrussError as error:
         code = next(code for kind, code in ERRORS if isinstance(error, kind))
         return GraspReport(code, str(error), 0.0)
     duration = time.perf_counter() - begin
-    grasp = AnalyzedGrasp(config, cylinder, question.spacing, analysis, settled, duration)
+    grasp = AnalyzedGrasp(config, body, question.spacing, analysis, settled, duration)
     code, message = _judge(analysis)
     return GraspReport(code, message, 0.0, grasp)
 

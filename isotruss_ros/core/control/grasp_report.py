@@ -9,6 +9,7 @@ from typing import NamedTuple
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.grasping.settle_grasp import SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
 
 
@@ -46,6 +47,7 @@ class Question(NamedTuple):
     :ivar friction: coefficient between tube and object.
     :ivar external_wrench: (fx, fy, m) on the object about its centre [N, N m].
     :ivar spacing: of the contact points along the tubes [m].
+    :ivar body: an object that is no disc, in its pose; centre and diameter do not count then.
     """
 
     roller_positions: tuple[float, ...]
@@ -54,6 +56,7 @@ class Question(NamedTuple):
     friction: float
     external_wrench: tuple[float, float, float]
     spacing: float
+    body: ConvexObject | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +65,7 @@ class AnalyzedGrasp:
     What went into an analysis, and what came out.
 
     :ivar config: configuration of the robot.
-    :ivar cylinder: the object.
+    :ivar body: the object.
     :ivar spacing: of the contact points along the tubes [m].
     :ivar analysis: of the object held fast at the measured pose.
     :ivar settled: the equilibrium of the free object near to it.
@@ -70,7 +73,7 @@ class AnalyzedGrasp:
     """
 
     config: Configuration
-    cylinder: Cylinder
+    body: Cylinder | ConvexObject
     spacing: float
     analysis: GraspAnalysis
     settled: SettledGrasp

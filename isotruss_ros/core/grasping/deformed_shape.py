@@ -5,6 +5,7 @@ from __future__ import annotations
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.grasping.loaded_tubes import interior_points, LoadedTubes, spans
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.frame import Frame
@@ -50,44 +51,48 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     return np.concatenate([lines[0], lines[1][:, 1:], lines[2][:, 1:]], axis=1)
 
 
-def force_lines(cylinder: Cylinder, analysis: GraspAnalysis, scale: float) -> Points:
+def force_lines(body: Cylinder | ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
     """
     Return (k, 2) tails and tips [m] of the forces on the object, which push at its surface.
 
-    :param cylinder: the object.
+    :param body: the object.
     :param analysis: of the grasp.
     :param scale: length for a force [m/N].
     """
     touching = analysis.normal_forces > 0.0
     normals = analysis.normals[touching] @ np.array([1.0, 1.0j])
     forces = 1j * analysis.friction_forces[touching] - analysis.normal_forces[touching]
-    tips = complex(*cylinder.center) + 0.5 * cylinder.diameter * normals
+    tips = _feet(body, analysis.points[touching] @ np.array([1.0, 1.0j]))
     return np.stack([tips - scale * forces * normals, tips], axis=1)
 
 
 def region_lines(
-    config: Configuration, cylinder: Cylinder, analysis: GraspAnalysis
+    config: Configuration, body: Cylinder | ConvexObject, analysis: GraspAnalysis
 ) -> list[Points]:
     """
     Return the regions of contact along the object's surface, (k,) points each [m].
 
     :param config: where the robot is.
-    :param cylinder: the object.
+    :param body: the object.
     :param analysis: of its grasp in this configuration.
     :return: in the order of `GraspAnalysis.contact_spans`.
     """
-    normals = analysis.normals @ np.array([1.0, 1.0j])
     regions = []
     for name, (start, end) in analysis.contact_spans.items():
         here = np.flatnonzero(analysis.members == config.robot.member_names.index(name))
         here = here[np.argsort(analysis.places[here])]
-        places = analysis.places[here]
+        places, points = analysis.places[here], analysis.points[here]
         inside = places[(places > start) & (places < end)]
-        along = np.interp(
-            np.concatenate([[start], inside, [end]]), places, np.unwrap(np.angle(normals[here]))
-        )
-        regions.append(complex(*cylinder.center) + 0.5 * cylinder.diameter * np.exp(1j * along))
+        along = np.concatenate([[start], inside, [end]])
+        met = np.interp(along, places, points[:, 0]) + 1j * np.interp(along, places, points[:, 1])
+        regions.append(_feet(body, met))
     return regions
+
+
+def _feet(body: Cylinder | ConvexObject, points: Points) -> Points:
+    """Return what is nearest to points on the object's surface, (c,) [m]."""
+    found = as_convex_object(body).nearest(points)
+    return points - found.gaps * found.normals
 
 
 def _on_pieces(config: Configuration, member: Indices, place: Array) -> tuple[Indices, Array]:

@@ -9,7 +9,9 @@ from isotruss_ros.core.grasping.held_members import Hold, member_depths
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response, WrenchResponse
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder, Pose
+from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.statics.pressures import Pressure
 import numpy as np
@@ -60,7 +62,7 @@ class SettledGrasp:
 
 def settle_grasp(
     config: Configuration,
-    cylinder: Cylinder,
+    body: Cylinder | ConvexObject,
     friction: float = 0.5,
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
     pressure: Pressure | None = None,
@@ -73,7 +75,8 @@ def settle_grasp(
     forces; the place along the bisector, by which they press, is the measured one.
 
     :param config: where the robot is; its rollers do not turn.
-    :param cylinder: the object, where it was measured.
+    :param body: the object, where it was measured; of one that is no disc nothing is computed, and
+        `SettledGrasp.hold` says so.
     :param friction: coefficient between tube and object, not negative.
     :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
     :param pressure: gauge, measured [Pa], see `tube_pressures`; that of the robot file if None.
@@ -85,6 +88,10 @@ def settle_grasp(
     if mu < 0.0:
         raise GraspError(f'friction {friction!r}: must not be negative')
     wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
+    held = as_convex_object(body)
+    if not isinstance(held.shape, Disc):
+        return SettledGrasp(Hold.NOT_COMPUTED, Hold.NOT_COMPUTED.value, held.pose, np.zeros(3))
+    cylinder = Cylinder(held.pose[:2], held.shape.diameter)
     if np.count_nonzero(member_depths(config, cylinder) > 0.0) > 2:
         return _not_settled(cylinder, Hold.OTHER_CONTACT)
     found = RollingGrasp.attach(config, cylinder, external_wrench=wrench, pressure=pressure)

@@ -10,7 +10,6 @@ from isotruss_ros.core import Pose, RejectedInput, Robot, StampedInput
 from isotruss_ros.core.control.inputs import Input
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
-    read_object_center,
     read_object_pose,
     read_stamp,
     RollerStateReader,
@@ -76,24 +75,6 @@ def subscribe_joint_states(
     """
     reader = RollerStateReader(robot.roller_names)
     subscribe_input(node, JointState, 'joint_states', reader.read, holder, 'rollers', group)
-
-
-def subscribe_object_center(
-    node: Node, robot: Robot, holder: InputHolder, group: CallbackGroup | None = None
-) -> None:
-    """
-    Keep the object's centre (x, y) [m], from `object_pose`, as `holder.center`.
-
-    :param node: subscribes.
-    :param robot: in whose frame the pose must be.
-    :param holder: gets a StampedInput or a RejectedInput.
-    :param group: of the subscription; that of the node if None.
-    """
-
-    def read(message: PoseStamped) -> tuple[float, float]:
-        return read_object_center(message, robot.frame)
-
-    subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'center', group)
 
 
 def subscribe_object_pose(

@@ -13,8 +13,11 @@ from isotruss_ros.core.grasping.deformed_shape import (
     region_lines,
 )
 from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
+from isotruss_ros.core.model.convex_object import as_convex_object
+from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Points
 from isotruss_ros.nodes.conversions.messages import stamp_header
+import numpy as np
 from rclpy.duration import Duration
 from rclpy.time import Time
 from std_msgs.msg import ColorRGBA
@@ -28,6 +31,8 @@ TINY = 1e-9
 LINE_WIDTH, ARROW_WIDTH = 0.008, 0.015
 #: Of a region of contact in the paper's model, which has none [m].
 REGION_WIDTH = 0.01
+#: Of the points along the curved parts of an object [m].
+OUTLINE_SPACING = 0.01
 UNDEFORMED = ColorRGBA(r=0.18, g=0.62, b=0.27, a=0.6)
 DEFORMED = ColorRGBA(r=0.85, g=0.55, b=0.37, a=1.0)
 NEARLY_WRINKLED = ColorRGBA(r=0.95, g=0.6, b=0.0, a=1.0)
@@ -81,7 +86,7 @@ def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
         _make_lines('deformed', i, strip, 1.0, _tube_color(part), line)
         for i, (line, part) in enumerate(zip(bent, used, strict=True))
     ]
-    regions = region_lines(grasp.config, grasp.cylinder, grasp.analysis)
+    regions = region_lines(grasp.config, grasp.body, grasp.analysis)
     widths = grasp.analysis.contact_widths
     markers += [
         _make_region(i, line, widths.get(member, REGION_WIDTH))
@@ -89,7 +94,7 @@ def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
     ]
     strongest = float(grasp.analysis.normal_forces.max(initial=0.0))
     scale = min(ARROW_SCALE, LONGEST_ARROW / max(strongest, TINY))
-    arrows = force_lines(grasp.cylinder, grasp.analysis, scale)
+    arrows = force_lines(grasp.body, grasp.analysis, scale)
     markers += [_make_arrow(i, ends) for i, ends in enumerate(arrows)]
     return markers
 
@@ -136,12 +141,29 @@ def _make_arrow(number: int, ends: Points) -> Marker:
 
 
 def _make_object(grasp: AnalyzedGrasp, color: ColorRGBA) -> Marker:
-    marker = _make_marker('object', 0, Marker.CYLINDER, color)
-    marker.pose.position.x, marker.pose.position.y = grasp.cylinder.center
-    marker.scale.x = marker.scale.y = grasp.cylinder.diameter
+    held = as_convex_object(grasp.body)
     # As high as the tubes are.
-    marker.scale.z = grasp.config.robot.description.tube_diameter
+    height = grasp.config.robot.description.tube_diameter
+    if isinstance(held.shape, Disc):
+        marker = _make_marker('object', 0, Marker.CYLINDER, color)
+        marker.pose.position.x, marker.pose.position.y = held.pose[:2]
+        marker.scale.x = marker.scale.y = held.shape.diameter
+        marker.scale.z = height
+        return marker
+    marker = _make_marker('object', 0, Marker.TRIANGLE_LIST, color)
+    marker.scale.x = marker.scale.y = marker.scale.z = 1.0
+    marker.points = list(_prism(held.outline(OUTLINE_SPACING), held.middle, 0.5 * height))
     return marker
+
+
+def _prism(outline: Points, middle: complex, half: float) -> Iterable[Point]:
+    """Yield the corners of triangles on the top and the sides of a prism."""
+    for here, following in zip(outline.tolist(), np.roll(outline, -1).tolist(), strict=True):
+        top = [(middle, half), (here, half), (following, half)]
+        side = [(here, half), (here, -half), (following, half)]
+        rest = [(following, half), (here, -half), (following, -half)]
+        for point, z in (*top, *side, *rest):
+            yield Point(x=point.real, y=point.imag, z=z)
 
 
 def _to_points(points: Points) -> Iterable[Point]:

@@ -59,6 +59,12 @@ ROBOT = Spec('robot', 'nine_member', 'Preset, or path of a robot file', read_onl
 OBJECT_DIAMETER = Spec(
     'object_diameter', 0.3, "The object's own diameter [m]", bounds=(0.001, 100.0)
 )
+OBJECT = Spec(
+    'object',
+    '',
+    'Object that is no disc: path of a YAML file, or YAML in braces; empty: of object_diameter',
+    read_only=True,
+)
 GRIP_MODULE = Spec(
     'grip_module',
     '',
