@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import functools
+import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError, quote
@@ -28,11 +29,13 @@ class Grip:
 
     :ivar members: names `t/j-k` of two members, or three.
     :ivar body: the object in its place in the robot frame: a cylinder, or any convex object.
-    :raises GraspError: not two or three different names, or no such object.
+    :ivar friction: coefficient between tubes and object; of an object that has its own, that one.
+    :raises GraspError: not two or three different names, no such object, or no such coefficient.
     """
 
     members: tuple[str, ...]
     body: Cylinder | ConvexObject
+    friction: float = 0.5
 
     def __post_init__(self) -> None:
         """Check the number of members; their names are checked against a robot when used."""
@@ -46,6 +49,11 @@ class Grip:
                 'members'
             )
         object.__setattr__(self, 'members', names)
+        own = self.body.friction if isinstance(self.body, ConvexObject) else None
+        friction = self.friction if own is None else own
+        if not 0.0 <= friction < math.inf:
+            raise GraspError(f'friction {friction!r}: must be a finite number, not negative')
+        object.__setattr__(self, 'friction', friction)
 
     @property
     def center(self) -> complex:

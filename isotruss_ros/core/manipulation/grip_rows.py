@@ -11,12 +11,14 @@ moves it just as much, (12): past the passive module of the tube it is the one t
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
 from isotruss_ros.core.model.objects import MIN_DIAMETER
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 from scipy.linalg import lapack
 
@@ -64,29 +66,72 @@ def grasp_map(center: complex, contacts: GripContacts) -> Array:
     return rows
 
 
-def grip_jacobian(config: Configuration, grip: Grip) -> Array:
+class ContactRows(NamedTuple):
     """
-    Return the map from roller speeds to the motion of an object in a grip.
+    Both sides of the constraint of a grip.
 
-    The first three rows solve J_h(q) qdot = G^T nu for the twist, the others are what is left of
-    it: a motion keeps the contacts where they are zero.
+    :ivar contacts: the k contacts.
+    :ivar hand: (2 k, r) J_h, see `hand_jacobian`.
+    :ivar rigid: (2 k, 3) G^T, see `grasp_map`.
+    """
+
+    contacts: GripContacts
+    hand: Array
+    rigid: Array
+
+
+def contact_rows(config: Configuration, grip: Grip) -> ContactRows:
+    """
+    Return both sides of the constraint.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: (2 k, r) of k contacts, for 1 m/s at each roller, robot frame: rows vx, vy [m/s] and
-        omega [rad/s] of the object, then 2 k - 3 rows [m/s]; with two members the first of these
-        is the rate of the distance between them.
-    :raises GraspError: see `find_contacts`; or the contacts are all in one point.
+    :raises GraspError: see `find_contacts`.
     :raises ConfigurationError: the configuration is singular.
     """
     contacts = find_contacts(config, grip)
     hand = hand_jacobian(config, contacts)
-    rigid = grasp_map(grip.center, contacts)
-    square = np.concatenate([rigid, _misfits(rigid, contacts)], axis=1)
+    return ContactRows(contacts, hand, grasp_map(grip.center, contacts))
+
+
+def motion_rows(rows: ContactRows, kept: Indices | None = None) -> Array:
+    """
+    Return the map from roller speeds to the motion of an object that keeps contacts.
+
+    The first three rows solve J_h(q) qdot = G^T nu for the twist, the others are what is left of
+    it: a motion keeps the contacts where they are zero.
+
+    :param rows: of all contacts.
+    :param kept: (k,) numbers of the contacts that are kept, all if None.
+    :return: (2 k, r) for 1 m/s at each roller, robot frame: rows vx, vy [m/s] and omega [rad/s]
+        of the object, then 2 k - 3 rows [m/s]; with two members the first of these is the rate of
+        the distance between them.
+    :raises GraspError: the contacts are all in one point.
+    """
+    contacts, hand, rigid = rows
+    points, owners = contacts.points, contacts.owners
+    if kept is not None:
+        points, owners = points[kept], owners[kept]
+        both = (2 * kept[:, None] + (0, 1)).ravel()
+        hand, rigid = hand[both], rigid[both]
+    square = np.concatenate([rigid, _misfits(rigid, points, owners)], axis=1)
     return np.asarray(lapack.dgesv(square, hand)[2])
 
 
-def _misfits(rigid: Array, contacts: GripContacts) -> Array:
+def grip_jacobian(config: Configuration, grip: Grip) -> Array:
+    """
+    Return the map from roller speeds to the motion of an object that keeps all its contacts.
+
+    :param config: configuration of the robot.
+    :param grip: the grip.
+    :return: (2 k, r) of k contacts, see `motion_rows`.
+    :raises GraspError: see `find_contacts`; or the contacts are all in one point.
+    :raises ConfigurationError: the configuration is singular.
+    """
+    return motion_rows(contact_rows(config, grip))
+
+
+def _misfits(rigid: Array, points: Points, owners: Indices) -> Array:
     """
     Return what no twist does to the contacts: (2 k, 2 k - 3), at right angles to G^T.
 
@@ -94,16 +139,15 @@ def _misfits(rigid: Array, contacts: GripContacts) -> Array:
 
     :raises GraspError: the contacts are all in one point.
     """
-    points = contacts.points
     if max(map(abs, (points[1:] - points[0]).tolist())) < MIN_DIAMETER:
         raise GraspError('the members touch the object in one point: it cannot be held there')
     if len(points) == 2:
         apart = complex(points[1] - points[0])
         apart *= 0.5 / abs(apart)
         return np.array([[-apart.real], [-apart.imag], [apart.real], [apart.imag]])
-    if contacts.owners[-1] > 1:
+    if owners[-1] > 1:
         return np.linalg.qr(rigid, mode='complete')[0][:, 3:]
-    second = contacts.owners == 1
+    second = owners == 1
     apart = points[second].mean() - points[~second].mean()
     opening = np.where(second, 0.5, -0.5) * apart / abs(apart)
     basis, sizes = np.linalg.qr(np.column_stack([rigid, opening.view(float)]), mode='complete')

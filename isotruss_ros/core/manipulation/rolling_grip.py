@@ -14,6 +14,7 @@ toward the object, arcs along the member.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+import itertools
 import math
 
 from isotruss_ros.core.errors import GraspError
@@ -33,6 +34,8 @@ FLAT = 1e-6
 MAX_STEPS = 50
 #: After so many steps the contacts stay those that they are: rounding may not decide on one.
 FREE_STEPS = 10
+#: Contacts fit to this [m].
+MISFIT = 1e-9
 #: Poses are exact to this, in surface speeds [m].
 TOLERANCE = 1e-13
 
@@ -100,13 +103,39 @@ class RollingGrip:
         """
         Return the grip in another configuration, the object rolled there.
 
-        Where the rollers did not keep the contacts, the pose is the one with the least squares of
-        what is off, and `misfit` the largest.
+        A face that lies on a member may lift at one of its ends. Where the rollers did not keep
+        the contacts, the pose is the one with the least squares of what is off, and `misfit` the
+        largest.
 
         :param config: near to the present one: the object turns by less than half a turn.
         :raises GraspError: there is no such pose; or a member does not touch the object any more.
         """
-        body, kept = self._body, None
+        rolled = self._rolled(config)
+        before = self._touch(self.config, self._body.center, self._body.pose.angle)
+        if rolled.misfit <= MISFIT or len(before.owners) == len(self.sides):
+            return rolled
+        # A face lay on a member, and may have lifted at one of its ends.
+        ends = [np.flatnonzero(before.owners == i).tolist() for i in range(len(self.sides))]
+        for chosen in itertools.product(*([own, *([k] for k in own)] for own in ends)):
+            kept = np.array([k for own in chosen for k in own])
+            if len(kept) == len(before.owners):
+                continue
+            other = self._rolled(config, (before.owners[kept], before.corners[kept]))
+            if other.misfit < rolled.misfit and other._clears(before):
+                rolled = other
+        return rolled
+
+    def _clears(self, before: _Touch) -> bool:
+        """Tell whether the corners that touched before do not enter the members now."""
+        kept = (before.owners, before.corners)
+        touch = self._touch(self.config, self._body.center, self._body.pose.angle, kept)
+        return bool((touch.gaps >= self.gaps[before.owners] - self.misfit - MISFIT).all())
+
+    def _rolled(
+        self, config: Configuration, fixed: tuple[Indices, Indices] | None = None
+    ) -> RollingGrip:
+        """Return the grip in another configuration, with given corners as contacts if any."""
+        body, kept = self._body, fixed
         center, angle = body.center, body.pose.angle
         for step in range(MAX_STEPS):
             touch = self._touch(config, center, angle, kept)
@@ -121,7 +150,7 @@ class RollingGrip:
                 return self._settled(config, center, angle, float(np.abs(off).max()))
             if not np.abs(change).max() <= body.arm:
                 break
-            kept = (touch.owners, touch.corners) if step >= FREE_STEPS else None
+            kept = (touch.owners, touch.corners) if step >= FREE_STEPS else fixed
         raise GraspError(
             'the object does not roll to the new configuration: go there in smaller steps, or '
             'with rollers that keep its contacts'

@@ -10,6 +10,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject, members_at_module
 from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip_reach import find_grip_reach
 from isotruss_ros.core.manipulation.limit_handling import (
     apply_limits,
     Regularization,
@@ -74,7 +75,8 @@ def solve_twist(
     The grip keeps its opening angle (14), or a `Grip` its contacts, unless its rate is given, and
     every tube its length (13) in all cases. A twist that is unreachable, or that would leave the
     contacts, is replaced by the closest reachable one, in the measure |v|^2 + |omega d/2|^2, and
-    the status is `UNREACHABLE`. When limits bind, the direction is kept and the size scaled; or,
+    the status is `UNREACHABLE`; a polygon rolls off a face for it where statics admits that, see
+    `grip_reach`. When limits bind, the direction is kept and the size scaled; or,
     with `slide_along_limits`, the closest twist that they admit is carried out, see
     `apply_limits`.
 
@@ -101,7 +103,10 @@ def solve_twist(
     if desired.dtype != float or desired.shape != (3,) or not np.isfinite(desired).all():
         desired = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
-    jacobian, reach = find_reach(config, grasp, working.places)
+    if isinstance(grasp, Grip):
+        jacobian, reach = find_grip_reach(config, grasp, working, desired)
+    else:
+        jacobian, reach = find_reach(config, grasp, working.places)
     if opening_rate != 0.0:
         opening_rate = _opening(config, grasp, opening_rate)
     limits = default_limits(robot) if limits is None else limits
@@ -248,10 +253,13 @@ def reachable_twists(
     :param failed: names of the rollers that have failed and stand still.
     :return: (k, 3) twists vx, vy [m/s], omega [rad/s] in the robot frame, as many as are
         independent, orthonormal in the measure |v|^2 + |omega d/2|^2; the grip keeps its angle,
-        a `Grip` its contacts.
+        a `Grip` its contacts, and faces that lie on members stay there.
     :raises GraspError: the grasp or a name in `failed` is not usable.
     :raises ConfigurationError: the configuration is singular.
     """
     working = working_rollers(config.robot, frozenset(failed))
-    _, reach = find_reach(config, grasp, working.places)
+    if isinstance(grasp, Grip):
+        _, reach = find_grip_reach(config, grasp, working)
+    else:
+        _, reach = find_reach(config, grasp, working.places)
     return reach.directions / reach.weights

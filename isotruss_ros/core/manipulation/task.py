@@ -1,7 +1,7 @@
 """
 The task of a grasped object as rows on the roller speeds: equations (14) to (20).
 
-For a `Grip` these rows are those of its contacts, see `grip_rows`.
+For a `Grip` these rows are those of its contacts, see `grip_reach`.
 
 The node velocities of (19) and (20) follow from the roller speeds by (12), so that the unknowns
 are the speeds of the working rollers alone.
@@ -15,8 +15,6 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import find_grasping_members, Grasp
-from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 from scipy.linalg import lapack
@@ -155,22 +153,16 @@ class Reach:
         return cls(active, no_grip, reachable, np.ones(len(active)), np.zeros(0))
 
 
-def find_reach(
-    config: Configuration, grasp: Grasp | Grip, working: Indices
-) -> tuple[Array, Reach]:
+def find_reach(config: Configuration, grasp: Grasp, working: Indices) -> tuple[Array, Reach]:
     """
-    Return the task Jacobian, see `task_jacobian` and `grip_jacobian`, and the reachable twists.
+    Return the task Jacobian (4, r), see `task_jacobian`, and the reachable twists.
 
     :param config: configuration of the robot.
-    :param grasp: the grasp, at a module or as a grip.
+    :param grasp: the grasp.
     :param working: (w,) numbers of the rollers that have not failed.
-    :return: (3 + g, r), and the twists that keep the g last rows at zero.
-    :raises GraspError: see `grasp_rows` and `find_contacts`.
+    :raises GraspError: see `grasp_rows`.
     :raises ConfigurationError: the configuration is singular.
     """
-    if isinstance(grasp, Grip):
-        jacobian = grip_jacobian(config, grasp)
-        return jacobian, Reach.of(jacobian[:, working], grasp.arm, 1.0)
     jacobian = task_jacobian(config, grasp)
     radius = 0.5 * grasp.diameter
     return jacobian, Reach.of(jacobian[:, working], radius, radius)

@@ -1,0 +1,119 @@
+"""
+Which twists a grip can produce, and over which corners a polygon rolls for it.
+
+As long as faces of the object lie on members they stay there. A twist that they do not admit may
+be one for which the object rolls over an end of a face, while the other end lifts: where statics
+has a balance with the force at that end alone. Two members balance with forces along one line, in
+the friction cones of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import itertools
+import math
+
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip_contacts import GripContacts
+from isotruss_ros.core.manipulation.grip_rows import contact_rows, motion_rows
+from isotruss_ros.core.manipulation.limit_handling import WorkingRollers
+from isotruss_ros.core.manipulation.task import Reach, REACH_TOLERANCE, Task
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+#: A face's other end may come closer to the member by this share of the surface's speed.
+LIFT_TOLERANCE = 1e-9
+#: Rolling over a corner comes closer to the twist by at least this share of what is missed.
+LEAST_GAIN = 1e-6
+
+
+def find_grip_reach(
+    config: Configuration, grip: Grip, working: WorkingRollers, twist: Array | None = None
+) -> tuple[Array, Reach]:
+    """
+    Return the rows of a grip, see `motion_rows`, and the twists that keep its contacts.
+
+    :param config: configuration of the robot.
+    :param grip: the grip.
+    :param working: the rollers that work.
+    :param twist: (3,) of the object [m/s, rad/s], for which it may roll off faces that lie on
+        members; these stay there if None.
+    :return: (3 + g, r), and the twists that keep the g last rows at zero.
+    :raises GraspError: see `find_contacts`; or the contacts are all in one point.
+    :raises ConfigurationError: the configuration is singular.
+    """
+    rows = contact_rows(config, grip)
+    jacobian = motion_rows(rows)
+    places, contacts = working.places, rows.contacts
+    reach = Reach.of(jacobian[:, places], grip.arm, 1.0)
+    if twist is None or len(contacts.owners) == len(grip.members) or not twist.any():
+        return jacobian, reach
+    least = _missed(reach, twist)
+    if least <= REACH_TOLERANCE:
+        return jacobian, reach
+    inward = np.repeat(-contacts.normals, 2).view(np.float64).reshape(-1, 2, 2)[:, 0]
+    for kept in rolled_corners(contacts, grip.friction):
+        tried = motion_rows(rows, np.array(kept))
+        found = Reach.of(tried[:, places], grip.arm, 1.0)
+        missed = _missed(found, twist)
+        task = Task(found, twist, working.even)
+        if missed >= least * (1.0 - LEAST_GAIN) or task.speed == 0.0:
+            continue
+        moved = rows.rigid @ (tried[:3, places] @ task.free) - rows.hand[:, places] @ task.free
+        lifting = (moved.reshape(-1, 2) * inward).sum(axis=1)
+        if lifting.min() >= -LIFT_TOLERANCE * np.abs(task.free).max():
+            jacobian, reach, least = tried, found, missed
+    return jacobian, reach
+
+
+def _missed(reach: Reach, twist: Array) -> float:
+    """Return the share of a twist that is not reachable."""
+    unit = reach.weights * (twist / np.abs(twist).max())
+    left = unit - reach.directions.T @ (reach.directions @ unit)
+    return math.sqrt(left @ left) / math.sqrt(unit @ unit)
+
+
+def rolled_corners(contacts: GripContacts, friction: float) -> Iterator[tuple[int, ...]]:
+    """
+    Return the contacts that remain where an object rolls over ends of faces.
+
+    :param contacts: of two members; with three, faces stay on them.
+    :param friction: coefficient between tubes and object.
+    :return: numbers of the contacts, for each choice that statics has a balance for.
+    """
+    if contacts.owners[-1] != 1:
+        return
+    first = np.flatnonzero(contacts.owners == 0).tolist()
+    second = np.flatnonzero(contacts.owners == 1).tolist()
+    for one, other in itertools.product(_choices(first), _choices(second)):
+        fewer = len(one) + len(other) < len(contacts.owners)
+        if fewer and _balances(contacts, one, other, math.atan(friction)):
+            yield (*one, *other)
+
+
+def _choices(own: list[int]) -> list[list[int]]:
+    """Return the contacts of a member that may remain: all, or either end of a face."""
+    return [own] if len(own) == 1 else [own, own[:1], own[1:]]
+
+
+def _balances(contacts: GripContacts, one: list[int], other: list[int], angle: float) -> bool:
+    """
+    Tell whether forces along one line, within the friction cones, meet both contacts.
+
+    One of them is a single point, the other that or a face.
+    """
+    if len(one) < len(other):
+        one, other = other, one
+    points, normals = contacts.points, contacts.normals
+    point, normal = complex(points[other[0]]), complex(normals[one[0]])
+    # Directions of the force at `other`: in its own cone, and against one in the cone of `one`.
+    between = math.remainder(float(np.angle(-normals[other[0]] / normal)), 2.0 * math.pi)
+    low, high = max(-angle, between - angle), min(angle, between + angle)
+    if low > high:
+        return False
+    ends = points[one]
+    away = ((complex(ends[0]) - point) * normal.conjugate()).real
+    along = (((ends - point) / (1j * normal)).real).tolist()
+    reached = (away * math.tan(low), away * math.tan(high))
+    return min(reached) <= max(along) and max(reached) >= min(along)
