@@ -105,6 +105,13 @@ def refine_contact(
         enough = bool(fits) and divided
         return points, contact, extents, found, enough
 
+    def solve_everywhere() -> tuple[ContactPoints, ContactState, ContactExtents, Indices]:
+        """Solve with points of all tubes within reach."""
+        points, seen = place(spacing)
+        contact = solver(points, seen, None)
+        extents = contact_extents(points, contact, len(names))
+        return points, contact, extents, np.arange(len(points.points))
+
     settled = False
     if previous is not None:
         before = np.array([previous.spans.get(name, -EVERYWHERE) for name in names])
@@ -114,16 +121,16 @@ def refine_contact(
         contact = estimate_contact(points, seen)
         regions = _regions(contact_extents(points, contact, len(names)))
         if not _touched(regions).any():
-            points, seen = place(spacing)
-            contact = solver(points, seen, None)
-            extents = contact_extents(points, contact, len(names))
-            return points, contact, extents, np.arange(len(points.points))
+            return solve_everywhere()
     for step in range(MAX_STEPS):
         if settled:
             break
         limited = step < MAX_STEPS - 1
         around = PreviousContact({}, points.member, points.place, contact.normals)
         points, contact, extents, regions, settled = solve(regions, around, limited)
+        # The search goes by tangents, which may be touched where the surface is not.
+        if not len(points.points) or (budget is not None and not _touched(regions).any()):
+            return solve_everywhere()
     # Whatever the search began with, the answer is the same.
     kept = np.flatnonzero(_within(points, regions + room))
     return points, contact, extents, kept

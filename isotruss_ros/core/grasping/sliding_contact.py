@@ -5,9 +5,9 @@ The skin of a straight tube is the same everywhere along it: without friction it
 itself under a corner, which takes no force. Points of a lattice on the tube do not know that. What
 presses on the two faces of a corner balances along the tube only in the sum over all pressures,
 and that of a few points is off by as much as friction would be. Here the balance is exact: each
-point presses across the bent centre line of its tube, and how far it slid along it moves the gap,
-but is known from the step before. At each step the normals are those of the object's surface at
-the feet of the points, and the forces solve a linear complementarity problem.
+point presses across the bent centre line of its tube, and sliding along it changes nothing but the
+gap. At each step the normals are those of the object's surface at the feet of the points, and the
+forces solve a linear complementarity problem.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from isotruss_ros.core.grasping.contact import ContactGuess, ContactState, guess
 from isotruss_ros.core.grasping.contact_points import ContactPoints
 from isotruss_ros.core.grasping.lcp import solve_complementarity
 from isotruss_ros.core.grasping.surfaces import Surface
-from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 import numpy as np
+from scipy.linalg import lapack
 
 #: Gaps are closed to this [m].
 GAP_TOLERANCE = 1e-7
@@ -60,6 +61,7 @@ def solve_sliding_contact(
         forces, active = solve_complementarity(
             contact_points.normal_compliance(push), gaps, active
         )
+        forces = _slide(contact_points, np.flatnonzero(active), normals, push, still, forces)
         push *= forces
         displacements = contact_points.displacements(push)
         moved = away + displacements
@@ -78,6 +80,38 @@ def solve_sliding_contact(
     raise SolverError(
         f'the contact did not settle in {MAX_STEPS} steps; the object is pressed in too deeply'
     )
+
+
+def _slide(
+    contact_points: ContactPoints,
+    places: Indices,
+    normals: Points,
+    push: Points,
+    still: Array,
+    forces: Array,
+) -> Array:
+    """
+    Return the forces (c,) that close gaps while the tubes slide by what these forces take.
+
+    :param places: (a,) the points that are closed.
+    :param push: (c,) directions of the forces.
+    :param still: (c,) gaps without displacements [m].
+    :param forces: (c,) that do so where the tubes have slid as far as before; they are returned if
+        the others would pull.
+    """
+    count, inward = len(places), contact_points.axis[places].conj()
+    if count == 0:
+        return forces
+    normal, force = normals[places] * inward, push[places] * inward
+    compliance = contact_points.compliance(places).reshape(2 * count, 2 * count)
+    moved = compliance[:, :count] * force.real + compliance[:, count:] * force.imag
+    opened = normal.real[:, None] * moved[:count] + normal.imag[:, None] * moved[count:]
+    *_, closing, failed = lapack.dgesv(opened, -still[places])
+    if failed or closing.min() < 0.0:
+        return forces
+    found = np.zeros(len(forces))
+    found[places] = closing
+    return found
 
 
 def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:

@@ -261,3 +261,19 @@ def test_the_objects_own_friction_counts_where_none_is_given():
         analyze_grasp(HOME, held, 0.1).closure_margin
     )
     assert analyze_grasp(HOME, slippery).closure_margin < margins[0]
+
+
+@robots.examples(30)
+@given(SEEDS, strategies.floats(-0.003, 0.04), strategies.booleans())
+def test_any_shape_at_any_depth_has_an_answer(seed, depth, flattening):
+    generator = np.random.default_rng(seed)
+    shape = random_shape(generator, generator.uniform(0.05, 0.3))
+    module = HOME.robot.module_names[generator.integers(9)]
+    held = pressed_into(HOME, module, shape, generator.uniform(-3.0, 3.0), depth)
+    analysis = analyze_grasp(HOME, held, flattening=flattening)
+    assert analysis.normal_forces.min(initial=0.0) >= 0.0
+    assert analysis.gaps.min(initial=0.0) >= -GAP_TOLERANCE
+    stiffness = np.linalg.eigvalsh(analysis.stiffness)
+    assert stiffness.min() >= -1e-9 * max(1.0, stiffness.max())
+    if depth > 0.002:
+        assert len(analysis.contact_forces) >= 2
