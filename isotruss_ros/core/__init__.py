@@ -37,6 +37,7 @@ from isotruss_ros.core.kinematics.rigidity import worst_case_rigidity_index
 from isotruss_ros.core.kinematics.robot import load_robot, Robot
 from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject
 from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip_placing import place_between
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limits import Limit, MemberLengthLimit, RollerSpeedLimit
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
@@ -139,6 +140,7 @@ __all__ = [
     'grip_jacobian',
     'load_robot',
     'object_from_mapping',
+    'place_between',
     'plan_grasps',
     'plan_release',
     'preset_names',

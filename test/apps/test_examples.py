@@ -25,6 +25,7 @@ PRINTED = {
     'limits': 'slowed roller speed',
     'own_robot': 'module.rod_length: -0.15: must be',
     'plan_grasp': 'margin',
+    'roll_in_grip': 'back within 1 um',
     'ros_grasp_state': 'held: ',
     'ros_twist': 'the object moved up by',
     'settle_grasp': 'friction 0.8: held',

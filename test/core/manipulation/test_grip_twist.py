@@ -4,11 +4,13 @@ from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConvexObject,
     Cylinder,
+    Disc,
     Grasp,
     GraspError,
     Grip,
     grip_jacobian,
     load_robot,
+    place_between,
     Polygon,
     Pose,
     reachable_twists,
@@ -208,6 +210,18 @@ def test_an_opening_rate_of_three_members_is_refused():
     with pytest.raises(GraspError, match='3 members: only two'):
         solve_twist(config, grip, np.zeros(3), opening_rate=0.01)
     assert solve_twist(config, grip, np.zeros(3)).status is Status.IDLE
+
+
+@pytest.mark.parametrize(('tube', 'remain'), [('south', 1), ('east', 2), ('north', 3)])
+def test_a_disc_that_fills_a_tube_of_the_robot_moves_as_far_as_its_contacts_let(tube, remain):
+    """The tube `south` stands on the ground; `north` goes where the other two carry it."""
+    members = [name for name in NINE.member_names if name.startswith(f'{tube}/')]
+    grip = place_between(NINE.home, members, Disc(0.48))
+    basis = reachable_twists(NINE.home, grip)
+    assert len(basis) == remain
+    assert solve_twist(NINE.home, grip, basis[0]).status < Status.UNREACHABLE
+    alone = solve_twist(NINE.home, grip, [0.0, 0.0, 0.01])
+    assert (alone.status is Status.UNREACHABLE) == (remain < 3)
 
 
 def test_a_disc_that_fills_a_triangle_cannot_be_moved_by_its_two_rollers():

@@ -1,0 +1,74 @@
+"""Where an object touches given members, wherever they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import itertools
+import math
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.numerics.arrays import finite_array
+import numpy as np
+
+#: Members that are inclined by less than this against each other are as good as parallel [-].
+PARALLEL = 1e-6
+
+
+def place_between(
+    config: Configuration,
+    members: Sequence[str],
+    shape: Shape,
+    angle: float = 0.0,
+    indentation: float = 0.0,
+) -> Grip:
+    """
+    Return a grip of an object that touches members, as deep in all of them.
+
+    Of several such places it is the one nearest to the middle of the members. Three members, or
+    parallel ones, are touched as evenly as they can be.
+
+    :param config: configuration of the robot.
+    :param members: names `t/j-k` of two members, or three.
+    :param shape: of the object.
+    :param angle: of the object in the robot frame [rad].
+    :param indentation: how deep the object is in the undeformed skin of the tubes [m].
+    :raises GraspError: no such members; angle or indentation are not finite; or the object fits
+        nowhere between these members.
+    """
+    turned, depth = finite_array([angle, indentation], 2, 'angle, indentation', GraspError)
+    names = Grip(tuple(members), ConvexObject(shape)).members
+    nodes = find_members(config.robot, names)
+    starts = config.points[nodes.starts]
+    spans = config.points[nodes.ends] - starts
+    middle = complex((starts + 0.5 * spans).mean())
+    turn = complex(math.cos(turned), math.sin(turned))
+    skin = 0.5 * config.robot.description.tube_diameter - depth
+    found: list[tuple[float, Grip]] = []
+    for sides in itertools.product((1.0, -1.0), repeat=len(names)):
+        normals = -1j * np.array(sides) * spans / np.abs(spans)
+        reach = shape.support(normals / turn) + skin
+        # How far the members are, beyond where they touch: of an object in the middle.
+        left = ((starts - middle) * normals.conj()).real - reach
+        rows = normals.view(np.float64).reshape(-1, 2)
+        x, y = np.linalg.lstsq(rows, left, rcond=PARALLEL)[0]
+        place = middle + complex(x, y)
+        body = ConvexObject(shape, Pose(place.real, place.imag, float(turned)))
+        grip = Grip(names, body)
+        try:
+            contacts = find_contacts(config, grip)
+        except GraspError:
+            continue
+        if (contacts.sides == np.array(sides)[contacts.owners]).all():
+            found.append((abs(place - middle), grip))
+    if not found:
+        raise GraspError(
+            f'an object that reaches {shape.reach:g} m fits nowhere between the members '
+            f'{", ".join(names)}; take another shape, angle, configuration or other members'
+        )
+    return min(found, key=lambda item: item[0])[1]

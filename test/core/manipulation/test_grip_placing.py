@@ -1,0 +1,78 @@
+"""Where an object touches given members."""
+
+from hypothesis import assume, given
+from isotruss_ros.core import (
+    Disc,
+    Grasp,
+    GraspError,
+    Grip,
+    load_robot,
+    place_between,
+    Polygon,
+    reachable_twists,
+    tangent_center,
+)
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts
+import numpy as np
+import pytest
+import random_grips
+import robots
+
+NINE = load_robot('nine_member')
+BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)])
+
+
+def gaps(config, grip):
+    """Return how far the object's contacts are from the skin of the tubes [m]."""
+    contacts = find_contacts(config, grip)
+    found = []
+    for k, owner in enumerate(contacts.owners):
+        start, _ = random_grips.member_ends(config, grip.members[owner])
+        off = ((start - contacts.points[k]) * contacts.normals[k].conjugate()).real
+        found.append(off - 0.5 * config.robot.description.tube_diameter)
+    return np.array(found)
+
+
+@pytest.mark.parametrize('module', NINE.module_names)
+def test_a_disc_in_a_corner_is_where_it_is_tangent(module):
+    center = tangent_center(NINE.home, module, 0.3)
+    members = Grip.at_module(NINE, Grasp(module, center, 0.3)).members
+    grip = place_between(NINE.home, members, Disc(0.3))
+    assert grip.center == pytest.approx(complex(*center), abs=1e-9)
+
+
+@robots.examples(30)
+@given(robots.robots(('arch', 'ring')), robots.generators())
+def test_an_object_is_as_deep_in_both_members(robot, rng):
+    config, grip = random_grips.random_convex_grip(robot, rng, 'tubes')
+    assume(grip is not None)
+    shape, angle = grip.body.shape, grip.body.pose.angle
+    depth = float(rng.uniform(0.0, 0.02))
+    try:
+        placed = place_between(config, grip.members, shape, angle, depth)
+    except GraspError:
+        # Where it is deeper the object was found to touch; here it is beyond an end.
+        return
+    assert placed.body.shape is shape
+    assert placed.body.pose.angle == pytest.approx(angle)
+    assert gaps(config, placed) == pytest.approx(-depth, abs=1e-9)
+
+
+def test_three_members_are_touched_as_evenly_as_they_can_be():
+    members = ('south/P-Q', 'east/Q-R', 'north/R-P')
+    grip = place_between(NINE.home, members, Disc(0.82), indentation=0.002)
+    found = gaps(NINE.home, grip)
+    # The hole of the robot is a regular triangle, for a disc of 0.824 m.
+    assert np.ptp(found) < 1e-9
+    assert found[0] == pytest.approx(0.002, abs=1e-3)
+    assert grip.members == members
+    assert len(reachable_twists(NINE.home, grip)) == 3
+
+
+def test_what_does_not_fit_is_refused():
+    with pytest.raises(GraspError, match=r'reaches 0\.320156 m fits nowhere between'):
+        place_between(NINE.home, ('south/X-P', 'north/Z-R'), BOX)
+    with pytest.raises(GraspError, match='angle, indentation'):
+        place_between(NINE.home, ('south/P-Q', 'north/R-P'), BOX, np.nan)
+    with pytest.raises(GraspError, match='no such members'):
+        place_between(NINE.home, ('south/P-Q', 'north/R-X'), BOX)
