@@ -67,6 +67,7 @@ from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDet
 from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
 from isotruss_ros.core.simulation.elastic_object import ElasticObject
 from isotruss_ros.core.simulation.free_object import FreeObject
+from isotruss_ros.core.simulation.rolling_object import RollingObject
 from isotruss_ros.core.simulation.simulated_robot import RollerFaults, SimulatedRobot
 from isotruss_ros.core.statics.structure import deform, Deformation
 
@@ -121,6 +122,7 @@ __all__ = [
     'RollerState',
     'RollerTrajectory',
     'RollingGrip',
+    'RollingObject',
     'SettledGrasp',
     'ShapeBounds',
     'ShapeGuard',

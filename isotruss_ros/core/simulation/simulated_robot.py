@@ -44,7 +44,7 @@ class SimulatedRobot:
     :ivar roller_positions: (r,) travel as the encoders tell it; that of `config` without slip [m].
     :ivar roller_velocities: (r,) speeds during the last step as the encoders tell them [m/s].
     :param config: where it starts.
-    :param simulated: the object: `HeldObject`, `FreeObject` or `ElasticObject`.
+    :param simulated: the object: `HeldObject`, `RollingObject`, `FreeObject` or `ElasticObject`.
     :param faults: how the rollers differ from perfect ones.
     :param seed: of the noise.
     :raises GraspError: a stuck roller that the robot does not have.
@@ -74,7 +74,7 @@ class SimulatedRobot:
         """
         Put another object in place of the present one; the robot stays as it is.
 
-        :param simulated: the object: `HeldObject`, `FreeObject` or `ElasticObject`.
+        :param simulated: the object: `HeldObject`, `RollingObject`, `FreeObject`, `ElasticObject`.
         """
         self._object, self._rests = simulated, False
 
