@@ -7,9 +7,16 @@ from dataclasses import dataclass, replace
 import functools
 
 from comparison.wedge import closed_to, MODULE
-from isotruss_ros.core import Configuration, Cylinder, load_robot, tangent_center
+from isotruss_ros.core import (
+    Configuration,
+    ConvexObject,
+    Cylinder,
+    load_robot,
+    tangent_center,
+)
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grasp import members_at_module
+from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
@@ -90,17 +97,34 @@ def press(
     :param options: of the plant.
     """
     config, cylinder = place(grip)
+    return press_on(config, cylinder, friction, options), config, cylinder
+
+
+def press_on(
+    config: Configuration,
+    held: Cylinder | ConvexObject,
+    friction: float = 0.0,
+    options: PlantOptions = STILL,
+) -> MujocoPlant:
+    """
+    Return a plant that presses on an object held fast at `MODULE`.
+
+    :param config: where the robot is when it presses.
+    :param held: the object, in its place.
+    :param friction: coefficient between tube and object while the tubes bend around it.
+    :param options: of the plant.
+    """
     robot = config.robot
     segments = np.full(len(robot.member_names), options.segments)
     following = members_at_module(config, MODULE).index
     segments[[following, robot.topology.previous[following]]] = options.contact_segments
-    plant = MujocoPlant(robot, [cylinder], options, segments)
+    plant = MujocoPlant(robot, [held], options, segments)
     plant.set_friction(friction)
     plant.hold_object(AWAY)
     move_to(plant, config.roller_positions)
-    plant.hold_object((*cylinder.center, 0.0))
+    plant.hold_object(as_convex_object(held).pose)
     plant.settle(2.0 * REST)
-    return plant, config, cylinder
+    return plant
 
 
 def release(plant: MujocoPlant, friction: float, duration: float = 3.0) -> None:

@@ -7,7 +7,15 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 
-from isotruss_ros.core import Cylinder, IsotrussError, load_robot
+from isotruss_ros.core import (
+    ConvexObject,
+    Cylinder,
+    IsotrussError,
+    load_robot,
+    ObjectFileError,
+    Pose,
+    read_object,
+)
 from isotruss_ros.mujoco_plant.mjcf import export_mjcf
 from isotruss_ros.mujoco_plant.options import PlantOptions
 
@@ -22,7 +30,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _parser().parse_args(arguments)
     try:
-        objects = [Cylinder((x, y), diameter) for x, y, diameter in options.object]
+        objects: list[Cylinder | ConvexObject] = [
+            Cylinder((x, y), diameter) for x, y, diameter in options.object
+        ]
+        objects += [_place(*given) for given in options.shape]
         settings = PlantOptions(friction=options.friction)
         text = export_mjcf(load_robot(options.robot), objects, settings)
         options.model.write_text(text, encoding='utf-8')
@@ -31,6 +42,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return BAD_ARGUMENTS
     print(f'{options.model}: open it with python -m mujoco.viewer --mjcf={options.model}')
     return WRITTEN
+
+
+def _place(file: str, *pose: str) -> ConvexObject:
+    """Return the object of a file in its place."""
+    try:
+        x, y, angle = map(float, pose)
+    except ValueError as error:
+        raise ObjectFileError(f'--shape {file} {" ".join(pose)}: {error}') from error
+    return read_object(file).moved_to(Pose(x, y, angle))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -49,6 +69,14 @@ def _parser() -> argparse.ArgumentParser:
         default=[],
         metavar=('X', 'Y', 'D'),
         help='a round object: centre and diameter [m]; may be repeated',
+    )
+    parser.add_argument(
+        '--shape',
+        nargs=4,
+        action='append',
+        default=[],
+        metavar=('FILE', 'X', 'Y', 'ANGLE'),
+        help='an object of a file, and its pose [m, rad]; may be repeated',
     )
     parser.add_argument(
         '--friction', type=float, default=0.5, help='between tube and object (default %(default)s)'

@@ -13,9 +13,11 @@ from collections.abc import Sequence
 import xml.etree.ElementTree as ET
 
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.safety.distances import nearest_on_segment
+from isotruss_ros.mujoco_plant.object_geoms import object_geoms
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.springs import Springs, springs_of
 import numpy as np
@@ -47,7 +49,10 @@ def spring_damping(stiffness: Array, along: Array, options: PlantOptions) -> Arr
 
 
 def segment_counts(
-    robot: Robot, objects: Sequence[Cylinder], options: PlantOptions, reach: float = 0.5
+    robot: Robot,
+    objects: Sequence[Cylinder | ConvexObject],
+    options: PlantOptions,
+    reach: float = 0.5,
 ) -> Indices:
     """
     Return the number of segments of each member, (m,): more next to an object.
@@ -60,16 +65,16 @@ def segment_counts(
     topology, points = robot.topology, robot.home.points
     begin, end = points[topology.b], points[topology.c[topology.following]]
     counts = np.full(topology.n_modules, options.segments)
-    for cylinder in objects:
-        distance = nearest_on_segment(complex(*cylinder.center), begin, end).distance
-        near = 0.5 * (cylinder.diameter + robot.description.tube_diameter)
-        counts[distance < near + reach * cylinder.diameter] = options.contact_segments
+    for held in map(as_convex_object, objects):
+        distance = nearest_on_segment(held.center, begin, end).distance
+        near = held.shape.reach + 0.5 * robot.description.tube_diameter
+        counts[distance < near + reach * 2.0 * held.shape.reach] = options.contact_segments
     return counts
 
 
 def export_mjcf(
     robot: Robot,
-    objects: Sequence[Cylinder] = (),
+    objects: Sequence[Cylinder | ConvexObject] = (),
     options: PlantOptions | None = None,
     segments: Indices | None = None,
 ) -> str:
@@ -77,7 +82,7 @@ def export_mjcf(
     Return a self-contained MJCF text of the robot at home.
 
     :param robot: the robot.
-    :param objects: round objects, where they are.
+    :param objects: cylinders or convex objects, where they are.
     :param options: masses, mesh and contact; the defaults if None.
     :param segments: (m,) numbers of segments; by `segment_counts` if None.
     :raises StructureError: the stiffness model has no stiffness for a member.
@@ -95,8 +100,8 @@ def export_mjcf(
     for i in range(robot.topology.n_modules):
         _add_member(modules[i], robot, i, int(counts[i]), springs, options)
         _add_constraints(equality, tendon, robot, i, counts)
-    for number, cylinder in enumerate(objects):
-        _add_object(world, equality, number, cylinder, options)
+    for number, held in enumerate(map(as_convex_object, objects)):
+        _add_object(world, equality, number, held, options)
     root.extend([tendon, equality])
     ET.indent(root)
     return ET.tostring(root, encoding='unicode') + '\n'
@@ -232,12 +237,15 @@ def _add_constraints(
 
 
 def _add_object(
-    world: ET.Element, equality: ET.Element, number: int, cylinder: Cylinder, options: PlantOptions
+    world: ET.Element, equality: ET.Element, number: int, held: ConvexObject, options: PlantOptions
 ) -> None:
-    """Add a round object with planar joints, and equalities that can hold it."""
-    name, radius = f'object{number}', 0.5 * cylinder.diameter
-    body = ET.SubElement(world, 'body', name=name, pos=_place(complex(*cylinder.center)))
-    _inertial(body, options.object_mass, inertia=0.5 * options.object_mass * radius**2)
+    """Add an object with planar joints, and equalities that can hold it."""
+    name, radius, shape = f'object{number}', held.arm, held.shape
+    mass = options.object_mass if held.mass is None else held.mass
+    own = held.center_of_mass
+    middle = held.turn * (shape.centroid if own is None else complex(*own))
+    body = ET.SubElement(world, 'body', name=name, pos=_place(held.center))
+    _inertial(body, mass, middle, mass * shape.gyration**2)
     for axis, letter in enumerate('xy'):
         _slide(
             body,
@@ -252,11 +260,16 @@ def _add_object(
     }
     _hinge(body, f'{name}:turn', **turning)
     for letter in ('x', 'y', 'turn'):
-        held = {'name': f'{name}:hold_{letter}', 'joint1': f'{name}:{letter}', 'active': 'false'}
-        ET.SubElement(equality, 'joint', **held)
-    geom = {'name': name, 'type': 'sphere', 'size': f'{radius:.9g}', 'rgba': OBJECT_COLOR}
-    ET.SubElement(body, 'geom', contype='1', conaffinity='1', **geom)
-    mark = f'0 0 {radius:.6g} {0.9 * radius:.6g} 0 {radius:.6g}'
+        hold = {'name': f'{name}:hold_{letter}', 'joint1': f'{name}:{letter}', 'active': 'false'}
+        ET.SubElement(equality, 'joint', **hold)
+    touched = {'contype': '1', 'conaffinity': '1', 'rgba': OBJECT_COLOR}
+    if held.friction is not None:
+        # Of two geoms, the one of higher priority has its friction in the contact.
+        touched |= {'friction': f'{held.friction:g} 0 0', 'priority': '1'}
+    for part, geom in enumerate(object_geoms(held)):
+        ET.SubElement(body, 'geom', name=f'{name}#{part}', **touched, **geom)
+    tip = 0.9 * radius * held.turn
+    mark = f'0 0 {radius:.6g} {tip.real:.6g} {tip.imag:.6g} {radius:.6g}'
     ET.SubElement(body, 'geom', type='capsule', fromto=mark, size='0.008', rgba='1 1 1 1')
 
 

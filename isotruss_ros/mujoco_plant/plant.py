@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder, Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
 from isotruss_ros.mujoco_plant.engine import load_mujoco
@@ -33,6 +34,22 @@ class ContactForce(NamedTuple):
     point: complex
 
 
+class Part(NamedTuple):
+    """
+    A contact of one piece of a member with one geom of an object.
+
+    :ivar force: on the object, x + iy in the robot frame [N].
+    :ivar pressing: its normal part, x + iy [N].
+    :ivar point: where it acts, x + iy [m].
+    :ivar normal: size of the normal part [N].
+    """
+
+    force: complex
+    pressing: complex
+    point: complex
+    normal: float
+
+
 class MujocoPlant:
     """
     A robot with objects that MuJoCo moves; the rollers travel as they are commanded.
@@ -41,7 +58,7 @@ class MujocoPlant:
     :ivar model: MuJoCo's model.
     :ivar data: MuJoCo's state.
     :param robot: starts at home.
-    :param objects: round objects, free from the start.
+    :param objects: cylinders or convex objects, free from the start.
     :param options: masses, mesh and contact; the defaults if None.
     :param segments: (m,) numbers of segments of the members; by `segment_counts` if None.
     :raises PlantError: MuJoCo is not installed.
@@ -51,13 +68,13 @@ class MujocoPlant:
     def __init__(
         self,
         robot: Robot,
-        objects: Sequence[Cylinder] = (),
+        objects: Sequence[Cylinder | ConvexObject] = (),
         options: PlantOptions | None = None,
         segments: Indices | None = None,
     ) -> None:
         self._mj = load_mujoco()
         self.robot, self.options = robot, options or PlantOptions()
-        self._objects = tuple(objects)
+        self._objects = tuple(map(as_convex_object, objects))
         counts = segment_counts(robot, objects, self.options) if segments is None else segments
         self._counts = counts
         text = export_mjcf(robot, objects, self.options, self._counts)
@@ -97,9 +114,8 @@ class MujocoPlant:
 
         :param number: of the object.
         """
-        x, y, angle = self.data.qpos[self._object_qpos[number]]
-        center = self._objects[number].center
-        return Pose(float(x + center[0]), float(y + center[1]), float(angle))
+        moved = self.data.qpos[self._object_qpos[number]]
+        return Pose(*(moved + self._objects[number].pose).tolist())
 
     def hold_object(self, pose: ArrayLike, number: int = 0) -> None:
         """
@@ -110,7 +126,7 @@ class MujocoPlant:
         :raises PlantError: not three finite numbers.
         """
         place = finite_array(pose, 3, 'the pose (x, y, angle) of the object', PlantError)
-        place[:2] -= self._objects[number].center
+        place -= self._objects[number].pose
         self.data.qpos[self._object_qpos[number]] = place
         self.data.qvel[self._object_dofs[number]] = 0.0
         self.model.eq_data[self._object_holds[number], 0] = place
@@ -219,23 +235,23 @@ class MujocoPlant:
 
         :param number: of the object.
         """
-        mine = self._mj.mj_name2id(self.model, self._mj.mjtObj.mjOBJ_GEOM, f'object{number}')
-        center = complex(*self.object_pose(number)[:2])
-        found: dict[str, list[tuple[complex, complex, float]]] = {}
+        mine = self._object_geoms[number]
+        found: dict[str, list[Part]] = {}
         wrench = np.zeros(6)
         for index, contact in enumerate(self.data.contact):
             pair = contact.geom.tolist()
-            if mine not in pair:
-                continue
-            member = self._member_of_geom[pair[0] if pair[1] == mine else pair[1]]
-            if member < 0:
+            second = pair[1] in mine
+            member = self._member_of_geom[pair[0] if second else pair[1]]
+            if member < 0 or not (second or pair[0] in mine):
                 continue
             self._mj.mj_contactForce(self.model, self.data, index, wrench)
-            force = contact.frame.reshape(3, 3).T @ wrench[:3]
-            sign = 1.0 if pair[1] == mine else -1.0
-            at, on = complex(*contact.pos[:2]), sign * complex(force[0], force[1])
-            found.setdefault(self.robot.member_names[member], []).append((on, at, wrench[0]))
-        return {name: _resultant(parts, center) for name, parts in found.items()}
+            # The frame's axes are its rows; the first, the normal, is from the first geom on.
+            axes = contact.frame.reshape(3, 3)[:, :2] @ np.array([1.0, 1.0j])
+            sign = 1.0 if second else -1.0
+            force = sign * complex(axes @ wrench[:3])
+            part = Part(force, wrench[0] * sign * axes[0], complex(*contact.pos[:2]), wrench[0])
+            found.setdefault(self.robot.member_names[member], []).append(part)
+        return {name: _resultant(parts) for name, parts in found.items()}
 
     def _find_addresses(self) -> None:
         """Look up where joints, bodies and geoms of all members stand in MuJoCo's arrays."""
@@ -277,6 +293,14 @@ class MujocoPlant:
         self._piece_whole, self._piece_share = whole, share
         self._member_of_geom = np.full(model.ngeom, -1)
         self._member_of_geom[self._piece_geom] = self._piece_member
+        self._object_geoms = [
+            {
+                geom
+                for geom in range(model.ngeom)
+                if model.geom(geom).name.startswith(f'object{number}#')
+            }
+            for number in range(len(self._objects))
+        ]
         objects = [
             [f'object{n}:{c}' for c in ('x', 'y', 'turn')] for n in range(len(self._objects))
         ]
@@ -333,13 +357,13 @@ class MujocoPlant:
         self.model.geom_rbound[geoms] = half[tube] + self.model.geom_size[geoms, 0]
 
 
-def _resultant(parts: Sequence[tuple[complex, complex, float]], center: complex) -> ContactForce:
+def _resultant(parts: Sequence[Part]) -> ContactForce:
     """Return the resultant of contacts with the pieces of one member."""
-    total = sum(on for on, _, _ in parts)
-    weight = sum(normal for _, _, normal in parts)
+    total = sum(part.force for part in parts)
+    weight = sum(part.normal for part in parts)
     if weight <= 0.0:
-        return ContactForce(0.0, 0.0, parts[0][1])
-    at = sum(normal * place for _, place, normal in parts) / weight
-    inward = (center - at) / abs(center - at)
-    along = inward.conjugate() * total
+        return ContactForce(0.0, 0.0, parts[0].point)
+    at = sum(part.normal * part.point for part in parts) / weight
+    inward = sum(part.pressing for part in parts)
+    along = (inward / abs(inward)).conjugate() * total
     return ContactForce(along.real, -along.imag, at)

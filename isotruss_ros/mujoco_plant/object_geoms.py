@@ -1,0 +1,52 @@
+"""Objects as MuJoCo's primitives, which collide with the capsules of the tubes in the plane."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.ellipse import Ellipse
+from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.model.shapes import Disc
+import numpy as np
+
+#: Sharp corners get this radius [m]: capsules have no edges.
+SHARP = 1e-3
+
+
+def object_geoms(held: ConvexObject) -> list[dict[str, str]]:
+    """
+    Return the attributes of the geoms of an object, whose body is not turned.
+
+    A disc is a sphere and an ellipse an ellipsoid; a polygon is a capsule along each side and a
+    sphere at each corner.
+
+    :param held: the object, in its place.
+    """
+    shape = held.shape
+    if isinstance(shape, Disc):
+        return [_sphere(0.0, 0.5 * shape.diameter)]
+    if isinstance(shape, Ellipse):
+        a, b = shape.semi_axes
+        size = {'type': 'ellipsoid', 'size': f'{a:.9g} {b:.9g} {min(a, b):.9g}'}
+        return [size | {'euler': f'0 0 {held.pose.angle:.12g}'}]
+    return _polygon_geoms(shape, held.turn)
+
+
+def _polygon_geoms(shape: Polygon, turn: complex) -> list[dict[str, str]]:
+    blunt = replace(shape, corner_radius=tuple(np.maximum(shape.radii, SHARP).tolist()))
+    centers, radii, normals = blunt.arc_centers, blunt.radii, blunt.normals
+    radius = float(radii.min())
+    begin = centers + (radii - radius) * normals
+    end = np.roll(centers, -1) + (np.roll(radii, -1) - radius) * normals
+    geoms = []
+    for start, stop in zip(turn * begin, turn * end, strict=True):
+        ends = f'{start.real:.9g} {start.imag:.9g} 0 {stop.real:.9g} {stop.imag:.9g} 0'
+        geoms.append({'type': 'capsule', 'fromto': ends, 'size': f'{radius:.9g}'})
+    rounded = [k for k in range(len(radii)) if radii[k] > radius]
+    return geoms + [_sphere(turn * centers[k], float(radii[k])) for k in rounded]
+
+
+def _sphere(center: complex, radius: float) -> dict[str, str]:
+    place = f'{complex(center).real:.9g} {complex(center).imag:.9g} 0'
+    return {'type': 'sphere', 'pos': place, 'size': f'{radius:.9g}'}

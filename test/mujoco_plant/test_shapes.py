@@ -1,0 +1,79 @@
+"""Objects of other shapes than discs in MuJoCo: where their surface is, and how they press."""
+
+from comparison.grasps import FINE
+from comparison.grips import press_on, round_robot
+from comparison.wedge import closed_to, MODULE
+from isotruss_ros.cli.export_mujoco import main
+from isotruss_ros.core import analyze_grasp, ConvexObject, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.mujoco_plant.object_geoms import SHARP
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+from mujoco_worlds import needs_mujoco
+import numpy as np
+import pytest
+from shapes import pressed_into
+
+BOX = ((-0.12, -0.09), (0.12, -0.09), (0.12, 0.09), (-0.12, 0.09))
+SHAPES = {
+    'disc': Disc(0.3),
+    'ellipse': Ellipse((0.16, 0.1)),
+    'box': Polygon(BOX),
+    'rounded box': Polygon(BOX, (0.0, 0.01, 0.03, 0.05)),
+}
+
+
+@needs_mujoco
+@pytest.mark.parametrize('shape', SHAPES.values(), ids=SHAPES)
+def test_the_surface_is_that_of_the_object(shape):
+    """A ray from far away to the inside hits it where the object begins."""
+    import mujoco
+
+    held = ConvexObject(shape, (3.0, 4.0, 0.7))
+    plant = MujocoPlant(load_robot('triangle'), [held])
+    geom = np.zeros(1, dtype=np.int32)
+    for angle in np.linspace(0.0, 6.0, 25):
+        away = complex(np.exp(1j * angle))
+        start = held.middle + away
+        towards = np.array([-away.real, -away.imag, 0.0])
+        origin = np.array([start.real, start.imag, 0.0])
+        way = mujoco.mj_ray(plant.model, plant.data, origin, towards, None, 1, -1, geom)
+        (gap,) = held.nearest(np.array([start - way * away])).gaps
+        assert abs(gap) < 0.5 * SHARP
+
+
+@needs_mujoco
+@pytest.mark.parametrize('name', ['ellipse', 'rounded box'])
+def test_it_is_pressed_as_statics_says(name):
+    config = closed_to(round_robot().home, 40.0, 0.3)
+    held = pressed_into(config, MODULE, SHAPES[name], 0.5, 0.01)
+    plant = press_on(config, held, options=FINE)
+    np.testing.assert_allclose(plant.object_pose(), held.pose, atol=1e-4)
+    forces, analysis = plant.contact_forces(), analyze_grasp(config, held, flattening=False)
+    assert forces.keys() == analysis.contact_forces.keys()
+    for member, force in forces.items():
+        assert force.normal == pytest.approx(analysis.contact_forces[member], rel=0.05)
+        assert abs(force.friction) < 1e-3 * force.normal
+
+
+@needs_mujoco
+def test_mass_and_friction_are_those_of_the_object():
+    held = ConvexObject(SHAPES['box'], (3.0, 4.0, 0.7), mass=2.0, friction=0.3)
+    plant = MujocoPlant(load_robot('triangle'), [held])
+    body = plant.model.body('object0')
+    assert body.mass[0] == pytest.approx(2.0)
+    assert body.inertia[2] == pytest.approx(2.0 * (0.24**2 + 0.18**2) / 12.0)
+    assert plant.model.geom('object0#0').friction[0] == pytest.approx(0.3)
+    plant.hold_object((1.0, 2.0, 0.4))
+    assert plant.object_pose() == pytest.approx((1.0, 2.0, 0.4))
+
+
+@needs_mujoco
+def test_objects_of_files_are_exported(tmp_path, capsys):
+    import mujoco
+
+    file, model = tmp_path / 'box.yaml', tmp_path / 'model.xml'
+    file.write_text(f'shape: polygon\nvertices: {[list(corner) for corner in BOX]}\n')
+    shape = ['--shape', str(file)]
+    assert main(['triangle', str(model), *shape, '3', '4', '0.7']) == 0
+    assert mujoco.MjModel.from_xml_path(str(model)).body('object0').pos[:2].tolist() == [3.0, 4.0]
+    assert main(['triangle', str(model), *shape, '3', '4', 'left']) == 2
+    assert 'left' in capsys.readouterr().err
