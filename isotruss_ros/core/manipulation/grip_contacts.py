@@ -9,6 +9,7 @@ so it can neither lift nor turn. Points of the plane are complex numbers, as in 
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -113,12 +114,14 @@ def touched_corners(
         both ends of a face that lies on the member.
     """
     count = len(polygon.vertices)
+    every = np.arange(count)
+    turned = normals[:, None] * polygon.normals.conj()
     # Faces in their order fall behind a normal; between those before and behind it is its corner.
-    ahead = np.angle(normals[:, None] * polygon.normals.conj())
-    corners = ((ahead <= 0.0) & (np.roll(ahead, 1, axis=1) > 0.0)).argmax(axis=1)
-    inclined = np.abs(ahead)
-    faces = inclined.argmin(axis=1)
-    flat = inclined[np.arange(len(normals)), faces] <= face_angle
+    behind = turned.imag <= 0.0
+    corners = (behind & ~behind[:, every - 1]).argmax(axis=1)
+    faces = turned.real.argmax(axis=1)
+    nearest = turned[np.arange(len(normals)), faces]
+    flat = np.abs(nearest.imag) <= math.sin(face_angle)
     first = np.where(flat, faces, corners)
     owners = np.arange(len(normals)).repeat(1 + flat)
     second = np.append(False, owners[1:] == owners[:-1])

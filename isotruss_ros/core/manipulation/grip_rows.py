@@ -44,7 +44,7 @@ def hand_jacobian(config: Configuration, contacts: GripContacts) -> Array:
     turn = 1j / contacts.spans.conj()
     across = (1j * arms).view(np.float64).reshape(-1, 2) * turn[:, None]
     rows = np.zeros(count * len(config.points), dtype=np.complex128)
-    rows[nodes.places] = AXES - across, across
+    rows[nodes.places[0]], rows[nodes.places[1]] = AXES - across, across
     velocities = config.module_rows(rows.view(np.float64).reshape(count, -1))
     velocities[np.arange(count), nodes.columns] += contacts.axes.view(np.float64)
     return velocities[:, config.robot.topology.driven]
