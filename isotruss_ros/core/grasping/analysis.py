@@ -13,7 +13,7 @@ from isotruss_ros.core.grasping.flattening import flattening_of
 from isotruss_ros.core.grasping.force_closure import check_force_closure
 from isotruss_ros.core.grasping.refinement import PreviousContact, refine_contact
 from isotruss_ros.core.grasping.relaxation import relax_contact
-from isotruss_ros.core.grasping.sliding_contact import solve_sliding_contact
+from isotruss_ros.core.grasping.sliding_contact import solve_sliding_contact, turn_at_corners
 from isotruss_ros.core.grasping.surfaces import surface_of
 from isotruss_ros.core.grasping.wrinkling import find_wrinkling
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -45,7 +45,8 @@ class GraspAnalysis:
     :ivar members: (k,) the member that each point is on, by its place in `Robot.member_names`.
     :ivar places: (k,) where that is along the member, from its start [m].
     :ivar gaps: (k,) distance of the tube's skin from the object there, not negative [m].
-    :ivar normals: (k, 2) unit normals of the object's surface, outward: toward the tube.
+    :ivar normals: (k, 2) unit normals of the object's surface, outward: toward the tube; at a
+        corner over which the skin is folded nearly across the tube, see `turn_at_corners`.
     :ivar normal_forces: (k,) pressing tube and object apart, not negative [N].
     :ivar friction_forces: (k,) on the object, along the tangent, counter-clockwise [N].
     :ivar normal_wrench: (fx, fy, m) of the normal forces on the object about the origin of
@@ -166,6 +167,8 @@ def analyze_grasp(
         contact_points, contact, extents, kept = refine_contact(
             structure, surface, gap, kernel, solvers[method], before, BUDGET if sliding else None
         )
+        if sliding:
+            contact = turn_at_corners(contact_points, contact, surface)
     else:
         contact_points = find_contact_points(structure, surface, gap)
         start = None

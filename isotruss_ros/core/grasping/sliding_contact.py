@@ -12,6 +12,8 @@ forces solve a linear complementarity problem.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.grasping.contact import ContactGuess, ContactState, guess_contact
 from isotruss_ros.core.grasping.contact_points import ContactPoints
@@ -27,6 +29,10 @@ GAP_TOLERANCE = 1e-7
 #: tangents that lean more are turned back to it.
 STEEPEST = np.exp(1j * np.deg2rad(75.0))
 MAX_STEPS = 60
+#: Where the skin is folded over a corner, normals lean against the tube by at most this [rad].
+FOLD = np.deg2rad(12.0)
+#: Points can tell an arc whose radius is this many times their spacing.
+TOLD = 2.0
 
 
 def solve_sliding_contact(
@@ -160,3 +166,32 @@ class _Lattice:
         size: Array = np.abs(turned)
         turned = np.divide(turned, size, out=np.ones_like(turned), where=size > 0.0)
         return turned * points.axis
+
+
+def turn_at_corners(
+    contact_points: ContactPoints, contact: ContactState, surface: Surface
+) -> ContactState:
+    """
+    Return a contact with normals and normal forces that do not depend on where the points are.
+
+    A point at a sharp corner has any normal of its normal cone, as it happens to lie, and so have
+    points on the faces beside it, between which the skin is folded. What these press with together
+    is across the tube: their normals are taken to lean against it by no more than `FOLD`.
+
+    :param contact_points: points that the object could touch.
+    :param contact: of tubes that slide.
+    :param surface: of the object, its corners as sharp as they are.
+    """
+    moved = contact_points.skin + contact.displacements - surface.center
+    radii = surface.nearest(moved).radii
+    sizes = np.abs(contact.push)
+    # Arcs and ellipses that points can tell are as they are; faces and blunted corners differ.
+    rounded = np.isfinite(contact.radii) & (contact.radii >= TOLD * contact_points.spacing)
+    rounded[rounded] = np.abs(radii[rounded] / contact.radii[rounded] - 1.0) < 1e-3
+    places = np.flatnonzero((sizes > 0.0) & ~rounded)
+    across = contact.push[places] / sizes[places]
+    lean = np.clip(np.angle(contact.normals[places] * across.conj()), -FOLD, FOLD)
+    normals, forces = contact.normals.copy(), contact.forces.copy()
+    normals[places] = across * np.exp(1j * lean)
+    forces[places] = sizes[places] / np.cos(lean)
+    return replace(contact, normals=normals, forces=forces)

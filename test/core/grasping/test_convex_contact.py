@@ -1,7 +1,8 @@
 """Contact with any convex object: against discs, distances, least squares, and itself."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
+from grips import closed_to
 from hypothesis import given, strategies
 from isotruss_ros.core import (
     analyze_grasp,
@@ -11,6 +12,7 @@ from isotruss_ros.core import (
     Ellipse,
     load_robot,
     Polygon,
+    Robot,
     tangent_center,
 )
 from isotruss_ros.core.grasping.contact import solve_contact
@@ -277,3 +279,47 @@ def test_any_shape_at_any_depth_has_an_answer(seed, depth, flattening):
     assert stiffness.min() >= -1e-9 * max(1.0, stiffness.max())
     if depth > 0.002:
         assert len(analysis.contact_forces) >= 2
+
+
+ARROW = ((0.0, 0.13), (-0.12, -0.08), (0.12, -0.08))
+
+
+def arrow_forces(config, radius, angles, **options):
+    """Return the normal forces (a, 2) of both members on a triangle turned to some angles."""
+    shape = Polygon(ARROW, radius)
+    found = [
+        analyze_grasp(config, pressed_into(config, 'north/Z', shape, angle, 0.01), **options)
+        for angle in angles
+    ]
+    for analysis in found:
+        by_points = np.bincount(analysis.members, analysis.normal_forces)
+        assert by_points[by_points > 0.0] == pytest.approx(
+            [analysis.contact_forces[name] for name in sorted_members(analysis)]
+        )
+    return np.array([list(analysis.contact_forces.values()) for analysis in found])
+
+
+def sorted_members(analysis):
+    """Return the names of the members in contact, in the order of the robot."""
+    return [name for name in HOME.robot.member_names if name in analysis.contact_forces]
+
+
+@pytest.mark.parametrize('radius', [0.0, 0.001, 0.005])
+def test_normal_forces_at_corners_are_smooth_in_the_angle(radius):
+    config = closed_to(HOME, 40.0, 0.3)
+    angles = np.linspace(1.6, 1.8, 9)
+    forces = arrow_forces(config, radius, angles)
+    for one in forces.T:
+        smooth = np.polyval(np.polyfit(angles, one, 2), angles)
+        assert one == pytest.approx(smooth, rel=0.03)
+    finer = arrow_forces(config, radius, angles, spacing=0.0025)
+    assert finer == pytest.approx(forces, rel=0.05)
+
+
+def test_tubes_that_hardly_flatten_press_as_in_the_papers_model():
+    hard = replace(HOME.robot.description, local_stiffness=1e4)
+    config = closed_to(Robot(hard).home, 40.0, 0.3)
+    angles = np.linspace(1.6, 1.8, 3)
+    for radius, share in ((0.005, 0.02), (0.0, 0.06)):
+        paper = arrow_forces(config, radius, angles, flattening=False)
+        assert arrow_forces(config, radius, angles) == pytest.approx(paper, rel=share)
