@@ -49,6 +49,16 @@ def test_the_object_is_a_cylinder_or_a_convex_object():
     assert grip.arm == pytest.approx(shape.perimeter / (2.0 * np.pi))
 
 
+def test_friction_is_that_of_the_object_where_it_has_its_own():
+    members = ['north/P-Z', 'north/Z-R']
+    assert Grip(members, DISC).friction == 0.5
+    assert Grip(members, ConvexObject(Disc(0.3)), 0.7).friction == 0.7
+    assert Grip(members, ConvexObject(Disc(0.3), friction=0.2), 0.7).friction == 0.2
+    for wrong in (-0.1, np.inf, np.nan):
+        with pytest.raises(GraspError, match='must be a finite number, not negative'):
+            Grip(members, DISC, wrong)
+
+
 def test_members_are_those_of_the_robot():
     with pytest.raises(GraspError, match=r"members 'north/P-X': .*its members are south/P-Q"):
         find_contacts(ROBOT.home, Grip(['north/R-P', 'north/P-X'], DISC))
