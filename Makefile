@@ -31,7 +31,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 .PHONY: help venv test noble demo view paper plant docs colcon bench fuzz soak mutate coverage format clean noble-tests noble-venv FORCE
 
 help:
-	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation'
+	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation; PLANT=mujoco'
 	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic, kinematic or mujoco'
 	@echo 'make test     style and tests; those of ament run with make colcon'
 	@echo 'make noble    the tests, the demo and the paper with the versions of Ubuntu 24.04, in .noble'
@@ -70,7 +70,7 @@ noble-tests: venv
 	$(BIN)/python -m paper --output $(VENV)/paper
 
 demo: venv
-	$(BIN)/python -m isotruss_ros.demo
+	$(BIN)/python -m isotruss_ros.demo --plant $(PLANT)
 
 view: venv
 	$(BIN)/python -m isotruss_ros.demo.view --plant $(PLANT)

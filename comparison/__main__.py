@@ -36,7 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     begin = time.monotonic()
     try:
         with WorkerPool() as pool, console.status('comparing') as status:
-            tasks = {pool.executor.submit(make, name): name for name in SECTIONS}
+            # The last ones take longest.
+            tasks = {pool.executor.submit(make, name): name for name in reversed(SECTIONS)}
             for task in as_completed(tasks):
                 found[tasks[task]] = task.result()
                 left = ', '.join(name for name in SECTIONS if name not in found)

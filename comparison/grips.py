@@ -18,12 +18,10 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grasp import members_at_module
 from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.options import PlantOptions, ROUND
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
-#: Factor on the stiffness of sections against flattening: dents stay below a micrometre.
-ROUND = 1e4
 #: Where an object waits that would be in the way of the closing wedge: x, y [m], angle [rad].
 AWAY = (5.0, 5.0, 0.0)
 #: Where only the state at rest counts: drag so large that oscillations of soft modes end soon.

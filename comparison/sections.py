@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from comparison import carried, friction, grasps, joint_loads, pulls, unloaded
+from comparison import carried, drops, friction, grasps, joint_loads, planned, pulls, unloaded
 from comparison.section import Compare, Section
 
 SECTIONS: dict[str, Compare] = {
@@ -12,6 +12,8 @@ SECTIONS: dict[str, Compare] = {
     'pulls': pulls.compare,
     'friction': friction.compare,
     'carried': carried.compare,
+    'planned': planned.compare,
+    'drops': drops.compare,
 }
 
 

@@ -25,6 +25,7 @@ from isotruss_ros.nodes.framework.qos import RELIABLE
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
@@ -35,6 +36,8 @@ DEADLINE = 60.0
 #: Object and rollers are at rest when they have not moved farther than this [m, rad] for so long,
 #: by the stamps of the measurements [s].
 REST_DISTANCE, REST_TIME = 2e-6, 0.1
+#: The same of a plant whose friction creeps and whose robot swings [m, rad].
+SWINGING = 1e-4
 #: Turns of the object count for its speed with this arm [m].
 ARM = 0.1
 #: Topics that one node publishes.
@@ -51,10 +54,13 @@ class DemoClient(Node):
 
     :ivar frame_id: of the object's pose.
     :param roller_names: the robot's rollers in its order.
+    :param sim_time: go by `/clock`, as with a plant that has masses.
     """
 
-    def __init__(self, roller_names: tuple[str, ...]) -> None:
-        super().__init__('demo')
+    def __init__(self, roller_names: tuple[str, ...], sim_time: bool = False) -> None:
+        super().__init__('demo', parameter_overrides=[Parameter('use_sim_time', value=sim_time)])
+        self._sim_time = sim_time
+        self._rest_distance = SWINGING if sim_time else REST_DISTANCE
         self._twists = self.create_publisher(Twist, 'cmd_vel', RELIABLE)
         self._wrenches = self.create_publisher(WrenchStamped, 'external_wrench', RELIABLE)
         self._pulls = False
@@ -100,7 +106,7 @@ class DemoClient(Node):
         if self._rollers is not None:
             self._record.snapshots.append(Snapshot(self._stamp, self._rollers, self._pose))
             here = np.concatenate([self._pose, self._rollers])
-            if self._rest is None or np.abs(here - self._rest).max() > REST_DISTANCE:
+            if self._rest is None or np.abs(here - self._rest).max() > self._rest_distance:
                 self._rest, self._moved = here, self._stamp
 
     def _take_joints(self, message: JointState) -> None:
@@ -161,10 +167,21 @@ class DemoClient(Node):
             check()
             if meanwhile is not None:
                 meanwhile()
-            self._spin_until(time.monotonic() + PERIOD)
+            self._spin(PERIOD)
 
-    def _spin_until(self, monotonic_time: float) -> None:
-        while (left := monotonic_time - time.monotonic()) > 0.0:
+    def _spin(self, duration: float) -> None:
+        end = time.monotonic() + duration
+        while (left := end - time.monotonic()) > 0.0:
+            self._own_executor.spin_once(timeout_sec=left)
+
+    def _seconds(self) -> float:
+        """Return the time by which phases go: that of `/clock`, or the machine's [s]."""
+        if self._sim_time:
+            return 1e-9 * self.get_clock().now().nanoseconds
+        return time.monotonic()
+
+    def _spin_until(self, time_of: float) -> None:
+        while (left := time_of - self._seconds()) > 0.0:
             self._own_executor.spin_once(timeout_sec=left)
 
     def at_rest(self) -> bool:
@@ -220,7 +237,7 @@ class DemoClient(Node):
         """
         record = self.begin(phase.name)
         begin, turned = np.array(self._pose[:2]), self._turned
-        start = now = time.monotonic()
+        start = now = self._seconds()
         tick = 0
         while now - start < phase.duration:
             check()
@@ -232,7 +249,7 @@ class DemoClient(Node):
             )
             tick += 1
             self._spin_until(start + tick * PERIOD)
-            sent, now = now, time.monotonic()
+            sent, now = now, self._seconds()
             record.commanded += np.array(twist) * (now - sent)
             record.longest_cycle = max(record.longest_cycle, now - sent)
             if record.pull is not None:

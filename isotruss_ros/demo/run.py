@@ -9,6 +9,7 @@ import signal
 
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import GraspCode, IsotrussError, load_robot, Status
+from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.demo.client import ARM, DemoClient
 from isotruss_ros.demo.figures import animate, draw_panels
 from isotruss_ros.demo.gripping import Gripping
@@ -16,13 +17,17 @@ from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
+from isotruss_ros.mujoco_plant.options import ROUND
 import numpy as np
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from ruamel.yaml import YAML
 
 ROBOT = 'nine_member'
+#: Plants that carry the object by friction.
+PLANTS = ('elastic', 'mujoco')
 OBJECT_DIAMETER = 0.2
 #: Initial position of the free object, inside the tube `north` [m].
 OBJECT_CENTER = (0.6, 0.3)
@@ -32,6 +37,8 @@ FRICTION = 0.5
 #: Normal force of each of the two members [N]: the object bears more than the pull, and the tubes
 #: have a reserve to wrinkling for the turn in place, where a side is short.
 SQUEEZE = 24.0
+#: What holds the object to the ground while it lies there; of plant mujoco [N].
+GROUND_FRICTION = 0.5
 #: What pulls at the object in the middle of the arc, out of the grip [N, N m].
 PULL = (0.0, -5.0, 0.0)
 #: Longer than the default [s], for a machine that is busy otherwise.
@@ -54,6 +61,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
         '--output', type=Path, default=Path('demo_output'), help='folder for pictures and logs'
     )
     parser.add_argument('--rate', type=float, default=100.0, help='of the nodes [Hz]')
+    parser.add_argument('--plant', choices=PLANTS, default=PLANTS[0], help='of the simulator')
+    parser.add_argument(
+        '--clock-speed',
+        type=float,
+        default=1.0,
+        help='of the time that MuJoCo simulates, against that of the clock on the wall',
+    )
     # ros2 launch and friends append arguments of their own.
     options, _ = parser.parse_known_args(arguments)
     options.output.mkdir(parents=True, exist_ok=True)
@@ -61,7 +75,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     for ending in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(ending, signal.default_int_handler)  # the same as Ctrl-C
     try:
-        records, plan = _play(options.output, options.rate, console)
+        records, plan = _play(options, console)
     except IsotrussError as error:
         console.print(f'demo failed: {error}', style='red', markup=False)
         return 1
@@ -80,15 +94,21 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 
 def _play(
-    output: Path, rate: float, console: Console
+    options: argparse.Namespace, console: Console
 ) -> tuple[list[PhaseRecord], PlanGrasp.Result]:
     """Run the nodes as processes: plan, approach, grip, then follow the path."""
     domain = keep_to_this_machine()
-    common = {'robot': ROBOT, 'command_timeout': COMMAND_TIMEOUT}
+    output, rate, plant = options.output, options.rate, options.plant
+    # A machine that is too slow for MuJoCo takes longer, and nothing lags.
+    simulated = plant == PLANTS[1]
+    robot = str(_write_round_robot(output)) if simulated else ROBOT
+    common = {'robot': robot, 'command_timeout': COMMAND_TIMEOUT, 'use_sim_time': simulated}
     shared = common | {'object_diameter': OBJECT_DIAMETER, 'friction': FRICTION}
     gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
     x, y = OBJECT_CENTER
-    lying = {'plant': 'elastic', 'object_is_free': True, 'object_x': x, 'object_y': y}
+    lying = {'plant': plant, 'object_is_free': True, 'object_x': x, 'object_y': y}
+    if simulated:
+        lying |= {'ground_friction': GROUND_FRICTION, 'clock_speed': options.clock_speed}
     started = [
         ('simulator', gripping | lying),
         ('manipulation', gripping | {'squeeze_force': SQUEEZE}),
@@ -101,7 +121,7 @@ def _play(
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     client = None
     try:
-        client = DemoClient(load_robot(ROBOT).roller_names)
+        client = DemoClient(load_robot(ROBOT).roller_names, simulated)
         with running_nodes(started, output) as nodes:
 
             def check() -> None:
@@ -134,6 +154,18 @@ def _play(
         if client is not None:
             client.destroy_node()
         rclpy.try_shutdown()
+
+
+def _write_round_robot(output: Path) -> Path:
+    """Write the robot's file with tubes that stay round, as MuJoCo's; return its path."""
+    yaml = YAML(typ='safe', pure=True)
+    yaml.sort_base_mapping_type_on_output = False  # the order of tubes is that of the rollers
+    content = yaml.load(find_robot_file(ROBOT).read_text(encoding='utf-8'))
+    content['tube']['local_stiffness'] = ROUND
+    path = output.resolve() / f'{ROBOT}_round.yaml'
+    with path.open('w', encoding='utf-8') as file:
+        yaml.dump(content, file)
+    return path
 
 
 def _verdict(records: Sequence[PhaseRecord], console: Console) -> int:

@@ -19,6 +19,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
+from isotruss_ros.nodes.components.clock_source import CLOCK_SPEED, ClockSource
 from isotruss_ros.nodes.components.mujoco_object import make_driven_robot, MUJOCO_SPECS
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import (
@@ -121,6 +122,7 @@ SPECS = (
     STUCK_ROLLER,
     SLIP,
     SEED,
+    CLOCK_SPEED,
     *MUJOCO_SPECS,
 )
 
@@ -151,6 +153,9 @@ class Simulator(ManagedNode):
 
     def activate(self) -> None:
         """Follow commands from now on; none is active yet."""
+        speed = self.values[CLOCK_SPEED]
+        if speed > 0.0:
+            ClockSource(self, self.values[params.RATE], speed)
         self._time = self._commanded = self.now()
         inputs = PolledGroup()
         self.create_subscription(

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from comparison import carried, friction, grasps, pulls
+from comparison import carried, drops, friction, grasps, pulls
 from comparison.grips import Grip
 from comparison.page import FOLDER, page
 from comparison.section import Check, Section
@@ -45,6 +45,14 @@ def test_an_object_carried_with_its_squeeze_regulated_follows_its_path():
     assert np.degrees(result.angle_error) < angle
     assert result.squeezes.min() > 0.9 * result.squeezes.max()
     assert np.hypot(*(result.poses[-1] - result.poses[0])[:2]) == pytest.approx(0.085, abs=2e-3)
+
+
+@needs_mujoco
+@pytest.mark.parametrize(('above', 'dropped'), [(0.1, False), (-0.4, True)])
+def test_a_load_below_the_slip_margin_is_held_and_one_above_is_not(above, dropped, monkeypatch):
+    monkeypatch.setattr(drops, 'ABOVE', above)
+    case = drops.Case(Grip(40.0, 0.05, 0.2), 0.6, None, np.array([0.01, 0.0, 0.05]))
+    assert drops.attempt(case).dropped == dropped
 
 
 def test_the_page_shows_what_is_out_of_bounds():

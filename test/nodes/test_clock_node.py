@@ -10,7 +10,7 @@ from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
-from manual_world import EPOCH, Manager, world
+from manual_world import check_refused, EPOCH, Manager, world
 import numpy as np
 from probe import CENTER, N, overrides, ROBOT
 import pytest
@@ -264,3 +264,34 @@ def test_the_simulated_robot_stops_when_the_system_clock_is_set(by):
         # Commands move it again, and end again.
         w.until(moving, lambda: w.probe.commands.publish(command))
         w.until(lambda: not moving())
+
+
+@pytest.mark.parametrize('speed', [0.5, 8.0])
+def test_a_simulator_publishes_the_time_that_it_goes_by(speed):
+    values = {'clock_speed': speed, 'rate': 100.0}
+    with world(lambda: made(Simulator, **SIM, **values), sim_time=True) as w:
+        w.until(lambda: len(w.probe.seen['pose']) > 2)
+        begin, before = w.now, len(w.probe.seen['pose'])
+        w.until(lambda: len(w.probe.seen['pose']) >= before + 60)
+        stamps = np.array([read_stamp(m.header) for _, m in w.probe.seen['pose']])
+        # No time is left out, however fast; a cycle may come with the next step of the clock.
+        steps = np.diff(stamps) / 0.01
+        np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
+        assert steps.max() < 2.5
+        assert (stamps[-1] - stamps[before - 1]) / (w.now - begin) == pytest.approx(speed, rel=0.1)
+
+
+def test_time_stands_still_while_its_source_is_inactive():
+    with world(lambda: made(Simulator, **SIM, clock_speed=1.0), sim_time=True) as w:
+        _, simulator = w.nodes
+        w.until(lambda: len(w.probe.seen['pose']) > 10)
+        simulator.trigger_deactivate()
+        stopped = simulator.now()
+        simulator.trigger_activate()
+        count = len(w.probe.seen['pose'])
+        w.until(lambda: len(w.probe.seen['pose']) > count)
+        assert 0.0 < simulator.now() - stopped < 0.05
+
+
+def test_a_clock_is_published_only_by_a_simulator_that_goes_by_it():
+    check_refused(lambda: made(Simulator, clock_speed=1.0), 'clock_speed')

@@ -217,12 +217,27 @@ class SqueezeControl:
         if isinstance(found, Hold):
             self.grasp = None
             return found
-        self.grasp, self._config = found, config
-        self._pose, self._squeeze = np.array(found.pose), found.squeeze
-        self._slope = squeeze_by_opening(found)
-        self.slip_margin = found.slip_margin(self.settings.friction)
-        self._utilisation = float(held_utilisation(found).max())
+        grasp = self._explain(found, Pose(*held.center, angle))
+        self.grasp, self._config = grasp, config
+        self._pose, self._squeeze = np.array(grasp.pose), grasp.squeeze
+        self._slope = squeeze_by_opening(grasp)
+        self.slip_margin = grasp.slip_margin(self.settings.friction)
+        self._utilisation = float(held_utilisation(grasp).max())
         return found.hold(self.settings.friction)
+
+    def _explain(self, found: RollingGrasp, measured: Pose) -> RollingGrasp:
+        """Return the equilibrium under the load that explains where the object was measured."""
+        response = wrench_response(found.statics, found.state, found.wrench)
+        if response is None:
+            return found
+        offset = _difference(np.array(measured), np.array(found.pose))
+        # At once: so that the object is wanted where it is, and not where the model has it.
+        self.load.update(offset, response.pose, found.statics.radius, math.inf, 1.0)
+        loaded = found.moved_to(found.config, self._wrench(found))
+        if loaded is None or loaded.hold(self.settings.friction) is not Hold.HELD:
+            self.load.wrench, self.load.bias = np.zeros(3), offset
+            return found
+        return loaded
 
     def _observe(
         self,

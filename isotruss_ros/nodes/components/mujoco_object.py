@@ -34,7 +34,14 @@ GRAVITY_Y = params.Spec(
     bounds=(-20.0, 20.0),
     read_only=True,
 )
-MUJOCO_SPECS = (OBJECT_MASS, MODULE_MASS, GRAVITY_X, GRAVITY_Y)
+GROUND_FRICTION = params.Spec(
+    'ground_friction',
+    0.0,
+    'Force along x or y at which the object begins to slide on the ground, mujoco only [N]',
+    bounds=(0.0, 1e3),
+    read_only=True,
+)
+MUJOCO_SPECS = (OBJECT_MASS, MODULE_MASS, GRAVITY_X, GRAVITY_Y, GROUND_FRICTION)
 
 
 def make_driven_robot(
@@ -65,6 +72,7 @@ def make_driven_robot(
         object_mass=values[OBJECT_MASS],
         module_mass=values[MODULE_MASS],
         gravity=(values[GRAVITY_X], values[GRAVITY_Y]),
+        ground_friction=values[GROUND_FRICTION],
     )
     longest = float('inf') if sim_time else LONGEST_STEP
     return DrivenRobot(robot, cylinder, is_free, options, faults, seed, longest)

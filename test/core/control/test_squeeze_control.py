@@ -124,6 +124,17 @@ def test_an_unknown_load_is_found_and_costs_little_squeeze_and_no_pose():
     assert loop.control.slip_margin == pytest.approx(loop.object.slip_margin, rel=0.05)
 
 
+def test_an_object_that_is_loaded_from_the_start_is_wanted_where_it_is():
+    loop = Loop()
+    loop.object.external_wrench = (1.8, 2.4, 0.0)
+    loop.plant.advance(0.0)
+    loaded = np.array(loop.plant.object_pose)
+    assert np.hypot(*(loaded - loop.reference)[:2]) > 2e-3
+    loop.reference = loaded
+    loop.run((0.0, 0.0, 0.0), 1.0)
+    assert max(loop.errors) < 5e-4
+
+
 # High gains are for robots whose masses do not count: MuJoCo's swings with them.
 @pytest.mark.parametrize(
     ('gains', 'bound'),

@@ -1,0 +1,258 @@
+"""Random grasps, loads and motions: nothing is dropped whose slip margin exceeds the load."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from comparison.grips import Grip, place, press, release
+from comparison.section import Check, Section
+from comparison.wedge import MODULE
+from isotruss_ros.core import (
+    Configuration,
+    ConfigurationError,
+    Cylinder,
+    Grasp,
+    HeldObject,
+    Hold,
+    solve_twist,
+    StructureError,
+)
+from isotruss_ros.core.grasping.held_utilisation import held_utilisation
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.grasping.slip_margin import weakest_direction, wrench_response
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+from paper.tables import number, Table
+from scipy.interpolate import CubicSpline
+
+CASES, SEED = 50, 0
+#: Wedges [degrees], indentations [m], diameters [m], friction: from, to.
+WEDGES, INDENTATIONS, DIAMETERS, FRICTIONS = (25, 60), (0.02, 0.08), (0.16, 0.32), (0.4, 0.9)
+#: Velocity and turn of the object times the radius are up to this [m/s], for so long [s].
+SPEED, DURATION = 0.02, 3.0
+#: The slip margin is above the load by this share; grasps with a smaller margin are not taken [N].
+ABOVE, LEAST = 0.1, 1.0
+#: The load rises for this long [s], in so many steps a second; pieces of the path.
+RISE, RATE, WAYPOINTS = 1.0, 50, 15
+#: Rest after the release [s].
+REST = 1.5
+#: An object that is farther than this from where it should be was dropped [m].
+DROPPED = 0.03
+
+
+@dataclass(frozen=True)
+class Case:
+    """
+    A grasp with a load and a motion.
+
+    :ivar grip: what presses on the object.
+    :ivar friction: coefficient between tube and object.
+    :ivar direction: (3,) unit wrench of the load; None for the weakest direction.
+    :ivar twist: (3,) of the object [m/s, rad/s].
+    """
+
+    grip: Grip
+    friction: float
+    direction: Array | None
+    twist: Array
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """
+    What became of a case.
+
+    :ivar margin: smallest slip margin on the path, without the load, by our model [N].
+    :ivar load: its size, moments over the radius [N].
+    :ivar off: distance from where our model has the object at the end [m].
+    :ivar dropped: whether it was dropped.
+    """
+
+    margin: float
+    load: float
+    off: float
+    dropped: bool
+
+
+def compare(cases: int = CASES) -> Section:
+    """
+    Try random cases.
+
+    :param cases: how many.
+    """
+    random, rows, dropped = np.random.default_rng(SEED), [], 0
+    outcomes: list[Outcome] = []
+    drawn = 0
+    while len(outcomes) < cases:
+        case, drawn = draw(random, weakest=drawn % 2 == 0), drawn + 1
+        outcome = attempt(case)
+        if outcome is None:
+            continue
+        outcomes.append(outcome)
+        dropped += outcome.dropped
+        twist = case.twist
+        rows.append(
+            (
+                str(len(outcomes)),
+                number(case.grip.degrees, 2),
+                number(1e3 * case.grip.diameter),
+                number(case.friction, 2),
+                'weakest' if case.direction is None else 'random',
+                number(outcome.load, 2),
+                number(outcome.margin, 2),
+                number(1e3 * float(np.hypot(*twist[:2])), 2),
+                number(float(np.degrees(twist[2])), 2),
+                number(1e3 * outcome.off, 2),
+                'dropped' if outcome.dropped else 'held',
+            )
+        )
+    check = Check(
+        f'objects dropped in {cases} random cases, margin {100.0 * ABOVE:.0f} % above the load',
+        float(dropped),
+        0.0,
+        '',
+        '',
+    )
+    return Section(
+        'Nothing is dropped whose slip margin exceeds the load',
+        'Wedge, indentation, object, friction, load and motion are drawn at random. The load is '
+        f'the smallest slip margin on the path, by our model, divided by {1.0 + ABOVE:g}; every '
+        'second one pulls in the direction in which the margin is the least. It rises in '
+        f'{RISE:g} s, then the rollers carry the object for {DURATION:g} s, open loop. They do so '
+        'smoothly: what masses add to the load comes out of the same reserve, and jerks lose '
+        f'objects. Grasps with a margin below {LEAST:g} N, and those whose tubes would wrinkle, '
+        'are drawn again.',
+        (check,),
+        (
+            Table(
+                'drops',
+                'All cases; off is the distance from where our model has the object at the end',
+                (
+                    'case',
+                    'wedge [°]',
+                    'diameter [mm]',
+                    'friction',
+                    'load along',
+                    'load [N]',
+                    'slip margin [N]',
+                    'speed [mm/s]',
+                    'turn [°/s]',
+                    'off [mm]',
+                    'object',
+                ),
+                rows,
+            ),
+        ),
+    )
+
+
+def draw(random: np.random.Generator, weakest: bool) -> Case:
+    """
+    Return a random case.
+
+    :param random: where from.
+    :param weakest: whether the load is along the weakest direction.
+    """
+    grip = Grip(*(float(random.uniform(*range_)) for range_ in (WEDGES, INDENTATIONS, DIAMETERS)))
+    friction = float(random.uniform(*FRICTIONS))
+    direction, twist = random.standard_normal(3), random.uniform(-SPEED, SPEED, 3)
+    twist[2] /= 0.5 * grip.diameter
+    along = None if weakest else direction / np.linalg.norm(direction)
+    return Case(grip, friction, along, twist)
+
+
+def attempt(case: Case) -> Outcome | None:
+    """
+    Try a case in MuJoCo; return None where our model does not hold the object to begin with.
+
+    :param case: to be tried.
+    """
+    if not _is_worth(case):
+        return None
+    plant, config, cylinder = press(case.grip)
+    release(plant, case.friction, REST)
+    pose = plant.object_pose()
+    model = RollingGrasp.attach(config, Cylinder(pose[:2], cylinder.diameter), pose.angle)
+    if not isinstance(model, RollingGrasp):
+        return None
+    travels = _travels(config, case, pose[:2])
+    if travels is None:
+        return None
+    response = wrench_response(model.statics, model.state, model.wrench)
+    margin = _least_margin(model, travels, case.friction)
+    if response is None or margin < LEAST:
+        return None
+    along = case.direction
+    if along is None:
+        along = weakest_direction(model.state, response, case.friction)
+    load = margin / (1.0 + ABOVE)
+    wrench = load * along * (1.0, 1.0, 0.5 * cylinder.diameter)
+    expected = _follow(model, travels, wrench)
+    if expected is None:
+        return Outcome(margin, load, float('inf'), True)
+    _drive(plant, travels, wrench)
+    off = np.array(plant.object_pose()[:2]) - expected.pose[:2]
+    apart = float(np.hypot(*off))
+    return Outcome(margin, load, apart, apart > DROPPED or len(plant.contact_forces()) < 2)
+
+
+def _is_worth(case: Case) -> bool:
+    """Return whether the grasp seems to bear a load, which costs less than to simulate it."""
+    try:
+        config, cylinder = place(case.grip)
+        model = RollingGrasp.attach(config, cylinder)
+    except (ConfigurationError, StructureError):
+        return False
+    if not isinstance(model, RollingGrasp) or model.hold(case.friction) is not Hold.HELD:
+        return False
+    wrinkles = float(held_utilisation(model).max()) > 1.0
+    return model.slip_margin(case.friction) > LEAST and not wrinkles
+
+
+def _travels(config: Configuration, case: Case, center: tuple[float, float]) -> list[Array] | None:
+    """Return roller travels along the motion, at even times; None where it leads nowhere."""
+    held = HeldObject.attach(config, Grasp(MODULE, center, case.grip.diameter))
+    travels, lengths = [], 1.0 - np.cos(2.0 * np.pi * (np.arange(WAYPOINTS) + 0.5) / WAYPOINTS)
+    for length in lengths * DURATION / WAYPOINTS:
+        command = solve_twist(config, held.grasp_in(config), case.twist)
+        if command.scale < 1.0:
+            return None
+        config = config.moved_to(config.roller_positions + length * command.roller_velocities)
+        travels.append(config.roller_positions)
+    return travels
+
+
+def _least_margin(model: RollingGrasp, travels: Sequence[Array], friction: float) -> float:
+    """Return the smallest slip margin without a load, zero where the object is not held [N]."""
+    least, there = model.slip_margin(friction), model
+    for travel in travels:
+        moved = there.moved_to(there.config.moved_to(travel))
+        if moved is None or moved.hold(friction) is not Hold.HELD:
+            return 0.0
+        there, least = moved, min(least, moved.slip_margin(friction))
+    return least
+
+
+def _follow(model: RollingGrasp, travels: Sequence[Array], wrench: Array) -> RollingGrasp | None:
+    """Return our model of the grasp at the end of the motion, under the load."""
+    there = model.moved_to(model.config, wrench)
+    for travel in travels:
+        if there is None:
+            return None
+        there = there.moved_to(there.config.moved_to(travel), wrench)
+    return there
+
+
+def _drive(plant: MujocoPlant, travels: Sequence[Array], wrench: Array) -> None:
+    """Load the object, then carry it, and come to rest."""
+    steps = round(RISE * RATE)
+    for k in range(steps):
+        plant.pull((k + 1) / steps * wrench)
+        plant.settle(1.0 / RATE)
+    places = np.vstack([plant.travel, *travels])
+    way = CubicSpline(np.linspace(0.0, DURATION, len(places)), places, bc_type='clamped')
+    for time in np.arange(1, round(DURATION * RATE) + 1) / RATE:
+        plant.advance(1.0 / RATE, RATE * (way(time) - plant.travel))
+    plant.settle(REST)

@@ -1,0 +1,48 @@
+"""Simulated time that a simulator publishes: faster or slower than the wall's."""
+
+from __future__ import annotations
+
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.qos import RELIABLE
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock as ClockMessage
+
+CLOCK_SPEED = params.Spec(
+    'clock_speed',
+    0.0,
+    'Simulated seconds that are published on /clock in a second; 0 where another node does',
+    bounds=(0.0, 1000.0),
+    read_only=True,
+)
+
+
+class ClockSource:
+    """
+    Publishes `/clock` in equal steps as long as the node is active.
+
+    A node that is too slow for the speed slows the time: no step is left out.
+
+    :param node: publishes; its own clock follows like all others.
+    :param rate: steps in a simulated second [Hz].
+    :param speed: simulated seconds in a second, positive.
+    :raises ParameterError: the node's own time is not simulated.
+    """
+
+    def __init__(self, node: ManagedNode, rate: float, speed: float) -> None:
+        if not node.get_parameter('use_sim_time').value:
+            raise params.ParameterError(
+                f'parameter clock_speed: {speed:g}: must be 0 where use_sim_time is false'
+            )
+        self._step = round(1e9 / rate)
+        # From where the clock stopped when the node was active before.
+        self._now = node.get_clock().now().nanoseconds
+        self._publisher = node.create_publisher(ClockMessage, '/clock', RELIABLE)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(1.0 / (rate * speed), self._tick, clock=steady)
+
+    def _tick(self) -> None:
+        self._now += self._step
+        self._publisher.publish(ClockMessage(clock=Time(nanoseconds=self._now).to_msg()))
