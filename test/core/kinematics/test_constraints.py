@@ -130,3 +130,20 @@ def test_singular_matrix_has_no_factor():
     for matrix in (np.zeros((2, 2)), csc_matrix((2, 2))):
         with pytest.raises(np.linalg.LinAlgError):
             factorize(matrix)
+
+
+@robots.examples(10)
+@given(robots.robots(), robots.generators())
+def test_second_derivative_is_that_of_weighted_rows_along_motions(robot, rng):
+    points = shaken(robot.home, rng)
+    rows, columns = robot.constraints.matrix(points).shape
+    weights, motions = rng.standard_normal((rows, 3)), rng.standard_normal((columns, 3))
+
+    def numbers(moved):
+        matrix = robot.constraints.matrix(moved)
+        full = matrix.toarray() if issparse(matrix) else matrix
+        return np.einsum('rp,rc,cp->p', weights, full, motions)
+
+    found = robot.constraints.second_derivative(points, weights, motions)
+    wanted = differences(numbers, points).T
+    assert found == pytest.approx(wanted, abs=1e-5 * np.abs(wanted).max())
