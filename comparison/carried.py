@@ -9,7 +9,6 @@ from comparison.grips import Grip, press, release
 from comparison.section import Check, Section
 from comparison.wedge import MODULE
 from isotruss_ros.core import Cylinder, Grasp, settle_grasp
-from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.demo.path import figure_9, Phase
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from matplotlib import rc_context
@@ -109,7 +108,7 @@ def run(name: str, phases: Sequence[Phase]) -> Carried:
     else:
         settled = settle_grasp(config, Cylinder(center, cylinder.diameter), FRICTION)
         squeeze = float(np.mean(list(settled.normal_forces.values())))
-        steering = Regulated(config, grasp, SqueezeSettings(squeeze, FRICTION))
+        steering = Regulated(config, grasp, squeeze, FRICTION)
     return carry(plant, steering, phases)
 
 

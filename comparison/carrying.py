@@ -19,9 +19,11 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
+from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Phase
+from isotruss_ros.mujoco_plant.options import LOAD_TIME, POSE_GAIN
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
@@ -93,11 +95,17 @@ class Regulated:
     :ivar statuses: of its commands.
     :param config: where the robot is at first.
     :param grasp: where it holds the object.
-    :param settings: the squeeze.
+    :param squeeze: mean normal force that is regulated [N].
+    :param friction: coefficient between tube and object.
     """
 
-    def __init__(self, config: Configuration, grasp: Grasp, settings: SqueezeSettings) -> None:
-        self.control = SqueezeControl(settings)
+    def __init__(
+        self, config: Configuration, grasp: Grasp, squeeze: float, friction: float
+    ) -> None:
+        load = LoadSettings(time=LOAD_TIME)
+        self.control = SqueezeControl(
+            SqueezeSettings(squeeze, friction, pose_gain=POSE_GAIN, load=load)
+        )
         self.statuses: set[Status] = set()
         self.messages: set[str] = set()
         self._servo = TwistServo(config.robot, grasp.module, grasp.diameter, 1.0 / RATE, 0.5)

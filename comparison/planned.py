@@ -9,7 +9,6 @@ from comparison.carrying import carry, Regulated
 from comparison.grips import round_robot
 from comparison.section import Check, Section
 from isotruss_ros.core import Cylinder, GraspRequirements, plan_grasps, PlannedGrasp
-from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 from isotruss_ros.core.planning.export import export_path
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.mujoco_plant.options import PlantOptions
@@ -79,8 +78,7 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
             )
         )
         if number_ == 0:
-            settings = SqueezeSettings(each.squeeze, FRICTION)
-            steering = Regulated(grasp.config, grasp.grasp, settings)
+            steering = Regulated(grasp.config, grasp.grasp, each.squeeze, FRICTION)
             carried.append(carry(plant, steering, figure_9()))
     (arc,) = carried
     why = 'tubes give by a centimetre under the squeeze: our structure is linear'

@@ -17,7 +17,7 @@ from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
-from isotruss_ros.mujoco_plant.options import ROUND
+from isotruss_ros.mujoco_plant.options import LOAD_TIME, POSE_GAIN, ROUND
 import numpy as np
 import rclpy
 from rclpy.signals import SignalHandlerOptions
@@ -107,11 +107,13 @@ def _play(
     gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
     x, y = OBJECT_CENTER
     lying = {'plant': plant, 'object_is_free': True, 'object_x': x, 'object_y': y}
+    regulated: dict[str, object] = {'squeeze_force': SQUEEZE}
     if simulated:
+        regulated |= {'pose_gain': POSE_GAIN, 'load_time': LOAD_TIME}
         lying |= {'ground_friction': GROUND_FRICTION, 'clock_speed': options.clock_speed}
     started = [
         ('simulator', gripping | lying),
-        ('manipulation', gripping | {'squeeze_force': SQUEEZE}),
+        ('manipulation', gripping | regulated),
         ('grasp_analysis', shared),
         ('grasp_planner', common),
     ]

@@ -12,6 +12,7 @@ import time
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
+from isotruss_ros.mujoco_plant.options import LOAD_TIME, POSE_GAIN
 from isotruss_ros.viewer.names import PLANTS
 
 DIAMETER = 0.3
@@ -20,6 +21,7 @@ INDENTATION = 0.01
 #: The corner of 60 degrees needs 0.58.
 FRICTION = 0.8
 RATE = 50.0
+MUJOCO = PLANTS[2]
 #: How often the processes are looked at [s].
 PERIOD = 0.2
 
@@ -38,9 +40,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     domain = keep_to_this_machine()
     shown = {'object_diameter': DIAMETER, 'friction': FRICTION}
     common = shown | {'rate': RATE, 'command_timeout': 1.0}
+    gains = {'pose_gain': POSE_GAIN, 'load_time': LOAD_TIME} if options.plant == MUJOCO else {}
     nodes = [
         ('simulator', common | {'plant': options.plant, 'indentation': INDENTATION}),
-        ('manipulation', common),
+        ('manipulation', common | gains),
         ('grasp_analysis', {**common, 'rate': 20.0}),
         ('path_follower', {'command_timeout': 1.0}),
         ('grasp_planner', {'command_timeout': 1.0}),

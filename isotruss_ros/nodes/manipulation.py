@@ -14,6 +14,7 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
+from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.nodes.components.emergency_stop import EmergencyStop
@@ -64,6 +65,21 @@ MIN_SLIP_MARGIN = params.Spec(
     'With squeeze_force: below this slip margin the status warns [N]',
     bounds=(0.0, 1000.0),
 )
+POSE_GAIN = params.Spec(
+    'pose_gain',
+    20.0,
+    "With squeeze_force: share of the object's error in the model that is corrected in a second; "
+    'robots whose masses count need less, such as 4 [1/s]',
+    bounds=(0.0, 100.0),
+)
+LOAD_TIME = params.Spec(
+    'load_time',
+    0.02,
+    'With squeeze_force: time after which a change of the load is in its estimate; robots whose '
+    'masses count need more, such as 0.1 [s]',
+    bounds=(0.0, 10.0),
+    read_only=True,
+)
 MODE = params.Spec(
     'mode',
     'object',
@@ -82,6 +98,8 @@ SPECS = (
     params.FRICTION,
     SQUEEZE_FORCE,
     MIN_SLIP_MARGIN,
+    POSE_GAIN,
+    LOAD_TIME,
     *SERVO_SPECS,
 )
 
@@ -290,6 +308,8 @@ class Manipulation(ManagedNode):
             values[SQUEEZE_FORCE],
             values[params.FRICTION],
             min_slip_margin=values[MIN_SLIP_MARGIN],
+            pose_gain=values[POSE_GAIN],
+            load=LoadSettings(time=values[LOAD_TIME]),
         )
         if servo.squeeze is None:
             servo.squeeze = SqueezeControl(settings)

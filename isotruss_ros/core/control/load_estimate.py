@@ -24,7 +24,7 @@ class LoadSettings:
 
     size: float = 5.0
     pose_error: float = 3e-4
-    time: float = 0.1
+    time: float = 0.02
 
 
 class LoadEstimate:

@@ -46,6 +46,7 @@ class SqueezeSettings:
     :ivar gain: share of the missing force that is made up for in a second [1/s].
     :ivar max_force_rate: the squeeze changes no quicker than this [N/s].
     :ivar pose_gain: share of the object's error in the model that is corrected in a second [1/s].
+        The default, as that of `load`, is for robots whose masses do not count; others swing.
     :ivar bias_gain: share of what the model does not explain of the measured pose that is
         corrected in a second [1/s].
     :ivar min_slip_margin: below this margin a message warns [N].
@@ -60,7 +61,7 @@ class SqueezeSettings:
     friction: float
     gain: float = 5.0
     max_force_rate: float = 10.0
-    pose_gain: float = 4.0
+    pose_gain: float = 20.0
     bias_gain: float = 2.0
     min_slip_margin: float = 0.0
     max_utilisation: float = 1.0
