@@ -20,7 +20,7 @@ PACKAGES = all(map(importlib.util.find_spec, ('viser', 'playwright')))
 pytestmark = pytest.mark.system
 
 #: In which everything here comes about, on a machine that is busy and draws without hardware [s].
-DEADLINE = 90.0
+DEADLINE = 180.0
 #: The server; the next port that is free where this is taken.
 PORT = 8431
 #: Of the browser's own client: it is no fault of the page.
@@ -88,9 +88,17 @@ def count_green(colors):
     return int(((green > red + 50) & (green > last + 40)).sum())
 
 
+def polite_browser(folder):
+    """Return a browser that leaves the processors to the nodes: it draws in software."""
+    script = folder / 'chromium'
+    script.write_text(f'#!/bin/sh\nexec nice -n 19 {CHROMIUM} "$@"\n')
+    script.chmod(0o755)
+    return script
+
+
 @pytest.mark.skipif(not PACKAGES, reason='pip install viser playwright')
 @pytest.mark.skipif(CHROMIUM is None, reason='apt-get install chromium')
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
 def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
     from playwright.sync_api import sync_playwright
 
@@ -114,7 +122,7 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         address = log.read_text().partition('viewer: ')[2].split()[0]
         assert address.startswith('http://127.0.0.1:')
         browser = playwright.chromium.launch(
-            executable_path=CHROMIUM,
+            executable_path=polite_browser(tmp_path),
             args=['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--no-sandbox'],
         )
         page = browser.new_page(viewport={'width': 900, 'height': 800})
