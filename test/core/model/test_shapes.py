@@ -5,6 +5,7 @@ from isotruss_ros.core import ConvexObject, Cylinder, Disc, Ellipse, GraspError,
 from isotruss_ros.core.model.convex_object import as_convex_object
 import numpy as np
 import pytest
+import robots
 from shapes import dense_outline, random_polygon, random_shape, surface_distance
 
 SEEDS = strategies.integers(0, 10**6)
@@ -15,6 +16,7 @@ def directions(generator, count=40):
     return np.exp(1j * generator.uniform(-np.pi, np.pi, count))
 
 
+@robots.examples(100)
 @given(SEEDS)
 def test_distances_are_those_of_the_outline(seed):
     generator = np.random.default_rng(seed)
@@ -34,6 +36,7 @@ def test_distances_are_those_of_the_outline(seed):
     )
 
 
+@robots.examples(100)
 @given(SEEDS)
 def test_no_point_of_the_outline_is_beyond_its_tangents(seed):
     generator = np.random.default_rng(seed)
@@ -49,6 +52,7 @@ def test_no_point_of_the_outline_is_beyond_its_tangents(seed):
     assert shape.reach >= np.abs(dense_outline(shape, 4000)).max() - 1e-12
 
 
+@robots.examples(100)
 @given(SEEDS)
 def test_gap_and_normal_turn_as_the_radius_of_curvature_says(seed):
     generator = np.random.default_rng(seed)
@@ -67,6 +71,7 @@ def test_gap_and_normal_turn_as_the_radius_of_curvature_says(seed):
     assert slope == pytest.approx(np.zeros(40), abs=1e-4)
 
 
+@robots.examples(100)
 @given(SEEDS)
 def test_area_centroid_and_gyration_are_those_of_the_outline(seed):
     shape = random_shape(np.random.default_rng(seed))
@@ -138,6 +143,7 @@ def test_feet_of_points_on_the_axes_of_an_ellipse():
     assert beside > 0.0
 
 
+@robots.examples(100)
 @given(SEEDS)
 def test_vertices_may_run_either_way(seed):
     generator = np.random.default_rng(seed)
@@ -150,6 +156,7 @@ def test_vertices_may_run_either_way(seed):
     assert hash(again) == hash(Polygon(again.vertices, again.corner_radius))
 
 
+@robots.examples(100)
 @given(SEEDS, strategies.floats(0.001, 0.05))
 def test_rounding_off_stays_within_and_takes_off_as_much_as_pieces_can_tell(seed, length):
     generator = np.random.default_rng(seed)
@@ -230,6 +237,7 @@ def test_refuses_numbers_that_are_not_usable(make, words):
         make()
 
 
+@robots.examples(100)
 @given(SEEDS)
 def test_an_object_moves_with_its_pose(seed):
     generator = np.random.default_rng(seed)
