@@ -3,6 +3,7 @@
 import itertools
 import os
 
+from hypothesis import settings
 import pytest
 
 # Before rclpy is loaded; a domain that is set is where the counting begins.
@@ -15,6 +16,9 @@ os.environ['ROS_DOMAIN_ID'] = str(next(_domains))
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 # Before NumPy is loaded: BLAS threads that wait for each other make a busy machine crawl.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+# However busy the machine is.
+settings.register_profile('any load', deadline=None)
+settings.load_profile('any load')
 
 
 @pytest.fixture(autouse=True)
