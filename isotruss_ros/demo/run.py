@@ -17,7 +17,8 @@ from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
-from isotruss_ros.mujoco_plant.options import LOAD_TIME, POSE_GAIN, ROUND
+from isotruss_ros.mujoco_plant.options import GAINS, ROUND
+from isotruss_ros.viewer.names import ELASTIC, MUJOCO
 import numpy as np
 import rclpy
 from rclpy.signals import SignalHandlerOptions
@@ -27,7 +28,7 @@ from ruamel.yaml import YAML
 
 ROBOT = 'nine_member'
 #: Plants that carry the object by friction.
-PLANTS = ('elastic', 'mujoco')
+PLANTS = (ELASTIC, MUJOCO)
 OBJECT_DIAMETER = 0.2
 #: Initial position of the free object, inside the tube `north` [m].
 OBJECT_CENTER = (0.6, 0.3)
@@ -61,7 +62,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         '--output', type=Path, default=Path('demo_output'), help='folder for pictures and logs'
     )
     parser.add_argument('--rate', type=float, default=100.0, help='of the nodes [Hz]')
-    parser.add_argument('--plant', choices=PLANTS, default=PLANTS[0], help='of the simulator')
+    parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='of the simulator')
     parser.add_argument(
         '--clock-speed',
         type=float,
@@ -100,7 +101,7 @@ def _play(
     domain = keep_to_this_machine()
     output, rate, plant = options.output, options.rate, options.plant
     # A machine that is too slow for MuJoCo takes longer, and nothing lags.
-    simulated = plant == PLANTS[1]
+    simulated = plant == MUJOCO
     robot = str(_write_round_robot(output)) if simulated else ROBOT
     common = {'robot': robot, 'command_timeout': COMMAND_TIMEOUT, 'use_sim_time': simulated}
     shared = common | {'object_diameter': OBJECT_DIAMETER, 'friction': FRICTION}
@@ -109,7 +110,7 @@ def _play(
     lying = {'plant': plant, 'object_is_free': True, 'object_x': x, 'object_y': y}
     regulated: dict[str, object] = {'squeeze_force': SQUEEZE}
     if simulated:
-        regulated |= {'pose_gain': POSE_GAIN, 'load_time': LOAD_TIME}
+        regulated |= GAINS
         lying |= {'ground_friction': GROUND_FRICTION, 'clock_speed': options.clock_speed}
     started = [
         ('simulator', gripping | lying),

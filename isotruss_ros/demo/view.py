@@ -12,8 +12,8 @@ import time
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
-from isotruss_ros.mujoco_plant.options import LOAD_TIME, POSE_GAIN
-from isotruss_ros.viewer.names import PLANTS
+from isotruss_ros.mujoco_plant.options import GAINS
+from isotruss_ros.viewer.names import ELASTIC, MUJOCO, PLANTS
 
 DIAMETER = 0.3
 #: By so much the tubes are indented at first, so that the object is squeezed [m].
@@ -21,7 +21,6 @@ INDENTATION = 0.01
 #: The corner of 60 degrees needs 0.58.
 FRICTION = 0.8
 RATE = 50.0
-MUJOCO = PLANTS[2]
 #: How often the processes are looked at [s].
 PERIOD = 0.2
 
@@ -34,13 +33,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     :return: 0 after Ctrl-C, 1 where a node ended.
     """
     parser = argparse.ArgumentParser(prog='view', description=__doc__)
-    parser.add_argument('--plant', choices=PLANTS, default=PLANTS[1], help='of the simulator')
+    parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='of the simulator')
     parser.add_argument('--port', type=int, default=8080, help='of the viewer')
     options = parser.parse_args(arguments)
     domain = keep_to_this_machine()
     shown = {'object_diameter': DIAMETER, 'friction': FRICTION}
     common = shown | {'rate': RATE, 'command_timeout': 1.0}
-    gains = {'pose_gain': POSE_GAIN, 'load_time': LOAD_TIME} if options.plant == MUJOCO else {}
+    gains = GAINS if options.plant == MUJOCO else {}
     nodes = [
         ('simulator', common | {'plant': options.plant, 'indentation': INDENTATION}),
         ('manipulation', common | gains),

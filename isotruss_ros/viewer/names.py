@@ -9,7 +9,8 @@ OBJECT, STOP, RELEASE = 'object', 'stop', 'release'
 #: Requests that are goals.
 PICK, PLACE = 'pick', 'place'
 #: The request for another plant, and what can be chosen.
-PLANT, PLANTS = 'plant', ('kinematic', 'elastic', 'mujoco')
+PLANT = 'plant'
+KINEMATIC, ELASTIC, MUJOCO = PLANTS = ('kinematic', 'elastic', 'mujoco')
 #: This machine only.
 LOCAL = '127.0.0.1'
 
