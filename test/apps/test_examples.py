@@ -58,7 +58,7 @@ def test_ros_examples_run_beside_the_nodes(tmp_path):
                 [sys.executable, EXAMPLES / f'{name}.py'],
                 capture_output=True,
                 text=True,
-                timeout=60,
+                timeout=300,
                 check=True,
             )
             assert PRINTED[name] in done.stdout

@@ -33,7 +33,7 @@ ROBOT = load_robot('nine_member')
 OBJECT = ['--center', '0.716', '0.43', '--diameter', '0.3']
 #: No grasp is like that: the search for it takes long.
 NEVER = ['--min-margin', '1000']
-DEADLINE = 20.0
+DEADLINE = 240.0
 
 
 def written(path):

@@ -48,7 +48,9 @@ class Robot:
         """Stop all, and check that none of them has failed."""
         for process in self.alive.values():
             process.process.send_signal(signal.SIGCONT)
-            process.stop()
+            process.interrupt()
+        for process in self.alive.values():
+            process.wait()
         for log in self._logs.glob('*.log'):
             assert 'Traceback' not in log.read_text(), log.read_text()
 

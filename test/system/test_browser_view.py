@@ -20,7 +20,7 @@ PACKAGES = all(map(importlib.util.find_spec, ('viser', 'playwright')))
 pytestmark = pytest.mark.system
 
 #: In which everything here comes about, on a machine that is busy and draws without hardware [s].
-DEADLINE = 180.0
+DEADLINE = 240.0
 #: The server; the next port that is free where this is taken.
 PORT = 8431
 #: Of the browser's own client: it is no fault of the page.
