@@ -20,7 +20,7 @@ def generate_launch_description() -> LaunchDescription:
                 params.USE_STAMPED_TWIST,
                 params.REQUIRE_EMERGENCY_STOP,
             ),
-            'grasp_analysis': (params.OBJECT_DIAMETER, params.FRICTION),
+            'grasp_analysis': (params.OBJECT_DIAMETER, params.OBJECT, params.FRICTION),
             'path_follower': (params.USE_STAMPED_TWIST,),
             'grasp_planner': (),
             'pick_and_place': (params.OBJECT_DIAMETER, params.FRICTION),

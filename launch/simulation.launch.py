@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from isotruss_ros.nodes import simulator, viewer
+from isotruss_ros.nodes.components import simulated_object
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.launching import describe_launch
 from launch import LaunchDescription
@@ -11,7 +12,7 @@ from launch import LaunchDescription
 # rests by friction only with a coefficient of 0.58 or more. 50 Hz is enough without hardware.
 DEFAULTS = {
     simulator.PLANT: simulator.ELASTIC,
-    simulator.INDENTATION: 0.01,
+    simulated_object.INDENTATION: 0.01,
     params.FRICTION: 0.8,
     params.RATE: 50.0,
 }
@@ -31,7 +32,12 @@ def generate_launch_description() -> LaunchDescription:
                 params.USE_STAMPED_TWIST,
                 params.REQUIRE_EMERGENCY_STOP,
             ),
-            'grasp_analysis': (params.OBJECT_DIAMETER, params.FRICTION, params.RATE),
+            'grasp_analysis': (
+                params.OBJECT_DIAMETER,
+                params.OBJECT,
+                params.FRICTION,
+                params.RATE,
+            ),
             'path_follower': (params.USE_STAMPED_TWIST, params.RATE),
             'grasp_planner': (),
             'pick_and_place': (params.OBJECT_DIAMETER, params.FRICTION),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder, Pose
 from isotruss_ros.core.simulation.roller_drive import RollerDrive, RollerFaults
 from isotruss_ros.mujoco_plant.options import PlantOptions
@@ -24,7 +25,7 @@ class DrivenRobot:
     :ivar roller_velocities: (r,) speeds during the last step as the encoders tell them [m/s].
     :ivar lag: time that was not simulated, because more than `longest_step` was due at once [s].
     :param robot: starts at home.
-    :param cylinder: the object.
+    :param body: the object in its place.
     :param is_free: the object is free from the start; if false, the tubes bend around it first.
     :param options: masses, friction, gravity and mesh.
     :param faults: how the rollers differ from perfect ones.
@@ -39,7 +40,7 @@ class DrivenRobot:
     def __init__(
         self,
         robot: Robot,
-        cylinder: Cylinder,
+        body: Cylinder | ConvexObject,
         is_free: bool,
         options: PlantOptions,
         faults: RollerFaults,
@@ -47,14 +48,14 @@ class DrivenRobot:
         longest_step: float = float('inf'),
     ) -> None:
         self._drive = RollerDrive(robot, faults, seed)
-        self.plant = MujocoPlant(robot, [cylinder], options)
+        self.plant = MujocoPlant(robot, [body], options)
         self._config = robot.home
         self.roller_positions = np.zeros(len(robot.roller_names))
         self.roller_velocities = np.zeros_like(self.roller_positions)
         self.lag = 0.0
         self._longest_step = longest_step
         if not is_free:
-            self.plant.hold_object((*cylinder.center, 0.0))
+            self.plant.hold_object(as_convex_object(body).pose)
             self.plant.settle(SETTLING)
             self.plant.release_object()
 
@@ -68,14 +69,14 @@ class DrivenRobot:
         """Return the names of the members that press on the object."""
         return [name for name, force in self.plant.contact_forces().items() if force.normal > 0.0]
 
-    def place_object(self, center: tuple[float, float]) -> None:
+    def place_object(self, pose: Pose) -> None:
         """
         Put the object elsewhere, free and at rest; the robot stays as it is.
 
-        :param center: (x, y) in the robot frame [m].
+        :param pose: (x, y, angle) in the robot frame [m, rad].
         :raises PlantError: not finite.
         """
-        self.plant.hold_object((*center, self.object_pose.angle))
+        self.plant.hold_object(pose)
         self.plant.release_object()
 
     def pull(self, wrench: ArrayLike) -> None:

@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.core import (
     ConfigurationError,
-    Cylinder,
     ElasticObject,
-    FreeObject,
-    Grasp,
-    HeldObject,
     load_robot,
+    Pose,
     RollerFaults,
     SimulatedRobot,
-    tangent_center,
 )
+from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.nodes.components.clock_source import CLOCK_SPEED, ClockSource
 from isotruss_ros.nodes.components.mujoco_object import make_driven_robot, MUJOCO_SPECS
+from isotruss_ros.nodes.components.simulated_object import FRICTION, StartingObject
+from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
-    read_object_center,
+    read_object_pose,
     stamp_header,
     to_pose_message,
 )
@@ -56,29 +54,6 @@ STIFFNESS_SCALE = params.Spec(
     bounds=(0.01, 100.0),
     read_only=True,
 )
-# The simulated object is grasped from the start and stays so, or it is free at first.
-GRIP_MODULE = replace(params.GRIP_MODULE, read_only=True)
-OBJECT_DIAMETER = replace(params.OBJECT_DIAMETER, read_only=True)
-INDENTATION = params.Spec(
-    'indentation',
-    0.0,
-    'How far the tubes are indented by the object at home, 0 where they just touch [m]',
-    bounds=(0.0, 0.1),
-    read_only=True,
-)
-OBJECT_IS_FREE = params.Spec(
-    'object_is_free',
-    False,
-    'The object is free at object_x, object_y until friction closes a grasp; grasped if false',
-    read_only=True,
-)
-OBJECT_X = params.Spec(
-    'object_x', 0.6, 'Position of the free object [m]', bounds=(-1e3, 1e3), read_only=True
-)
-OBJECT_Y = params.Spec(
-    'object_y', 0.3, 'Position of the free object [m]', bounds=(-1e3, 1e3), read_only=True
-)
-FRICTION = replace(params.FRICTION, read_only=True)
 NOISE = params.Spec(
     'roller_noise',
     0.0,
@@ -106,13 +81,7 @@ SLIP = params.Spec(
 SEED = params.Spec('seed', 0, 'Seed of the noise and the slip, not negative', read_only=True)
 SPECS = (
     params.ROBOT,
-    OBJECT_DIAMETER,
-    GRIP_MODULE,
-    INDENTATION,
-    OBJECT_IS_FREE,
-    OBJECT_X,
-    OBJECT_Y,
-    FRICTION,
+    *OBJECT_SPECS,
     PLANT,
     STIFFNESS_SCALE,
     params.RATE,
@@ -177,9 +146,6 @@ class Simulator(ManagedNode):
 
     def _make_robot(self) -> SimulatedRobot | DrivenRobot:
         values = self.values
-        module, diameter = values[GRIP_MODULE], values[OBJECT_DIAMETER]
-        params.check_grip_module(self._robot, {GRIP_MODULE.name: module})
-        module = params.select_grip_module(self._robot, module)
         if values[SEED] < 0:
             raise params.ParameterError(f'parameter seed: {values[SEED]}: must not be negative')
         home = self._robot.home
@@ -189,15 +155,13 @@ class Simulator(ManagedNode):
             raise params.ParameterError(
                 f'parameter plant: {values[PLANT]!r}: must be {KINEMATIC}, {ELASTIC} or {MUJOCO}'
             )
-        center = (values[OBJECT_X], values[OBJECT_Y])
-        if not values[OBJECT_IS_FREE]:
-            center = tangent_center(home, module, diameter, values[INDENTATION])
+        self._object = StartingObject(self._robot, values)
         self._elastic = self._driven = None
         if values[PLANT] == MUJOCO:
             self._driven = make_driven_robot(
                 self._robot,
-                Cylinder(center, diameter),
-                values[OBJECT_IS_FREE],
+                self._object.convex,
+                self._object.is_free,
                 values[FRICTION],
                 values,
                 faults,
@@ -205,22 +169,18 @@ class Simulator(ManagedNode):
                 self.get_parameter('use_sim_time').value,
             )
             return self._driven
-        if values[PLANT] == ELASTIC or values[OBJECT_IS_FREE]:
-            simulated = self._make_free_object(center)
+        if values[PLANT] == ELASTIC or self._object.is_free:
+            simulated = self._put_object(self._object.pose)
         else:
-            simulated = HeldObject.attach(home, Grasp(module, center, diameter))
+            simulated = self._object.held()
         return SimulatedRobot(home, simulated, faults, values[SEED])
 
-    def _make_free_object(self, center: tuple[float, float]) -> FreeObject | ElasticObject:
+    def _put_object(self, pose: Pose) -> SimulatedObject:
         """Return an object that nothing holds until friction does."""
-        values = self.values
-        cylinder = Cylinder(center, values[OBJECT_DIAMETER])
         self._elastic = None
-        if values[PLANT] == KINEMATIC:
-            return FreeObject(cylinder, values[FRICTION])
-        self._elastic = ElasticObject(
-            cylinder, values[FRICTION], stiffness_scale=values[STIFFNESS_SCALE]
-        )
+        if self.values[PLANT] == KINEMATIC:
+            return self._object.lying(pose)
+        self._elastic = self._object.elastic(pose, self.values[STIFFNESS_SCALE])
         return self._elastic
 
     def _apply(self) -> None:
@@ -245,14 +205,14 @@ class Simulator(ManagedNode):
     def _place_object(self, message: PoseStamped) -> None:
         """Put the object elsewhere, free; the robot stays as it is."""
         try:
-            center = read_object_center(message, self._robot.frame)
+            pose = read_object_pose(message, self._robot.frame)
         except MessageError as error:
             self._throttle.warn('place_object', str(error))
             return
         if isinstance(self._simulated, DrivenRobot):
-            self._simulated.place_object(center)
+            self._simulated.place_object(pose)
             return
-        self._simulated.replace_object(self._make_free_object(center))
+        self._simulated.replace_object(self._put_object(pose))
         self._simulated.advance(0.0)
 
     def _receive_wrench(self, message: WrenchStamped) -> None:

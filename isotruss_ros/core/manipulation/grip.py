@@ -76,10 +76,20 @@ class Grip:
         :param grasp: the grasp.
         :raises GraspError: the robot has no such module.
         """
-        module = module_index(robot, grasp.module)
-        names = robot.member_names
-        ahead, back = names[module], names[int(robot.topology.previous[module])]
-        return cls((ahead, back), Cylinder(grasp.center, grasp.diameter))
+        return cls(members_at(robot, grasp.module), Cylinder(grasp.center, grasp.diameter))
+
+
+def members_at(robot: Robot, module: str) -> tuple[str, str]:
+    """
+    Return the names of the two members that meet at a module: the one ahead, the one behind.
+
+    :param robot: the robot.
+    :param module: name `t/j` of the module.
+    :raises GraspError: the robot has no such module.
+    """
+    number = module_index(robot, module)
+    names = robot.member_names
+    return names[number], names[int(robot.topology.previous[number])]
 
 
 class MemberNodes(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core import Cylinder, Robot, RollerFaults
+from isotruss_ros.core import ConvexObject, Robot, RollerFaults
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.nodes.framework import parameters as params
@@ -46,7 +46,7 @@ MUJOCO_SPECS = (OBJECT_MASS, MODULE_MASS, GRAVITY_X, GRAVITY_Y, GROUND_FRICTION)
 
 def make_driven_robot(
     robot: Robot,
-    cylinder: Cylinder,
+    body: ConvexObject,
     is_free: bool,
     friction: float,
     values: params.Parameters,
@@ -58,7 +58,7 @@ def make_driven_robot(
     Return a robot in MuJoCo with its object.
 
     :param robot: starts at home.
-    :param cylinder: the object.
+    :param body: the object in its place; a mass of its own counts instead of `object_mass`.
     :param is_free: whether the object is free from the start.
     :param friction: coefficient between tube and object.
     :param values: of `MUJOCO_SPECS`.
@@ -75,4 +75,4 @@ def make_driven_robot(
         ground_friction=values[GROUND_FRICTION],
     )
     longest = float('inf') if sim_time else LONGEST_STEP
-    return DrivenRobot(robot, cylinder, is_free, options, faults, seed, longest)
+    return DrivenRobot(robot, body, is_free, options, faults, seed, longest)

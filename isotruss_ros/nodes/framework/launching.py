@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from isotruss_ros.nodes.framework.parameters import (
     AUTOSTART,
@@ -101,7 +102,7 @@ def describe_launch(
                         LaunchConfiguration(PARAMETERS),
                         {
                             spec.name: ParameterValue(
-                                LaunchConfiguration(spec.name), value_type=type(spec.default)
+                                LaunchConfiguration(spec.name), value_type=_type_of(spec.default)
                             )
                             for spec in specs
                         },
@@ -117,6 +118,11 @@ def describe_launch(
             ),
         ]
     )
+
+
+def _type_of(value: Value) -> Any:
+    """Return the type that launch reads from a text; all lists are of texts."""
+    return list[str] if isinstance(value, list) else type(value)
 
 
 def _to_text(value: Value) -> str:

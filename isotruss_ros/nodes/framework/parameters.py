@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from isotruss_ros.core import IsotrussError, Robot
+from isotruss_ros.core.manipulation.grip import FEWEST, members_at, MOST
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
@@ -33,7 +34,7 @@ class Spec:
     """
 
     name: str
-    default: Value
+    default: Value = field(hash=False)  # a list has no hash
     description: str
     bounds: tuple[float, float] | None = None
     read_only: bool = False
@@ -69,6 +70,12 @@ GRIP_MODULE = Spec(
     'grip_module',
     '',
     'Module t/j whose two sides hold the object; the last one of the robot if empty',
+)
+GRIP = Spec(
+    'grip',
+    [''],
+    "Members t/j-k that hold the object, two or three, instead of the sides of grip_module; [''] "
+    'for none',
 )
 FRICTION = Spec(
     'friction', 0.5, 'Coefficient of friction between tube and object', bounds=(0.0, 10.0)
@@ -205,3 +212,46 @@ def select_grip_module(robot: Robot, module: str) -> str:
     :param module: value of the parameter `grip_module`.
     """
     return module or robot.module_names[-1]
+
+
+def check_grip(robot: Robot, values: dict[str, Value]) -> None:
+    """
+    Check that the robot has the members of the grip.
+
+    :param robot: the robot.
+    :param values: new values of parameters by name; others than `grip` are ignored.
+    :raises ParameterError: not two or three different members; or names those there are.
+    """
+    names = named_members(values.get(GRIP.name, []))
+    if not names:
+        return
+    unknown = [name for name in names if name not in robot.member_names]
+    if unknown:
+        raise ParameterError(
+            f'parameter grip: {", ".join(unknown)}: robot {robot.name} has no such member; must '
+            f'be of {", ".join(robot.member_names)}'
+        )
+    if len(set(names)) != len(names) or not FEWEST <= len(names) <= MOST:
+        raise ParameterError(
+            f'parameter grip: {", ".join(names)}: must be {FEWEST} or {MOST} different members'
+        )
+
+
+def named_members(value: Value) -> tuple[str, ...]:
+    """
+    Return the members that the parameter `grip` names; none where it is [''].
+
+    :param value: of the parameter.
+    """
+    return tuple(name for name in value if name)
+
+
+def select_grip(robot: Robot, value: Value, module: str) -> tuple[str, ...]:
+    """
+    Return the members that hold the object.
+
+    :param robot: the robot.
+    :param value: of the parameter `grip`.
+    :param module: value of the parameter `grip_module`, whose sides they are otherwise.
+    """
+    return named_members(value) or members_at(robot, select_grip_module(robot, module))

@@ -1,0 +1,127 @@
+"""A simulated object of any convex shape that lies free until members have closed around it."""
+
+from __future__ import annotations
+
+import math
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import Grip, MOST
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
+from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.safety.convex_distances import nearest_to_object
+from isotruss_ros.core.simulation.rolling_object import RollingObject
+import numpy as np
+from scipy.optimize import nnls
+
+#: Forces balance up to this share of them.
+BALANCE = 1e-6
+
+
+class FreeConvexObject:
+    """
+    An object that lies where it is, and rolls in a grip once friction can hold it there.
+
+    Whether it does is looked at whenever the rollers have come to rest: two members, or three,
+    press on it, and forces in their friction cones balance, by the statics of rigid bodies. While
+    it lies, the ground holds it: the model knows no pushing. Where a member of the grip does not
+    press any more when the rollers rest, it lies again.
+
+    :param body: the object, where it lies.
+    :param friction: coefficient between tube and object; one of its own counts instead.
+    """
+
+    def __init__(self, body: ConvexObject, friction: float) -> None:
+        self._body = body
+        self._friction = friction if body.friction is None else body.friction
+        self._held: RollingObject | None = None
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """Return the members that hold it; none while it lies."""
+        return () if self._held is None else self._held.rolling.grip.members
+
+    def pose(self, config: Configuration) -> Pose:
+        """
+        Return its pose in a configuration; the angle is in (-pi, pi].
+
+        :param config: configuration of the robot.
+        """
+        if self._held is not None:
+            return self._held.pose(config)
+        x, y, angle = self._body.pose
+        return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
+
+    def follow(self, config: Configuration) -> None:
+        """
+        Stay where it is, or roll in the grip.
+
+        :param config: configuration of the robot.
+        """
+        if self._held is not None:
+            self._held.follow(config)
+            if self._held.lost is not None:
+                self._lie(config)
+
+    def come_to_rest(self, config: Configuration) -> None:
+        """
+        Find out, in a robot that stands still, whether the object is held.
+
+        :param config: configuration of the robot.
+        """
+        body = self._body.moved_to(self.pose(config))
+        names = pressing_members(config, body)
+        if self._held is not None:
+            if not set(self.members) <= set(names):
+                self._lie(config)
+            return
+        if not 2 <= len(names) <= MOST:
+            return
+        try:
+            grip = Grip(names, body, self._friction)
+            if friction_balances(find_contacts(config, grip), body, self._friction):
+                self._held = RollingObject(RollingGrip.attach(config, grip))
+        except GraspError:
+            return  # a member presses with its end, and grips nothing
+
+    def _lie(self, config: Configuration) -> None:
+        """Be let go, where it is."""
+        self._body, self._held = self._body.moved_to(self.pose(config)), None
+
+
+def pressing_members(config: Configuration, body: ConvexObject) -> tuple[str, ...]:
+    """
+    Return the names of the members whose straight tubes an object indents, the deepest first.
+
+    Left out are tubes that it indents by more than they are thick: these lie on it.
+
+    :param config: configuration of the robot.
+    :param body: the object in its place.
+    """
+    topology, points = config.robot.topology, config.points
+    ends = points[topology.c[topology.following]]
+    tube = config.robot.description.tube_diameter
+    depths = 0.5 * tube - nearest_to_object(body, points[topology.b], ends).gaps
+    order = np.argsort(-depths, kind='stable')
+    return tuple(config.robot.member_names[i] for i in order if 0.0 < depths[i] <= tube)
+
+
+def friction_balances(contacts: GripContacts, body: ConvexObject, friction: float) -> bool:
+    """
+    Tell whether forces of the contacts, within their friction cones, balance each other.
+
+    :param contacts: of a grip.
+    :param body: the object in its place.
+    :param friction: coefficient between tubes and object.
+    """
+    slope = complex(1.0, friction)
+    edges = -np.column_stack([contacts.normals * slope, contacts.normals * slope.conjugate()])
+    forces = edges.ravel() / abs(slope)
+    arms = np.repeat(contacts.points - body.middle, 2)
+    moments = (arms.conj() * forces).imag / body.arm
+    wrenches: Array = np.vstack([forces.real, forces.imag, moments, np.ones(len(forces))])
+    _, left = nnls(wrenches, np.array([0.0, 0.0, 0.0, 1.0]))
+    return bool(left <= BALANCE)

@@ -1,0 +1,157 @@
+"""The object of the node `simulator`: which one, where it begins, and what holds it there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from isotruss_ros.core import (
+    ConvexObject,
+    Cylinder,
+    Disc,
+    ElasticObject,
+    FreeObject,
+    Grasp,
+    Grip,
+    HeldObject,
+    place_between,
+    read_object,
+    Robot,
+    RollingGrip,
+    RollingObject,
+    tangent_center,
+)
+from isotruss_ros.core.model.convex_object import as_convex_object
+from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.simulation.free_convex_object import FreeConvexObject
+from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
+from isotruss_ros.nodes.framework import parameters as params
+
+# The simulated object is grasped from the start and stays so, or it is free at first.
+GRIP_MODULE = replace(params.GRIP_MODULE, read_only=True)
+GRIP = replace(params.GRIP, read_only=True)
+OBJECT_DIAMETER = replace(params.OBJECT_DIAMETER, read_only=True)
+FRICTION = replace(params.FRICTION, read_only=True)
+INDENTATION = params.Spec(
+    'indentation',
+    0.0,
+    'How far the tubes are indented by the object at home, 0 where they just touch [m]',
+    bounds=(0.0, 0.1),
+    read_only=True,
+)
+OBJECT_IS_FREE = params.Spec(
+    'object_is_free',
+    False,
+    'The object is free at object_x, object_y until friction closes a grasp; grasped if false',
+    read_only=True,
+)
+OBJECT_X = params.Spec(
+    'object_x', 0.6, 'Position of the free object [m]', bounds=(-1e3, 1e3), read_only=True
+)
+OBJECT_Y = params.Spec(
+    'object_y', 0.3, 'Position of the free object [m]', bounds=(-1e3, 1e3), read_only=True
+)
+OBJECT_ANGLE = params.Spec(
+    'object_angle',
+    0.0,
+    'Orientation of the object at the start, free or grasped [rad]',
+    bounds=(-6.3, 6.3),
+    read_only=True,
+)
+SPECS = (
+    OBJECT_DIAMETER,
+    params.OBJECT,
+    GRIP_MODULE,
+    GRIP,
+    INDENTATION,
+    OBJECT_IS_FREE,
+    OBJECT_X,
+    OBJECT_Y,
+    OBJECT_ANGLE,
+    FRICTION,
+)
+
+
+class StartingObject:
+    """
+    The object where it begins, for all plants.
+
+    :ivar body: in its place in the robot frame; a disc of `object_diameter` between the sides of a
+        module, the short form, is a `Cylinder`.
+    :ivar is_free: nothing holds it at the start.
+    :param robot: at home.
+    :param values: of the parameters `SPECS`.
+    :raises IsotrussError: a parameter is unusable, or the object does not fit there.
+    """
+
+    def __init__(self, robot: Robot, values: params.Parameters) -> None:
+        module = values[GRIP_MODULE]
+        params.check_grip_module(robot, {GRIP_MODULE.name: module})
+        params.check_grip(robot, {GRIP.name: values[GRIP]})
+        self._robot, self.is_free = robot, values[OBJECT_IS_FREE]
+        self._friction, diameter = values[FRICTION], values[OBJECT_DIAMETER]
+        self._module = params.select_grip_module(robot, module)
+        self._members = params.select_grip(robot, values[GRIP], module)
+        place = (values[OBJECT_X], values[OBJECT_Y])
+        angle, indentation = values[OBJECT_ANGLE], values[INDENTATION]
+        self.body: Cylinder | ConvexObject
+        if not (values[params.OBJECT] or params.named_members(values[GRIP])):
+            if not self.is_free:
+                place = tangent_center(robot.home, self._module, diameter, indentation)
+            self.body, self._angle = Cylinder(place, diameter), angle
+            return
+        body = ConvexObject(Disc(diameter), friction=self._friction)
+        if values[params.OBJECT]:
+            body = read_object(values[params.OBJECT])
+        pose = Pose(*place, angle)
+        if not self.is_free:
+            grip = place_between(robot.home, self._members, body.shape, angle, indentation)
+            pose = grip.body.pose
+        self.body, self._angle = body.moved_to(pose), angle
+
+    @property
+    def pose(self) -> Pose:
+        """Return its pose at the start."""
+        if isinstance(self.body, ConvexObject):
+            return self.body.pose
+        return Pose(*self.body.center, self._angle)
+
+    @property
+    def convex(self) -> ConvexObject:
+        """Return it as a convex object in its place."""
+        return as_convex_object(self.body).moved_to(self.pose)
+
+    def held(self) -> SimulatedObject:
+        """Return it as the kinematic plant has it in the grip."""
+        home, body = self._robot.home, self.body
+        if isinstance(body, ConvexObject):
+            return RollingObject(RollingGrip.attach(home, Grip(self._members, body)))
+        grasp = Grasp(self._module, body.center, body.diameter)
+        return HeldObject.attach(home, grasp, self._angle)
+
+    def lying(self, pose: Pose) -> SimulatedObject:
+        """
+        Return it as the kinematic plant has it on the ground.
+
+        :param pose: where it is put.
+        """
+        if isinstance(self.body, ConvexObject):
+            return FreeConvexObject(self.body.moved_to(pose), self._friction)
+        return FreeObject(Cylinder(pose[:2], self.body.diameter), self._friction, pose.angle)
+
+    def elastic(self, pose: Pose, stiffness_scale: float) -> ElasticObject:
+        """
+        Return it as the elastic plant has it.
+
+        :param pose: where it is put.
+        :param stiffness_scale: stiffness of the plant against that of the model.
+        :raises ParameterError: it is no disc.
+        """
+        body = as_convex_object(self.body)
+        if not isinstance(body.shape, Disc):
+            raise params.ParameterError(
+                'parameter plant: elastic: has discs only; must be kinematic or mujoco for '
+                'another object'
+            )
+        friction = self._friction if body.friction is None else body.friction
+        cylinder = Cylinder(pose[:2], body.shape.diameter)
+        return ElasticObject(cylinder, friction, pose.angle, stiffness_scale)

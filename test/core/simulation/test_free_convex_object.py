@@ -1,0 +1,118 @@
+"""A box lies until two sides have closed around it, rolls with them, and is let go."""
+
+import math
+
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    load_robot,
+    place_between,
+    Polygon,
+    RollerFaults,
+    RollingGrip,
+    SimulatedRobot,
+    solve_twist,
+    solve_twist_ahead,
+)
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts
+from isotruss_ros.core.simulation.free_convex_object import (
+    FreeConvexObject,
+    friction_balances,
+    pressing_members,
+)
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+SIDES = ('south/P-Q', 'north/R-P')
+BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], 0.02)
+
+
+def gripped(depth=0.01, shape=BOX):
+    """Return a shape between the two sides, this deep in both [m]."""
+    return place_between(ROBOT.home, SIDES, shape, 0.2, depth)
+
+
+def lying(body, friction=1.0):
+    """Return a robot at home that has come to rest, and its object."""
+    free = FreeConvexObject(body, friction)
+    robot = SimulatedRobot(ROBOT.home, free, RollerFaults())
+    robot.advance(0.0)
+    return robot, free
+
+
+def test_names_the_members_that_press_deepest_first():
+    assert set(pressing_members(ROBOT.home, gripped().body)) == set(SIDES)
+    assert pressing_members(ROBOT.home, gripped(-0.01).body) == ()
+    moved = gripped().body
+    x, y, angle = moved.pose
+    toward = find_contacts(ROBOT.home, gripped()).normals[0]
+    deeper = moved.moved_to((x + 0.002 * toward.real, y + 0.002 * toward.imag, angle))
+    assert pressing_members(ROBOT.home, deeper) == SIDES
+
+
+def test_is_held_by_sides_that_press_and_moves_with_them():
+    robot, free = lying(gripped().body)
+    assert set(free.members) == set(SIDES)
+    rolling = RollingGrip.attach(ROBOT.home, gripped())
+    start = np.array(robot.object_pose)
+    for _ in range(20):
+        command = solve_twist_ahead(robot.config, rolling.grip, [0.02, 0.0, 0.0], 0.01)
+        robot.command(command.roller_velocities)
+        robot.advance(0.02)
+        rolling = rolling.moved_to(robot.config)
+    assert np.array(robot.object_pose) - start == pytest.approx([0.008, 0.0, 0.0], abs=1e-6)
+
+
+def test_lies_where_nothing_presses_and_where_friction_is_too_little():
+    for body, friction in ((gripped(-0.005).body, 1.0), (gripped().body, 0.05)):
+        robot, free = lying(body, friction)
+        assert free.members == ()
+        robot.command([0.0, 0.02, 0.0, 0.0, 0.0, 0.0])
+        robot.advance(0.1)
+        assert robot.object_pose == pytest.approx(body.pose)
+
+
+def test_its_own_friction_counts():
+    body = gripped().body
+    slippery = ConvexObject(body.shape, body.pose, friction=0.05)
+    assert lying(slippery)[1].members == ()
+    assert lying(ConvexObject(body.shape, body.pose, friction=1.0), 0.05)[1].members
+
+
+def test_friction_balances_two_contacts_when_their_line_is_in_both_cones():
+    disc = gripped(shape=Disc(0.5))
+    contacts = find_contacts(ROBOT.home, disc)
+    # A disc: the line between the contacts halves the angle between the normals.
+    half = 0.5 * abs(math.remainder(np.angle(-contacts.normals[1] / contacts.normals[0]), 7.0))
+    for factor, held in ((1.02, True), (0.98, False)):
+        assert friction_balances(contacts, disc.body, factor * math.tan(half)) is held
+
+
+def test_is_let_go_when_a_side_has_moved_off():
+    robot, free = lying(gripped(0.004).body)
+    assert free.members
+    rolling = RollingGrip.attach(ROBOT.home, gripped(0.004))
+    opening = solve_twist(ROBOT.home, rolling.grip, np.zeros(3), opening_rate=0.01)
+    robot.command(opening.roller_velocities)
+    robot.advance(0.5)
+    robot.stop()
+    robot.advance(0.1)
+    assert free.members == SIDES
+    robot.command(opening.roller_velocities)
+    robot.advance(0.5)
+    robot.stop()
+    robot.advance(0.1)
+    assert free.members == ()
+    there = robot.object_pose
+    robot.command(opening.roller_velocities)
+    robot.advance(0.1)
+    assert robot.object_pose == there
+
+
+def test_three_members_hold_as_well():
+    triangle = load_robot('triangle')
+    names = triangle.member_names
+    disc = place_between(triangle.home, names, Disc(0.5))
+    contacts = find_contacts(triangle.home, disc)
+    assert friction_balances(contacts, disc.body, 0.0)

@@ -1,0 +1,25 @@
+"""A box between two sides of the nine-member robot that meet at no module, for tests."""
+
+from isotruss_ros.core import load_robot, place_between, read_object
+import numpy as np
+
+ROBOT = load_robot('nine_member')
+SIDES = ('south/P-Q', 'north/R-P')
+#: One of its faces lies on a side.
+ANGLE, DEPTH = 0.0, 0.01
+BOX = (
+    '{shape: polygon, vertices: [[-0.25, -0.2], [0.25, -0.2], [0.25, 0.2], [-0.25, 0.2]],'
+    ' corner_radius: 0.02, mass: 0.8, friction: 0.9}'
+)
+
+
+def box_between(config=ROBOT.home, angle=ANGLE, depth=DEPTH):
+    """Return a grip of the box between the two sides."""
+    return place_between(config, SIDES, read_object(BOX).shape, angle, depth)
+
+
+def pose_of(message):
+    """Return the planar pose in a message (x, y, angle) [m, rad]."""
+    pose = message.pose
+    angle = 2.0 * np.arctan2(pose.orientation.z, pose.orientation.w)
+    return np.array((pose.position.x, pose.position.y, angle))

@@ -1,0 +1,113 @@
+"""The simulator with an object of any shape, between any members, in its plants."""
+
+import math
+
+from boxes import ANGLE, BOX, box_between, DEPTH, pose_of, ROBOT, SIDES
+from geometry_msgs.msg import PoseStamped
+from isotruss_ros.core import Disc, place_between, solve_twist
+from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import check_refused, world
+from mujoco_worlds import needs_mujoco
+import numpy as np
+from probe import overrides
+import pytest
+from std_msgs.msg import Float64MultiArray
+
+
+def node(**values):
+    """Return a simulator node with the box between its two sides."""
+    settings = {
+        'object': BOX,
+        'grip': list(SIDES),
+        'object_angle': ANGLE,
+        'indentation': DEPTH,
+        'rate': 50.0,
+    }
+    return lambda: Simulator(overrides(**settings | values))
+
+
+def place(w):
+    """Return the pose that was published last; None before."""
+    message = w.probe.last('pose')
+    return None if message is None else pose_of(message)
+
+
+def drive(w, velocities):
+    """Return a call that sends a command."""
+    return lambda: w.probe.commands.publish(Float64MultiArray(data=[float(v) for v in velocities]))
+
+
+@pytest.mark.parametrize('is_free', [False, True])
+def test_the_box_is_carried_by_the_two_sides(is_free):
+    start = np.array(box_between().body.pose)
+    free = {'object_is_free': True, 'object_x': start[0], 'object_y': start[1]}
+    command = solve_twist(ROBOT.home, box_between(), (0.02, 0.0, 0.0)).roller_velocities
+    with world(node(**(free if is_free else {}))) as w:
+        w.until(lambda: place(w) is not None)
+        assert place(w) == pytest.approx(start, abs=1e-9)
+        if is_free:
+            w.spin(0.2)
+        w.until(lambda: place(w)[0] - start[0] > 0.01, drive(w, command))
+        went = place(w) - start
+        assert abs(went[1]) < 0.05 * went[0]
+        assert abs(went[2]) < 0.05 * went[0]
+
+
+def test_a_free_box_stays_and_is_put_elsewhere_with_its_angle():
+    with world(node(object_is_free=True, object_x=2.5, object_y=-0.5, object_angle=0.7)) as w:
+        w.until(lambda: w.probe.last('joints') is not None and place(w) is not None)
+        w.until(lambda: w.probe.last('joints').position[1] > 0.003, drive(w, [0.02] * 6))
+        assert place(w) == pytest.approx((2.5, -0.5, 0.7))
+        there = PoseStamped(pose=to_pose_message(box_between().body.pose))
+        there.header.frame_id = 'truss'
+        w.nodes[1]._place_object(there)
+        w.probe.seen['pose'].clear()
+        w.until(lambda: place(w) is not None)
+        assert place(w) == pytest.approx(np.array(box_between().body.pose))
+
+
+def test_a_disc_between_two_sides_that_do_not_meet():
+    with world(node(object='', object_diameter=0.5)) as w:
+        w.until(lambda: place(w) is not None)
+        disc = place_between(ROBOT.home, SIDES, Disc(0.5), ANGLE, DEPTH)
+        assert place(w) == pytest.approx(np.array(disc.body.pose), abs=1e-9)
+
+
+def test_without_members_the_sides_of_the_module_hold_it():
+    with world(node(grip=[''], grip_module='north/Z', object_angle=0.3)) as w:
+        w.until(lambda: place(w) is not None)
+        shape = box_between().body.shape
+        sides = ('north/Z-R', 'north/P-Z')
+        expected = place_between(ROBOT.home, sides, shape, 0.3, DEPTH).body.pose
+        assert place(w) == pytest.approx(np.array(expected), abs=1e-9)
+
+
+@needs_mujoco
+@pytest.mark.parametrize(('friction', 'held'), [(0.9, True), (0.4, False)])
+def test_mujoco_holds_the_box_where_friction_does(friction, held):
+    slippery = BOX.replace('friction: 0.9', f'friction: {friction}')
+    with world(node(plant='mujoco', object=slippery)) as w:
+        w.until(lambda: place(w) is not None)
+        start = place(w)
+        w.until(lambda: len(w.probe.seen['pose']) > 100)
+        assert (math.hypot(*(place(w) - start)[:2]) < 0.03) == held
+        _, simulator = w.nodes
+        assert (set(simulator._driven.grasping_members) == set(SIDES)) == held
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'object': '{shape: polygon}'}, 'vertices'),
+        ({'object': '/nowhere.yaml'}, 'nowhere'),
+        ({'grip': ['south/P-Q', 'nobody']}, 'no such member; must be of'),
+        ({'grip': ['south/P-Q']}, '2 or 3 different'),
+        ({'grip': ['south/P-Q', 'south/P-Q']}, '2 or 3 different'),
+        ({'grip': ['south/P-Q', 'east/R-Y']}, 'fits nowhere'),
+        ({'plant': 'elastic'}, 'discs only'),
+        ({'object_angle': math.nan}, 'range'),
+    ],
+)
+def test_what_is_no_object_or_no_grip_is_refused_at_start(values, words):
+    check_refused(node(**values), words)
