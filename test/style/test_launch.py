@@ -90,10 +90,13 @@ def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, stand_in)
             if name == 'use_sim_time':
                 assert value.value_type is bool
                 continue
-            assert value.value_type is type(specs[name].default), name
+            default = specs[name].default
+            expected = list[str] if isinstance(default, list) else type(default)
+            assert value.value_type == expected, name
             default = arguments[name].default_value
             if default is not None:
-                read = {bool: 'true'.__eq__}.get(value.value_type, value.value_type)
+                readers = {bool: 'true'.__eq__, list[str]: YAML(typ='safe').load}
+                read = readers.get(value.value_type, value.value_type)
                 assert read(default) == defaults.get(name, specs[name].default), name
     assert used == set(arguments)
     missing = {name for name, argument in arguments.items() if argument.default_value is None}
