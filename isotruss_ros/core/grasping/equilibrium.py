@@ -66,6 +66,11 @@ class HeldState:
         return complex(self.unknowns[0], self.unknowns[1])
 
     @property
+    def feet(self) -> Array:
+        """Return where along the members the contacts are, (2,) [m]."""
+        return self.unknowns[FEET]
+
+    @property
     def normal_forces(self) -> Array:
         """Return (2,) [N], positive where object and tube press on each other."""
         return self.unknowns[NORMAL]

@@ -31,8 +31,7 @@ class Hold(enum.Enum):
     SLIPS = 'the balance needs more friction than there is'
     UNSTABLE = 'the balance is unstable'
     OFF_MEMBER = 'a contact is beyond the end of its member'
-    OTHER_CONTACT = 'a third member presses on the object'
-    NOT_COMPUTED = 'only of a disc is it computed whether it is held'
+    OTHER_CONTACT = 'another member presses on the object'
 
 
 def member_depths(config: Configuration, cylinder: Cylinder) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core.grasping.equilibrium import FEET
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.loaded_tubes import LoadedTubes
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.grasping.wrinkling import load_sections
@@ -11,7 +11,7 @@ from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
 
-def held_utilisation(grasp: RollingGrasp) -> Array:
+def held_utilisation(grasp: RollingGrasp | HeldGrip) -> Array:
     """
     Return the largest |M| / M_w of each member under the forces of a held object, (m,) [-].
 
@@ -22,9 +22,9 @@ def held_utilisation(grasp: RollingGrasp) -> Array:
     """
     structure = structure_of(grasp.config, grasp.pressure)
     frame, topology = structure.frame, grasp.config.robot.topology
-    state, members = grasp.state, grasp.members
+    state, members = grasp.state, grasp.contact_members
     forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
-    piece, place = grasp.statics.compliance.locate(state.unknowns[FEET])
+    piece, place = grasp.statics.compliance.locate(state.feet)
     loaded = LoadedTubes(frame, piece, place, forces)
     pressure = np.array(structure.pressures)[topology.tube]
     sections = load_sections(

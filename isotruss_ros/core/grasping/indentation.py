@@ -31,23 +31,11 @@ class SkinIndentation:
     """
     The depth of a dent by the normal force, for one tube and one object.
 
-    :param robot: whose tube it is.
-    :param tube: its number.
-    :param radius: of the object [m].
-    :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
+    :param depths: (n,) of dents, rising from above zero [m].
+    :param forces: (n,) with which the object presses there [N].
     """
 
-    def __init__(
-        self,
-        robot: Mechanism,
-        tube: int,
-        radius: float,
-        pressures: tuple[float, ...] | None = None,
-    ) -> None:
-        depths = DEPTHS * min(radius, 0.5 * robot.description.tube_diameter)
-        forces = np.array(
-            [_pressing_force(robot, tube, radius, depth, pressures) for depth in depths]
-        )
+    def __init__(self, depths: Array, forces: Array) -> None:
         self._places = np.append(0.0, forces**POWER)
         spline = CubicSpline(self._places, np.append(0.0, depths), bc_type='natural')
         self._coefficients = spline.c
@@ -101,7 +89,9 @@ def skin_indentation(
     :param radius: of the object [m].
     :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
     """
-    return SkinIndentation(robot, tube, radius, pressures)
+    depths = DEPTHS * min(radius, 0.5 * robot.description.tube_diameter)
+    forces = [_pressing_force(robot, tube, radius, depth, pressures) for depth in depths]
+    return SkinIndentation(depths, np.array(forces))
 
 
 def _pressing_force(

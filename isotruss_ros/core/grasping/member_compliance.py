@@ -8,9 +8,11 @@ with their coefficients at hand, values and derivatives at a place take two prod
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+import itertools
 
+from isotruss_ros.core.grasping.beam_between import beam_between, BeamPiece
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np
@@ -43,6 +45,8 @@ class ContactCompliance:
     _by_ends: Array  # (3 k, 6 k) responses to forces on the ends
     _to_ends: Array  # (6 k, 3 k) displacements of the ends under loads
     _inside_rate: Array  # (k, 3, 3)
+    #: Places i, j on one piece: derivatives of what loads at j do at i, by both places.
+    _between_rates: tuple[tuple[int, int, Array, Array], ...] = ()
 
     def respond(self, loads: Array) -> Array:
         """
@@ -66,6 +70,9 @@ class ContactCompliance:
         own = np.arange(count)
         rates[own, :, own] += (self._rows_rate @ (self._to_ends @ flat)).reshape(count, 3)
         rates[own, :, own] += (self._inside_rate @ loads[:, :, None])[:, :, 0]
+        for i, j, by_own, by_other in self._between_rates:
+            rates[i, :, i] += by_own @ loads[j]
+            rates[i, :, j] += by_other @ loads[j]
         return rates
 
 
@@ -77,7 +84,8 @@ class MemberCompliance:
     :ivar axis: (k,) directions of the members, from the start.
     :ivar length: (k,) pinch to pinch [m].
     :param structure: the robot's frame.
-    :param members: the k members, numbered as in `Robot.member_names`.
+    :param members: the k members, numbered as in `Robot.member_names`; one that has two places of
+        contact is there twice.
     :param scale: the stiffness of the structure against that of the model.
     """
 
@@ -102,6 +110,13 @@ class MemberCompliance:
         sense = np.array([1.0, 1.0, -1.0])
         middle = ((0.5 * (begin + end) - self.start[:, None]) * self.axis.conj()[:, None]).real
         self._middle, self._zoom = middle, 2.0 * sense / length
+        of_beams = (frame.members.axial, frame.members.flexural, frame.members.shear)
+        self._beams = (length, *(values[pieces] for values in of_beams))
+        self._pinned, self._sense = frame.members.pinned_start[pieces], sense
+        self._scale = scale
+        self._pairs = [
+            (i, j) for i, j in itertools.permutations(range(count), 2) if used[i] == used[j]
+        ]
         shapes, inside = _clamped_beams(
             0.5 * length[..., None] * (1.0 + NODES),
             length[..., None],
@@ -158,9 +173,40 @@ class MemberCompliance:
         to_ends = ends @ loads.T
         matrix = (by_ends @ to_ends).reshape(count, 3, count, 3)
         matrix[own, :, own] += inside[..., 0]
+        between = tuple(self._between(places, piece))
+        for (i, j, _, _), found in between:
+            matrix[i, :, j] += found
         return ContactCompliance(
-            matrix, rows_rate, loads_rate, by_ends @ ends, to_ends, inside[..., 1]
+            matrix,
+            rows_rate,
+            loads_rate,
+            by_ends @ ends,
+            to_ends,
+            inside[..., 1],
+            tuple(rates for rates, _ in between),
         )
+
+    def _between(
+        self, places: Array, piece: Indices
+    ) -> Iterator[tuple[tuple[int, int, Array, Array], Array]]:
+        """Yield what loads at other places of the same piece do, with its derivatives."""
+        for i, j in self._pairs:
+            if piece[i] != piece[j]:
+                continue
+            number = piece[i]
+            sense = float(self._sense[number])
+            beam = BeamPiece(
+                *(float(values[i, number]) for values in self._beams),
+                bool(self._pinned[i, number]),
+            )
+            x, y = (
+                sense * (float(places[k]) - float(self._middle[k, number])) + 0.5 * beam.length
+                for k in (i, j)
+            )
+            turn = np.array([sense, sense, 1.0])
+            turned = np.outer(turn, turn) / self._scale
+            found, by_own, by_other = (turned * matrix for matrix in beam_between(beam, x, y))
+            yield (i, j, sense * by_own, sense * by_other), found
 
 
 def _clamped_beams(

@@ -120,6 +120,11 @@ class RollingGrasp:
         return names[first], names[second]
 
     @property
+    def contact_members(self) -> Indices:
+        """Return the numbers of the members of the contacts, (2,)."""
+        return self.members
+
+    @property
     def required_friction(self) -> float:
         """Return the smallest coefficient of friction with which both contacts stick."""
         return float(np.max(np.abs(self.state.friction_forces) / self.state.normal_forces))

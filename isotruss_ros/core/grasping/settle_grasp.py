@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+import math
 
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.errors import GraspError, quote
+from isotruss_ros.core.grasping.analysis import FRICTION
+from isotruss_ros.core.grasping.held_grip import HeldGrip, MOST
 from isotruss_ros.core.grasping.held_members import Hold, member_depths
+from isotruss_ros.core.grasping.pressed_contacts import body_depths
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
-from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response, WrenchResponse
+from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder, Pose
 from isotruss_ros.core.model.shapes import Disc
-from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
 from isotruss_ros.core.statics.pressures import Pressure
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +30,7 @@ MAX_DISPLACEMENT = 0.25
 @dataclass(frozen=True, eq=False)
 class SettledGrasp:
     """
-    The equilibrium of a free object between two members, with friction loading the tubes.
+    The equilibrium of a free object between two or three members, friction loading the tubes.
 
     Where no equilibrium was found the pose is the given one, and there are no forces.
 
@@ -38,7 +43,9 @@ class SettledGrasp:
     :ivar friction_used: |T| / (mu N) by grasping member [-]; infinite without friction.
     :ivar required_friction: smallest coefficient that holds it; infinite if none does.
     :ivar slip_margin: smallest extra wrench, moment over d/2, at which a member slips or lets go
-        [N]; negative where one does already, zero without an equilibrium.
+        [N]; negative where one does already, zero without an equilibrium. Of an object that is no
+        disc moments count over `ConvexObject.arm`, and each end of a face that lies on a member
+        may let go.
     :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
         takes while the contacts stick [N/m, N, N m]; zero without an equilibrium.
     """
@@ -63,34 +70,44 @@ class SettledGrasp:
 def settle_grasp(
     config: Configuration,
     body: Cylinder | ConvexObject,
-    friction: float = 0.5,
+    friction: float | None = None,
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
     pressure: Pressure | None = None,
+    members: Sequence[str] | None = None,
 ) -> SettledGrasp:
     """
     Find the equilibrium of a grasped object near its measured pose.
 
     The object is free, friction loads the tubes, and nothing is known of how it came there.
     Statics settles the place across the bisector of the two grasping members, and the friction
-    forces; the place along the bisector, by which they press, is the measured one.
+    forces; the place along the bisector, by which they press, is the measured one. What is known
+    of objects that are no discs, and of three members, is in `contact_closures.rest`.
 
     :param config: where the robot is; its rollers do not turn.
-    :param body: the object, where it was measured; of one that is no disc nothing is computed, and
-        `SettledGrasp.hold` says so.
-    :param friction: coefficient between tube and object, not negative.
-    :param external_wrench: (fx, fy, m) on the object about its centre [N, N m].
+    :param body: the object, where it was measured.
+    :param friction: coefficient between tube and object, not negative; if None the object's own,
+        0.5 where it has none.
+    :param external_wrench: (fx, fy, m) on the object about the origin of its frame, the centre of
+        a cylinder [N, N m].
     :param pressure: gauge, measured [Pa], see `tube_pressures`; that of the robot file if None.
+    :param members: names `t/j-k` of the two members or three that hold it, as of a `Grip`. If None
+        those that it presses into; two, where it is a cylinder.
     :raises GraspError: an argument is not usable.
     :raises StructureError: a pressure is not usable, the robot is a mechanism, or its stiffness
         laws are contradictory.
     """
+    if friction is None:
+        own = getattr(body, 'friction', None)
+        friction = FRICTION if own is None else own
     (mu,) = finite_array([friction], 1, 'friction', GraspError)
     if mu < 0.0:
         raise GraspError(f'friction {friction!r}: must not be negative')
     wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
     held = as_convex_object(body)
-    if not isinstance(held.shape, Disc):
-        return SettledGrasp(Hold.NOT_COMPUTED, Hold.NOT_COMPUTED.value, held.pose, np.zeros(3))
+    if members is not None or not isinstance(held.shape, Disc):
+        numbers = None if members is None else _numbers(config, members)
+        grip = HeldGrip.attach(config, held, numbers, wrench, pressure=pressure)
+        return settle_grip(held, grip, float(mu))
     cylinder = Cylinder(held.pose[:2], held.shape.diameter)
     if np.count_nonzero(member_depths(config, cylinder) > 0.0) > 2:
         return _not_settled(cylinder, Hold.OTHER_CONTACT)
@@ -98,6 +115,55 @@ def settle_grasp(
     if isinstance(found, Hold):
         return _not_settled(cylinder, found)
     return _assess(cylinder, found, float(mu))
+
+
+def settle_grip(body: ConvexObject, found: HeldGrip | Hold, friction: float) -> SettledGrasp:
+    """
+    Return what the equilibrium of an object at two or three members is worth.
+
+    :param body: the object, where it was measured.
+    :param found: the equilibrium, or why there is none.
+    :param friction: coefficient between tube and object.
+    """
+    sticks = found if isinstance(found, Hold) else found.hold(friction)
+    if isinstance(found, Hold) or sticks in (Hold.NO_CONTACT, Hold.OFF_MEMBER):
+        return SettledGrasp(sticks, sticks.value, body.pose, np.zeros(3))
+    response = found.response()
+    moved = np.array(found.pose) - body.pose
+    moved[2] = math.remainder(moved[2], 2.0 * math.pi)
+    depths = body_depths(found.config, found.body)
+    stable = response is not None and response.stable
+    hold, reason = _judge(
+        found.config, float(np.hypot(*moved[:2])), depths, found.members, found, friction, stable
+    )
+    names, normal, rubs = found.member_names, found.normal_forces, found.friction_forces
+    with np.errstate(divide='ignore', invalid='ignore'):
+        used = np.abs(rubs) / (friction * normal)
+    return SettledGrasp(
+        hold,
+        reason,
+        found.pose,
+        moved,
+        dict(zip(names, normal.tolist(), strict=True)),
+        dict(zip(names, (-rubs).tolist(), strict=True)),
+        dict(zip(names, used.tolist(), strict=True)),
+        found.required_friction,
+        0.0 if response is None else response.slip_margin(friction),
+        np.zeros((3, 3)) if response is None else response.stiffness,
+    )
+
+
+def _numbers(config: Configuration, members: Sequence[str]) -> Indices:
+    """Return the numbers of members by their names."""
+    names = (members,) if isinstance(members, str) else tuple(members)
+    known = config.robot.member_names
+    unknown = [name for name in names if name not in known]
+    if unknown or not 2 <= len(set(names)) == len(names) <= MOST:
+        raise GraspError(
+            f'members {quote(", ".join(map(str, names)))}: must be two or three different ones '
+            f'of {", ".join(known)}'
+        )
+    return np.array([known.index(name) for name in names])
 
 
 def _not_settled(cylinder: Cylinder, hold: Hold) -> SettledGrasp:
@@ -111,7 +177,10 @@ def _assess(cylinder: Cylinder, found: RollingGrasp, friction: float) -> Settled
         return _not_settled(cylinder, sticks)
     state, pose = found.state, found.pose
     response = wrench_response(found.statics, state, found.wrench)
-    hold, reason = _judge(cylinder, found, friction, response)
+    shift = float(np.hypot(pose.x - cylinder.center[0], pose.y - cylinder.center[1]))
+    depths = member_depths(found.config, Cylinder(pose[:2], cylinder.diameter))
+    stable = response is not None and response.stable
+    hold, reason = _judge(found.config, shift, depths, found.members, found, friction, stable)
     with np.errstate(divide='ignore', invalid='ignore'):
         used = np.abs(state.friction_forces) / (friction * state.normal_forces)
     return SettledGrasp(
@@ -129,21 +198,31 @@ def _assess(cylinder: Cylinder, found: RollingGrasp, friction: float) -> Settled
 
 
 def _judge(
-    cylinder: Cylinder, found: RollingGrasp, friction: float, response: WrenchResponse | None
+    config: Configuration,
+    shift: float,
+    depths: Array,
+    members: Indices,
+    found: RollingGrasp | HeldGrip,
+    friction: float,
+    stable: bool,
 ) -> tuple[Hold, str]:
-    """Return whether an equilibrium holds the object, and why not."""
-    robot, pose = found.config.robot, found.pose
-    shift = float(np.hypot(pose.x - cylinder.center[0], pose.y - cylinder.center[1]))
+    """
+    Return whether an equilibrium holds the object, and why not.
+
+    :param shift: from the measured place [m].
+    :param depths: (m,) of the object in the members [m].
+    :param members: numbers of the grasping ones.
+    """
+    robot = config.robot
     if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:
         return Hold.FAR, f'{Hold.FAR.value}: {1e3 * shift:.3g} mm'
-    depths = member_depths(found.config, Cylinder(pose[:2], cylinder.diameter))
-    depths[found.members] = -np.inf
-    third = int(depths.argmax())
-    if depths[third] > 0.0:
-        return Hold.OTHER_CONTACT, f'{Hold.OTHER_CONTACT.value}: {robot.member_names[third]}'
+    depths[members] = -np.inf
+    other = int(depths.argmax())
+    if depths[other] > 0.0:
+        return Hold.OTHER_CONTACT, f'{Hold.OTHER_CONTACT.value}: {robot.member_names[other]}'
     if found.required_friction > friction:
         need = f'coefficient {found.required_friction:.3g} against {friction:.3g}'
         return Hold.SLIPS, f'{Hold.SLIPS.value}: {need}'
-    if response is None or not response.stable:
+    if not stable:
         return Hold.UNSTABLE, Hold.UNSTABLE.value
     return Hold.HELD, ''

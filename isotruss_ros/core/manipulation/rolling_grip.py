@@ -21,10 +21,10 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts, touched_corners
-from isotruss_ros.core.manipulation.unrolled_arc import unrolled_arc
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Pose
 from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.model.unrolled_arc import unrolled_arc
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 

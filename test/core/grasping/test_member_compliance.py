@@ -103,3 +103,47 @@ def test_a_softer_structure_gives_more_in_proportion(members):
     softer = MemberCompliance(STRUCTURE, MEMBERS, scale=0.5).at(at)
     assert softer.respond(loads) == pytest.approx(2.0 * members.at(at).respond(loads))
     assert softer.rates(loads) == pytest.approx(2.0 * members.at(at).rates(loads))
+
+
+@pytest.mark.parametrize('pinned_piece', [False, True])
+def test_two_places_on_one_member_are_those_of_the_contact_points(pinned_piece):
+    center = complex(*CYLINDER.center)
+    points = find_contact_points(STRUCTURE, RoundSurface(center, 0.9), 0.01)
+    rng = np.random.default_rng(1)
+    for number in MEMBERS:
+        members = MemberCompliance(STRUCTURE, [number, number])
+        own = np.flatnonzero(points.member == number)
+        if pinned_piece:
+            own = own[points.place[own] < GUIDE]
+        for _ in range(10 if len(own) > 1 else 0):
+            pair = rng.choice(own, 2, replace=False)
+            forces = np.zeros(len(points.points), dtype=complex)
+            forces[pair] = rng.normal(size=2) + 1j * rng.normal(size=2)
+            at = ((points.points[pair] - members.start) * members.axis.conj()).real
+            local = forces[pair] * members.axis.conj()
+            found = members.at(at).respond(np.column_stack([local.real, local.imag, np.zeros(2)]))
+            moved = members.axis * (found[:, 0] + 1j * found[:, 1])
+            assert moved == pytest.approx(points.displacements(forces)[pair], rel=1e-9, abs=1e-12)
+
+
+def test_two_places_on_one_member_have_the_rates_of_differences_and_reciprocity():
+    rng = np.random.default_rng(2)
+    compared = 0
+    for number in MEMBERS:
+        members = MemberCompliance(STRUCTURE, [number, number], 0.7)
+        length = float(members.length[0])
+        for low, high in ((0.01, 0.9 * GUIDE), (0.2, 0.8), (length - 0.9 * GUIDE, length - 0.01)):
+            at = rng.uniform(low, high, 2)
+            loads = rng.normal(size=(2, 3))
+            contact = members.at(at)
+            rates = contact.rates(loads)
+            for k in range(2):
+                step = STEP * np.eye(2)[k]
+                change = members.at(at + step).respond(loads) - members.at(at - step).respond(
+                    loads
+                )
+                assert rates[:, :, k] == pytest.approx(change / (2.0 * STEP), rel=1e-4, abs=1e-9)
+            across = contact.matrix[:, :2, :, :2].reshape(4, 4)
+            assert across == pytest.approx(across.T, rel=1e-8, abs=1e-12)
+            compared += 1
+    assert compared == 6

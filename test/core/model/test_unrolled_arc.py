@@ -3,7 +3,7 @@
 from hypothesis import given
 from isotruss_ros.core import Disc, Ellipse, Polygon
 from isotruss_ros.core.manipulation.grip_contacts import touched_corners
-from isotruss_ros.core.manipulation.unrolled_arc import unrolled_arc
+from isotruss_ros.core.model.unrolled_arc import unrolled_arc
 import numpy as np
 import pytest
 import robots

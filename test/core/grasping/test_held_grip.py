@@ -1,0 +1,271 @@
+"""Convex objects at two members or three: equilibrium, slip margin, and how they roll."""
+
+from grips import gripped
+from isotruss_ros.core import (
+    ConvexObject,
+    Cylinder,
+    Disc,
+    Ellipse,
+    GraspError,
+    Grip,
+    Hold,
+    load_robot,
+    place_between,
+    Polygon,
+    settle_grasp,
+    solve_twist,
+)
+from isotruss_ros.core.grasping.contact_closures import rest, stick
+from isotruss_ros.core.grasping.corner_dents import corner_dents
+from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.grasping.held_utilisation import held_utilisation
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+import numpy as np
+import pytest
+
+NINE = load_robot('nine_member')
+HOME = NINE.home
+CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
+BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
+SHARP = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
+APART = ('south/P-Q', 'north/R-P')  # sides of two tubes
+CORNER = ('north/P-Z', 'north/Z-R')
+LOOP = ('south/P-Q', 'south/Q-X', 'south/X-P')
+NOTHING = np.zeros(0, dtype=np.intp)
+
+
+def numbers(members):
+    """Return the numbers of members."""
+    return np.array([NINE.member_names.index(name) for name in members])
+
+
+def held(shape, angle, members=APART, depth=0.01, **options):
+    """Return how an object is held that is pressed into members at home."""
+    grip = place_between(HOME, members, shape, angle=angle, indentation=depth)
+    found = HeldGrip.attach(HOME, grip.body, numbers(members), **options)
+    assert isinstance(found, HeldGrip)
+    return found
+
+
+CASES = [
+    (BOX, 0.2, APART, 2),
+    (BOX, 0.0, APART, 3),
+    (SHARP, 0.5236, CORNER, 3),
+    (Ellipse((0.25, 0.2)), 0.4, APART, 2),
+    (Disc(0.4), 0.4, APART, 2),
+]
+
+
+def as_body(cylinder, angle=0.0):
+    """Return a cylinder as a convex object."""
+    return ConvexObject(Disc(cylinder.diameter), (*cylinder.center, angle))
+
+
+def test_a_disc_at_a_module_is_held_as_by_the_equations_of_two_members():
+    wrench = (0.5, -0.3, 0.1)
+    one = settle_grasp(CONFIG, CYLINDER, 0.5, wrench)
+    other = settle_grasp(CONFIG, as_body(CYLINDER), 0.5, wrench, members=CORNER)
+    assert one.hold is other.hold is Hold.HELD
+    assert other.pose == pytest.approx(one.pose, abs=1e-9)
+    for name in ('normal_forces', 'friction_forces', 'friction_used'):
+        assert getattr(other, name) == pytest.approx(getattr(one, name), rel=1e-7)
+    assert other.required_friction == pytest.approx(one.required_friction, rel=1e-7)
+    assert other.slip_margin == pytest.approx(one.slip_margin, rel=1e-7)
+    assert other.stiffness == pytest.approx(one.stiffness, rel=1e-6, abs=1e-3)
+    assert other.displacement == pytest.approx(one.displacement, abs=1e-9)
+
+
+def test_a_disc_rolls_and_loads_the_tubes_as_by_the_equations_of_two_members():
+    one = RollingGrasp.attach(CONFIG, CYLINDER, 0.3)
+    other = HeldGrip.attach(CONFIG, as_body(CYLINDER, 0.3))
+    travel = np.array([0.02, -0.01, 0.03, 0.0, -0.02, 0.01])
+    ahead = CONFIG.moved_to(CONFIG.roller_positions + travel)
+    wrench = np.array([0.2, 0.1, -0.05])
+    one, other = one.moved_to(ahead, wrench), other.moved_to(ahead, wrench)
+    assert other.pose == pytest.approx(one.pose, abs=1e-9)
+    assert other.squeeze == pytest.approx(one.squeeze, rel=1e-8)
+    assert other.slip_margin(0.5) == pytest.approx(one.slip_margin(0.5), rel=1e-7)
+    assert held_utilisation(other) == pytest.approx(held_utilisation(one), rel=1e-7)
+
+
+@pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
+def test_the_jacobian_is_that_of_differences(shape, angle, members, count):
+    grip = held(shape, angle, members, external_wrench=np.array([0.3, -0.2, 0.1]))
+    assert len(grip.anchors) == count
+    statics, rng = grip.statics, np.random.default_rng(0)
+    state = grip.state.unknowns + 1e-3 * rng.normal(size=len(grip.state.unknowns))
+    travel = rng.normal(size=count)
+    for closure in (
+        rest(statics, grip.body.center + 0.001, angle + 0.01),
+        stick(statics, grip.anchors, travel, grip.angles, NOTHING),
+        stick(statics, grip.anchors, travel, grip.angles, np.array([1])),
+    ):
+        jacobian = statics.equations(state, grip.wrench, closure)[1]
+        for i, step in enumerate(1e-6 * np.eye(len(state))):
+            ahead, behind = (
+                statics.equations(state + sign * step, grip.wrench, closure)[0] for sign in (1, -1)
+            )
+            assert jacobian[:, i] == pytest.approx((ahead - behind) / 2e-6, rel=1e-6, abs=1e-7)
+
+
+@pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
+def test_forces_on_the_object_balance_the_wrench(shape, angle, members, count):
+    wrench = np.array([0.5, -0.3, 0.05])
+    grip = held(shape, angle, members, external_wrench=wrench)
+    state, statics = grip.state, grip.statics
+    push = (state.normal_forces + 1j * state.friction_forces) * state.normals
+    # Where the forces act: a tube's skin, dented, off the bent centre line.
+    compliance = statics.compliance
+    local = push * compliance.axis.conj()
+    skin = statics.tube_radius - statics.indentation(state.normal_forces)[0]
+    loads = np.column_stack([local.real, local.imag, -skin * state.friction_forces])
+    give = compliance.at(state.feet).respond(loads)
+    line = compliance.start + compliance.axis * (state.feet + give[:, 0] + 1j * give[:, 1])
+    points = line - skin * state.normals
+    gaps = grip.body.nearest(points).gaps
+    assert gaps == pytest.approx(np.zeros(count), abs=2e-5)
+    arms = points - grip.body.center
+    total = push.sum()
+    assert (total.real, total.imag) == pytest.approx(wrench[:2], abs=1e-8)
+    assert (arms.conj() * push).imag.sum() == pytest.approx(wrench[2], abs=1e-7)
+
+
+def test_both_ends_of_a_face_press_and_rub_alike():
+    grip = held(BOX, 0.0)
+    owners, state = grip.contacts.owners, grip.state
+    assert np.bincount(owners).tolist() == [1, 2]
+    face = owners == 1
+    ratios = state.friction_forces[face] / state.normal_forces[face]
+    assert ratios[0] == pytest.approx(ratios[1], rel=1e-6)
+    # As little friction as the balance needs: both members rub alike.
+    assert np.abs(grip.friction_forces / grip.normal_forces) == pytest.approx(
+        [grip.required_friction] * 2, rel=1e-6
+    )
+
+
+@pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
+def test_an_object_that_rolls_there_and_back_is_where_it_was(shape, angle, members, count):
+    begun = held(shape, angle, members)
+    grip = begun
+    way = np.array([0.01, -0.02, 0.01, 0.015, -0.01, 0.02])
+    shares = [0.25, 0.5, 0.75, 1.0, 0.75, 0.5, 0.25, 0.0]
+    farthest = 0.0
+    for share in shares:
+        config = HOME.moved_to(HOME.roller_positions + 0.2 * share * way)
+        grip = grip.moved_to(config)
+        assert grip is not None
+        farthest = max(farthest, float(np.abs(np.subtract(grip.pose, begun.pose)).max()))
+        if len(grip.anchors) != count:
+            return  # a face has lifted, or come to lie on a member: friction remembers that
+    assert farthest > 1e-3
+    assert grip.pose == pytest.approx(begun.pose, abs=1e-8)
+
+
+@pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
+def test_the_response_is_that_of_small_wrenches_and_openings(shape, angle, members, count):
+    grip = held(shape, angle, members)
+    response = grip.response()
+    assert response.stable
+    for i, step in enumerate(1e-3 * np.eye(3)):
+        wrench = step * (1.0, 1.0, grip.body.arm)
+        moved = np.subtract(
+            grip.moved_to(HOME, wrench).state.unknowns, grip.moved_to(HOME, -wrench).state.unknowns
+        )
+        places = grip.statics.places
+        assert moved[:3] / 2e-3 == pytest.approx(response.pose[:, i], rel=2e-4, abs=1e-8)
+        assert moved[places.normal] / 2e-3 == pytest.approx(
+            response.normal[:, i], rel=2e-4, abs=1e-5
+        )
+    if count > 2:
+        return  # a member that turns as it closes leaves one end of a face
+    command = solve_twist(
+        HOME, Grip(members, grip.body), np.zeros(3), opening_rate=-1e-4, limits=()
+    )
+    ahead = grip.moved_to(HOME.moved_to(HOME.roller_positions + command.roller_velocities))
+    gained = (ahead.squeeze - grip.squeeze) / -1e-4
+    # The members also turn as they close.
+    assert gained == pytest.approx(grip.squeeze_by_opening(), rel=0.15)
+
+
+@pytest.mark.parametrize('kind', ['slips', 'lets go'])
+def test_at_the_slip_margin_a_member_slips_or_lets_go(kind):
+    shape, friction = (BOX, 0.8) if kind == 'slips' else (Disc(0.4), 5.0)
+    grip = held(shape, 1.0 if kind == 'slips' else 0.4)
+    assert grip.hold(friction) is Hold.HELD
+    margin = grip.slip_margin(friction)
+    assert margin > 0.0
+    sticking = []
+    for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
+        for across in (-0.7, 0.0, 0.7):
+            along = np.sqrt(1.0 - across**2) * np.array([np.cos(angle), np.sin(angle)])
+            unit = np.append(along, across * grip.body.arm)
+            loaded = grip.moved_to(HOME, 0.9 * margin * unit)
+            assert loaded is not None
+            assert loaded.hold(friction) is Hold.HELD
+            more = grip.moved_to(HOME, 1.3 * margin * unit)
+            sticking.append(more is not None and more.hold(friction) is Hold.HELD)
+    # Beyond it holds in some directions only.
+    assert not all(sticking)
+    assert any(sticking)
+
+
+def test_three_members_hold_a_disc_by_equal_friction():
+    shape = Disc(0.65)
+    grip = place_between(HOME, LOOP, shape, indentation=0.01)
+    settled = settle_grasp(HOME, grip.body, 0.5, (0.0, 0.0, 1.0), members=LOOP)
+    assert settled.hold is Hold.HELD
+    assert set(settled.normal_forces) == set(LOOP)
+    rubs = np.array(list(settled.friction_forces.values()))
+    assert rubs == pytest.approx([rubs.mean()] * 3, rel=1e-6)
+    assert rubs.sum() * 0.325 == pytest.approx(-1.0, rel=1e-9)
+    assert settled.slip_margin > 1.0
+    # Found without their names too, where it presses into three.
+    again = settle_grasp(
+        HOME, grip.body.moved_to(settled.pose), 0.5, (0.0, 0.0, 1.0), members=LOOP
+    )
+    assert again.pose == pytest.approx(settled.pose, abs=1e-9)
+    ellipse = place_between(HOME, LOOP, Ellipse((0.33, 0.32)), indentation=0.012)
+    assert set(settle_grasp(HOME, ellipse.body, 0.5).normal_forces) == set(LOOP)
+
+
+def test_a_face_between_three_members_settles_the_angle_without_friction():
+    vertices = 0.645 * np.exp(1j * np.radians([90.0, 210.0, 330.0]))
+    triangle = Polygon([(z.real, z.imag) for z in vertices], corner_radius=0.12)
+    grip = place_between(HOME, LOOP, triangle, indentation=0.012)
+    settled = settle_grasp(HOME, grip.body, 0.5)
+    assert settled.hold is Hold.HELD
+    assert max(map(abs, settled.friction_forces.values())) < 1e-6
+    turned = grip.body.moved_to(np.add(grip.body.pose, (0.0, 0.0, 0.005)))
+    # Tables of dents are made for angles in steps.
+    again = settle_grasp(HOME, turned, 0.5).pose
+    assert np.array(again) == pytest.approx(np.array(settled.pose), abs=0.2 * 0.005)
+
+
+def test_a_face_dents_less_than_a_corner_and_a_disc_as_in_its_own_table():
+    both = (np.inf, np.inf)
+    flat = corner_dents(NINE, 0, SHARP, 1j, 0.15 + 0.1j, (np.inf, 0.15))
+    sharp = corner_dents(NINE, 0, SHARP, np.exp(0.25j * np.pi), 0.15 + 0.1j, both)
+    assert flat(15.0)[0] < 0.2 * sharp(15.0)[0]
+    # Pressure times area: half of a face of 0.3 m on a foundation of 4 pi p / 3.
+    pressure = next(iter(NINE.description.pressures.values()))
+    assert flat(5.0)[0] == pytest.approx(5.0 / (0.15 * 4.0 * np.pi * pressure / 3.0), rel=0.25)
+    grip = HeldGrip.attach(CONFIG, as_body(CYLINDER))
+    table = corner_dents(NINE, 0, Disc(0.3), 1.0 + 0j, 0.15 + 0j, both)
+    depths, _ = grip.statics.indentation(np.array([10.0, 30.0]))
+    assert [table(10.0)[0], table(30.0)[0]] == pytest.approx(depths, rel=0.02)
+
+
+def test_what_is_not_held_says_why():
+    far = ConvexObject(BOX, (3.0, 3.0, 0.0))
+    assert settle_grasp(HOME, far, 0.5).hold is Hold.NO_CONTACT
+    grip = place_between(HOME, APART, BOX, angle=0.2, indentation=0.01)
+    slips = settle_grasp(HOME, grip.body, 0.3)
+    assert slips.hold is Hold.SLIPS
+    assert 'coefficient' in slips.reason
+    assert settle_grasp(HOME, grip.body, 1.5, members=APART).hold is Hold.HELD
+    own = ConvexObject(BOX, grip.body.pose, friction=1.5)
+    assert settle_grasp(HOME, own, members=APART).hold is Hold.HELD
+    with pytest.raises(GraspError, match='south/P-X'):
+        settle_grasp(HOME, grip.body, 0.5, members=('south/P-Q', 'south/P-X'))
+    with pytest.raises(GraspError, match='two or three'):
+        settle_grasp(HOME, Cylinder((0.0, 0.0), 0.3), 0.5, members=APART[:1])
