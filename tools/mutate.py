@@ -1,207 +1,193 @@
 """
 Change one operator or number of the core at a time, and print the changes that no test notices.
 
-usage: mutate.py [--sample N] [--seed S] [--jobs J] [--own] FILES
+usage: mutate.py [--sample N] [--seed S] FILES_OR_FOLDERS
 
-Each mutant runs the tests of its own package, `test/core/<package>`, those of the file of the same
-name first, in a forked process that compiles the changed file in place of the file; nothing is
-written. Not changed: indices, annotations, and what stands in error messages.
+Each mutant runs tests of its own package, `test/core/<package>`. Tests are collected once, and
+each mutant is a fork in which functions get the changed code; it runs the tests that run the
+changed line, the quickest first, on few random examples. Which tests those are is recorded once,
+for the files of a package as they are. What survives, and what is computed while modules are
+imported, imports the changed file in a process of its own and runs all tests of the package, until
+one fails. A mutant that takes ten times as long as its tests counts as noticed. Nothing is written
+but the record. Not changed: indices, annotations, and what stands in error messages.
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
-from collections import Counter
 from collections.abc import Callable, Iterator
 import importlib
-import importlib.abc
-from importlib.machinery import SourceFileLoader
-import importlib.util
+import json
 import os
 from pathlib import Path
 import random
-import signal
 import sys
-import time
-from typing import NamedTuple
+from typing import Any
+
+import coverage
+from mutation.changed import MutantFinder
+from mutation.loop import (
+    ALIVE,
+    GRACE,
+    KILLED,
+    LATE,
+    NoShrinking,
+    PATIENCE,
+    RecordTests,
+    run_apart,
+    RunMutants,
+    RunUntilFailure,
+    UNFIT,
+)
+from mutation.record import read, Record, write
+from mutation.sites import find_mutants, Mutant
 
 ROOT = Path(__file__).resolve().parents[1]
-SWAPPED = [(ast.Add, ast.Sub), (ast.Mult, ast.Div)]
-#: Comparisons are reversed: of real numbers, < and <= differ only where nothing ever is.
-SWAPPED += [(ast.Lt, ast.GtE), (ast.Gt, ast.LtE), (ast.Eq, ast.NotEq)]
-CHANGES = dict(SWAPPED) | {new: old for old, new in SWAPPED}
-CHANGES |= {ast.Pow: ast.Mult, ast.Mod: ast.Mult, ast.FloorDiv: ast.Mult, ast.USub: ast.UAdd}
-SKIPPED_FIELDS = {'annotation', 'returns', 'slice', 'decorator_list'}
-SKIPPED = (ast.Raise, ast.JoinedStr, ast.Assert, ast.Import, ast.ImportFrom)
+CORE = ROOT / 'isotruss_ros' / 'core'
+#: Shares of the random examples, of the tests of forks and of those that import the changed file.
+FEW, USUAL = '0.05', '0.2'
+RECORDS = Path(sys.prefix) / 'mutation'
 
 
-class Site(NamedTuple):
-    """A place that can be changed: its line, what changes, and the change."""
-
-    line: int
-    words: str
-    change: Callable[[], None]
-
-
-class Mutant(NamedTuple):
-    """A file whose site `index` is changed; none if None."""
-
-    path: Path
-    index: int | None
-
-
-def find_sites(node: ast.AST, arithmetic: bool = False) -> Iterator[Site]:
-    """Yield what can be changed; whole numbers where they are operands of arithmetic."""
-    operand = getattr(node, 'op', None)
-    if isinstance(node, ast.BinOp | ast.AugAssign | ast.UnaryOp) and type(operand) in CHANGES:
-        new = CHANGES[type(operand)]()
-        words = f'{type(operand).__name__} -> {type(new).__name__}'
-        yield Site(node.lineno, words, lambda: setattr(node, 'op', new))
-    if isinstance(node, ast.Compare):
-        for at, old in enumerate(node.ops):
-            if type(old) in CHANGES:
-                yield _reverse(node, at, CHANGES[type(old)]())
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
-        value = node.value + 1
-        if isinstance(node.value, float):
-            # Up or down, by the place in the line.
-            value = node.value * (1.1 if node.col_offset % 2 else 0.9) or 0.1
-        if isinstance(node.value, float) or arithmetic:
-            words = f'{node.value!r} -> {value!r}'
-            yield Site(node.lineno, words, lambda: setattr(node, 'value', value))
-    for name, field in ast.iter_fields(node):
-        if name in SKIPPED_FIELDS:
-            continue
-        for child in field if isinstance(field, list) else [field]:
-            if isinstance(child, ast.AST) and not isinstance(child, SKIPPED):
-                yield from find_sites(child, isinstance(node, ast.BinOp | ast.AugAssign))
-
-
-def _reverse(node: ast.Compare, at: int, new: ast.cmpop) -> Site:
-    words = f'{type(node.ops[at]).__name__} -> {type(new).__name__}'
-    return Site(node.lineno, words, lambda: node.ops.__setitem__(at, new))
-
-
-class MutantFinder(importlib.abc.MetaPathFinder):
-    """Imports a changed module in place of the module."""
-
-    def __init__(self, mutant: Mutant) -> None:
-        tree = ast.parse(mutant.path.read_text(encoding='utf-8'))
-        if mutant.index is not None:
-            list(find_sites(tree))[mutant.index].change()
-        path = str(mutant.path)
-        code = compile(tree, path, 'exec')
-
-        class Loader(SourceFileLoader):
-            def get_code(self, fullname: str) -> object:
-                return code
-
-        self._name = '.'.join(mutant.path.relative_to(ROOT).with_suffix('').parts)
-        self._spec = importlib.util.spec_from_file_location(
-            self._name, path, loader=Loader(self._name, path)
-        )
-
-    def find_spec(self, fullname: str, path: object, target: object = None) -> object:
-        """Return the spec of the changed module."""
-        return self._spec if fullname == self._name else None
-
-
-def run_tests(mutant: Mutant, only_own: bool) -> int:
-    """Return 0 if the tests of the package pass with a mutant."""
-    from hypothesis import Phase, settings
+def run_tests(package: Path, plugin: object, share: str) -> int:
+    """Run the tests of a package by a plugin; 0 if none fails."""
+    os.environ['EXAMPLES_SHARE'] = share
     import pytest
 
-    settings.register_profile('mutate', phases=[Phase.explicit, Phase.generate])
-    settings.load_profile('mutate')
-    sys.meta_path.insert(0, MutantFinder(mutant))
-    package = ROOT / 'test' / 'core' / mutant.path.parent.name
-    own = package / f'test_{mutant.path.stem}.py'
-    files = [own] if own.exists() else []
-    if not (only_own and files):
-        files += [path for path in sorted(package.glob('test_*.py')) if path != own]
-    options = ['-x', '-q', '-p', 'no:cacheprovider', '-p', 'no:xdist', '--tb=no']
-    return int(pytest.main([*map(str, files), *options]))
-
-
-def fork(mutant: Mutant, only_own: bool) -> int:
-    """Start the tests of a mutant in a process of its own; return its id."""
-    child = os.fork()
-    if child:
-        return child
-    os.setsid()
     quiet = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(quiet, stream)
-    code = 1
-    try:
-        code = run_tests(mutant, only_own)
-    finally:
-        os._exit(min(code, 100))
+    folder = str(ROOT / 'test' / 'core' / package.name)
+    options = ['-q', '--tb=no', '-o', 'timeout=600', '-o', 'cache_dir=/dev/null']
+    off = [word for name in ('cacheprovider', 'xdist') for word in ('-p', f'no:{name}')]
+    return int(pytest.main([folder, *options, *off], plugins=[plugin, NoShrinking()]))
 
 
-def run_all(
-    mutants: list[Mutant], jobs: int, timeout: float, only_own: bool
-) -> Iterator[tuple[Mutant, int]]:
-    """Yield mutants with the status of their tests as they end; SIGKILL if they take too long."""
-    waiting, running = mutants[::-1], {}
-    try:
-        while waiting or running:
-            while waiting and len(running) < jobs:
-                mutant = waiting.pop()
-                running[fork(mutant, only_own)] = mutant, time.monotonic() + timeout
-            child, status = os.waitpid(-1, os.WNOHANG)
-            if child:
-                yield running.pop(child)[0], status
-                continue
-            for child, (_, deadline) in running.items():
-                if time.monotonic() > deadline:
-                    os.killpg(child, signal.SIGKILL)
-            time.sleep(0.02)
-    finally:
-        for child in running:
-            os.killpg(child, signal.SIGKILL)
+def record_tests(package: Path) -> Record:
+    """Return which tests run which lines of a package; read from a file if it is known."""
+    path = RECORDS / f'{package.name}.json'
+    known = read(path, package)
+    if known:
+        return known
+
+    def run() -> str:
+        tracer = coverage.Coverage(data_file=None, config_file=False, include=[f'{package}/*'])
+        tracer.start()
+        plugin = RecordTests(package, tracer)
+        failed = run_tests(package, plugin, FEW)
+        write(plugin.record, path, package)
+        return 'fail' if failed else 'pass'
+
+    outcome = run_apart(run, 3600)
+    assert outcome == 'pass', f'{package.name}: its tests fail without any change'
+    return read(path, package)
+
+
+def run_mutants(
+    package: Path, mutants: list[Mutant], record: Record, thorough: bool
+) -> Iterator[tuple]:
+    """Yield each mutant of a package and whether the tests notice it."""
+    unread = [m for m in mutants if m.in_function and not record.contexts(m)]
+    yield from ((mutant, ALIVE) for mutant in unread)
+    again = [mutant for mutant in mutants if not mutant.in_function]
+    inside = [mutant for mutant in mutants if mutant.in_function and mutant not in unread]
+    for mutant, result in _stream(
+        lambda tell: run_tests(package, RunMutants(inside, record, tell), FEW)
+    ):
+        imported = '' in record.contexts(mutant)
+        if result == UNFIT or (result == ALIVE and (thorough or imported)):
+            again.append(mutant)
+        else:
+            yield mutant, result
+    limit = GRACE + PATIENCE * sum(record.seconds.values())
+    for mutant in again:
+        plugin = RunUntilFailure(mutant, record, thorough)
+        yield mutant, run_apart(lambda p=plugin, m=mutant: _import_changed(package, m, p), limit)
+
+
+def _import_changed(package: Path, mutant: Mutant, plugin: RunUntilFailure) -> str:
+    sys.meta_path.insert(0, MutantFinder(mutant, ROOT))
+    run_tests(package, plugin, USUAL)
+    return plugin.result
+
+
+def _stream(serve: Callable[[Callable], Any]) -> Iterator[tuple]:
+    """Yield what a process tells that is forked for it."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if not child:
+        try:
+            serve(lambda mutant, result: os.write(writer, _line(mutant, result)))
+        finally:
+            os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader) as lines:
+        for line in lines:
+            (path, *rest), result = json.loads(line)
+            yield Mutant(Path(path), *rest), result
+    os.waitpid(child, 0)
+
+
+def _line(mutant: Mutant, result: str) -> bytes:
+    return (json.dumps([[str(mutant.path), *mutant[1:]], result]) + '\n').encode()
+
+
+def interval(killed: int, total: int, z: float = 1.96) -> tuple[float, float]:
+    """Return the 95 % interval of a share of which a sample is known (Wilson)."""
+    share, n = killed / total, total
+    middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z / (1 + z**2 / n) * (share * (1 - share) / n + z**2 / (4 * n**2)) ** 0.5
+    return middle - half, middle + half
+
+
+def print_row(name: str, results: list[str], total: int) -> None:
+    """Print the row of a package."""
+    n, killed = len(results), sum(result in (KILLED, LATE) for result in results)
+    low, high = interval(killed, n) if n < total else (killed / n, killed / n)
+    between = f'{100 * low:.0f} to {100 * high:.0f} %' if n < total else 'all'
+    print(f'| {name} | {total} | {n} | {killed} | {100 * killed / n:.1f} % | {between} |')
 
 
 def main() -> None:
-    """Run the mutants of the files, or a sample of them."""
+    """Run the mutants of the files, or a sample of those of each package."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
-    parser.add_argument('files', nargs='+', type=Path)
-    parser.add_argument('--sample', type=int, help='that many, drawn at random')
+    parser.add_argument('files', nargs='*', type=Path, default=[CORE])
+    parser.add_argument('--sample', type=int, help='that many of each package, drawn at random')
     parser.add_argument('--seed', type=int, default=0)
-    parser.add_argument('--jobs', type=int, default=os.cpu_count())
-    parser.add_argument('--timeout', type=float, default=600.0, help='for one mutant [s]')
-    parser.add_argument('--own', action='store_true', help='only the tests of the same name')
+    parser.add_argument('--thorough', action='store_true', help='survivors run all tests')
     options = parser.parse_args()
-    files = [path.resolve() for path in options.files]
+    paths = [path.resolve() for path in options.files]
+    files = sorted(
+        {file for path in paths for file in (path.rglob('*.py') if path.is_dir() else [path])}
+    )
     os.chdir(ROOT)
     sys.path.insert(0, str(ROOT))
     sys.dont_write_bytecode = False
     os.environ['OPENBLAS_NUM_THREADS'] = '1'
-    sites = {path: list(find_sites(ast.parse(path.read_text(encoding='utf-8')))) for path in files}
-    waiting = [Mutant(path, i) for path, found in sites.items() for i in range(len(found))]
-    if options.sample is not None:
-        waiting = random.Random(options.seed).sample(waiting, min(options.sample, len(waiting)))
-    unchanged = [Mutant(path, None) for path in {path.parent: path for path in files}.values()]
-    # What the package imports is imported once; the package itself by each process.
-    for name in ('hypothesis', 'pytest', 'isotruss_ros.core'):
+    # What the core imports is imported once; the core itself by each process that imports it.
+    for name in ('coverage', 'hypothesis', 'pytest', 'isotruss_ros.core'):
         importlib.import_module(name)
     for name in [name for name in sys.modules if name.split('.')[0] == 'isotruss_ros']:
         del sys.modules[name]
-    total, killed = Counter(), Counter()
-    limits = options.jobs, options.timeout, options.own
-    for (path, index), status in run_all(unchanged + waiting, *limits):
-        if index is None:
-            reason = 'take too long' if status == signal.SIGKILL else 'fail'
-            assert status == 0, f'{path.parent.name}: its tests {reason} without any change'
-            continue
-        total[path.parent.name] += 1
-        killed[path.parent.name] += status not in (0, signal.SIGKILL)
-        site, late = sites[path][index], ' (timed out)' if status == signal.SIGKILL else ''
-        if late or not status:
-            print(f'{path.relative_to(ROOT)}:{site.line}: {site.words}{late}', flush=True)
-    for package in sorted(total):
-        print(f'{package}: {killed[package]} of {total[package]} mutants killed')
+    rows = []
+    for package in sorted({file.parent for file in files} - {CORE}):
+        mutants = [m for file in files if file.parent == package for m in find_mutants(file)]
+        total = len(mutants)
+        if options.sample is not None:
+            drawn = random.Random(f'{options.seed} {package.name}')
+            mutants = drawn.sample(mutants, min(options.sample, total))
+        results = []
+        for mutant, result in run_mutants(
+            package, mutants, record_tests(package), options.thorough
+        ):
+            results.append(result)
+            if result != KILLED:
+                place = f'{mutant.path.relative_to(CORE)}:{mutant.first}'
+                print(f'{place}: {mutant.words} ({result}): {mutant.source}', flush=True)
+        rows.append((package.name, results, total))
+    print('| package | mutants | run | noticed | share | 95 % interval |\n' + '| --- ' * 6 + '|')
+    for row in rows:
+        print_row(*row)
 
 
 if __name__ == '__main__':

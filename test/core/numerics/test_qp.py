@@ -72,6 +72,15 @@ def test_nearest_point_of_a_half_plane():
     assert solve_qp(program) == pytest.approx([-0.6, -0.8])
 
 
+@pytest.mark.parametrize('size', [1e-6, 1e6])
+@pytest.mark.parametrize('length', [1e-4, 1e4])
+def test_solution_is_of_any_size_and_rows_of_any_length(size, length):
+    rows = length * np.array([[3.0, 4.0], [-1.0, 2.0]])
+    bounds = length * np.array([-5.0 * size, np.inf])
+    program = QuadraticProgram(np.eye(2), np.zeros(2), rows, bounds, *free(2)[2:])
+    assert solve_qp(program) == pytest.approx([-0.6 * size, -0.8 * size])
+
+
 def test_an_equality_and_a_bound():
     # x + y = 2 with x <= 0.5; without the bound both are 1.
     _, _, lower, upper = free(2)

@@ -1,0 +1,64 @@
+"""Factors of small matrices, whose inverses and condition numbers are known by hand."""
+
+from isotruss_ros.core.numerics.factorization import (
+    condition_number,
+    DenseFactor,
+    factorize,
+    factorize_with_condition,
+)
+import numpy as np
+import pytest
+from scipy.sparse import csc_matrix
+
+KINDS = pytest.mark.parametrize('kind', [np.array, csc_matrix])
+#: Its inverse is [[-2, 1], [1.5, -0.5]]: 1-norms 6 and 3.5, the greatest sums of a column.
+MATRIX = [[1.0, 2.0], [3.0, 4.0]]
+
+
+@KINDS
+def test_solves_with_the_matrix_and_with_its_transpose(kind):
+    factor = factorize(kind(MATRIX))
+    assert factor.solve(np.array([1.0, 0.0])) == pytest.approx([-2.0, 1.5])
+    assert factor.solve_transposed(np.array([1.0, 0.0])) == pytest.approx([-2.0, 1.0])
+
+
+@KINDS
+def test_condition_number_is_that_of_the_columns(kind):
+    assert condition_number(kind(MATRIX)) == pytest.approx(6.0 * 3.5)
+    # That of the rows, 7 times 3, is the same here; not so of this matrix.
+    assert condition_number(kind([[1.0, 10.0], [0.0, 1.0]])) == pytest.approx(11.0 * 11.0)
+    assert condition_number(kind([[1.0, 1.0, 1.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]])) == (
+        pytest.approx(3.0 * 1.0)
+    )
+
+
+@KINDS
+def test_exactly_singular_matrix_has_no_factor(kind):
+    singular = kind([[1.0, 0.0], [0.0, 0.0]])
+    assert factorize_with_condition(singular) == (None, np.inf)
+    with pytest.raises(np.linalg.LinAlgError):
+        factorize(singular)
+
+
+@KINDS
+def test_matrix_that_is_nearly_singular_has_a_factor(kind):
+    factor, condition = factorize_with_condition(kind([[1.0, 0.0], [0.0, 1e-12]]))
+    assert condition == pytest.approx(1e12)
+    assert factor.solve(np.array([1.0, 1.0])) == pytest.approx([1.0, 1e12])
+
+
+@KINDS
+def test_inverse_beyond_all_numbers_is_an_infinite_condition_number(kind):
+    tiny = kind([[1.0, 0.0], [0.0, 1e-320]])
+    assert factorize_with_condition(tiny)[1] == np.inf
+
+
+def test_dense_matrix_is_kept_where_its_condition_is_asked():
+    matrix = np.array(MATRIX)
+    factorize_with_condition(matrix)
+    assert np.array_equal(matrix, MATRIX)
+
+
+def test_dense_factor_names_the_pivot_that_is_zero():
+    with pytest.raises(np.linalg.LinAlgError, match='pivot 2 is zero'):
+        DenseFactor(np.array([[1.0, 0.0], [0.0, 0.0]]))

@@ -1,0 +1,57 @@
+"""Put the code of a mutant into a process."""
+
+from __future__ import annotations
+
+import gc
+import importlib.abc
+from importlib.machinery import SourceFileLoader
+import importlib.util
+from pathlib import Path
+from types import CodeType, FunctionType
+
+from mutation.sites import Mutant
+
+
+class MutantFinder(importlib.abc.MetaPathFinder):
+    """Imports a changed module in place of the module."""
+
+    def __init__(self, mutant: Mutant, root: Path) -> None:
+        path, code = str(mutant.path), mutant.compile()
+
+        class Loader(SourceFileLoader):
+            def get_code(self, fullname: str) -> object:
+                return code
+
+        self._name = '.'.join(mutant.path.relative_to(root).with_suffix('').parts)
+        self._spec = importlib.util.spec_from_file_location(
+            self._name, path, loader=Loader(self._name, path)
+        )
+
+    def find_spec(self, fullname: str, path: object, target: object = None) -> object:
+        """Return the spec of the changed module."""
+        return self._spec if fullname == self._name else None
+
+
+def swap_code(mutant: Mutant) -> bool:
+    """
+    Give the functions of the imported module the changed code; False if none of them has it.
+
+    What was computed before stays: constants of modules, and what is cached.
+    """
+    old = compile(mutant.path.read_text(encoding='utf-8'), str(mutant.path), 'exec')
+    changed = {
+        before: after
+        for before, after in zip(_codes(old), _codes(mutant.compile()), strict=True)
+        if before != after
+    }
+    functions = [f for f in gc.get_objects() if isinstance(f, FunctionType)]
+    functions = [f for f in functions if f.__code__ in changed]
+    for function in functions:
+        function.__code__ = changed[function.__code__]
+    return bool(functions)
+
+
+def _codes(code: CodeType) -> list[CodeType]:
+    """Return the codes in a code, at any depth, in the order of the source."""
+    inner = [const for const in code.co_consts if isinstance(const, CodeType)]
+    return [deeper for each in inner for deeper in (each, *_codes(each))]

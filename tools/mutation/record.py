@@ -1,0 +1,55 @@
+"""Which tests of a package run which lines, and for how long."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+from mutation.names import find_uses
+from mutation.sites import Mutant
+
+
+class Record(NamedTuple):
+    """Processor time of each test [s]; the tests that run each line of each file."""
+
+    seconds: dict[str, float]
+    lines: dict[str, dict[int, list[str]]]
+
+    def choose(self, mutant: Mutant) -> dict[str, float]:
+        """Return the tests that run the changed lines, or what uses them, with their times."""
+        return {test: self.seconds[test] for test in self.contexts(mutant) if test}
+
+    def contexts(self, mutant: Mutant) -> set[str]:
+        """Return the same tests, and '' if that also runs before any test."""
+        path = mutant.path
+        lines = {(path.name, line) for line in range(mutant.first, mutant.last + 1)}
+        if not mutant.in_function:
+            lines = find_uses(path.parent, path, mutant.first)
+        files = self.lines
+        return {test for name, line in lines for test in files.get(name, {}).get(line, [])}
+
+
+def write(record: Record, path: Path, package: Path) -> None:
+    """Write a record of a package."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps([_digest(package), *record]), encoding='utf-8')
+
+
+def read(path: Path, package: Path) -> Record | None:
+    """Read the record of a package; None if there is none of the files as they are."""
+    if not path.exists():
+        return None
+    digest, seconds, lines = json.loads(path.read_text(encoding='utf-8'))
+    if digest != _digest(package):
+        return None
+    numbered = {
+        name: {int(line): tests for line, tests in found.items()} for name, found in lines.items()
+    }
+    return Record(seconds, numbered)
+
+
+def _digest(package: Path) -> str:
+    files = sorted(package.glob('*.py'))
+    return hashlib.sha256(b'\0'.join(path.read_bytes() for path in files)).hexdigest()
