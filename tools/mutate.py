@@ -5,11 +5,13 @@ usage: mutate.py [--sample N] [--seed S] FILES_OR_FOLDERS
 
 Each mutant runs tests of its own package, `test/core/<package>`. Tests are collected once, and
 each mutant is a fork in which functions get the changed code; it runs the tests that run the
-changed line, the quickest first, on few random examples. Which tests those are is recorded once,
-for the files of a package as they are. What survives, and what is computed while modules are
-imported, imports the changed file in a process of its own and runs all tests of the package, until
-one fails. A mutant that takes ten times as long as its tests counts as noticed. Nothing is written
-but the record. Not changed: indices, annotations, and what stands in error messages.
+changed line, the quickest first, on few random examples, and on more of them if it survives. Which
+tests those are is recorded once, for the files of a package as they are. What is computed while
+modules are imported imports the changed file in a process of its own. The share of mutants that
+are noticed is a lower bound: tests that read what another one has cached are left out. With
+--thorough, survivors run all tests of the package. A mutant that takes thirty times as long as its
+tests counts as noticed, and is listed. Nothing is written but records in the environment's folder.
+Not changed: indices, annotations, and what stands in error messages.
 """
 
 from __future__ import annotations
@@ -39,12 +41,12 @@ from mutation.loop import (
     RunUntilFailure,
     UNFIT,
 )
-from mutation.record import read, Record, write
+from mutation.record import read, read_noticed, Record, write, write_noticed
 from mutation.sites import find_mutants, Mutant
 
 ROOT = Path(__file__).resolve().parents[1]
 CORE = ROOT / 'isotruss_ros' / 'core'
-#: Shares of the random examples, of the tests of forks and of those that import the changed file.
+#: Shares of the random examples: at first, and of what survives that.
 FEW, USUAL = '0.05', '0.2'
 RECORDS = Path(sys.prefix) / 'mutation'
 
@@ -91,14 +93,26 @@ def run_mutants(
     yield from ((mutant, ALIVE) for mutant in unread)
     again = [mutant for mutant in mutants if not mutant.in_function]
     inside = [mutant for mutant in mutants if mutant.in_function and mutant not in unread]
-    for mutant, result in _stream(
-        lambda tell: run_tests(package, RunMutants(inside, record, tell), FEW)
-    ):
-        imported = '' in record.contexts(mutant)
-        if result == UNFIT or (result == ALIVE and (thorough or imported)):
+    for share in (FEW, USUAL):
+        alive = []
+        for mutant, result in _stream(
+            lambda tell, own=inside, part=share: run_tests(
+                package, RunMutants(own, record, tell), part
+            )
+        ):
+            if result == UNFIT:
+                again.append(mutant)
+            elif result == ALIVE:
+                alive.append(mutant)
+            else:
+                yield mutant, result
+        inside = alive
+    for mutant in inside:
+        # What was computed before the change was made did not notice it.
+        if thorough or '' in record.contexts(mutant):
             again.append(mutant)
         else:
-            yield mutant, result
+            yield mutant, ALIVE
     limit = GRACE + PATIENCE * sum(record.seconds.values())
     for mutant in again:
         plugin = RunUntilFailure(mutant, record, thorough)
@@ -140,6 +154,27 @@ def interval(killed: int, total: int, z: float = 1.96) -> tuple[float, float]:
     return middle - half, middle + half
 
 
+def run_package(package: Path, mutants: list[Mutant], options: argparse.Namespace) -> list[str]:
+    """Return the results of the mutants of a package, or of a sample; print what survives."""
+    if options.sample is not None:
+        drawn = random.Random(f'{options.seed} {package.name}')
+        mutants = drawn.sample(mutants, min(options.sample, len(mutants)))
+    record, path = record_tests(package), RECORDS / f'{package.name}.noticed'
+    noticed = read_noticed(path, package) if options.resume else set()
+    known = [mutant for mutant in mutants if mutant.name in noticed]
+    results = [KILLED] * len(known)
+    left = [mutant for mutant in mutants if mutant.name not in noticed]
+    for mutant, result in run_mutants(package, left, record, options.thorough):
+        results.append(result)
+        if result == KILLED:
+            noticed.add(mutant.name)
+            write_noticed(noticed, path, package)
+        else:
+            place = f'{mutant.path.relative_to(CORE)}:{mutant.first}'
+            print(f'{place}: {mutant.words} ({result}): {mutant.source}', flush=True)
+    return results
+
+
 def print_row(name: str, results: list[str], total: int) -> None:
     """Print the row of a package."""
     n, killed = len(results), sum(result in (KILLED, LATE) for result in results)
@@ -155,6 +190,7 @@ def main() -> None:
     parser.add_argument('--sample', type=int, help='that many of each package, drawn at random')
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--thorough', action='store_true', help='survivors run all tests')
+    parser.add_argument('--resume', action='store_true', help='what was noticed stays so')
     options = parser.parse_args()
     paths = [path.resolve() for path in options.files]
     files = sorted(
@@ -171,20 +207,8 @@ def main() -> None:
         del sys.modules[name]
     rows = []
     for package in sorted({file.parent for file in files} - {CORE}):
-        mutants = [m for file in files if file.parent == package for m in find_mutants(file)]
-        total = len(mutants)
-        if options.sample is not None:
-            drawn = random.Random(f'{options.seed} {package.name}')
-            mutants = drawn.sample(mutants, min(options.sample, total))
-        results = []
-        for mutant, result in run_mutants(
-            package, mutants, record_tests(package), options.thorough
-        ):
-            results.append(result)
-            if result != KILLED:
-                place = f'{mutant.path.relative_to(CORE)}:{mutant.first}'
-                print(f'{place}: {mutant.words} ({result}): {mutant.source}', flush=True)
-        rows.append((package.name, results, total))
+        own = [mutant for file in files if file.parent == package for mutant in find_mutants(file)]
+        rows.append((package.name, run_package(package, own, options), len(own)))
     print('| package | mutants | run | noticed | share | 95 % interval |\n' + '| --- ' * 6 + '|')
     for row in rows:
         print_row(*row)

@@ -18,7 +18,7 @@ import pytest
 
 KILLED, ALIVE, LATE, UNFIT = 'killed', 'alive', 'late', 'unfit'
 #: How many times as long as its tests a mutant may take, and what is added [s].
-PATIENCE, GRACE = 10.0, 20.0
+PATIENCE, GRACE = 30.0, 30.0
 
 
 class NoShrinking:

@@ -50,6 +50,17 @@ def read(path: Path, package: Path) -> Record | None:
     return Record(seconds, numbered)
 
 
+def read_noticed(path: Path, package: Path) -> set[str]:
+    """Read which mutants of a package, of the files as they are, were noticed before."""
+    first, *names = path.read_text(encoding='utf-8').splitlines() if path.exists() else ['']
+    return set(names) if first == _digest(package) else set()
+
+
+def write_noticed(names: set[str], path: Path, package: Path) -> None:
+    """Write which mutants of a package were noticed."""
+    path.write_text('\n'.join([_digest(package), *sorted(names)]), encoding='utf-8')
+
+
 def _digest(package: Path) -> str:
     files = sorted(package.glob('*.py'))
     return hashlib.sha256(b'\0'.join(path.read_bytes() for path in files)).hexdigest()

@@ -37,6 +37,11 @@ class Mutant(NamedTuple):
     in_function: bool
 
     @property
+    def name(self) -> str:
+        """Return what no other mutant of the package is called."""
+        return f'{self.path.name}:{self.index}'
+
+    @property
     def source(self) -> str:
         """Return the line that is changed."""
         return self.path.read_text(encoding='utf-8').splitlines()[self.first - 1].strip()

@@ -248,3 +248,39 @@ def test_roller_of_one_module_moves_only_its_two_members(robot, rng, number):
         start, end = ends.split('-')
         wanted = 0.01 * ((start == joint) - (end == joint)) if own == tube else 0.0
         assert change == pytest.approx(wanted, abs=1e-11)
+
+
+@robots.examples(20)
+@given(robots.robots(), robots.generators())
+def test_a_short_look_ahead_is_off_by_the_square_of_the_travel(robot, rng):
+    config = robots.random_state(robot, rng)
+    direction = rng.uniform(-1.0, 1.0, len(robot.roller_names))
+    off = []
+    for travel in (1e-3 * direction, 5e-4 * direction):
+        ahead, exact = config.predict(travel), config.moved_to(config.roller_positions + travel)
+        np.testing.assert_array_equal(ahead.roller_positions, exact.roller_positions)
+        off.append(np.abs(ahead.points - exact.points).max())
+    assert off[1] == pytest.approx(off[0] / 4.0, rel=0.1)
+    # Where it is not short, it is the exact one.
+    far = config.predict(5e-3 * direction, first_order=4e-3 * np.abs(direction).max())
+    exact = config.moved_to(config.roller_positions + 5e-3 * direction)
+    np.testing.assert_allclose(far.points, exact.points, atol=1e-12)
+
+
+def test_a_member_without_length_is_refused_by_name_and_a_short_one_by_the_shape():
+    robot = load_robot('triangle')
+    length = robot.home.member_lengths[0]
+    for left, words in ((-1e-6, 'make member main/L-R .* must be positive'), (0.05, 'no shape')):
+        with pytest.raises(ConfigurationError, match=words):
+            robot.configuration([length - left, 0.0])
+
+
+def test_the_end_of_the_shapes_is_found_by_shorter_and_shorter_steps():
+    robot = load_robot('triangle')
+    travel = np.array([robot.home.member_lengths[0] - 0.05, 0.0])
+    with pytest.raises(ConfigurationError) as refused:
+        robot.configuration(travel)
+    share = float(re.search(r'beyond ([0-9.]+) %', str(refused.value)).group(1)) / 100.0
+    # There it is next to singular: at the last shape the velocities grow without bound.
+    last = robot.configuration(share * (1.0 - 1e-5) * travel)
+    assert np.linalg.cond(last.matrix) > 50.0 * np.linalg.cond(robot.home.matrix)

@@ -1,7 +1,8 @@
-"""The worst-case rigidity index: by hand, by the definition, and what it does not depend on."""
+"""The rigidity indices: by hand, by their definitions, and what they do not depend on."""
 
 from hypothesis import given
 from isotruss_ros.core import load_robot, worst_case_rigidity_index
+from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 import numpy as np
 import pytest
 import robots
@@ -55,3 +56,63 @@ def test_it_does_not_depend_on_size_place_or_orientation(robot, rng):
 def test_polygon_without_its_supports_is_not_rigid():
     robot = robots.random_robot(3, 'polygon', 5)
     assert worst_case_rigidity_index(robot.home) == pytest.approx(0.0, abs=1e-12)
+
+
+# -- The index: the smallest singular value of the matrix of (12) over that at home --
+
+
+def scaled_matrix(config):
+    """Return the matrix of (12), its rows of angles times the rod length."""
+    m = len(config.robot.module_names)
+    matrix = config.matrix.copy()
+    matrix[4 * m : 5 * m] *= config.robot.description.module.rod_length
+    return matrix
+
+
+def smallest(config):
+    """Return the smallest singular value."""
+    return np.linalg.svd(scaled_matrix(config), compute_uv=False)[-1]
+
+
+@pytest.mark.parametrize('case', [*robots.PRESETS, 0, 1, 2])
+def test_modes_are_the_least_singular_values_and_vectors(case):
+    robot = load_robot(case) if isinstance(case, str) else robots.random_robot(case)
+    measure = rigidity_index(robot)
+    assert measure.modes(robot.home).values[0] == pytest.approx(1.0, rel=1e-5)
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        config = robots.random_state(robot, rng, 0.1)
+        modes, matrix = measure.modes(config), scaled_matrix(config)
+        expected = np.linalg.svd(matrix, compute_uv=False)[-1] / smallest(robot.home)
+        assert modes.values[0] == pytest.approx(expected, rel=1e-5)
+        # u^T M v is the value, and both are unit vectors.
+        u, v = modes.rows[:, 0], modes.nodes[:, 0]
+        assert u @ u == pytest.approx(1.0)
+        assert v @ v == pytest.approx(1.0)
+        assert u @ matrix @ v == pytest.approx(smallest(robot.home) * modes.values[0], rel=1e-6)
+
+
+@pytest.mark.parametrize('case', [*robots.PRESETS, 0, 1])
+def test_gradient_of_the_index_is_that_of_the_singular_value(case):
+    robot = load_robot(case) if isinstance(case, str) else robots.random_robot(case)
+    measure, rng = rigidity_index(robot), np.random.default_rng(2)
+    config = robots.random_state(robot, rng, 0.1)
+    left, values, right = np.linalg.svd(scaled_matrix(config))
+    modes = Modes(values[-1:], left[:, -1:], right[-1:].T)
+    gradient = measure.gradients(config, modes)[0]
+    step = 1e-6 * rng.standard_normal(len(gradient))
+
+    def moved(sign):
+        points = config.points + sign * step.view(np.complex128)
+        return smallest(type(config)(robot, config.roller_positions, points))
+
+    expected = (moved(1.0) - moved(-1.0)) / (2.0 * smallest(robot.home))
+    assert gradient @ step == pytest.approx(expected, rel=1e-3, abs=1e-10)
+
+
+def test_change_is_the_norm_of_what_is_added_to_the_matrix():
+    robot = load_robot('nine_member')
+    measure, rng = rigidity_index(robot), np.random.default_rng(3)
+    one, other = (robots.random_state(robot, rng, 0.1) for _ in range(2))
+    added = np.linalg.norm(scaled_matrix(one) - scaled_matrix(other))
+    assert measure.change(one, other) == pytest.approx(added / smallest(robot.home))

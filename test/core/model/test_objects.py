@@ -1,0 +1,39 @@
+"""Discs: numbers of any kind within range are taken, and what is out of range is refused."""
+
+from isotruss_ros.core import Cylinder, GraspError
+from isotruss_ros.core.model.objects import MAX_DISTANCE, MIN_DIAMETER, validate_disc
+import numpy as np
+import pytest
+
+SIZES = (MIN_DIAMETER, 0.05, 1.0, MAX_DISTANCE)
+
+
+@pytest.mark.parametrize('number', [float, np.float64])
+@pytest.mark.parametrize('size', SIZES)
+def test_diameters_within_range_are_taken_as_they_are(number, size):
+    assert validate_disc((number(0.0), number(-0.25)), number(size)) == ((0.0, -0.25), size)
+
+
+@pytest.mark.parametrize('number', [float, np.float64])
+@pytest.mark.parametrize(
+    ('center', 'size', 'words'),
+    [
+        ((0.0, 0.0), 0.0, 'must be positive'),
+        ((0.0, 0.0), -0.1, 'must be positive'),
+        ((0.0, 0.0), 0.99 * MIN_DIAMETER, 'at least'),
+        ((0.0, 0.0), 1.01 * MAX_DISTANCE, 'must be within'),
+        ((1.01 * MAX_DISTANCE, 0.0), 0.1, 'must be within'),
+        ((0.0, -1.01 * MAX_DISTANCE), 0.1, 'must be within'),
+        ((-1.01 * MAX_DISTANCE, 0.0), 0.1, 'must be within'),
+        ((0.0, 1.01 * MAX_DISTANCE), 0.1, 'must be within'),
+    ],
+)
+def test_what_is_out_of_range_is_refused(number, center, size, words):
+    with pytest.raises(GraspError, match=words):
+        validate_disc(tuple(map(number, center)), number(size))
+
+
+def test_places_up_to_the_largest_distance_are_taken():
+    for center in ((MAX_DISTANCE, -MAX_DISTANCE), (-MAX_DISTANCE, MAX_DISTANCE)):
+        assert Cylinder(center, 0.1).center == center
+        assert Cylinder(np.array(center), 0.1).center == center
