@@ -12,12 +12,14 @@ from isotruss_ros.core import GraspCode, IsotrussError, load_robot, Status
 from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.demo.client import ARM, DemoClient
 from isotruss_ros.demo.figures import animate, draw_panels
+from isotruss_ros.demo.film import film
 from isotruss_ros.demo.gripping import Gripping
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
 from isotruss_ros.mujoco_plant.options import GAINS, ROUND
+from isotruss_ros.mujoco_plant.rendering import require_egl
 from isotruss_ros.viewer.names import ELASTIC, MUJOCO
 import numpy as np
 import rclpy
@@ -40,6 +42,8 @@ FRICTION = 0.5
 SQUEEZE = 24.0
 #: What holds the object to the ground while it lies there; of plant mujoco [N].
 GROUND_FRICTION = 0.5
+#: File with the states of MuJoCo, from which the animation is drawn.
+RECORDING = 'plant.recording'
 #: What pulls at the object in the middle of the arc, out of the grip [N, N m].
 PULL = (0.0, -5.0, 0.0)
 #: Longer than the default [s], for a machine that is busy otherwise.
@@ -76,6 +80,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     for ending in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(ending, signal.default_int_handler)  # the same as Ctrl-C
     try:
+        if options.plant == MUJOCO:
+            require_egl()
         records, plan = _play(options, console)
     except IsotrussError as error:
         console.print(f'demo failed: {error}', style='red', markup=False)
@@ -89,7 +95,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
     with console.status('drawing'):
         shown = [record for record in records if record.name != 'approach']
         draw_panels(robot, OBJECT_DIAMETER, shown, options.output / 'demo.png')
-        animate(robot, OBJECT_DIAMETER, records[1:], options.output / 'demo.gif')
+        if options.plant == MUJOCO:
+            film(options.output / RECORDING, records[1:], options.output / 'demo.gif')
+        else:
+            animate(robot, OBJECT_DIAMETER, records[1:], options.output / 'demo.gif')
     console.print(f'written: {options.output / "demo.png"}, {options.output / "demo.gif"}')
     return _verdict(moved, console)
 
@@ -112,6 +121,7 @@ def _play(
     if simulated:
         regulated |= GAINS
         lying |= {'ground_friction': GROUND_FRICTION, 'clock_speed': options.clock_speed}
+        lying['recording'] = str(output.resolve() / RECORDING)
     started = [
         ('simulator', gripping | lying),
         ('manipulation', gripping | regulated),

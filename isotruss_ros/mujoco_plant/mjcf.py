@@ -19,6 +19,15 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.safety.distances import nearest_on_segment
 from isotruss_ros.mujoco_plant.object_geoms import object_geoms
 from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.scenery import (
+    add_look,
+    add_scenery,
+    BALL,
+    HIDDEN,
+    MODULE_COLOR,
+    OBJECT_COLOR,
+    TUBE_COLOR,
+)
 from isotruss_ros.mujoco_plant.springs import Springs, springs_of
 import numpy as np
 
@@ -31,8 +40,6 @@ INERTIA, HINGE_DRAG = 1e-3, 0.05
 ARMATURE = 10.0
 #: Arm of the friction under a disc that weighs evenly, as a share of its radius.
 EVEN_DISC = 2.0 / 3.0
-#: Colours by kind of body.
-TUBE_COLOR, MODULE_COLOR, OBJECT_COLOR = '0.25 0.5 0.75 1', '0.2 0.2 0.2 1', '0.85 0.45 0.15 1'
 
 
 def spring_damping(stiffness: Array, along: Array, options: PlantOptions) -> Array:
@@ -94,14 +101,15 @@ def export_mjcf(
     ET.SubElement(root, 'compiler', angle='radian', autolimits='true')
     _add_options(root, options)
     world = ET.SubElement(root, 'worldbody')
-    ET.SubElement(world, 'light', pos='0.7 0.7 4', dir='0 0 -1', diffuse='0.8 0.8 0.8')
+    add_scenery(root, world, robot)
     equality, tendon = ET.Element('equality'), ET.Element('tendon')
     modules = _add_joints(world, robot, options)
     for i in range(robot.topology.n_modules):
         _add_member(modules[i], robot, i, int(counts[i]), springs, options)
         _add_constraints(equality, tendon, robot, i, counts)
     for number, held in enumerate(map(as_convex_object, objects)):
-        _add_object(world, equality, number, held, options)
+        body = _add_object(world, equality, number, held, options)
+        add_look(root, body, held, robot.description.tube_diameter)
     root.extend([tendon, equality])
     ET.indent(root)
     return ET.tostring(root, encoding='unicode') + '\n'
@@ -120,7 +128,6 @@ def _add_options(root: ET.Element, options: PlantOptions) -> None:
         iterations='50',
         tolerance='1e-10',
     )
-    ET.SubElement(root, 'visual').append(ET.Element('global', offwidth='1280', offheight='960'))
     default = ET.SubElement(root, 'default')
     # The stiffest contact and equality that the time step allows: the tubes give, not they.
     stiff = {'solref': f'{2.0 * options.time_step:g} 1', 'solimp': '0.99 0.999 0.0001'}
@@ -144,6 +151,7 @@ def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[
     for node, name in enumerate(topology.joint_names):
         body = ET.SubElement(world, 'body', name=name, pos=_place(points[node]))
         _inertial(body, JOINT_MASS)
+        ET.SubElement(body, 'geom', type='sphere', size=f'{BALL:g}', rgba=MODULE_COLOR)
         for axis, letter in enumerate('xy'):
             if 2 * node + axis not in held:
                 _slide(body, f'{name}:{letter}', axis, damping=options.joint_drag)
@@ -238,8 +246,8 @@ def _add_constraints(
 
 def _add_object(
     world: ET.Element, equality: ET.Element, number: int, held: ConvexObject, options: PlantOptions
-) -> None:
-    """Add an object with planar joints, and equalities that can hold it."""
+) -> ET.Element:
+    """Add an object with planar joints, and equalities that can hold it; return its body."""
     name, radius, shape = f'object{number}', held.arm, held.shape
     mass = options.object_mass if held.mass is None else held.mass
     own = held.center_of_mass
@@ -262,15 +270,13 @@ def _add_object(
     for letter in ('x', 'y', 'turn'):
         hold = {'name': f'{name}:hold_{letter}', 'joint1': f'{name}:{letter}', 'active': 'false'}
         ET.SubElement(equality, 'joint', **hold)
-    touched = {'contype': '1', 'conaffinity': '1', 'rgba': OBJECT_COLOR}
+    touched = {'contype': '1', 'conaffinity': '1', 'rgba': OBJECT_COLOR, 'group': HIDDEN}
     if held.friction is not None:
         # Of two geoms, the one of higher priority has its friction in the contact.
         touched |= {'friction': f'{held.friction:g} 0 0', 'priority': '1'}
     for part, geom in enumerate(object_geoms(held)):
         ET.SubElement(body, 'geom', name=f'{name}#{part}', **touched, **geom)
-    tip = 0.9 * radius * held.turn
-    mark = f'0 0 {radius:.6g} {tip.real:.6g} {tip.imag:.6g} {radius:.6g}'
-    ET.SubElement(body, 'geom', type='capsule', fromto=mark, size='0.008', rgba='1 1 1 1')
+    return body
 
 
 def _capsule(body: ET.Element, name: str, length: float, radius: float) -> None:

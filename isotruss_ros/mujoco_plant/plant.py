@@ -55,6 +55,7 @@ class MujocoPlant:
     A robot with objects that MuJoCo moves; the rollers travel as they are commanded.
 
     :ivar travel: (r,) travel of the tube through each roller since home [m].
+    :ivar text: of MuJoCo's model at home (MJCF).
     :ivar model: MuJoCo's model.
     :ivar data: MuJoCo's state.
     :param robot: starts at home.
@@ -77,8 +78,8 @@ class MujocoPlant:
         self._objects = tuple(map(as_convex_object, objects))
         counts = segment_counts(robot, objects, self.options) if segments is None else segments
         self._counts = counts
-        text = export_mjcf(robot, objects, self.options, self._counts)
-        self.model = self._mj.MjModel.from_xml_string(text)
+        self.text = export_mjcf(robot, objects, self.options, self._counts)
+        self.model = self._mj.MjModel.from_xml_string(self.text)
         self.data = self._mj.MjData(self.model)
         self.travel = np.zeros(len(robot.roller_names))
         self._speeds = np.zeros_like(self.travel)

@@ -15,8 +15,14 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
+from isotruss_ros.mujoco_plant.recording import PlantRecorder
 from isotruss_ros.nodes.components.clock_source import CLOCK_SPEED, ClockSource
-from isotruss_ros.nodes.components.mujoco_object import make_driven_robot, MUJOCO_SPECS
+from isotruss_ros.nodes.components.mujoco_object import (
+    make_driven_robot,
+    make_recorder,
+    MUJOCO_SPECS,
+    RECORDING,
+)
 from isotruss_ros.nodes.components.simulated_object import FRICTION, StartingObject
 from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
@@ -109,12 +115,15 @@ class Simulator(ManagedNode):
         self._throttle = WarningThrottle(self.get_logger())
         self._cycle: Cycle | None = None
         self._driven: DrivenRobot | None = None
+        self._recorder: PlantRecorder | None = None
         self.start()
 
     def configure(self) -> None:
         """Put the robot at home, with the object grasped or free."""
         self._robot = load_robot(self.values[params.ROBOT])
         self._simulated = self._make_robot()
+        plant = None if self._driven is None else self._driven.plant
+        self._recorder = make_recorder(plant, self.values[RECORDING])
         self.values.on_change(lambda _new: None, self._apply)
         self._joint_states = self.create_lifecycle_publisher(JointState, 'joint_states', RELIABLE)
         self._object_pose = self.create_lifecycle_publisher(PoseStamped, 'object_pose', RELIABLE)
@@ -143,6 +152,12 @@ class Simulator(ManagedNode):
         """Stop the rollers."""
         self._cycle = None
         self._simulated.stop()
+
+    def cleanup(self) -> None:
+        """End the recording."""
+        if self._recorder is not None:
+            self._recorder.close()
+            self._recorder = None
 
     def _make_robot(self) -> SimulatedRobot | DrivenRobot:
         values = self.values
@@ -248,6 +263,8 @@ class Simulator(ManagedNode):
             self._report_hold(self._elastic)
         elif self._driven is not None:
             self._report_contact(self._driven)
+        if self._recorder is not None:
+            self._recorder.record(1e-9 * now.nanoseconds)
         joints = JointState(
             name=list(self._robot.roller_names),
             position=self._simulated.roller_positions.tolist(),

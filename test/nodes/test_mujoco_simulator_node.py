@@ -5,6 +5,8 @@ import sys
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.mujoco_plant import engine
+from isotruss_ros.mujoco_plant.recording import read_recording
+from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import check_refused, world
 from mujoco_worlds import needs_mujoco
@@ -123,6 +125,21 @@ def test_the_same_messages_lead_to_the_same_state():
             w.until(lambda w=w: len(w.probe.seen['pose']) > 40, drive(w, [0.01] * N))
             states.append([*place(w), *w.probe.last('joints').position])
     assert states[0] == states[1]
+
+
+@needs_mujoco
+def test_states_are_recorded_with_the_time_of_the_messages(tmp_path):
+    path = tmp_path / 'states'
+    with world(node(recording=str(path))) as w:
+        w.until(lambda: len(w.probe.seen['pose']) > 30)
+        _, simulator = w.nodes
+        recording = read_recording(path)  # while it grows
+        stamps = [read_stamp(message.header) for _, message in w.probe.seen['joints']]
+        assert stamps[0] <= recording.times[0] + 0.05
+        assert recording.times[-1] <= stamps[-1] + 0.05
+        assert recording.text == simulator._driven.plant.text
+    check_refused(node(plant='elastic', recording=str(path)), 'recording')
+    check_refused(node(recording=str(tmp_path / 'no' / 'states')), 'cannot be written')
 
 
 @needs_mujoco

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from isotruss_ros.core import ConvexObject, Robot, RollerFaults
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+from isotruss_ros.mujoco_plant.recording import PlantRecorder
 from isotruss_ros.nodes.framework import parameters as params
 
 #: More than this is not simulated at once where time is the wall's, but reported as lag [s].
@@ -41,7 +45,30 @@ GROUND_FRICTION = params.Spec(
     bounds=(0.0, 1e3),
     read_only=True,
 )
-MUJOCO_SPECS = (OBJECT_MASS, MODULE_MASS, GRAVITY_X, GRAVITY_Y, GROUND_FRICTION)
+RECORDING = params.Spec(
+    'recording',
+    '',
+    'File to which the states of MuJoCo are written, to be drawn later; none if empty',
+    read_only=True,
+)
+MUJOCO_SPECS = (OBJECT_MASS, MODULE_MASS, GRAVITY_X, GRAVITY_Y, GROUND_FRICTION, RECORDING)
+
+
+def make_recorder(plant: MujocoPlant | None, path: str) -> PlantRecorder | None:
+    """
+    Return what writes the states of a plant to a file; None where no file is given.
+
+    :param plant: in MuJoCo; None for another one.
+    :param path: of the file, empty for none.
+    :raises IsotrussError: the file cannot be written, or the plant is another one.
+    """
+    if not path:
+        return None
+    if plant is None:
+        raise params.ParameterError(
+            f'parameter recording: {path!r}: must be empty but with plant mujoco'
+        )
+    return PlantRecorder(plant, Path(path))
 
 
 def make_driven_robot(

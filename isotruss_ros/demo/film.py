@@ -1,0 +1,95 @@
+"""The animation of the demonstration in MuJoCo, drawn from the states of the plant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from isotruss_ros.demo.figures import FRAMES_PER_SECOND, PULL_COLOR, PULL_SCALE, SPEED_UP
+from isotruss_ros.demo.record import PhaseRecord
+from isotruss_ros.mujoco_plant.recording import read_recording
+from isotruss_ros.mujoco_plant.rendering import PlantRenderer
+from matplotlib.colors import to_rgba
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+#: Width and height of a frame, height of its letters, and their distance from the edge [pixels].
+WIDTH, HEIGHT, LETTERS, EDGE = 560, 500, 18, 10
+INK = (40, 40, 40)
+#: Colours of the whole animation, and number of frames that they are taken from.
+COLORS, SAMPLES = 128, 12
+SHADES = (0.4, 0.55, 0.7, 0.85, 1.0)
+#: Of the path, on tubes and on the ground.
+PATH_COLOR = '#2b8a3e'
+#: The path is drawn through measured places that are so far apart [m].
+SPARSE = 0.005
+
+
+def film(recording: Path, records: Sequence[PhaseRecord], path: Path) -> None:
+    """
+    Write the whole motion as an animated GIF, drawn by MuJoCo.
+
+    :param recording: of the plant.
+    :param records: of the phases, one after the other.
+    :param path: of the animation.
+    :raises PlantError: the recording cannot be read, or pictures cannot be drawn here.
+    """
+    states = read_recording(recording)
+    frames: list[Image.Image] = []
+    passed: list[tuple[float, float]] = []
+    with PlantRenderer(states, WIDTH, HEIGHT) as renderer:
+        for record in records:
+            times = np.array([snap.time for snap in record.snapshots])
+            step = max(1, round(SPEED_UP / FRAMES_PER_SECOND / _period(times)))
+            for snap in record.snapshots[::step]:
+                here, arrow = np.array(snap.pose[:2]), None
+                if not passed or np.hypot(*(here - passed[-1])) > SPARSE:
+                    passed.append(snap.pose[:2])
+                if record.pull is not None and record.pulled[0] <= snap.time <= record.pulled[1]:
+                    tip = here + PULL_SCALE * np.array(record.pull[:2])
+                    arrow = (tuple(here), tuple(tip))
+                picture = renderer.draw(
+                    snap.time,
+                    [*passed, snap.pose[:2]],
+                    to_rgba(PATH_COLOR),
+                    arrow,
+                    to_rgba(PULL_COLOR),
+                )
+                frames.append(_label(picture, record, arrow is not None))
+    palette = _palette(frames)
+    pages = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    duration = 1000.0 / FRAMES_PER_SECOND
+    pages[0].save(path, save_all=True, append_images=pages[1:], duration=duration, loop=0)
+
+
+def _palette(frames: Sequence[Image.Image]) -> Image.Image:
+    """Return a picture with the colours of the whole animation, which not all frames have."""
+    chosen = frames[:: max(1, len(frames) // SAMPLES)]
+    together = np.concatenate([np.asarray(frame) for frame in chosen])
+    # The quantizer leaves out what is thin: path and arrow, in light and in shade.
+    thin = np.outer(SHADES, [*to_rgba(PATH_COLOR)[:3], *to_rgba(PULL_COLOR)[:3]]).ravel()
+    own = (255.0 * thin).astype(int).tolist()
+    common = COLORS - len(own) // 3
+    colors = Image.fromarray(together).quantize(common).getpalette()[: 3 * common]
+    palette = Image.new('P', (1, 1))
+    palette.putpalette(colors + own)
+    return palette
+
+
+def _period(times: NDArray[np.float64]) -> float:
+    """Return the mean time between measurements [s]."""
+    return float(times[-1] - times[0]) / max(1, len(times) - 1) or 1.0
+
+
+def _label(picture: NDArray[np.uint8], record: PhaseRecord, pulled: bool) -> Image.Image:
+    """Write onto a frame what happens, and what pulls at the object."""
+    frame = Image.fromarray(picture)
+    draw, font = ImageDraw.Draw(frame), ImageFont.load_default(LETTERS)
+    words = record.name
+    if pulled and record.pull is not None:
+        words += f', pulled with {np.hypot(*record.pull[:2]):g} N'
+    draw.text((EDGE, EDGE), words, INK, font)
+    speed = f'MuJoCo, {SPEED_UP:g} times as fast'
+    draw.text((WIDTH - EDGE, EDGE), speed, INK, font, anchor='ra')
+    return frame

@@ -1,0 +1,106 @@
+"""
+Recordings of a plant's states, of which every one can be drawn later, without the plant.
+
+A file has the model as text, then state after state: time, MuJoCo's coordinates, and length and
+place of the pieces of tube, which follow the rollers. It is complete after every state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.mujoco_plant.options import PlantError
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+
+#: States in a second of simulated time [Hz].
+RATE = 25.0
+
+
+class PlantRecorder:
+    """
+    Writes the states of a plant to a file.
+
+    :param plant: whose states are written.
+    :param path: of the file; one that is there is replaced.
+    :param rate: of the states, by the time that is given with them [Hz].
+    :raises PlantError: the file cannot be written.
+    """
+
+    def __init__(self, plant: MujocoPlant, path: Path, rate: float = RATE) -> None:
+        self._plant, self._period, self._next = plant, 1.0 / rate, -np.inf
+        try:
+            self._file: BinaryIO = path.open('wb')
+        except OSError as error:
+            raise PlantError(f'the recording cannot be written: {error}') from error
+        np.save(self._file, np.frombuffer(plant.text.encode(), dtype=np.uint8))
+
+    def record(self, time: float) -> None:
+        """
+        Write the present state, if it is time for one.
+
+        :param time: which it gets [s].
+        """
+        if time < self._next:
+            return
+        self._next = time + self._period
+        model, data = self._plant.model, self._plant.data
+        pieces = (model.geom_size[:, 1], model.geom_pos[:, 0])
+        np.save(self._file, np.concatenate([[time], data.qpos, *pieces]))
+        self._file.flush()
+
+    def close(self) -> None:
+        """Write no more."""
+        self._file.close()
+
+
+@dataclass(frozen=True, eq=False)
+class PlantRecording:
+    """
+    States of a plant.
+
+    :ivar text: of the model (MJCF).
+    :ivar times: (n,) of the states, increasing [s].
+    :ivar states: (n, k) coordinates, then for each geom the second number of its size and the
+        first one of its place, as MuJoCo has them.
+    """
+
+    text: str
+    times: Array
+    states: Array
+
+    def at(self, time: float) -> Array:
+        """
+        Return the last state until a time (k,), or the first one.
+
+        :param time: by the clock of the recording [s].
+        """
+        place = int(np.searchsorted(self.times, time, side='right')) - 1
+        return self.states[max(place, 0)]
+
+
+def read_recording(path: Path) -> PlantRecording:
+    """
+    Read a recording; a state whose writing was interrupted is left out.
+
+    :param path: of the file.
+    :raises PlantError: it cannot be read, or has no state.
+    """
+    rows: list[Array] = []
+    try:
+        with path.open('rb') as file:
+            text = np.load(file).tobytes().decode()
+            while file.peek(1):
+                try:
+                    rows.append(np.load(file))
+                except (ValueError, EOFError):
+                    break
+    except (OSError, ValueError, EOFError) as error:
+        raise PlantError(f'{path} is no recording of a plant: {error}') from error
+    if not rows:
+        raise PlantError(f'{path}: the recording has no state')
+    states = np.array(rows)
+    return PlantRecording(text, states[:, 0], states[:, 1:])

@@ -1,0 +1,173 @@
+"""Pictures of recorded states, drawn by MuJoCo without a screen: with EGL, on the processor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+import importlib
+from itertools import pairwise
+from types import TracebackType
+from typing import Any
+
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.mujoco_plant.engine import load_mujoco
+from isotruss_ros.mujoco_plant.options import PlantError
+from isotruss_ros.mujoco_plant.recording import PlantRecording
+import numpy as np
+from numpy.typing import NDArray
+
+#: Free space around everything that moves, as a share of its extent.
+MARGIN = 0.06
+#: States by which the extent is found.
+LOOKED_AT = 60
+#: Height of lines and arrows above the plane of the tubes [m], and their radius [m].
+ABOVE, LINE, ARROW = 0.08, 0.008, 0.016
+#: Lines and arrows that fit into a picture, beside the model.
+EXTRA = 1000
+#: Where MuJoCo's free camera looks straight down and y is up [degrees].
+NORTH_UP, DOWN = 90.0, -90.0
+
+
+def require_egl() -> Any:
+    """
+    Return MuJoCo's contexts that need no screen.
+
+    :raises PlantError: MuJoCo is not installed, or there is no EGL; the text says what to do.
+    """
+    load_mujoco()
+    try:
+        egl = importlib.import_module('mujoco.egl')
+        context = egl.GLContext(1, 1)
+        context.make_current()
+        context.free()
+    except (ImportError, RuntimeError, AttributeError, OSError) as error:
+        raise PlantError(
+            f'pictures of plant mujoco need EGL, which cannot be used here ({error}); Mesa has '
+            'one for computers without a graphics card: apt install libegl1 libgl1-mesa-dri'
+        ) from error
+    return egl
+
+
+class PlantRenderer:
+    """
+    Draws states of a recording as seen from above, all from one place; a context manager.
+
+    :ivar recording: whose states are drawn.
+    :param recording: the states.
+    :param width: of the pictures [pixels].
+    :param height: of the pictures [pixels].
+    :raises PlantError: MuJoCo is not installed, or there is no EGL.
+    """
+
+    def __init__(self, recording: PlantRecording, width: int, height: int) -> None:
+        self.recording, self._width, self._height = recording, width, height
+        egl, self._mj = require_egl(), load_mujoco()
+        self._model = self._mj.MjModel.from_xml_string(recording.text)
+        self._model.vis.global_.offwidth, self._model.vis.global_.offheight = width, height
+        self._data = self._mj.MjData(self._model)
+        self._options, self._camera = self._mj.MjvOption(), self._look_at_all()
+        self._scene = self._mj.MjvScene(self._model, self._model.ngeom + EXTRA)
+        self._context = egl.GLContext(width, height)
+        self._context.make_current()
+        self._drawing = self._mj.MjrContext(self._model, self._mj.mjtFontScale.mjFONTSCALE_100)
+        self._mj.mjr_setBuffer(self._mj.mjtFramebuffer.mjFB_OFFSCREEN, self._drawing)
+
+    def __enter__(self) -> PlantRenderer:
+        """Return the renderer."""
+        return self
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        """Release the context."""
+        self._drawing.free()
+        # PyOpenGL raises where the display is gone already.
+        with suppress(Exception):
+            self._context.free()
+
+    def draw(
+        self,
+        time: float,
+        line: Sequence[tuple[float, float]] = (),
+        line_color: Sequence[float] = (0.2, 0.55, 0.25, 1.0),
+        arrow: tuple[tuple[float, float], tuple[float, float]] | None = None,
+        arrow_color: Sequence[float] = (0.85, 0.28, 0.06, 1.0),
+    ) -> NDArray[np.uint8]:
+        """
+        Return a picture (height, width, 3).
+
+        :param time: of the state, by the clock of the recording [s].
+        :param line: (x, y) of the points of a line to draw above the robot [m].
+        :param line_color: red, green, blue and opacity.
+        :param arrow: tail and tip, (x, y) each, of an arrow to draw [m]; None for none.
+        :param arrow_color: red, green, blue and opacity.
+        """
+        self._go_to(self.recording.at(time))
+        mj, scene = self._mj, self._scene
+        mj.mjv_updateScene(
+            self._model,
+            self._data,
+            self._options,
+            None,
+            self._camera,
+            mj.mjtCatBit.mjCAT_ALL,
+            scene,
+        )
+        for begin, end in pairwise(line):
+            self._connect(mj.mjtGeom.mjGEOM_CAPSULE, LINE, begin, end, line_color)
+        if arrow is not None:
+            self._connect(mj.mjtGeom.mjGEOM_ARROW, ARROW, *arrow, arrow_color)
+        box = mj.MjrRect(0, 0, self._width, self._height)
+        mj.mjr_render(box, scene, self._drawing)
+        picture = np.empty((self._height, self._width, 3), dtype=np.uint8)
+        mj.mjr_readPixels(picture, None, box, self._drawing)
+        return np.flipud(picture)
+
+    def _go_to(self, state: Array) -> None:
+        """Put everything where it was."""
+        model, data, mj = self._model, self._data, self._mj
+        coordinates, sizes, places = np.split(state, [model.nq, model.nq + model.ngeom])
+        model.geom_size[:, 1], model.geom_pos[:, 0] = sizes, places
+        data.qpos[:] = coordinates
+        mj.mj_kinematics(model, data)
+        mj.mj_comPos(model, data)
+        mj.mj_camlight(model, data)
+
+    def _look_at_all(self) -> Any:
+        """Return a camera above the middle of all that moves, from where it sees everything."""
+        low, high = np.full(2, np.inf), np.full(2, -np.inf)
+        states = self.recording.states
+        for state in states[:: max(1, len(states) // LOOKED_AT)]:
+            self._go_to(state)
+            places = self._data.xpos[1:, :2]
+            low, high = np.minimum(low, places.min(axis=0)), np.maximum(high, places.max(axis=0))
+        extent = (1.0 + 2.0 * MARGIN) * (high - low)
+        upright = max(extent[1], extent[0] * self._height / self._width)
+        camera = self._mj.MjvCamera()
+        camera.azimuth, camera.elevation = NORTH_UP, DOWN
+        camera.lookat[:] = *(0.5 * (low + high)), 0.0
+        opening = np.radians(self._model.vis.global_.fovy)
+        camera.distance = 0.5 * upright / np.tan(0.5 * opening)
+        return camera
+
+    def _connect(
+        self,
+        kind: Any,
+        radius: float,
+        begin: tuple[float, float],
+        end: tuple[float, float],
+        color: Sequence[float],
+    ) -> None:
+        """Add a body from one place to another to the picture, above the tubes."""
+        scene, mj = self._scene, self._mj
+        if scene.ngeom >= scene.maxgeom:
+            return
+        geom = scene.geoms[scene.ngeom]
+        shade = np.array(color, dtype=np.float32)
+        mj.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), shade)
+        ends = np.array([(*begin, ABOVE), (*end, ABOVE)])
+        mj.mjv_connector(geom, kind, radius, *ends)
+        scene.ngeom += 1

@@ -1,0 +1,77 @@
+"""What a MuJoCo model shows and nothing touches: ground, light, joints, outlines of objects."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.convex_object import ConvexObject
+import numpy as np
+
+#: Colours by kind of body.
+TUBE_COLOR, MODULE_COLOR, OBJECT_COLOR = '0.25 0.5 0.75 1', '0.2 0.2 0.2 1', '0.85 0.45 0.15 1'
+MARK_COLOR = '1 1 1 1'
+#: Radius of the ball of a joint [m]; the geoms that collide, where others show an object, are in
+#: this group, which viewers do not show at first.
+BALL, HIDDEN = 0.03, '3'
+#: The ground lies so far below the tubes [m], and reaches so far [m].
+BELOW, GROUND = 0.01, 10.0
+#: Points of the outline of an object are so far apart, as a share of its arm.
+SPACING = 0.05
+#: The mark that shows how an object is turned: length as a share of its arm, and radius [m].
+MARK, MARK_RADIUS = 0.9, 0.008
+
+
+def add_scenery(root: ET.Element, world: ET.Element, robot: Robot) -> None:
+    """
+    Add light, and the ground below the plane in which the robot moves.
+
+    :param root: element of the model.
+    :param world: element of its bodies.
+    :param robot: whose tubes lie above the ground.
+    """
+    visual, asset = ET.SubElement(root, 'visual'), ET.SubElement(root, 'asset')
+    ET.SubElement(visual, 'global', offwidth='1280', offheight='960')
+    # Twice this is the width of what shadows fall on: all that the robot reaches.
+    reach = float(np.ptp(robot.home.points.real) + np.ptp(robot.home.points.imag))
+    middle = robot.home.points.mean()
+    center = f'{middle.real:.6g} {middle.imag:.6g} 0'
+    ET.SubElement(root, 'statistic', center=center, extent=f'{0.5 * reach:.6g}')
+    ET.SubElement(visual, 'quality', shadowsize='2048', offsamples='2')
+    soft = {'ambient': '0.35 0.35 0.35', 'diffuse': '0.15 0.15 0.15', 'specular': '0 0 0'}
+    ET.SubElement(visual, 'headlight', **soft)
+    colors = {'rgb1': '0.93 0.93 0.91', 'rgb2': '0.86 0.86 0.84'}
+    checks = {'type': '2d', 'builtin': 'checker', 'width': '256', 'height': '256', **colors}
+    ET.SubElement(asset, 'texture', name='ground', **checks)
+    ET.SubElement(
+        asset, 'material', name='ground', texture='ground', texuniform='true', specular='0'
+    )
+    lamp = {'pos': f'{middle.real - 2.0:.6g} {middle.imag + 2.0:.6g} 8', 'dir': '0.25 -0.25 -1'}
+    ET.SubElement(world, 'light', cutoff='40', exponent='0', diffuse='0.45 0.45 0.45', **lamp)
+    height = 0.5 * robot.description.tube_diameter + BELOW
+    plane = {'type': 'plane', 'pos': f'0 0 {-height:.6g}', 'size': f'{GROUND:g} {GROUND:g} 0.1'}
+    ET.SubElement(world, 'geom', name='ground', material='ground', **plane)
+
+
+def add_look(root: ET.Element, body: ET.Element, held: ConvexObject, thickness: float) -> None:
+    """
+    Show an object as a plate with the outline that it has in the plane, and how it is turned.
+
+    :param root: element of the model.
+    :param body: element of the object.
+    :param held: the object, in its place.
+    :param thickness: of the plate [m].
+    """
+    name, half = body.get('name'), 0.5 * thickness
+    outline = held.outline(SPACING * held.arm) - held.center
+    corners = [f'{p.real:.6g} {p.imag:.6g} {z:.6g}' for z in (-half, half) for p in outline]
+    (asset,) = root.iter('asset')
+    ET.SubElement(asset, 'mesh', name=name, vertex='  '.join(corners))
+    ET.SubElement(body, 'geom', type='mesh', mesh=name, rgba=OBJECT_COLOR)
+    middle = held.middle - held.center
+    tip = middle + MARK * held.arm * held.turn
+    ends = np.array([[middle.real, middle.imag, half], [tip.real, tip.imag, half]])
+    mark = ' '.join(f'{value:.6g}' for value in ends.ravel())
+    ET.SubElement(
+        body, 'geom', type='capsule', fromto=mark, size=f'{MARK_RADIUS:g}', rgba=MARK_COLOR
+    )
