@@ -15,7 +15,9 @@ def generate_launch_description() -> LaunchDescription:
         {
             'manipulation': (
                 params.OBJECT_DIAMETER,
+                params.OBJECT,
                 params.GRIP_MODULE,
+                params.GRIP,
                 params.RATE,
                 params.USE_STAMPED_TWIST,
                 params.REQUIRE_EMERGENCY_STOP,

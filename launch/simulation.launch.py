@@ -26,7 +26,9 @@ def generate_launch_description() -> LaunchDescription:
             'simulator': simulator.SPECS,
             'manipulation': (
                 params.OBJECT_DIAMETER,
+                params.OBJECT,
                 params.GRIP_MODULE,
+                params.GRIP,
                 params.RATE,
                 params.FRICTION,
                 params.USE_STAMPED_TWIST,

@@ -9,6 +9,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core import (
     GraspError,
     load_robot,
+    read_object,
     RejectedInput,
     StampedInput,
     Status,
@@ -16,6 +17,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.control.twist_servo import NOT_REGULATED
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.nodes.components.emergency_stop import EmergencyStop
 from isotruss_ros.nodes.components.failed_rollers import (
@@ -95,6 +97,7 @@ SPECS = (
     JOINT,
     params.USE_STAMPED_TWIST,
     params.REQUIRE_EMERGENCY_STOP,
+    params.OBJECT,
     params.FRICTION,
     SQUEEZE_FORCE,
     MIN_SLIP_MARGIN,
@@ -141,6 +144,8 @@ class Manipulation(ManagedNode):
             period=1.0 / values[params.RATE],
             timeout=values[params.COMMAND_TIMEOUT],
         )
+        if values[params.OBJECT]:
+            self._servo.body = read_object(values[params.OBJECT])
         self._trajectory = TrajectoryFollowing(self, self._servo)
         apply_settings(self._servo, values)
         self._apply_mode()
@@ -198,7 +203,10 @@ class Manipulation(ManagedNode):
         if self._trajectory.busy:
             details['moves'] = 'the rollers along a trajectory'
             details['time on the trajectory [s]'] = f'{self._trajectory.time:.3f}'
-        details['grip module'] = servo.grip_module
+        if servo.members:
+            details['grip'] = ', '.join(servo.members)
+        else:
+            details['grip module'] = servo.grip_module
         now = self.now()
         inputs = {'twist': servo.twist, 'joint states': servo.rollers, 'object pose': servo.pose}
         details |= {f'age of {name} [s]': format_age(given, now) for name, given in inputs.items()}
@@ -258,6 +266,8 @@ class Manipulation(ManagedNode):
 
     def _check(self, new: dict[str, params.Value]) -> None:
         params.check_grip_module(self._robot, new)
+        params.check_grip(self._robot, new)
+        self._check_squeeze(new)
         check_failed_rollers(self._robot, new)
         mode, joint = (new.get(spec.name, self.values[spec]) for spec in (MODE, JOINT))
         if mode not in MODES:
@@ -267,6 +277,18 @@ class Manipulation(ManagedNode):
                 check_joint(self._robot, joint)
             except GraspError as error:
                 raise params.ParameterError(f'parameter joint: {error}') from error
+
+    def _check_squeeze(self, new: dict[str, params.Value]) -> None:
+        """Reject a squeeze of a grip for which it is not regulated."""
+        squeeze, grip, held = (
+            new.get(spec.name, self.values[spec])
+            for spec in (SQUEEZE_FORCE, params.GRIP, params.OBJECT)
+        )
+        if squeeze and (params.named_members(grip) or held):
+            raise params.ParameterError(
+                f'parameter squeeze_force: {squeeze:g}: {NOT_REGULATED}; must be 0 with grip or '
+                'object'
+            )
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""
@@ -301,6 +323,7 @@ class Manipulation(ManagedNode):
     def _apply_squeeze(self) -> None:
         """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""
         values, servo = self.values, self._servo
+        servo.friction = values[params.FRICTION]
         if values[SQUEEZE_FORCE] == 0.0:
             servo.squeeze = None
             return

@@ -5,8 +5,8 @@ import numpy as np
 
 ROBOT = load_robot('nine_member')
 SIDES = ('south/P-Q', 'north/R-P')
-#: One of its faces lies on a side.
-ANGLE, DEPTH = 0.0, 0.01
+#: Held by two corners; the line between them is almost that which halves the sides' angle.
+ANGLE, DEPTH = -0.5, 0.01
 BOX = (
     '{shape: polygon, vertices: [[-0.25, -0.2], [0.25, -0.2], [0.25, 0.2], [-0.25, 0.2]],'
     ' corner_radius: 0.02, mass: 0.8, friction: 0.9}'

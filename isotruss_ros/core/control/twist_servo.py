@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+from isotruss_ros.core.control.held_prediction import predict_grip
 from isotruss_ros.core.control.inputs import (
     CLOCK_SKEW,
     CommandHistory,
@@ -29,11 +30,15 @@ from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grasp import check_members_are_near, Grasp, predict_grasp
+from isotruss_ros.core.manipulation.grip import Grip, members_at
 from isotruss_ros.core.manipulation.limit_handling import working_rollers
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, solve_joint_velocity
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
 from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
@@ -86,6 +91,12 @@ HALTS = {
 }
 
 
+NOT_REGULATED = (
+    'the squeeze is regulated of a disc between the two sides of a module only: keep the contacts '
+    'of other grips, without a squeeze'
+)
+
+
 class TwistServo:
     """
     State of the control loop: its settings and the latest input of each kind.
@@ -93,6 +104,10 @@ class TwistServo:
     :ivar twist: input of (vx, vy, omega) in the robot frame [m/s, rad/s].
     :ivar rollers: input of the measured `RollerState`.
     :ivar pose: input of the measured `Pose` of the object, robot frame.
+    :ivar body: the held object, wherever; None for a disc of `object_diameter`.
+    :ivar members: names of the members that hold it, two or three, in place of those that meet at
+        `grip_module`; none for these.
+    :ivar friction: coefficient between tubes and object, by which polygons roll over corners.
     :ivar clock_skew: stamps may be this far in the future [s].
     :ivar stopped: status and reason of a halt that does not depend on inputs; None without one.
     :ivar guard: bounds on the configuration; None for those of the robot file only.
@@ -119,6 +134,9 @@ class TwistServo:
         self.object_diameter = object_diameter
         self.period = period
         self.timeout = timeout
+        self.body: ConvexObject | None = None
+        self.members: tuple[str, ...] = ()
+        self.friction = 0.5
         self.clock_skew = CLOCK_SKEW
         self.twist: Input = None
         self.rollers: Input = None
@@ -173,6 +191,19 @@ class TwistServo:
         if self.squeeze is not None:
             self.squeeze.reset()
 
+    def held(self, pose: Pose) -> Grasp | Grip:
+        """
+        Return what the robot holds: in the short form `Grasp`, or as a `Grip`.
+
+        :param pose: of the object.
+        :raises GraspError: the robot has no such members or module; or the pose is out of range.
+        """
+        if self.body is None and not self.members:
+            return Grasp(self.grip_module, (pose[0], pose[1]), self.object_diameter)
+        names = self.members or members_at(self.robot, self.grip_module)
+        body = self.body or ConvexObject(Disc(self.object_diameter))
+        return Grip(names, body.moved_to(pose), self.friction)
+
     def decide(self, now: float) -> Decision:
         """
         Return the roller command for the cycle that begins now.
@@ -196,7 +227,9 @@ class TwistServo:
             given, rollers, *pose = require_fresh(now, self.timeout, self.clock_skew, **inputs)
             twist = np.asarray(given.value)
             command = self._solve(rollers, pose[0] if pose else None, twist, now, failed)
-            notes = (_describe(command), self.squeeze.warning() if self.squeeze else '')
+            keeps_contacts = self._joint is None and bool(self.members or self.body)
+            warning = self.squeeze.warning() if self.squeeze else ''
+            notes = (_describe(command, keeps_contacts), warning)
             message = '; '.join(note for note in notes if note)
         except (InputError, HaltError) as error:
             if isinstance(error, HaltError):
@@ -258,11 +291,13 @@ class TwistServo:
             config, grasp = self._tracker.configuration(rollers.value.positions), None
             moving, angle = before.any() or travel.any(), 0.0
             if pose is not None:
-                *center, angle = pose.value
-                grasp = Grasp(self.grip_module, tuple(center), self.object_diameter)
-                check_members_are_near(config, grasp)
-                if moving:
-                    config, grasp, angle = predict_grasp(config, grasp, angle, before, travel)
+                angle, grasp = pose.value[2], self.held(pose.value)
+                if isinstance(grasp, Grip):
+                    config, grasp = predict_grip(config, grasp, before, travel)
+                else:
+                    check_members_are_near(config, grasp)
+                    if moving:
+                        config, grasp, angle = predict_grasp(config, grasp, angle, before, travel)
             elif moving:
                 config = config.predict(travel)
             watch = None if self.guard is None else self.guard.watch(config, grasp)
@@ -284,6 +319,8 @@ class TwistServo:
                 command = self._solve_joint(config, twist, failed, limits)
             elif self.squeeze is None:
                 command = solve(twist, 0.0)
+            elif isinstance(grasp, Grip):
+                raise HaltError(Status.HALT_NOT_HELD, NOT_REGULATED)
             else:
                 command = self._regulate(self.squeeze, config, grasp, angle, twist, solve, now)
             return command if watch is None else watch.keep(command, last, self.period)
@@ -361,14 +398,16 @@ class TwistServo:
         return before, travel, last
 
 
-def _describe(command: RollerCommand) -> str:
+def _describe(command: RollerCommand, keeps_contacts: bool) -> str:
     """Return how a command differs from the twist; empty where it does not."""
     parts = []
+    why, which = 'is unreachable', 'reachable one'
+    if keeps_contacts:
+        why, which = 'is unreachable or would leave the contacts', 'one that keeps them'
     if command.status is Status.UNREACHABLE:
         vx, vy, omega = command.achieved_twist
         parts.append(
-            f'the twist is unreachable; the closest reachable one is '
-            f'({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
+            f'the twist {why}; the closest {which} is ({vx:.4g}, {vy:.4g}) m/s, {omega:.4g} rad/s'
         )
     if command.scale < 1.0:
         how = 'sliding with' if command.status is Status.SLIDING else 'slowed to'

@@ -20,6 +20,7 @@ from typing import NamedTuple, Protocol, TypeAlias
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import Grasp
+from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
@@ -108,11 +109,13 @@ class ActiveValues(NamedTuple):
     :ivar indices: (k,) numbers of the values.
     :ivar values: (k,) the values.
     :ivar node_rows: (k, 2n) their derivatives by the node coordinates.
+    :ivar roller_rows: (k, r) those by the travel of the rollers besides; none if None.
     """
 
     indices: Indices
     values: Array
     node_rows: Array
+    roller_rows: Array | None = None
 
 
 NOTHING = ActiveValues(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, 0)))
@@ -129,7 +132,7 @@ class Barrier(Protocol):
     def law(self) -> BarrierLaw:
         """Return the bound, and how it may be approached."""
 
-    def active(self, config: Configuration, grasp: Grasp | None) -> ActiveValues:
+    def active(self, config: Configuration, grasp: Grasp | Grip | None) -> ActiveValues:
         """
         Return the values within the band of the law, for a robot and what it holds.
 
@@ -137,7 +140,9 @@ class Barrier(Protocol):
         :param grasp: the grasp; None without an object.
         """
 
-    def values(self, config: Configuration, grasp: Grasp | None, indices: Selection) -> Array:
+    def values(
+        self, config: Configuration, grasp: Grasp | Grip | None, indices: Selection
+    ) -> Array:
         """
         Return values of these numbers in one configuration.
 

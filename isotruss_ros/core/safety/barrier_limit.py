@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import Grasp
+from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
@@ -72,7 +73,7 @@ class BarrierLimit:
     def violation(
         self,
         end: Configuration,
-        grasp: Grasp | None,
+        grasp: Grasp | Grip | None,
         travel: Array,
         velocities: Array,
         duration: float,

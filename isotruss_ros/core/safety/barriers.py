@@ -6,6 +6,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grasp import Grasp
+from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import grasp_rows
 from isotruss_ros.core.numerics.arrays import Array, Indices
@@ -16,7 +17,8 @@ from isotruss_ros.core.safety.barrier_law import (
     Selection,
 )
 from isotruss_ros.core.safety.distances import collision_model
-from isotruss_ros.core.safety.neighbor_list import NeighborList
+from isotruss_ros.core.safety.neighbor_list import NeighborList, SKIN
+from isotruss_ros.core.safety.object_distances import grip_distances, grip_gradients
 import numpy as np
 
 
@@ -38,7 +40,7 @@ class RigidityBarrier:
         self._index = rigidity_index(robot)
         self._far: tuple[Configuration, float] | None = None
 
-    def active(self, config: Configuration, grasp: Grasp | None) -> ActiveValues:
+    def active(self, config: Configuration, grasp: Grasp | Grip | None) -> ActiveValues:
         """
         Return the least rigid modes.
 
@@ -56,7 +58,9 @@ class RigidityBarrier:
         few = Modes(modes.values[:count], modes.rows[:, :count], modes.nodes[:, :count])
         return ActiveValues(np.arange(count), few.values, self._index.gradients(config, few))
 
-    def values(self, config: Configuration, grasp: Grasp | None, indices: Selection) -> Array:
+    def values(
+        self, config: Configuration, grasp: Grasp | Grip | None, indices: Selection
+    ) -> Array:
         """
         Return the rigidity index of modes, least first.
 
@@ -90,7 +94,7 @@ class SelfCollisionBarrier:
         self._model = collision_model(robot)
         self._neighbors = NeighborList(law.active_below)
 
-    def active(self, config: Configuration, grasp: Grasp | None) -> ActiveValues:
+    def active(self, config: Configuration, grasp: Grasp | Grip | None) -> ActiveValues:
         """
         Return the pairs that are close.
 
@@ -104,7 +108,9 @@ class SelfCollisionBarrier:
             return NOTHING
         return ActiveValues(pairs, distances, self._model.gradients(config, pairs))
 
-    def values(self, config: Configuration, grasp: Grasp | None, indices: Selection) -> Array:
+    def values(
+        self, config: Configuration, grasp: Grasp | Grip | None, indices: Selection
+    ) -> Array:
         """
         Return the distances of pairs [m].
 
@@ -138,7 +144,7 @@ class ObjectBarrier:
         self._model = collision_model(robot)
         self._neighbors = NeighborList(law.active_below)
 
-    def active(self, config: Configuration, grasp: Grasp) -> ActiveValues:
+    def active(self, config: Configuration, grasp: Grasp | Grip) -> ActiveValues:
         """
         Return the parts that are close to the object.
 
@@ -150,11 +156,13 @@ class ObjectBarrier:
         )
         if not len(parts):
             return NOTHING
+        if isinstance(grasp, Grip):
+            return ActiveValues(parts, distances, *grip_gradients(config, grasp, parts))
         motion = grasp_rows(config, grasp).nodes[:2]
         rows = self._model.object_gradients(config, complex(*grasp.center), parts, motion)
         return ActiveValues(parts, distances, rows)
 
-    def values(self, config: Configuration, grasp: Grasp, indices: Selection) -> Array:
+    def values(self, config: Configuration, grasp: Grasp | Grip, indices: Selection) -> Array:
         """
         Return the distances of parts from the object; inf for those at the grip [m].
 
@@ -162,6 +170,8 @@ class ObjectBarrier:
         :param grasp: what it holds.
         :param indices: of the parts.
         """
+        if isinstance(grasp, Grip):
+            return grip_distances(config, grasp, self.law.active_below + SKIN, indices)
         return self._model.object_distances(config, grasp, grasp.module)[indices]
 
     def names(self, indices: Indices) -> list[str]:

@@ -110,6 +110,7 @@ class CollisionModel:
         ends = [np.concatenate([next_c, own_b, own_b]), np.concatenate([next_c, own_c, own_c])]
         self._start, self._end = _Ends(np.stack(starts)), _Ends(np.stack(ends))
         self._radius = np.repeat([tube, self.radius, 0.0], m)
+        self._radius.flags.writeable = False
         # Points: modules, joints.
         points = [np.concatenate([own_b, joints]), np.concatenate([own_c, joints])]
         point_radius = np.repeat([self.radius, 0.0], [m, len(joints)])
@@ -154,7 +155,7 @@ class CollisionModel:
         :return: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...) [-].
         """
         near = self._nearest(config, pairs)
-        rows = self._segment_rows(config, self._second[pairs], near)
+        rows = self.part_rows(config, self._second[pairs], near.share, near.normal)
         _Ends(self._point.nodes[:, pairs]).add(rows, near.normal)
         return rows.view(np.float64)
 
@@ -204,7 +205,7 @@ class CollisionModel:
         points = config.points
         start, end = (_Ends(ends.nodes[:, parts]) for ends in (self._start, self._end))
         near = nearest_on_segment(center, start.positions(points), end.positions(points))
-        rows = self._segment_rows(config, parts, near).view(np.float64)
+        rows = self.part_rows(config, parts, near.share, near.normal).view(np.float64)
         return rows if motion is None else rows + as_xy(near.normal) @ motion
 
     def _nearest(self, config: Configuration, pairs: Indices | slice) -> Nearest:
@@ -216,11 +217,38 @@ class CollisionModel:
         ]
         return nearest_on_segment(*(_Ends(nodes).positions(config.points) for nodes in ends))
 
-    def _segment_rows(self, config: Configuration, parts: Indices, near: Nearest) -> Points:
-        """Return what moving the segments is worth to their distances."""
+    @property
+    def part_radii(self) -> Array:
+        """Return the radii (3m,) of the parts around their segments [m]; not to be written to."""
+        return self._radius
+
+    def part_ends(
+        self, config: Configuration, parts: Indices | slice = slice(None)
+    ) -> tuple[Points, Points]:
+        """
+        Return where the segments of parts begin and end, (k,) each [m].
+
+        :param config: where the robot is.
+        :param parts: numbers of parts; all when left out.
+        """
+        start, end = (_Ends(ends.nodes[:, parts]) for ends in (self._start, self._end))
+        return start.positions(config.points), end.positions(config.points)
+
+    def part_rows(
+        self, config: Configuration, parts: Indices, shares: Array, normals: Points
+    ) -> Points:
+        """
+        Return what moving parts is worth to their distances from points that stand still.
+
+        :param config: where the robot is.
+        :param parts: (k,) numbers of parts.
+        :param shares: (k,) of their segments, where these are nearest.
+        :param normals: (k,) unit vectors from there to the points.
+        :return: (k, n) rows on the node velocities, x + iy [-].
+        """
         rows = np.zeros((len(parts), len(config.points)), dtype=np.complex128)
-        _Ends(self._start.nodes[:, parts]).add(rows, -(1.0 - near.share) * near.normal)
-        _Ends(self._end.nodes[:, parts]).add(rows, -near.share * near.normal)
+        _Ends(self._start.nodes[:, parts]).add(rows, -(1.0 - shares) * normals)
+        _Ends(self._end.nodes[:, parts]).add(rows, -shares * normals)
         return rows
 
 

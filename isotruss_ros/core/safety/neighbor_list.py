@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import Grasp
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.safety.barrier_law import EVERYTHING, Selection
 import numpy as np
@@ -27,10 +29,10 @@ class Measured(NamedTuple):
     """
 
     config: Configuration
-    grasp: Grasp | None
+    grasp: Grasp | Grip | None
     spare: float
 
-    def holds(self, config: Configuration, grasp: Grasp | None) -> bool:
+    def holds(self, config: Configuration, grasp: Grasp | Grip | None) -> bool:
         """
         Return whether none of the distances can be close in another state.
 
@@ -43,9 +45,21 @@ class Measured(NamedTuple):
         moved = float(np.abs(config.points - self.config.points).max())
         if grasp is None or then is None:
             return grasp is then and 2.0 * moved < self.spare
+        return moved + max(moved, _moved(grasp, then)) < self.spare
+
+
+def _moved(grasp: Grasp | Grip, then: Grasp | Grip) -> float:
+    """Return how far no point of the object has moved [m]; infinite where it is another."""
+    if isinstance(grasp, Grasp) and isinstance(then, Grasp):
         if grasp.module != then.module or grasp.diameter != then.diameter:
-            return False
-        return moved + max(moved, math.dist(grasp.center, then.center)) < self.spare
+            return math.inf
+        return math.dist(grasp.center, then.center)
+    if isinstance(grasp, Grasp) or isinstance(then, Grasp) or grasp.members != then.members:
+        return math.inf
+    body, before = as_convex_object(grasp.body), as_convex_object(then.body)
+    if body.shape is not before.shape and body.shape != before.shape:
+        return math.inf
+    return abs(body.center - before.center) + abs(body.turn - before.turn) * body.shape.reach
 
 
 class NeighborList:
@@ -68,7 +82,7 @@ class NeighborList:
     def find_close(
         self,
         config: Configuration,
-        grasp: Grasp | None,
+        grasp: Grasp | Grip | None,
         measure: Callable[[Selection], Array],
     ) -> tuple[Indices, Array]:
         """

@@ -11,10 +11,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
@@ -92,7 +94,7 @@ class ShapeGuard:
         )
         self._without_object = self._barriers[:-1]
 
-    def watch(self, config: Configuration, grasp: Grasp | None) -> Watch:
+    def watch(self, config: Configuration, grasp: Grasp | Grip | None) -> Watch:
         """
         Find what is near its bound.
 
@@ -108,10 +110,13 @@ class ShapeGuard:
         if found:
             rows = config.module_rows(np.concatenate([active.node_rows for _, active in found]))
             rows = rows[:, config.robot.topology.driven]
-            rows[np.abs(rows) < NOISE] = 0.0
             stop = 0
             for barrier, active in found:
                 start, stop = stop, stop + len(active.indices)
+                if active.roller_rows is not None:
+                    rows[start:stop] += active.roller_rows
+                own = rows[start:stop]
+                own[np.abs(own) < NOISE] = 0.0
                 limits.append(BarrierLimit(barrier, active, rows[start:stop]))
         return Watch(config, grasp, barriers, tuple(limits))
 
@@ -129,7 +134,7 @@ class Watch:
     def __init__(
         self,
         config: Configuration,
-        grasp: Grasp | None,
+        grasp: Grasp | Grip | None,
         barriers: tuple[Barrier, ...],
         limits: tuple[BarrierLimit, ...],
     ) -> None:
@@ -186,14 +191,17 @@ class Watch:
         if grasp is not None and (
             long or any(isinstance(limit.barrier, ObjectBarrier) for limit in limits)
         ):
-            grasp = HeldObject.attach(start, grasp).grasp_in(end)
+            try:
+                grasp = _moved_along(start, grasp, end)
+            except GraspError:  # a contact is lost on the way there
+                return BarrierViolation(0.5, Status.SLOWED_OBJECT, ('the contacts of the grip',))
         found = [limit.violation(end, grasp, travel, velocities, duration) for limit in limits]
         if long:
             found += [self._jumped(barrier, end, grasp) for barrier in self._barriers]
         return min((one for one in found if one is not None), default=None)
 
     def _jumped(
-        self, barrier: Barrier, end: Configuration, grasp: Grasp | None
+        self, barrier: Barrier, end: Configuration, grasp: Grasp | Grip | None
     ) -> BarrierViolation | None:
         """Return what has got beyond a bound from outside of its band."""
         left = barrier.law.margin(barrier.values(end, grasp, EVERYTHING))
@@ -204,6 +212,13 @@ class Watch:
         if not len(below):
             return None
         return BarrierViolation(0.5, barrier.status, tuple(barrier.names(below)))
+
+
+def _moved_along(start: Configuration, grasp: Grasp | Grip, end: Configuration) -> Grasp | Grip:
+    """Return what is held after a motion."""
+    if isinstance(grasp, Grip):
+        return RollingGrip.attach(start, grasp).moved_to(end).grip
+    return HeldObject.attach(start, grasp).grasp_in(end)
 
 
 def _scaled(command: RollerCommand, share: float, violation: BarrierViolation) -> RollerCommand:

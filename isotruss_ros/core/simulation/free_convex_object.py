@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.grasping.pressed_contacts import body_depths
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, MOST
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
@@ -12,7 +13,6 @@ from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.objects import Pose
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.safety.convex_distances import nearest_to_object
 from isotruss_ros.core.simulation.rolling_object import RollingObject
 import numpy as np
 from scipy.optimize import nnls
@@ -101,10 +101,7 @@ def pressing_members(config: Configuration, body: ConvexObject) -> tuple[str, ..
     :param config: configuration of the robot.
     :param body: the object in its place.
     """
-    topology, points = config.robot.topology, config.points
-    ends = points[topology.c[topology.following]]
-    tube = config.robot.description.tube_diameter
-    depths = 0.5 * tube - nearest_to_object(body, points[topology.b], ends).gaps
+    tube, depths = config.robot.description.tube_diameter, body_depths(config, body)
     order = np.argsort(-depths, kind='stable')
     return tuple(config.robot.member_names[i] for i in order if 0.0 < depths[i] <= tube)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from isotruss_ros.core import (
-    Grasp,
     GraspError,
     IsotrussError,
     reachable_twists,
@@ -128,8 +127,7 @@ def describe_reachable_twists(servo: TwistServo) -> str:
         return 'unknown without joint states and object pose'
     try:
         config = servo.robot.configuration(rollers.value.positions)
-        grasp = Grasp(servo.grip_module, pose.value[:2], servo.object_diameter)
-        twists = reachable_twists(config, grasp, servo.failed)
+        twists = reachable_twists(config, servo.held(pose.value), servo.failed)
     except IsotrussError as error:
         return f'unknown: {error}'
     listed = ', '.join(f'({vx:.3g}, {vy:.3g}, {omega:.3g})' for vx, vy, omega in twists)

@@ -45,6 +45,7 @@ FAILURE_TIME = Spec(
 SPECS = (
     params.OBJECT_DIAMETER,
     params.GRIP_MODULE,
+    params.GRIP,
     params.RATE,
     params.COMMAND_TIMEOUT,
     MIN_RIGIDITY,
@@ -64,6 +65,7 @@ def apply_settings(servo: TwistServo, values: params.Parameters) -> None:
     :param values: parameters of the node.
     """
     servo.grip_module = params.select_grip_module(servo.robot, values[params.GRIP_MODULE])
+    servo.members = params.named_members(values[params.GRIP])
     servo.object_diameter = values[params.OBJECT_DIAMETER]
     servo.period = 1.0 / values[params.RATE]
     servo.timeout = values[params.COMMAND_TIMEOUT]

@@ -1,0 +1,98 @@
+"""Distances of an object in a grip of any members: rows against differences, and what counts."""
+
+from hypothesis import assume, given
+from isotruss_ros.core import (
+    Cylinder,
+    Grasp,
+    Grip,
+    grip_jacobian,
+    load_robot,
+    Polygon,
+    RollingGrip,
+)
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.model.convex_object import as_convex_object
+from isotruss_ros.core.safety.barrier_law import BarrierLaw
+from isotruss_ros.core.safety.barriers import ObjectBarrier
+from isotruss_ros.core.safety.distances import collision_model
+from isotruss_ros.core.safety.object_distances import grip_distances
+import numpy as np
+import pytest
+from random_grips import random_convex_grip
+import robots
+
+EVERY = BarrierLaw(0.0, 10.0)
+
+
+@robots.examples(10)
+@given(robots.robots(), robots.generators())
+def test_rows_are_derivatives_of_the_distances(robot, rng):
+    config, grip = random_convex_grip(robot, rng, 'module')
+    assume(grip is not None)
+    # A polygon touches with its faces and corners, where its distances have kinks.
+    assume(not isinstance(as_convex_object(grip.body).shape, Polygon))
+    barrier = ObjectBarrier(robot, EVERY)
+    near = barrier.active(config, grip)
+    assume(len(near.indices))
+    rows = config.module_rows(near.node_rows)[:, robot.topology.driven] + near.roller_rows
+    rolling = RollingGrip.attach(config, grip)
+    way = rng.standard_normal(len(robot.roller_names))
+    # Where the contacts are not kept the motion is that of least squares; the rows are not.
+    way -= np.linalg.pinv(_misfits(config, grip)) @ _misfits(config, grip) @ way
+    step, values = 1e-6, []
+    for sign in (1.0, -1.0):
+        there = config.moved_to(config.roller_positions + sign * step * way)
+        values.append(barrier.values(there, rolling.moved_to(there).grip, near.indices))
+    found = (values[0] - values[1]) / (2.0 * step)
+    # A corner of a part may be as near as its side: there the slope has two values.
+    smooth = np.abs(values[0] + values[1] - 2.0 * near.values) < 1e-10
+    assert (rows @ way)[smooth] == pytest.approx(found[smooth], abs=1e-5)
+
+
+def _misfits(config, grip):
+    """Return the rows by which contacts are not kept."""
+    return grip_jacobian(config, grip)[3:]
+
+
+def test_of_a_disc_at_a_module_they_are_those_of_the_short_form():
+    robot = load_robot('nine_member')
+    config, module = robot.home, 'north/Z'
+    grasp = Grasp(module, (0.7, 0.7), 0.3)
+    grip = Grip(members_at(robot, module), Cylinder(grasp.center, grasp.diameter))
+    expected = collision_model(robot).object_distances(config, grasp, module)
+    found = grip_distances(config, grip, 10.0)
+    assert np.isinf(found).tolist() == np.isinf(expected).tolist()
+    finite = np.isfinite(expected)
+    assert found[finite] == pytest.approx(expected[finite], abs=1e-9)
+    disc = Grip(grip.members, as_convex_object(grip.body))
+    assert grip_distances(config, disc, 10.0)[finite] == pytest.approx(found[finite])
+
+
+def test_sides_that_do_not_meet_leave_out_themselves_only():
+    robot = load_robot('nine_member')
+    members = ('south/P-Q', 'north/R-P')
+    body = as_convex_object(Cylinder((0.5, -0.2), 0.5))
+    distances = grip_distances(robot.home, Grip(members, body), 10.0).reshape(3, -1)
+    left_out = [robot.member_names[i] for i in np.flatnonzero(np.isinf(distances[0]))]
+    assert sorted(left_out) == sorted(members)
+    assert np.isfinite(distances[1:]).all()
+
+
+def test_far_parts_have_a_lower_bound():
+    robot = load_robot('nine_member')
+    shape = Polygon([(-0.25, -0.02), (0.25, -0.02), (0.25, 0.02), (-0.25, 0.02)])
+    body = as_convex_object(Cylinder((0.5, -0.2), 0.5))
+    grip = Grip(('south/P-Q', 'north/R-P'), type(body)(shape, body.pose))
+    exact, bounded = (grip_distances(robot.home, grip, far) for far in (10.0, 0.2))
+    near = bounded < 0.2
+    assert (bounded <= exact + 1e-12).all()
+    assert bounded[near] == pytest.approx(exact[near])
+    assert (bounded < exact - 1e-3).any()
+    assert grip_distances(robot.home, grip, 10.0, np.array([3, 4])) == pytest.approx(exact[[3, 4]])
+
+
+def test_an_unknown_member_is_refused():
+    grip = Grip(('nobody', 'north/R-P'), as_convex_object(Cylinder((0.0, 0.0), 0.5)))
+    with pytest.raises(GraspError, match='no such members'):
+        grip_distances(load_robot('nine_member').home, grip, 1.0)

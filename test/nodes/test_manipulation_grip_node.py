@@ -1,0 +1,77 @@
+"""The manipulation node with objects and grips of any members, its inputs faked."""
+
+import math
+
+from boxes import BOX, box_between, SIDES
+from geometry_msgs.msg import PoseStamped
+from isotruss_ros.core import Pose, Status
+from isotruss_ros.nodes.conversions.messages import stamp_header, to_pose_message
+from isotruss_ros.nodes.manipulation import Manipulation
+from manual_world import check_refused, world
+import numpy as np
+from probe import overrides
+import pytest
+
+TWIST = (0.01, 0.01, 0.0)
+
+
+def node(**values):
+    """Return a node whose robot holds the box between two sides."""
+    settings = {'failure_time': 0.0, 'object': BOX, 'grip': list(SIDES), 'command_timeout': 5.0}
+    return lambda: Manipulation(overrides(**settings | values))
+
+
+def send(w, twist=TWIST, moved=(0.0, 0.0, 0.0)):
+    """Return a call that publishes the box in its grip, and a twist."""
+
+    def publish():
+        pose = Pose(*(np.array(box_between().body.pose) + moved))
+        message = PoseStamped(pose=to_pose_message(pose))
+        stamp_header(message.header, w.probe.past(0.0), 'truss')
+        w.probe.send_joints()
+        w.probe.object_poses.publish(message)
+        w.probe.send_twist(twist)
+
+    return publish
+
+
+def test_moves_the_box_and_halts_where_the_grip_is_another():
+    with world(node()) as w:
+        status = w.until_code(Status.OK, send(w))
+        assert status.achieved.linear.x == pytest.approx(TWIST[0], abs=1e-9)
+        assert status.achieved.linear.y == pytest.approx(TWIST[1], abs=1e-9)
+        assert status.reachable_dof == 3
+        manipulation = w.nodes[1]
+        assert manipulation.details()['grip'] == ', '.join(SIDES)
+        w.until_code(Status.HALT_NO_GRASP, send(w, moved=(0.0, 0.5, 0.0)))
+        w.until_code(Status.OK, send(w))
+        # Which members hold it can be changed while the node runs.
+        (done,) = manipulation.set_parameters(overrides(grip=['south/P-Q', 'east/R-Y']))
+        assert done.successful
+        status = w.until_code(Status.HALT_NO_GRASP, send(w))
+        assert 'does not touch' in status.message
+        (refused,) = manipulation.set_parameters(overrides(grip=['south/P-Q']))
+        assert not refused.successful
+        assert '2 or 3 different' in refused.reason
+
+
+def test_says_that_the_nearest_twist_keeps_the_contacts():
+    names = ['south/P', 'south/Q', 'east/Q', 'east/R']
+    with world(node(failed_rollers=names)) as w:
+        status = w.until_code(Status.UNREACHABLE, send(w, (0.0, 0.0, 0.5)))
+        assert 'the closest one that keeps them' in status.message
+        assert 'of 3: twists' in w.nodes[1].details()['reachable twists']
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'object': '{shape: star}'}, 'must be one of'),
+        ({'grip': ['nobody', 'south/P-Q']}, 'no such member'),
+        ({'squeeze_force': 20.0}, 'must be 0 with grip or object'),
+        ({'squeeze_force': 20.0, 'object': ''}, 'must be 0 with grip or object'),
+        ({'friction': math.nan}, 'range'),
+    ],
+)
+def test_what_is_no_object_or_no_grip_is_refused_at_start(values, words):
+    check_refused(node(**values), words)
