@@ -45,7 +45,9 @@ def test_the_box_is_carried_by_the_two_sides(is_free):
     command = solve_twist(ROBOT.home, box_between(), (0.02, 0.0, 0.0)).roller_velocities
     with world(node(**(free if is_free else {}))) as w:
         w.until(lambda: place(w) is not None)
-        assert place(w) == pytest.approx(start, abs=1e-9)
+        # Of a free one the equilibrium is found, near by.
+        assert place(w) == pytest.approx(start, abs=3e-3 if is_free else 1e-9)
+        start = place(w)
         if is_free:
             w.spin(0.2)
         w.until(lambda: place(w)[0] - start[0] > 0.01, drive(w, command))
@@ -64,7 +66,7 @@ def test_a_free_box_stays_and_is_put_elsewhere_with_its_angle():
         w.nodes[1]._place_object(there)
         w.probe.seen['pose'].clear()
         w.until(lambda: place(w) is not None)
-        assert place(w) == pytest.approx(np.array(box_between().body.pose))
+        assert place(w) == pytest.approx(np.array(box_between().body.pose), abs=3e-3)
 
 
 def test_a_disc_between_two_sides_that_do_not_meet():
@@ -81,6 +83,21 @@ def test_without_members_the_sides_of_the_module_hold_it():
         sides = ('north/Z-R', 'north/P-Z')
         expected = place_between(ROBOT.home, sides, shape, 0.3, DEPTH).body.pose
         assert place(w) == pytest.approx(np.array(expected), abs=1e-9)
+
+
+def test_the_elastic_plant_holds_the_box_until_it_is_pulled_out():
+    with world(node(plant='elastic')) as w:
+        w.until(lambda: place(w) is not None)
+        start = place(w)
+        assert start == pytest.approx(np.array(box_between().body.pose), abs=0.005)
+        _, simulator = w.nodes
+        assert set(simulator._elastic.grasp.member_names) == set(SIDES)
+        command = solve_twist(ROBOT.home, box_between(), (0.02, 0.0, 0.0)).roller_velocities
+        w.until(lambda: place(w)[0] - start[0] > 0.003, drive(w, command))
+        w.until(
+            lambda: simulator._elastic.dropped is not None,
+            lambda: w.probe.send_wrench((100.0, 0.0, 0.0)),
+        )
 
 
 @needs_mujoco
@@ -105,7 +122,6 @@ def test_mujoco_holds_the_box_where_friction_does(friction, held):
         ({'grip': ['south/P-Q']}, '2 or 3 different'),
         ({'grip': ['south/P-Q', 'south/P-Q']}, '2 or 3 different'),
         ({'grip': ['south/P-Q', 'east/R-Y']}, 'fits nowhere'),
-        ({'plant': 'elastic'}, 'discs only'),
         ({'object_angle': math.nan}, 'range'),
     ],
 )

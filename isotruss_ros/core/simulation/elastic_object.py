@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_members import Hold, member_depths
+from isotruss_ros.core.grasping.pressed_contacts import body_depths
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.objects import Cylinder, Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
-from isotruss_ros.core.simulation.pushing import push_out
+from isotruss_ros.core.simulation.pushing import push_out, push_out_convex
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -22,7 +25,7 @@ TOUCH_HALVINGS = 6
 
 class ElasticObject:
     """
-    An object that two members hold by friction, or that lies on the ground.
+    An object that two members hold by friction, or three, or that lies on the ground.
 
     While it lies, members that touch it push it along; the ground carries loads. From the moment
     two members press on it so that friction holds it, it is held: contacts stick, it rolls with
@@ -31,16 +34,16 @@ class ElasticObject:
     out of the grip as far as the members push it, and lies there.
 
     :ivar dropped: why it was dropped last; None while it is held or never was.
-    :param cylinder: the object, where it lies.
+    :param body: the object, where it lies: a cylinder, which two members hold, or any shape.
     :param friction: coefficient between tube and object in this plant, not negative.
-    :param angle: its orientation in the robot frame [rad].
+    :param angle: orientation of a cylinder in the robot frame; another object has its own [rad].
     :param stiffness_scale: stiffness of this plant against that of the model, positive.
     :raises GraspError: friction or stiffness are not usable.
     """
 
     def __init__(
         self,
-        cylinder: Cylinder,
+        body: Cylinder | ConvexObject,
         friction: float,
         angle: float = 0.0,
         stiffness_scale: float = 1.0,
@@ -51,16 +54,17 @@ class ElasticObject:
                 f'friction {friction!r} and stiffness scale {stiffness_scale!r}: '
                 'must not be negative, and the latter not zero'
             )
-        self._diameter, self._friction, self._scale = cylinder.diameter, float(mu), float(scale)
-        self._lies = Pose(*cylinder.center, math.remainder(angle, 2.0 * math.pi))
-        self._grasp: RollingGrasp | None = None
+        self._body, self._friction, self._scale = body, float(mu), float(scale)
+        place = body.pose if isinstance(body, ConvexObject) else Pose(*body.center, angle)
+        self._lies = place._replace(angle=math.remainder(place.angle, 2.0 * math.pi))
+        self._grasp: RollingGrasp | HeldGrip | None = None
         self._wrench = np.zeros(3)
         self._pulled_anew = False
         self._followed: Configuration | None = None
         self.dropped: Hold | None = None
 
     @property
-    def grasp(self) -> RollingGrasp | None:
+    def grasp(self) -> RollingGrasp | HeldGrip | None:
         """Return how it is held; None while it lies."""
         return self._grasp
 
@@ -106,8 +110,7 @@ class ElasticObject:
         else:
             self._touch(before, config)
         if self._grasp is None:
-            center = push_out(config, complex(*self._lies[:2]), self._diameter)
-            self._lies = self._lies._replace(x=center.real, y=center.imag)
+            self._lies = self._pushed(config)
 
     def come_to_rest(self, config: Configuration) -> None:
         """
@@ -142,20 +145,43 @@ class ElasticObject:
 
     def _pressed(self, config: Configuration) -> bool:
         """Return whether two members press on the object where it lies."""
-        depths = member_depths(config, Cylinder(self._lies[:2], self._diameter))
+        lying = self._lying()
+        if isinstance(lying, Cylinder):
+            depths = member_depths(config, lying)
+        else:
+            depths = body_depths(config, lying)
         return bool(np.sort(depths)[-2] > 0.0)
+
+    def _lying(self) -> Cylinder | ConvexObject:
+        """Return the object where it lies."""
+        if isinstance(self._body, Cylinder):
+            return Cylinder(self._lies[:2], self._body.diameter)
+        return self._body.moved_to(self._lies)
+
+    def _pushed(self, config: Configuration) -> Pose:
+        """Return where the members push it."""
+        lying = self._lying()
+        if isinstance(lying, Cylinder):
+            center = push_out(config, complex(*lying.center), lying.diameter)
+            return self._lies._replace(x=center.real, y=center.imag)
+        return push_out_convex(config, lying).pose
 
     def _try_to_hold(self, config: Configuration) -> None:
         """Be held if the members press so that friction holds."""
-        lying = Cylinder(self._lies[:2], self._diameter)
-        found = RollingGrasp.attach(config, lying, self._lies.angle, self._wrench, self._scale)
-        if isinstance(found, RollingGrasp) and found.hold(self._friction) is Hold.HELD:
+        lying = self._lying()
+        found: RollingGrasp | HeldGrip | Hold
+        if isinstance(lying, Cylinder):
+            found = RollingGrasp.attach(config, lying, self._lies.angle, self._wrench, self._scale)
+        else:
+            found = HeldGrip.attach(config, lying, None, self._wrench, self._scale)
+        if not isinstance(found, Hold) and found.hold(self._friction) is Hold.HELD:
             self._grasp, self.dropped = found, None
 
-    def _roll(self, before: RollingGrasp, config: Configuration) -> None:
+    def _roll(self, before: RollingGrasp | HeldGrip, config: Configuration) -> None:
         """Roll to a configuration, in smaller and smaller parts where the contacts let go."""
         start, end = before.config.roller_positions, config.roller_positions
-        pulled, wrench = before.wrench * (1.0, 1.0, before.statics.radius), self._wrench
+        arm = before.statics.radius if isinstance(before, RollingGrasp) else before.body.arm
+        pulled, wrench = before.wrench * (1.0, 1.0, arm), self._wrench
         done, part = 0.0, 1.0
         why = Hold.NO_BALANCE
         while done < 1.0:

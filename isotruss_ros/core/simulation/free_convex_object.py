@@ -4,31 +4,26 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.grasping.pressed_contacts import body_depths
+from isotruss_ros.core.grasping.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, MOST
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.objects import Pose
-from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.rolling_object import RollingObject
 import numpy as np
-from scipy.optimize import nnls
-
-#: Forces balance up to this share of them.
-BALANCE = 1e-6
 
 
 class FreeConvexObject:
     """
     An object that lies where it is, and rolls in a grip once friction can hold it there.
 
-    Whether it does is looked at whenever the rollers have come to rest: two members, or three,
-    press on it, and forces in their friction cones balance, by the statics of rigid bodies. While
-    it lies, the ground holds it: the model knows no pushing. Where a member of the grip does not
-    press any more when the rollers rest, it lies again.
+    Whether it does is looked at whenever the rollers have come to rest: then the object moves to
+    its equilibrium between the two members, or three, that press on it, and rolls with them from
+    there on. While it lies, the ground holds it: the model knows no pushing. Where a member of the
+    grip does not press any more when the rollers rest, it lies again.
 
     :param body: the object, where it lies.
     :param friction: coefficient between tube and object; one of its own counts instead.
@@ -81,11 +76,12 @@ class FreeConvexObject:
         if not 2 <= len(names) <= MOST:
             return
         try:
-            grip = Grip(names, body, self._friction)
-            if friction_balances(find_contacts(config, grip), body, self._friction):
+            settled = settle_grasp(config, body, self._friction, members=names)
+            if settled.held:
+                grip = Grip(names, body.moved_to(settled.pose), self._friction)
                 self._held = RollingObject(RollingGrip.attach(config, grip))
-        except GraspError:
-            return  # a member presses with its end, and grips nothing
+        except IsotrussError:
+            return  # a member presses with its end, or the forces cannot be computed
 
     def _lie(self, config: Configuration) -> None:
         """Be let go, where it is."""
@@ -104,21 +100,3 @@ def pressing_members(config: Configuration, body: ConvexObject) -> tuple[str, ..
     tube, depths = config.robot.description.tube_diameter, body_depths(config, body)
     order = np.argsort(-depths, kind='stable')
     return tuple(config.robot.member_names[i] for i in order if 0.0 < depths[i] <= tube)
-
-
-def friction_balances(contacts: GripContacts, body: ConvexObject, friction: float) -> bool:
-    """
-    Tell whether forces of the contacts, within their friction cones, balance each other.
-
-    :param contacts: of a grip.
-    :param body: the object in its place.
-    :param friction: coefficient between tubes and object.
-    """
-    slope = complex(1.0, friction)
-    edges = -np.column_stack([contacts.normals * slope, contacts.normals * slope.conjugate()])
-    forces = edges.ravel() / abs(slope)
-    arms = np.repeat(contacts.points - body.middle, 2)
-    moments = (arms.conj() * forces).imag / body.arm
-    wrenches: Array = np.vstack([forces.real, forces.imag, moments, np.ones(len(forces))])
-    _, left = nnls(wrenches, np.array([0.0, 0.0, 0.0, 1.0]))
-    return bool(left <= BALANCE)

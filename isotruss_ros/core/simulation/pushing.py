@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.segment_gaps import segment_gaps
 from isotruss_ros.core.safety.distances import nearest_on_segment
 import numpy as np
 
@@ -10,6 +12,30 @@ import numpy as np
 TOLERANCE = 1e-9
 #: Two members that close push it out of their wedge bit by bit.
 MAX_PUSHES = 200
+
+
+def push_out_convex(config: Configuration, body: ConvexObject) -> ConvexObject:
+    """
+    Return an object where members push one that overlaps them, without turning it.
+
+    As `push_out`, for any shape.
+
+    :param config: configuration of the robot.
+    :param body: the object in its place.
+    """
+    topology, points = config.robot.topology, config.points
+    begin, end = points[topology.b], points[topology.c[topology.following]]
+    reach = 0.5 * config.robot.description.tube_diameter
+    for _ in range(MAX_PUSHES):
+        near = segment_gaps(body, begin, end)
+        deepest = int(np.argmin(near.gaps))
+        depth = reach - float(near.gaps[deepest])
+        if depth <= TOLERANCE:
+            break
+        away = -depth * complex(near.normals[deepest])
+        x, y, angle = body.pose
+        body = body.moved_to((x + away.real, y + away.imag, angle))
+    return body
 
 
 def push_out(config: Configuration, center: complex, diameter: float) -> complex:

@@ -144,14 +144,10 @@ class StartingObject:
 
         :param pose: where it is put.
         :param stiffness_scale: stiffness of the plant against that of the model.
-        :raises ParameterError: it is no disc.
         """
-        body = as_convex_object(self.body)
-        if not isinstance(body.shape, Disc):
-            raise params.ParameterError(
-                'parameter plant: elastic: has discs only; must be kinematic or mujoco for '
-                'another object'
-            )
-        friction = self._friction if body.friction is None else body.friction
-        cylinder = Cylinder(pose[:2], body.shape.diameter)
-        return ElasticObject(cylinder, friction, pose.angle, stiffness_scale)
+        body = self.body
+        if isinstance(body, ConvexObject):
+            friction = self._friction if body.friction is None else body.friction
+            return ElasticObject(body.moved_to(pose), friction, stiffness_scale=stiffness_scale)
+        cylinder = Cylinder(pose[:2], body.diameter)
+        return ElasticObject(cylinder, self._friction, pose.angle, stiffness_scale)

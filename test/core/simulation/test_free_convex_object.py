@@ -1,7 +1,5 @@
 """A box lies until two sides have closed around it, rolls with them, and is let go."""
 
-import math
-
 from isotruss_ros.core import (
     ConvexObject,
     Disc,
@@ -17,7 +15,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 from isotruss_ros.core.simulation.free_convex_object import (
     FreeConvexObject,
-    friction_balances,
     pressing_members,
 )
 import numpy as np
@@ -30,7 +27,7 @@ BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], 0.02)
 
 def gripped(depth=0.01, shape=BOX):
     """Return a shape between the two sides, this deep in both [m]."""
-    return place_between(ROBOT.home, SIDES, shape, 0.2, depth)
+    return place_between(ROBOT.home, SIDES, shape, -0.5, depth)
 
 
 def lying(body, friction=1.0):
@@ -56,12 +53,14 @@ def test_is_held_by_sides_that_press_and_moves_with_them():
     assert set(free.members) == set(SIDES)
     rolling = RollingGrip.attach(ROBOT.home, gripped())
     start = np.array(robot.object_pose)
+    # It moved to its equilibrium.
+    assert 0.0 < np.hypot(*(start - gripped().body.pose)[:2]) < 0.01
     for _ in range(20):
         command = solve_twist_ahead(robot.config, rolling.grip, [0.02, 0.0, 0.0], 0.01)
         robot.command(command.roller_velocities)
         robot.advance(0.02)
         rolling = rolling.moved_to(robot.config)
-    assert np.array(robot.object_pose) - start == pytest.approx([0.008, 0.0, 0.0], abs=1e-6)
+    assert np.array(robot.object_pose) - start == pytest.approx([0.008, 0.0, 0.0], abs=2e-5)
 
 
 def test_lies_where_nothing_presses_and_where_friction_is_too_little():
@@ -80,15 +79,6 @@ def test_its_own_friction_counts():
     assert lying(ConvexObject(body.shape, body.pose, friction=1.0), 0.05)[1].members
 
 
-def test_friction_balances_two_contacts_when_their_line_is_in_both_cones():
-    disc = gripped(shape=Disc(0.5))
-    contacts = find_contacts(ROBOT.home, disc)
-    # A disc: the line between the contacts halves the angle between the normals.
-    half = 0.5 * abs(math.remainder(np.angle(-contacts.normals[1] / contacts.normals[0]), 7.0))
-    for factor, held in ((1.02, True), (0.98, False)):
-        assert friction_balances(contacts, disc.body, factor * math.tan(half)) is held
-
-
 def test_is_let_go_when_a_side_has_moved_off():
     robot, free = lying(gripped(0.004).body)
     assert free.members
@@ -98,7 +88,7 @@ def test_is_let_go_when_a_side_has_moved_off():
     robot.advance(0.5)
     robot.stop()
     robot.advance(0.1)
-    assert free.members == SIDES
+    assert set(free.members) == set(SIDES)
     robot.command(opening.roller_velocities)
     robot.advance(0.5)
     robot.stop()
@@ -113,6 +103,7 @@ def test_is_let_go_when_a_side_has_moved_off():
 def test_three_members_hold_as_well():
     triangle = load_robot('triangle')
     names = triangle.member_names
-    disc = place_between(triangle.home, names, Disc(0.5))
-    contacts = find_contacts(triangle.home, disc)
-    assert friction_balances(contacts, disc.body, 0.0)
+    disc = place_between(triangle.home, names, Disc(0.645))
+    free = FreeConvexObject(disc.body, 0.3)
+    SimulatedRobot(triangle.home, free, RollerFaults()).advance(0.0)
+    assert sorted(free.members) == sorted(names)
