@@ -1,9 +1,17 @@
 """What MuJoCo moves, against the package's kinematics and statics."""
 
+from dataclasses import replace
 import importlib
 
 from comparison.grips import Grip, move_to, press, release, STILL
-from isotruss_ros.core import analyze_grasp, Cylinder, deform, load_robot, settle_grasp
+from isotruss_ros.core import (
+    analyze_grasp,
+    Cylinder,
+    deform,
+    load_robot,
+    settle_grasp,
+    tangent_center,
+)
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.mujoco_plant import engine
 from isotruss_ros.mujoco_plant.options import PlantError, PlantOptions
@@ -77,6 +85,23 @@ def test_a_grasp_presses_needs_friction_and_gives_as_statics_says():
     np.testing.assert_allclose(
         np.array(plant.object_pose()) - start, gives, atol=0.1 * np.abs(gives).max()
     )
+
+
+@needs_mujoco
+@pytest.mark.parametrize('module', ['south/P', 'east/Y'])
+def test_it_presses_in_any_corner_as_statics_says(module):
+    robot = load_robot('nine_member')
+    center = tangent_center(robot.home, module, 0.25, 0.015)
+    cylinder = Cylinder(center, 0.25)
+    plant = MujocoPlant(robot, [cylinder], replace(STILL, friction=0.0, contact_segments=16))
+    plant.hold_object((*center, 0.0))
+    plant.settle(2.0)
+    expected = analyze_grasp(robot.home, cylinder, 0.5, flattening=False).contact_forces
+    found = plant.contact_forces()
+    assert len(found) == 2
+    assert found.keys() == expected.keys()
+    for member, force in found.items():
+        assert force.normal == pytest.approx(expected[member], rel=0.05)
 
 
 @needs_mujoco
