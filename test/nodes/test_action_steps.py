@@ -2,7 +2,9 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core import StampedInput
+from geometry_msgs.msg import PoseStamped
+from isotruss_ros.core import Pose, StampedInput
+from isotruss_ros.core.control.path_tracking import RETURN
 from isotruss_ros.nodes.components import action_steps
 from isotruss_ros.nodes.components.action_steps import (
     ActionStep,
@@ -223,6 +225,62 @@ def test_the_grip_is_the_module_whose_members_hold():
     for members in ([], [ROBOT.member_names[0]], [ROBOT.member_names[0], ROBOT.member_names[4]]):
         with pytest.raises(StepError, match='must be the two of a module'):
             grip_of(ROBOT, members)
+
+
+class Follower:
+    """Stands for the path follower: the object is somewhere afterwards, and it ends somehow."""
+
+    def __init__(self, sequences, goes_to, ends):
+        self.goal, self._sequences = None, sequences
+        self._to, self._ends = goes_to, ends
+
+    def run(self, goal, _progress):
+        """Follow a path."""
+        self.goal = goal
+        yield 0.5
+        self._sequences.pose = StampedInput(Pose(*self._to, 0.1), 10.0)
+        if isinstance(self._ends, Exception):
+            raise self._ends
+        return SimpleNamespace(code=self._ends, message='stopped by limits')
+
+
+LAY = PoseStamped()
+LAY.pose.position.x, LAY.pose.position.y = 0.6, 0.3
+
+
+@pytest.mark.parametrize(
+    ('moved', 'left', 'ends', 'words'),
+    [
+        (0.0005, None, 0, ''),
+        (0.0036, 0.001, 0, ', 1 mm from where it lay, after 3.6 mm'),
+        (0.02, 0.01, 4, ', 10 mm from where it lay, after 20 mm (stopped by limits)'),
+        (
+            0.02,
+            0.02,
+            StepError(Outcome.NOT_READY, 'no node offers it'),
+            ', 20 mm from where it lay, after 20 mm (no node offers it)',
+        ),
+    ],
+)
+def test_an_object_that_a_closing_grip_moved_is_brought_back(moved, left, ends, words):
+    sequences = GraspSequences.__new__(GraspSequences)
+    sequences._node = SimpleNamespace(now=lambda: 10.0)
+    sequences.timeout = 0.2
+    sequences.grasp = StampedInput(SimpleNamespace(held=True), 10.0)
+    sequences.pose = StampedInput(Pose(0.6, 0.3 - moved, 0.1), 10.0)
+    follower = sequences._object = Follower(sequences, (0.6, 0.3 - (left or 0.0)), ends)
+    notes = []
+
+    def steps():
+        notes.append((yield from sequences._bring_back(LAY)))
+
+    assert list(steps()) == [0.5] * (left is not None)
+    assert notes == [words]
+    if left is None:
+        assert follower.goal is None
+    else:
+        assert follower.goal.path.poses == [LAY]
+        assert follower.goal.position_tolerance == RETURN.position_tolerance
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from isotruss_msgs.action import (
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import Cylinder, plan_release, Pose, Release, Robot, StampedInput
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
+from isotruss_ros.core.control.path_tracking import RETURN, RETURN_SPEED, RETURN_TURN_RATE
 from isotruss_ros.core.planning.export import export_violation
 from isotruss_ros.core.planning.grasp_plan import path_times, violation_in_words
 from isotruss_ros.nodes.components.action_steps import (
@@ -36,9 +37,12 @@ from isotruss_ros.nodes.conversions.trajectory_messages import (
 )
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
 
+#: An object that a closing grip moved by less is left where it is [m].
+IN_PLACE = 1e-3
 #: The analysis has to confirm a grasp, or its end, within this time [s].
 CONFIRMATION_TIME = 5.0
 PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedback
@@ -91,6 +95,8 @@ class GraspSequences:
         """
         Plan a grasp, approach it, close in place, and confirm that the object is held.
 
+        Where the object went along as the grip closed on it, it is brought back.
+
         :param goal: of the action.
         :return: the result of the action.
         :raises IsotrussError: why the object is not held.
@@ -118,9 +124,12 @@ class GraspSequences:
         yield from self._drive(grasp.path, touch, PICK.APPROACHING, PICK.CLOSING)
         self.stage = PICK.CONFIRMING
         state = yield from self._confirm(True)
+        note = yield from self._bring_back(wanted.object_pose)
+        if note:
+            state = yield from self._confirm(True)
         squeeze = float(np.mean(state.squeeze))
         return PickObject.Result(
-            message=f'held at {grasp.module} by {squeeze:.3g} N',
+            message=f'held at {grasp.module} by {squeeze:.3g} N{note}',
             module=grasp.module,
             squeeze=squeeze,
             slip_margin=state.slip_margin,
@@ -196,6 +205,35 @@ class GraspSequences:
             position_error=followed.position_error,
             angle_error=followed.angle_error,
         )
+
+    def _bring_back(self, lay: PoseStamped) -> Steps:
+        """Move the held object to where it lay; return in words what came of it, if it moved."""
+        moved = self._distance(lay)
+        if moved <= IN_PLACE:
+            return ''
+        goal = FollowObjectPath.Goal(
+            path=Path(header=lay.header, poses=[lay]),
+            speed=RETURN_SPEED,
+            turn_rate=RETURN_TURN_RATE,
+            position_tolerance=RETURN.position_tolerance,
+        )
+        why = ''
+        try:
+            steps = self._object.run(goal, lambda feedback: feedback.progress)
+            followed = yield from _run_while(steps, self._find_loss)
+            if followed.code != FollowObjectPath.Result.REACHED:
+                why = f' ({followed.message})'
+        except StepError as error:
+            # It is held where it is: what it was picked for can begin there.
+            why = f' ({error})'
+        left = self._distance(lay)
+        return f', {1e3 * left:.3g} mm from where it lay, after {1e3 * moved:.3g} mm{why}'
+
+    def _distance(self, lay: PoseStamped) -> float:
+        """Return how far the object is from a place [m]."""
+        now = require_fresh(self._node.now(), self.timeout, object_pose=self.pose)[0].value
+        place = lay.pose.position
+        return float(np.hypot(now.x - place.x, now.y - place.y))
 
     def _drive(self, trajectory: Any, change: float, before: int, after: int) -> Steps:
         """Drive the rollers; the stage changes at a time of the trajectory [s]."""
