@@ -41,6 +41,7 @@ from mutation.loop import (
     RunUntilFailure,
     UNFIT,
 )
+from mutation.neutral import is_neutral, read_neutral
 from mutation.record import read, read_noticed, Record, write, write_noticed
 from mutation.sites import find_mutants, Mutant
 
@@ -48,6 +49,8 @@ ROOT = Path(__file__).resolve().parents[1]
 CORE = ROOT / 'isotruss_ros' / 'core'
 #: Shares of the random examples: at first, and of what survives that.
 FEW, USUAL = '0.05', '0.2'
+#: A mutant that `neutral.yaml` lists.
+NEUTRAL = 'neutral'
 RECORDS = Path(sys.prefix) / 'mutation'
 
 
@@ -159,6 +162,7 @@ def run_package(package: Path, mutants: list[Mutant], options: argparse.Namespac
     if options.sample is not None:
         drawn = random.Random(f'{options.seed} {package.name}')
         mutants = drawn.sample(mutants, min(options.sample, len(mutants)))
+    neutral = read_neutral()
     record, path = record_tests(package), RECORDS / f'{package.name}.noticed'
     noticed = read_noticed(path, package) if options.resume else set()
     known = [mutant for mutant in mutants if mutant.name in noticed]
@@ -169,6 +173,8 @@ def run_package(package: Path, mutants: list[Mutant], options: argparse.Namespac
         if result == KILLED:
             noticed.add(mutant.name)
             write_noticed(noticed, path, package)
+        elif result == ALIVE and is_neutral(mutant, neutral):
+            results[-1] = NEUTRAL
         else:
             place = f'{mutant.path.relative_to(CORE)}:{mutant.first}'
             print(f'{place}: {mutant.words} ({result}): {mutant.source}', flush=True)
@@ -177,10 +183,14 @@ def run_package(package: Path, mutants: list[Mutant], options: argparse.Namespac
 
 def print_row(name: str, results: list[str], total: int) -> None:
     """Print the row of a package."""
-    n, killed = len(results), sum(result in (KILLED, LATE) for result in results)
-    low, high = interval(killed, n) if n < total else (killed / n, killed / n)
-    between = f'{100 * low:.0f} to {100 * high:.0f} %' if n < total else 'all'
-    print(f'| {name} | {total} | {n} | {killed} | {100 * killed / n:.1f} % | {between} |')
+    n, neutral = len(results), results.count(NEUTRAL)
+    noticed = sum(result in (KILLED, LATE) for result in results)
+    low, high = interval(noticed, n)
+    between = f', {100 * low:.0f} to {100 * high:.0f} %' if n < total else ''
+    share = f'{100 * noticed / n:.1f} %{between}'
+    print(
+        f'| {name} | {total} | {n} | {noticed} | {share} | {neutral} | {n - noticed - neutral} |'
+    )
 
 
 def main() -> None:
@@ -209,7 +219,8 @@ def main() -> None:
     for package in sorted({file.parent for file in files} - {CORE}):
         own = [mutant for file in files if file.parent == package for mutant in find_mutants(file)]
         rows.append((package.name, run_package(package, own, options), len(own)))
-    print('| package | mutants | run | noticed | share | 95 % interval |\n' + '| --- ' * 6 + '|')
+    print('| package | mutants | run | noticed | share | change nothing | left |')
+    print('| --- ' * 7 + '|')
     for row in rows:
         print_row(*row)
 

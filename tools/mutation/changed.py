@@ -9,7 +9,7 @@ import importlib.util
 from pathlib import Path
 from types import CodeType, FunctionType
 
-from mutation.sites import Mutant
+from mutation.sites import Mutant, read_source
 
 
 class MutantFinder(importlib.abc.MetaPathFinder):
@@ -38,7 +38,7 @@ def swap_code(mutant: Mutant) -> bool:
 
     What was computed before stays: constants of modules, and what is cached.
     """
-    old = compile(mutant.path.read_text(encoding='utf-8'), str(mutant.path), 'exec')
+    old = compile(read_source(mutant.path), str(mutant.path), 'exec')
     changed = {
         before: after
         for before, after in zip(_codes(old), _codes(mutant.compile()), strict=True)

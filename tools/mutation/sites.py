@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Iterator
+import functools
 from pathlib import Path
 from types import CodeType
 from typing import NamedTuple
@@ -44,18 +45,24 @@ class Mutant(NamedTuple):
     @property
     def source(self) -> str:
         """Return the line that is changed."""
-        return self.path.read_text(encoding='utf-8').splitlines()[self.first - 1].strip()
+        return read_source(self.path).splitlines()[self.first - 1].strip()
 
     def compile(self) -> CodeType:
         """Compile the changed file."""
-        tree = ast.parse(self.path.read_text(encoding='utf-8'))
+        tree = ast.parse(read_source(self.path))
         list(find_sites(tree))[self.index].change()
         return compile(tree, str(self.path), 'exec')
 
 
+@functools.cache
+def read_source(path: Path) -> str:
+    """Read a file once: mutants are those of the files as they were at first."""
+    return path.read_text(encoding='utf-8')
+
+
 def find_mutants(path: Path) -> list[Mutant]:
     """Return all mutants of a file."""
-    sites = find_sites(ast.parse(path.read_text(encoding='utf-8')))
+    sites = find_sites(ast.parse(read_source(path)))
     return [
         Mutant(path, i, site.node.lineno, site.node.end_lineno, site.words, site.in_function)
         for i, site in enumerate(sites)

@@ -144,6 +144,16 @@ def test_a_load_moves_it_and_lets_it_back():
     assert simulated.pose(CONFIG) == pytest.approx(start, abs=1e-9)
 
 
+def test_while_it_lies_nothing_is_left_before_it_slips():
+    assert ElasticObject(CYLINDER, FRICTION).slip_margin == 0.0
+
+
+def test_tubes_may_be_slippery_and_soft():
+    simulated = ElasticObject(CYLINDER, 0.0, stiffness_scale=0.01)
+    simulated.follow(CONFIG)
+    assert simulated.grasp is None
+
+
 def test_it_lies_until_two_members_press_on_it():
     simulated = ElasticObject(CYLINDER, FRICTION, angle=0.4)
     approach = backed_off(CONFIG, CYLINDER, 0.15)[::-1]
