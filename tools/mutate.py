@@ -8,10 +8,10 @@ each mutant is a fork in which functions get the changed code; it runs the tests
 changed line, the quickest first, on few random examples, and on more of them if it survives. Which
 tests those are is recorded once, for the files of a package as they are. What is computed while
 modules are imported imports the changed file in a process of its own. The share of mutants that
-are noticed is a lower bound: tests that read what another one has cached are left out. With
---thorough, survivors run all tests of the package. A mutant that takes thirty times as long as its
-tests counts as noticed, and is listed. Nothing is written but records in the environment's folder.
-Not changed: indices, annotations, and what stands in error messages.
+are noticed is a lower bound: tests that take more than four seconds are left out, and those that
+read what another one has cached; with --thorough, survivors run these too. A mutant that takes
+thirty times as long as its tests counts as noticed, and is listed. Nothing is written but records
+in the environment's folder. Not changed: indices, annotations, and what stands in error messages.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def run_mutants(
             again.append(mutant)
         else:
             yield mutant, ALIVE
-    limit = GRACE + PATIENCE * sum(record.seconds.values())
+    limit = GRACE + PATIENCE * sum(record.quick.values())
     for mutant in again:
         plugin = RunUntilFailure(mutant, record, thorough)
         yield mutant, run_apart(lambda p=plugin, m=mutant: _import_changed(package, m, p), limit)

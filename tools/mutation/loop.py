@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+import math
 import os
 from pathlib import Path
 import resource
@@ -19,6 +20,12 @@ import pytest
 KILLED, ALIVE, LATE, UNFIT = 'killed', 'alive', 'late', 'unfit'
 #: How many times as long as its tests a mutant may take, and what is added [s].
 PATIENCE, GRACE = 30.0, 30.0
+#: Tests that take more processor time than this are left out [s].
+LONGEST = 4.0
+
+
+def _leave_out(*signal_and_frame: object) -> None:
+    pytest.skip(f'takes more than {LONGEST} s')
 
 
 class NoShrinking:
@@ -42,8 +49,12 @@ class RecordTests:
         """Run one test."""
         self._tracer.switch_context(item.nodeid)
         start = time.process_time()
+        signal.signal(signal.SIGPROF, _leave_out)
+        signal.setitimer(signal.ITIMER_PROF, LONGEST)
         yield
-        self.record.seconds[item.nodeid] = time.process_time() - start
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        taken = time.process_time() - start
+        self.record.seconds[item.nodeid] = taken if taken < LONGEST else math.inf
         self._tracer.switch_context('')
 
     def pytest_sessionfinish(self) -> None:
@@ -91,7 +102,7 @@ class RunUntilFailure:
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """Run the tests; all of them if none is known that runs the line."""
         first = self._record.choose(self._mutant)
-        chosen = {item.nodeid: 0.0 for item in session.items} | self._record.seconds
+        chosen = self._record.quick | newer(session, self._record)
         if first and not self._thorough:
             chosen = first | newer(session, self._record)
         items = sort_items(session, chosen)

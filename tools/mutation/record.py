@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,14 +13,20 @@ from mutation.sites import Mutant
 
 
 class Record(NamedTuple):
-    """Processor time of each test [s]; the tests that run each line of each file."""
+    """Processor time of each test [s], infinite if it is left out; which run each line."""
 
     seconds: dict[str, float]
     lines: dict[str, dict[int, list[str]]]
 
     def choose(self, mutant: Mutant) -> dict[str, float]:
         """Return the tests that run the changed lines, or what uses them, with their times."""
-        return {test: self.seconds[test] for test in self.contexts(mutant) if test}
+        named, quick = self.contexts(mutant), self.quick
+        return {test: quick[test] for test in named if test in quick}
+
+    @property
+    def quick(self) -> dict[str, float]:
+        """Return the times of the tests that are run at all."""
+        return {test: seconds for test, seconds in self.seconds.items() if seconds < math.inf}
 
     def contexts(self, mutant: Mutant) -> set[str]:
         """Return the same tests, and '' if that also runs before any test."""
