@@ -76,11 +76,13 @@ def record_tests(package: Path) -> Record:
         return known
 
     def run() -> str:
-        tracer = coverage.Coverage(data_file=None, config_file=False, include=[f'{package}/*'])
+        tracer = coverage.Coverage(None, branch=True, config_file=False, include=[f'{package}/*'])
         tracer.start()
         plugin = RecordTests(package, tracer)
         failed = run_tests(package, plugin, FEW)
         write(plugin.record, path, package)
+        with path.with_suffix('.coverage').open('w', encoding='utf-8') as lines:
+            tracer.report(show_missing=True, skip_covered=True, file=lines)
         return 'fail' if failed else 'pass'
 
     outcome = run_apart(run, 3600)

@@ -27,11 +27,18 @@ def read_robot_file(name_or_path: str | Path) -> RobotDescription:
     path = find_robot_file(name_or_path)
     text = read_text(path, 'a robot file', RobotFileError)
     content = parse_yaml(path, text, 'robot files', RobotFileError)
+    return describe_robot(path, content)
+
+
+def describe_robot(path: Path, content: Any) -> RobotDescription:
+    """
+    Check what a robot file says, and return the description.
+
+    :param path: of the file, for messages.
+    :param content: plain values, lists and mappings, as they are in the file.
+    :raises RobotFileError: it is not a robot; see `read_robot_file`.
+    """
     check_form(path, content)
-    return _describe(path, content)
-
-
-def _describe(path: Path, content: dict[str, Any]) -> RobotDescription:
     joints = {name: (float(x), float(y)) for name, (x, y) in content['joints'].items()}
     tubes = tuple(
         Tube(name, tuple(tube['joints']), tube['passive'])

@@ -75,10 +75,14 @@ def test_nearest_point_of_a_half_plane():
 @pytest.mark.parametrize('size', [1e-6, 1e6])
 @pytest.mark.parametrize('length', [1e-4, 1e4])
 def test_solution_is_of_any_size_and_rows_of_any_length(size, length):
-    rows = length * np.array([[3.0, 4.0], [-1.0, 2.0]])
-    bounds = length * np.array([-5.0 * size, np.inf])
-    program = QuadraticProgram(np.eye(2), np.zeros(2), rows, bounds, *free(2)[2:])
-    assert solve_qp(program) == pytest.approx([-0.6 * size, -0.8 * size])
+    rng = np.random.default_rng(7)
+    for _ in range(10):
+        row, bound = rng.standard_normal(5), -rng.uniform(0.5, 2.0) * size
+        rows = length * np.stack([row, rng.standard_normal(5)])
+        bounds = length * np.array([bound, np.inf])
+        program = QuadraticProgram(np.eye(5), np.zeros(5), rows, bounds, *free(5)[2:])
+        # The nearest point of the half-plane.
+        assert solve_qp(program) == pytest.approx(row * bound / (row @ row), rel=1e-9)
 
 
 def test_an_equality_and_a_bound():
