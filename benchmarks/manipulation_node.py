@@ -2,8 +2,8 @@
 What the node `manipulation` takes of a core, and how long its cycle is, with its real topics.
 
 Simulator and manipulation run as processes; twists come at 100 Hz, joint states and object pose at
-200 Hz, commands and status leave in every cycle. The peer is a node with an empty timer and one
-publisher at the same rate: what rclpy itself takes.
+200 Hz, commands and status leave in every cycle. The peer is a node with a timer at the same rate
+that only publishes the same two messages: what rclpy itself takes.
 
     python benchmarks/manipulation_node.py
 """
@@ -96,12 +96,19 @@ def measure_manipulation(rate: float) -> Load:
 
 
 def run_peer(rate: float) -> None:
-    """Publish from an empty timer until killed."""
+    """Publish from a timer that does nothing else, until killed."""
     rclpy.init()
     node = Node('peer')
-    publisher = node.create_publisher(Float64MultiArray, 'peer', 1)
-    message = Float64MultiArray(data=[0.0] * 6)
-    node.create_timer(1.0 / rate, lambda: publisher.publish(message))
+    commands = node.create_publisher(Float64MultiArray, 'peer/commands', 1)
+    statuses = node.create_publisher(ManipulationStatus, 'peer/status', 1)
+    command, status = Float64MultiArray(data=[0.0] * 6), ManipulationStatus()
+    status.header.frame_id = 'truss'
+
+    def publish() -> None:
+        commands.publish(command)
+        statuses.publish(status)
+
+    node.create_timer(1.0 / rate, publish)
     rclpy.spin(node)
 
 

@@ -75,7 +75,6 @@ class GraspAnalysisNode(ManagedNode):
         self._throttle = WarningThrottle(self.get_logger())
         self._cycle_times = CycleTimes()
         self._monitor: GraspMonitor | None = None
-        self._cycle: Cycle | None = None
         self._drawn = 0.0
         self.start()
 
@@ -124,12 +123,14 @@ class GraspAnalysisNode(ManagedNode):
 
     def activate(self) -> None:
         """Start the cycle and offer the service."""
-        self._cycle = Cycle(self, self.values[RATE], self._step, self._inputs, self._clear_inputs)
+        self.cycle = Cycle(
+            self, self.values[RATE], self._step, self._inputs.take, self._clear_inputs
+        )
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
     def deactivate(self) -> None:
         """Stop the cycle."""
-        self._cycle = None
+        self.cycle = None
 
     def cleanup(self) -> None:
         """Release the robot."""
@@ -157,8 +158,8 @@ class GraspAnalysisNode(ManagedNode):
         self._monitor.friction = self.values[params.FRICTION]
         self._monitor.spacing = self.values[SPACING]
         self._monitor.timeout = self.values[params.COMMAND_TIMEOUT]
-        if self._cycle is not None:
-            self._cycle.change(self.values[RATE])
+        if self.cycle is not None:
+            self.cycle.change(self.values[RATE])
 
     def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:
         return read_external_wrench(message, self._robot.frame)

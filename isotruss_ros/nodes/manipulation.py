@@ -120,7 +120,6 @@ class Manipulation(ManagedNode):
         self._report: StatusReport | None = None
         self._servo: TwistServo | None = None
         self._trajectory: TrajectoryFollowing | None = None
-        self._cycle: Cycle | None = None
         self._stop = EmergencyStop(
             self,
             lambda: self.values[params.REQUIRE_EMERGENCY_STOP],
@@ -160,21 +159,28 @@ class Manipulation(ManagedNode):
         subscribe_object_pose(self, self._robot, self._servo, self._inputs)
         if values[params.USE_STAMPED_TWIST]:
             subscribe_input(
-                self, TwistStamped, 'cmd_vel', self._read_stamped_twist, self._servo, 'twist'
+                self,
+                TwistStamped,
+                'cmd_vel',
+                self._read_stamped_twist,
+                self._servo,
+                'twist',
+                self._inputs,
             )
         else:
-            subscribe_newest(self, Twist, 'cmd_vel', self._receive_twist)
+            subscribe_newest(self, Twist, 'cmd_vel', self._receive_twist, self._inputs)
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Start the cycle."""
+        self._discard_twist()
         self._trajectory.subscribe()
-        self._cycle = Cycle(
+        self.cycle = Cycle(
             self,
             self.values[params.RATE],
             self._step,
-            self._inputs,
+            self._read_inputs,
             jumped_back=self._clear_inputs,
             stopped=self._halt_on_stopped_clock,
             progress_timeout=self._servo.timeout,
@@ -182,7 +188,7 @@ class Manipulation(ManagedNode):
 
     def deactivate(self) -> None:
         """Command zero velocities, and wait until the subscribers have received them."""
-        self._cycle = None
+        self.cycle = None
         self._trajectory.abort('the node was deactivated')
         self._send_zeros()
         if not self._wait_for_zero():
@@ -235,11 +241,22 @@ class Manipulation(ManagedNode):
         if self._servo is None:
             return
         self._servo.stopped = self._halt()
-        self._servo.twist = None
+        self._discard_twist()
         if self._servo.stopped is not None:
             self._trajectory.abort('emergency stop')
             if self.active:
                 self._send_zeros()
+
+    def _read_inputs(self) -> None:
+        """Read what has come since the last cycle, the stop before all else."""
+        self._stop.read()
+        self._failed_rollers.read()
+        self._inputs.take()
+
+    def _discard_twist(self) -> None:
+        """Forget the last twist and those that wait: only a later one may move the object."""
+        self._inputs.take()
+        self._servo.twist = None
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
@@ -296,8 +313,8 @@ class Manipulation(ManagedNode):
         self._apply_mode()
         self._apply_squeeze()
         self._apply_failures()
-        if self._cycle is not None:
-            self._cycle.change(self.values[params.RATE], self._servo.timeout)
+        if self.cycle is not None:
+            self.cycle.change(self.values[params.RATE], self._servo.timeout)
 
     def _apply_mode(self) -> None:
         """Choose what twists move; where that changes, halt at once until the next twist."""

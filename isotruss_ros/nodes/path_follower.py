@@ -85,9 +85,8 @@ class PathFollower(ManagedNode):
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('path_follower', SPECS, parameter_overrides)
         self._servo: PathServo | None = None
-        self._cycle: Cycle | None = None
         self._goal: SingleGoal | None = None
-        self._cycles = 0
+        self.cycles = 0
         self._last: Tracking | None = None
         self.start()
 
@@ -134,11 +133,11 @@ class PathFollower(ManagedNode):
     def activate(self) -> None:
         """Accept goals from now on."""
         self.diagnostics.set_status(Level.OK, 'no path to follow')
-        self._cycle = Cycle(
+        self.cycle = Cycle(
             self,
             self.values[RATE],
             self._step,
-            self._inputs,
+            self._inputs.take,
             jumped_back=self._clear_inputs,
             stopped=self._abort_on_stopped_clock,
             progress_timeout=self._servo.timeout,
@@ -146,7 +145,7 @@ class PathFollower(ManagedNode):
 
     def deactivate(self) -> None:
         """Leave the object at rest."""
-        self._cycle = None
+        self.cycle = None
         self._end(Outcome.STOPPED, 'the node was deactivated')
 
     def cleanup(self) -> None:
@@ -180,14 +179,14 @@ class PathFollower(ManagedNode):
         """Apply changed parameters; gains and the like from the next goal on."""
         self._servo.timeout = self.values[params.COMMAND_TIMEOUT]
         self._servo.period = 1.0 / self.values[RATE]
-        if self._cycle is not None:
-            self._cycle.change(self.values[RATE], self._servo.timeout)
+        if self.cycle is not None:
+            self.cycle.change(self.values[RATE], self._servo.timeout)
 
     # -- The action --
 
     def _begin(self, goal: FollowObjectPath.Goal) -> None:
         """Begin to follow a path, or abort the goal with the reason."""
-        self._cycles, self._last = 0, None
+        self.cycles, self._last = 0, None
         values = self.values
         self._inputs.take()
         try:
@@ -246,10 +245,10 @@ class PathFollower(ManagedNode):
             self._end(step.outcome, step.message)
             return
         self._publish_twist(step.twist)
-        if self._cycles % max(1, round(self.values[RATE] / FEEDBACK_RATE)) == 0:
+        if self.cycles % max(1, round(self.values[RATE] / FEEDBACK_RATE)) == 0:
             self._goal.publish_feedback(to_feedback_message(step.tracking))
             self.diagnostics.set_status(Level.OK, step.tracking.phase.name.lower())
-        self._cycles += 1
+        self.cycles += 1
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""

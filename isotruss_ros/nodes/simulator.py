@@ -113,7 +113,6 @@ class Simulator(ManagedNode):
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('simulator', SPECS, parameter_overrides)
         self._throttle = WarningThrottle(self.get_logger())
-        self._cycle: Cycle | None = None
         self._driven: DrivenRobot | None = None
         self._recorder: PlantRecorder | None = None
         self.start()
@@ -146,11 +145,11 @@ class Simulator(ManagedNode):
         self.create_subscription(PoseStamped, 'place_object', self._place_object, RELIABLE)
         self.create_subscription(WrenchStamped, 'external_wrench', self._receive_wrench, RELIABLE)
         rate = self.values[params.RATE]
-        self._cycle = Cycle(self, rate, self._step, inputs, self._stop_on_clock_jump)
+        self.cycle = Cycle(self, rate, self._step, inputs.take, self._stop_on_clock_jump)
 
     def deactivate(self) -> None:
         """Stop the rollers."""
-        self._cycle = None
+        self.cycle = None
         self._simulated.stop()
 
     def cleanup(self) -> None:
@@ -199,8 +198,8 @@ class Simulator(ManagedNode):
         return self._elastic
 
     def _apply(self) -> None:
-        if self._cycle is not None:
-            self._cycle.change(self.values[params.RATE])
+        if self.cycle is not None:
+            self.cycle.change(self.values[params.RATE])
 
     def _stop_on_clock_jump(self) -> None:
         """Stop the rollers: after a jump of the clock the age of the command is unknown."""

@@ -66,6 +66,10 @@ class EmergencyStop:
             return f'no message of {NAME} received yet, and require_emergency_stop is set'
         return None
 
+    def read(self) -> None:
+        """Receive the messages that wait."""
+        self._messages.read()
+
     def _receive(self, messages: list[Bool]) -> None:
         before = self._last, self._stopped
         self._last = messages[-1].data

@@ -77,6 +77,10 @@ class FailedRollers:
         servo = self._servo()
         servo.detector.failed = self._detected & frozenset(servo.robot.roller_names)
 
+    def read(self) -> None:
+        """Receive the messages that wait."""
+        self._messages.read()
+
     def _receive(self, messages: list[String]) -> None:
         named = frozenset(part.strip() for part in messages[-1].data.split(',')) - {''}
         if named != self._named or self._unknown is not None:

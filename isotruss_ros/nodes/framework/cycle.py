@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
-from isotruss_ros.nodes.framework.polling import PolledGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -23,7 +22,7 @@ class Cycle:
     :param node: its clock, simulated or not, is the one that times are read from.
     :param rate: cycles per second of the clock of `timer_clock` [Hz].
     :param step: called in every cycle with the time.
-    :param inputs: subscriptions that are read before each step.
+    :param read_inputs: called before each step.
     :param jumped_back: called before the step when the clock reads less than in the step before.
     :param stopped: called repeatedly instead of steps while simulated time does not advance.
     :param progress_timeout: time without a change after which the clock counts as stopped [s].
@@ -34,14 +33,14 @@ class Cycle:
         node: Node,
         rate: float,
         step: Callable[[Time], None],
-        inputs: PolledGroup,
+        read_inputs: Callable[[], None],
         jumped_back: Callable[[], None],
         stopped: Callable[[Time], None] | None = None,
         progress_timeout: float = 1.0,
     ) -> None:
         self._clock = node.get_clock()
         self._step, self._jumped_back, self._stopped = step, jumped_back, stopped
-        self._inputs = inputs
+        self._read_inputs = read_inputs
         self._progress_timeout = progress_timeout
         self._last = self._read = 0
         self._changed = time.monotonic()
@@ -65,8 +64,25 @@ class Cycle:
             self._progress_timeout = progress_timeout
             self._watchdog.timer_period_ns = int(1e9 * _watch_period(progress_timeout))
 
+    def is_faster_than(self, period: float) -> bool:
+        """
+        Return whether the cycles follow each other faster than that, by the steady clock.
+
+        :param period: to compare with [s].
+        """
+        steady = self._timer.clock.clock_type == ClockType.STEADY_TIME
+        return steady and self._timer.timer_period_ns < 1e9 * period
+
+    def run_next(self) -> None:
+        """Sleep until the next cycle is due, and run it."""
+        wait = 1e-9 * self._timer.time_until_next_call()
+        if wait > 0.0:
+            time.sleep(wait)
+        self._timer.handle.call_timer()
+        self._tick()
+
     def _tick(self) -> None:
-        self._inputs.take()
+        self._read_inputs()
         now = self._clock.now()
         if now.nanoseconds < self._last:
             self._jumped_back()

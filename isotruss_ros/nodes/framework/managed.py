@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Diagnostics, Level
 from lifecycle_msgs.srv import ChangeState
 from rclpy.action import ActionClient, ActionServer
@@ -36,6 +37,7 @@ class ManagedNode(LifecycleNode):
     anything else leaves it unconfigured; the reason is logged and in the diagnostics.
 
     :ivar diagnostics: status of the node while it is active.
+    :ivar cycle: what the node does at a rate, while it is active; None if there is nothing.
     :ivar values: of the parameters, as `values[spec]`.
     :param name: name of the node.
     :param specs: its parameters, besides `autostart`.
@@ -52,6 +54,7 @@ class ManagedNode(LifecycleNode):
         super().__init__(name, parameter_overrides=list(parameter_overrides))
         self.diagnostics = Diagnostics(self, self.details)
         self._entities = _EntityScopes(self)
+        self.cycle: Cycle | None = None
         self._running = False
         self._failure: Exception | None = None
         try:

@@ -11,6 +11,7 @@ from types import FrameType
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -95,10 +96,17 @@ def run(
     return 0
 
 
-def _spin(node: StoppableNode | ManagedNode, interruption: Interruption) -> None:
-    """Spin until interrupted; an error out of a callback stops the robot, not the process."""
+def _make_executor(node: StoppableNode | ManagedNode) -> SingleThreadedExecutor:
+    if isinstance(node, ManagedNode):
+        return PacedExecutor(node)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    return executor
+
+
+def _spin(node: StoppableNode | ManagedNode, interruption: Interruption) -> None:
+    """Spin until interrupted; an error out of a callback stops the robot, not the process."""
+    executor = _make_executor(node)
     while not interruption.received:
         try:
             # A signal ends no wait, but every node has a timer. A timeout would create one more

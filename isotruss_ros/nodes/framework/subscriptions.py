@@ -116,6 +116,11 @@ class EveryMessage:
 
         return node.create_subscription(kind, self._topic, take, profile, event_callbacks=events)
 
+    def read(self) -> None:
+        """Call back with the messages that wait, without the executor."""
+        for index in range(len(self._subscriptions)):
+            self._pass_on(index, [])
+
     def _pass_on(self, index: int, taken: list[Any]) -> None:
         """Call back with messages of a subscription and those that wait behind them."""
         messages = _take_waiting(taken, self._subscriptions[index], MAX_BATCH)
@@ -149,8 +154,7 @@ class EveryMessage:
             self._silent += event.total_count_change
         if event.current_count_change == event.total_count_change:
             return
-        for index in range(len(self._subscriptions)):
-            self._pass_on(index, [])
+        self.read()
         if self._silent > 0:
             self._silent = 0
             self._missing(f'a publisher of {self._topic} left before a message was received')

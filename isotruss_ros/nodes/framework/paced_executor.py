@@ -1,0 +1,56 @@
+"""An executor for nodes with a control cycle: rclpy's wait set does not run in every cycle."""
+
+from __future__ import annotations
+
+import time
+
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from rclpy.executors import SingleThreadedExecutor, TimeoutException
+
+#: Services, actions, parameters, events and slow timers get their turn this often [s].
+TURN_PERIOD = 0.02
+
+
+class PacedExecutor(SingleThreadedExecutor):
+    """
+    Run the cycle of a node by the clock, and all other callbacks in turns between the cycles.
+
+    For every wait, rclpy collects all entities of the node anew, in Python: that takes a multiple
+    of the arithmetic of a cycle, which reads its inputs itself.
+
+    :param node: the only one that is executed.
+    """
+
+    def __init__(self, node: ManagedNode) -> None:
+        super().__init__()
+        self.add_node(node)
+        self._node = node
+        self._next_turn = 0.0
+
+    def spin_once(self, timeout_sec: float | None = None) -> None:
+        """
+        Run the next cycle, or a turn of the other callbacks; without a cycle as rclpy does.
+
+        :param timeout_sec: without a cycle, longest wait [s].
+        :raises Exception: what a callback has raised.
+        """
+        cycle = self._node.cycle
+        if cycle is None or not cycle.is_faster_than(TURN_PERIOD):
+            super().spin_once(timeout_sec)
+            return
+        now = time.monotonic()
+        if now < self._next_turn:
+            cycle.run_next()
+        else:
+            self._next_turn = now + TURN_PERIOD
+            self._execute_waiting()
+
+    def _execute_waiting(self) -> None:
+        """Execute the callbacks that are ready, each once."""
+        while True:
+            try:
+                handler, _entity, _node = self.wait_for_ready_callbacks(timeout_sec=0.0)
+            except TimeoutException:
+                return
+            handler()
+            handler.result()  # raises what the callback has raised

@@ -1,0 +1,131 @@
+"""Cycles that run by the clock: they read their inputs, and other callbacks get their turn."""
+
+import time
+
+from geometry_msgs.msg import Twist
+from isotruss_ros.nodes.framework import paced_executor
+from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
+from isotruss_ros.nodes.manipulation import Manipulation
+from probe import begin_context, Probe
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+from std_msgs.msg import Bool, String
+from std_srvs.srv import Trigger
+
+
+@pytest.fixture
+def nodes():
+    """Return a running node, a probe and the node's executor."""
+    begin_context()
+    node = Manipulation([Parameter('rate', value=200.0), Parameter('command_timeout', value=10.0)])
+    probe = Probe(Twist)
+    yield node, probe, PacedExecutor(node)
+    node.stop()
+    node.destroy_node()
+    probe.destroy_node()
+    rclpy.shutdown()
+
+
+def until(executor, probe, what, each=lambda: None):
+    """Spin node and probe until something holds."""
+    end = time.monotonic() + 240.0
+    while not what():
+        assert time.monotonic() < end
+        executor.spin_once()
+        each()
+        rclpy.spin_once(probe, timeout_sec=0.0)
+
+
+def moving(probe):
+    """Return whether the last command moves the rollers."""
+    command = probe.last('command')
+    return command is not None and any(command.data)
+
+
+def send_inputs(probe):
+    """Publish the measured inputs."""
+    probe.send_joints()
+    probe.send_pose()
+
+
+def move(executor, probe):
+    """Spin until a twist moves the rollers."""
+    until(executor, probe, lambda: moving(probe), probe.send_all)
+
+
+def test_cycles_and_services_both_run(nodes):
+    _node, probe, executor = nodes
+    move(executor, probe)
+    client = probe.create_client(Trigger, 'emergency_stop')
+    until(executor, probe, client.service_is_ready)
+    answer = client.call_async(Trigger.Request())
+    until(executor, probe, answer.done)
+    assert 'emergency_stop' in answer.result().message
+    until(executor, probe, lambda: not moving(probe), probe.send_all)
+
+
+@pytest.mark.parametrize(
+    ('topic', 'message'),
+    [('emergency_stop', Bool(data=True)), ('failed_rollers', String(data='nobody'))],
+)
+def test_a_cycle_reads_stop_and_failed_rollers_itself(nodes, monkeypatch, topic, message):
+    _node, probe, executor = nodes
+    publisher = probe.create_publisher(type(message), topic, 1)
+    move(executor, probe)
+    until(executor, probe, lambda: publisher.get_subscription_count() > 0)
+    # No turn for the other callbacks: the cycles are on their own.
+    monkeypatch.setattr(executor, '_next_turn', float('inf'))
+    publisher.publish(message)
+    until(executor, probe, lambda: not moving(probe), probe.send_all)
+
+
+def test_a_twist_from_before_the_activation_moves_nothing(nodes):
+    node, probe, executor = nodes
+    move(executor, probe)
+    node.trigger_deactivate()
+    until(executor, probe, lambda: not moving(probe), probe.send_all)
+    for _ in range(20):
+        probe.send_all()
+        rclpy.spin_once(probe, timeout_sec=0.01)
+    node.trigger_activate()
+    probe.seen['command'].clear()
+    until(executor, probe, lambda: len(probe.seen['command']) > 5, lambda: send_inputs(probe))
+    assert not any(any(m.data) for _, m in probe.seen['command'])
+    move(executor, probe)
+
+
+def test_a_slow_cycle_and_none_at_all_wait_as_rclpy_does(nodes):
+    node, probe, executor = nodes
+    assert node.set_parameters([Parameter('rate', value=20.0)])[0].successful
+    assert not node.cycle.is_faster_than(paced_executor.TURN_PERIOD)
+    move(executor, probe)
+    node.trigger_deactivate()
+    assert node.cycle is None
+    client = probe.create_client(Trigger, 'release_emergency_stop')
+    until(executor, probe, client.service_is_ready)
+    answer = client.call_async(Trigger.Request())
+    until(executor, probe, answer.done)
+
+
+def test_what_is_left_of_a_period_is_slept_away(nodes, monkeypatch):
+    node, _probe, executor = nodes
+    slept, sleep = [], time.sleep
+    monkeypatch.setattr(time, 'sleep', lambda pause: (slept.append(pause), sleep(pause)))
+    cycles = []
+    monkeypatch.setattr(node.cycle, '_step', cycles.append)
+    for _ in range(10):
+        executor.spin_once()
+    assert len(cycles) >= 9
+    assert all(0.0 < pause <= 5e-3 for pause in slept)
+
+
+def test_an_error_of_a_callback_reaches_the_caller(nodes):
+    node, probe, executor = nodes
+
+    def fail():
+        raise ArithmeticError('of a timer')
+
+    node.create_timer(0.001, fail)
+    with pytest.raises(ArithmeticError, match='of a timer'):
+        until(executor, probe, lambda: False)
