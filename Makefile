@@ -55,7 +55,7 @@ test: venv
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(PYTEST) -m 'not system and not linter'
-	$(PYTEST) -m system
+	$(PYTEST) --dist loadgroup -m system
 
 noble:
 	+$(MAKE) noble-tests $(NOBLE)
@@ -65,7 +65,7 @@ noble-venv:
 
 noble-tests: venv
 	$(PYTEST) -m 'not system and not linter'
-	$(PYTEST) -m system
+	$(PYTEST) --dist loadgroup -m system
 	$(BIN)/python -m isotruss_ros.demo --output $(VENV)/demo
 	$(BIN)/python -m paper --output $(VENV)/paper
 

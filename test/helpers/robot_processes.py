@@ -10,8 +10,10 @@ import time
 
 from isotruss_ros.core import Status
 from isotruss_ros.demo.processes import NodeProcess
+from isotruss_ros.nodes.conversions.messages import read_stamp
 import numpy as np
 from probe import DEADLINE, World, world
+from sensor_msgs.msg import JointState
 
 #: Of inputs [s].
 TIMEOUT = 0.5
@@ -80,6 +82,20 @@ class Robot:
             also()
 
         self.w.until(what, each)
+
+    def check_rests(self) -> None:
+        """Check that the rollers come to rest, and stay so, without a twist."""
+        joints = self.w.probe.seen['joints']
+        begun, now = len(joints), 1e-9 * self.w.probe.past(0.0).nanoseconds
+
+        def later() -> list[JointState]:
+            # What comes late on a busy machine may be from before a motion.
+            return [m for _, m in joints[begun:] if read_stamp(m.header) > now]
+
+        self.w.until(lambda: len(later()) > 20 and not any(any(m.velocity) for m in later()[-20:]))
+        at, counted = self.travel(), len(joints)
+        self.w.until(lambda: len(joints) > counted + 20)
+        assert np.array_equal(self.travel(), at)
 
     def check_at_rest(self) -> None:
         """Check that the rollers stand still for some time in spite of twists."""

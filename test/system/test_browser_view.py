@@ -1,4 +1,4 @@
-"""The live view in a real browser. The longest test: by its name it is begun first."""
+"""The live view in a real browser."""
 
 import importlib.util
 import io
@@ -17,7 +17,7 @@ from rclpy.qos import qos_profile_sensor_data
 
 CHROMIUM = shutil.which('chromium')
 PACKAGES = all(map(importlib.util.find_spec, ('viser', 'playwright')))
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.xdist_group('many nodes')]
 
 #: In which everything here comes about, on a machine that is busy and draws without hardware [s].
 DEADLINE = 240.0
@@ -126,9 +126,7 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
             args=['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--no-sandbox'],
         )
         # A quarter of the pixels: what draws in software takes the processors from the nodes.
-        page = browser.new_page(
-            viewport={'width': 900, 'height': 800}, device_scale_factor=0.5
-        )
+        page = browser.new_page(viewport={'width': 900, 'height': 800}, device_scale_factor=0.5)
         page.set_default_timeout(1e3 * DEADLINE)
         page.on('pageerror', lambda error: errors.append(str(error)))
         page.on('console', lambda m: errors.append(m.text) if m.type == 'error' else None)

@@ -13,7 +13,7 @@ import psutil
 import pytest
 import rclpy
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.xdist_group('many nodes')]
 
 
 def begin(folder):
