@@ -104,17 +104,17 @@ def motion_rows(rows: ContactRows, kept: Indices | None = None) -> Array:
     :param rows: of all contacts.
     :param kept: (k,) numbers of the contacts that are kept, all if None.
     :return: (2 k, r) for 1 m/s at each roller, robot frame: rows vx, vy [m/s] and omega [rad/s]
-        of the object, then 2 k - 3 rows [m/s]; with two members the first of these is the rate of
-        the distance between them.
+        of the object, then 2 k - 3 rows [m/s]; the first of these is the rate of the distance
+        between two members, or twice that with which each of three moves away from the object.
     :raises GraspError: the contacts are all in one point.
     """
     contacts, hand, rigid = rows
-    points, owners = contacts.points, contacts.owners
+    points, owners, normals = contacts.points, contacts.owners, contacts.normals
     if kept is not None:
-        points, owners = points[kept], owners[kept]
+        points, owners, normals = points[kept], owners[kept], normals[kept]
         both = (2 * kept[:, None] + (0, 1)).ravel()
         hand, rigid = hand[both], rigid[both]
-    square = np.concatenate([rigid, _misfits(rigid, points, owners)], axis=1)
+    square = np.concatenate([rigid, _misfits(rigid, points, owners, normals)], axis=1)
     return np.asarray(lapack.dgesv(square, hand)[2])
 
 
@@ -131,11 +131,12 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     return motion_rows(contact_rows(config, grip))
 
 
-def _misfits(rigid: Array, points: Points, owners: Indices) -> Array:
+def _misfits(rigid: Array, points: Points, owners: Indices, normals: Points) -> Array:
     """
     Return what no twist does to the contacts: (2 k, 2 k - 3), at right angles to G^T.
 
-    With two members the first is that these move apart by 1 m/s.
+    With two members the first is that these move apart by 1 m/s, with three that each moves away
+    from the object by half of that.
 
     :raises GraspError: the contacts are all in one point.
     """
@@ -146,10 +147,11 @@ def _misfits(rigid: Array, points: Points, owners: Indices) -> Array:
         apart *= 0.5 / abs(apart)
         return np.array([[-apart.real], [-apart.imag], [apart.real], [apart.imag]])
     if owners[-1] > 1:
-        return np.linalg.qr(rigid, mode='complete')[0][:, 3:]
-    second = owners == 1
-    apart = points[second].mean() - points[~second].mean()
-    opening = np.where(second, 0.5, -0.5) * apart / abs(apart)
+        opening = 0.5 * normals
+    else:
+        second = owners == 1
+        apart = points[second].mean() - points[~second].mean()
+        opening = np.where(second, 0.5, -0.5) * apart / abs(apart)
     basis, sizes = np.linalg.qr(np.column_stack([rigid, opening.view(float)]), mode='complete')
     basis[:, 3] *= sizes[3, 3]
     return basis[:, 3:]

@@ -90,11 +90,11 @@ def solve_twist(
         speed than it yields is left, see `Regularization`. Zero for the largest progress.
     :param regularization: weights where limits bind.
     :param opening_rate: of the angle between the grasping members [rad/s], or of the distance
-        between the two members of a `Grip` where they touch [m/s]: the right-hand side of the
-        fourth row of (19), scaled with the twist; while sliding along limits as far as those of
-        the roller speeds scale it, and zero where the others do not admit that.
-    :raises GraspError: the grasp, the twist or a name in `failed` is not usable; or a grip of
-        three members is to open, for which one rate does not say how.
+        between the two members of a `Grip` where they touch [m/s], of three twice that with which
+        each moves away from the object: the right-hand side of the fourth row of (19), scaled with
+        the twist; while sliding along limits as far as those of the roller speeds scale it, and
+        zero where the others do not admit that.
+    :raises GraspError: the grasp, the twist or a name in `failed` is not usable.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
     """
@@ -128,11 +128,6 @@ def _opening(config: Configuration, grasp: Grasp | Grip, rate: float) -> float:
     """Return the right-hand side of the grip's row for an opening rate."""
     if isinstance(grasp, Grasp):  # (14) counts it with the sign of the side that holds the object
         return rate * members_at_module(config, grasp.module).side
-    if len(grasp.members) > 2:
-        raise GraspError(
-            f'opening rate {rate:g} m/s of a grip of {len(grasp.members)} members: only two '
-            'members have one'
-        )
     return rate
 
 

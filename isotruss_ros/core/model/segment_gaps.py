@@ -38,14 +38,15 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     """
     spans = ends - starts
     lengths = np.abs(spans)
-    axes = spans / np.maximum(lengths, TINY)
+    some = lengths > TINY
+    axes = np.where(some, spans, 1.0) / np.where(some, lengths, 1.0)
     away = axes.conj() * (body.middle - starts)
     normals = -1j * np.where(away.imag < 0.0, -axes, axes)
     turn = body.turn
     points = body.center + turn * body.shape.support_points(normals * turn.conjugate())
     gaps = ((starts - points) * normals.conj()).real
     shares = (axes.conj() * (points - starts)).real / np.maximum(lengths, TINY)
-    beside = np.flatnonzero((shares < 0.0) | (shares > 1.0) | (lengths <= TINY))
+    beside = np.flatnonzero((shares < 0.0) | (shares > 1.0) | ~some)
     if len(beside):
         first = shares[beside] < 0.0
         found = body.nearest(np.where(first, starts[beside], ends[beside]))

@@ -8,10 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.planning.closing_motion import take_closing_step
-from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
+from isotruss_ros.core.planning.closing_qp import (
+    Closing,
+    evaluate_state,
+    outward_normals,
+    SearchState,
+)
+from isotruss_ros.core.planning.facing import balances
 import numpy as np
 
 
@@ -55,18 +63,25 @@ def approach(
     standoff, tolerance = settings.standoff * diameter, settings.standoff_tolerance * diameter
     members, targets = list(closing.members), [standoff] * len(closing.members)
     path, evaluations = [config], 0
-    state = evaluate_state(config, closing.cylinder)
+    # Members of any grip turn slowly where they also have to keep apart.
+    progress = settings.min_progress
+    if closing.module is None:
+        progress *= settings.slow_progress
+    state = evaluate_state(config, closing.body)
     best, idle, share = np.inf, 0, 1.0
     while True:
         gaps = state.gaps
         gap = float(gaps.members[members].max()) - standoff
-        wide = float(gaps.openings[closing.module]) - closing.opening
+        wide = missing_direction(state, closing)
         if gap <= tolerance and wide <= 1e-3:
             return Approach(closing, tuple(path), evaluations)
         left = max(gap, 0.0) / diameter + max(wide, 0.0)
-        idle = 0 if left < best - settings.min_progress else idle + 1
+        idle = 0 if left < best - progress else idle + 1
         best = min(best, left) if idle else left
-        unmet = ('opening', gaps.openings[closing.module]) if gap <= tolerance else ('reach', gap)
+        unmet = ('reach', gap)
+        if gap <= tolerance:
+            name = 'opening' if closing.module is not None else 'facing'
+            unmet = (name, closing.bound(name) + wide)
         aborted = idle > settings.max_idle_steps or len(path) > settings.max_approach_steps
         if aborted or (should_stop is not None and should_stop()):
             return Approach(closing, tuple(path), evaluations, unmet)
@@ -76,3 +91,21 @@ def approach(
             return Approach(closing, tuple(path), evaluations, step.blocked)
         state, share = step.state, step.share
         path.append(state.config)
+
+
+def missing_direction(state: SearchState, closing: Closing) -> float:
+    """
+    Return by how much the grasping members are to turn yet, not positive where friction holds.
+
+    :param state: where the robot is.
+    :param closing: what closes.
+    :return: [rad]; of two members at a module by how much they open too wide.
+    """
+    if closing.module is not None:
+        return float(state.gaps.openings[closing.module]) - closing.opening
+    body, normals = as_convex_object(closing.body), outward_normals(state.config, closing)
+    if balances(body, normals, closing.settings.used_share * closing.opening):
+        return 0.0
+    if closing.facing is None:
+        return math.pi
+    return float(np.abs(np.angle(closing.facing / normals)).sum())

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.planning.force_bounds import GraspLoads
 
 
@@ -15,7 +17,7 @@ class ClosedGrip:
     A grip that holds the object.
 
     :ivar path: configurations from where all grasping members touch the object to the grasp.
-    :ivar center: of the object, x and y: where it lay, or where it went as the grip closed [m].
+    :ivar body: the object where it lay, or where it went as the grip closed.
     :ivar analysis: of the grasp, the object held fast.
     :ivar loads: of the grasp.
     :ivar squeeze: mean normal force of the grasping members [N].
@@ -24,7 +26,7 @@ class ClosedGrip:
     """
 
     path: tuple[Configuration, ...]
-    center: tuple[float, float]
+    body: Cylinder | ConvexObject
     analysis: GraspAnalysis
     loads: GraspLoads
     squeeze: float

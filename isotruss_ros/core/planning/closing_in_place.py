@@ -13,23 +13,31 @@ from collections.abc import Iterator
 from dataclasses import replace
 import math
 
-from isotruss_ros.core.control.squeeze_control import squeeze_by_opening
 from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closed_grip import ClosedGrip
 from isotruss_ros.core.planning.closing_motion import press
-from isotruss_ros.core.planning.closing_qp import Closing
+from isotruss_ros.core.planning.closing_qp import Closing, outward_normals
 from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads, GraspLoads
 from isotruss_ros.core.planning.grasp_plan import Violation
-from isotruss_ros.core.planning.motion_in_place import MotionInPlace, SQUEEZE_TOLERANCE
+from isotruss_ros.core.planning.motion_in_place import (
+    MotionInPlace,
+    squeeze_slope,
+    SQUEEZE_TOLERANCE,
+)
 from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
 import numpy as np
 
 #: An object that is nearer than this to where it lay has stayed there [m].
 SAME_PLACE = 1e-4
+#: So often the depths of three members are corrected until the object stays there.
+MAX_BALANCE_STEPS = 4
 
 
 class ClosingInPlace:
@@ -47,7 +55,7 @@ class ClosingInPlace:
     ) -> None:
         self._open, self._needs = opened, requirements
         # A nominal posture would keep the gaps from their targets, by a little.
-        self._closing = replace(closing, nominal_posture=None)
+        self._closing = replace(closing, nominal_posture=None, facing=None)
         self._motion = MotionInPlace(self._closing)
         self.analyses = 0
 
@@ -78,12 +86,13 @@ class ClosingInPlace:
         needs, path = self._needs, [touch]
         best: ClosedGrip | None = None
         best_score = -math.inf
-        for grasp in self._rise(touch):
+        three = self._closing.module is None and len(self._closing.members) > 2
+        for grasp in self._surround(touch) if three else self._rise(touch):
             path.append(grasp.config)
             self.analyses += 1
             analysis = analyze_grasp(
                 grasp.config,
-                Cylinder(self._center(grasp), grasp.diameter),
+                self._placed(grasp),
                 needs.friction,
                 needs.external_wrench,
             )
@@ -106,31 +115,71 @@ class ClosingInPlace:
             best, best_score = closed, score
         return best
 
-    def _rise(self, touch: Configuration) -> Iterator[RollingGrasp]:
+    def _rise(self, touch: Configuration) -> Iterator[RollingGrasp | HeldGrip]:
         """Yield how the object is held with larger and larger squeeze, until it is that wanted."""
         closing, wanted = self._closing, self._needs.squeeze
-        settings, cylinder = closing.settings, closing.cylinder
-        depth = settings.first_contact * touch.robot.description.tube_diameter
+        settings, tube = closing.settings, touch.robot.description.tube_diameter
+        depth = settings.first_contact * tube
         pressed = self._press(touch, depth)
         if pressed is None:
             return
-        found = RollingGrasp.attach(pressed, cylinder)
+        found = attach(pressed, closing)
         if isinstance(found, Hold):
             self._motion.record(Violation('held', 0.0, 1.0, 30.0))
             return
-        grasp: RollingGrasp | None = found
+        grasp: RollingGrasp | HeldGrip | None = found
+        closer = (
+            settings.squeeze_step if closing.module is not None else settings.closing_step * tube
+        )
         while grasp is not None and self._sticks(grasp):
             if grasp is not found:
                 yield grasp
-            step = -settings.squeeze_step * squeeze_by_opening(grasp)
-            force = grasp.squeeze + step
+            force = grasp.squeeze - closer * squeeze_slope(grasp)
             if wanted is not None:
                 if _reached(grasp, wanted):
                     return
                 force = min(wanted, force)
             grasp = self._motion.squeeze(grasp, force)
 
-    def _sticks(self, grasp: RollingGrasp) -> bool:
+    def _surround(self, touch: Configuration) -> Iterator[HeldGrip]:
+        """
+        Yield how three members hold the object, deeper and deeper in them.
+
+        It stays where it is without friction: each member presses as deep as the balance needs.
+        """
+        closing, wanted = self._closing, self._needs.squeeze
+        body, tube = as_convex_object(closing.body), touch.robot.description.tube_diameter
+        count = len(closing.members)
+        depths = np.full(count, closing.settings.first_contact * tube)
+        deeper, config, last = 0.5 * closing.settings.closing_step * tube, touch, (0.0, 0.0)
+        while True:
+            for _ in range(MAX_BALANCE_STEPS):
+                pressed = self._press_to(config, depths)
+                if pressed is None:
+                    return
+                config = pressed
+                grasp = HeldGrip.attach(config, body, np.array(closing.members))
+                if isinstance(grasp, Hold):
+                    self._motion.record(Violation('held', 0.0, 1.0, 30.0))
+                    return
+                away = grasp.body.center - body.center
+                if abs(away) < SAME_PLACE:
+                    break
+                normals = outward_normals(config, closing)
+                depths = np.maximum(depths + (away * normals.conj()).real, 0.0)
+            if not self._sticks(grasp):
+                return
+            yield grasp
+            step = deeper
+            if wanted is not None:
+                if _reached(grasp, wanted):
+                    return
+                slope = (grasp.squeeze - last[1]) / (float(depths.mean()) - last[0])
+                step = min(step, (wanted - grasp.squeeze) / slope)
+                last = float(depths.mean()), grasp.squeeze
+            depths = depths + step
+
+    def _sticks(self, grasp: RollingGrasp | HeldGrip) -> bool:
         """Return whether the contacts stick."""
         friction = self._needs.friction
         hold = grasp.hold(friction)
@@ -146,7 +195,7 @@ class ClosingInPlace:
     def _require(
         self,
         path: list[Configuration],
-        grasp: RollingGrasp,
+        grasp: RollingGrasp | HeldGrip,
         analysis: GraspAnalysis,
         loads: GraspLoads,
     ) -> ClosedGrip | None:
@@ -161,7 +210,8 @@ class ClosingInPlace:
         names = grasp.config.robot.member_names
         if set(analysis.contact_forces) != {names[i] for i in self._closing.members}:
             # Friction deflects a soft structure by so much that without it one member lets go.
-            self._motion.record(Violation('grip', len(analysis.contact_forces), 2.0, 15.0))
+            count = float(len(self._closing.members))
+            self._motion.record(Violation('grip', len(analysis.contact_forces), count, 15.0))
             return None
         margin, fast = loaded.slip_margin(needs.friction), analysis.closure_margin
         if margin < needs.min_slip_margin:
@@ -174,22 +224,43 @@ class ClosingInPlace:
             distance = 1.0 - max(0.0, fast) / needs.min_margin if needs.min_margin else 1.0
             self._motion.record(Violation('min_margin', fast, needs.min_margin, distance))
             return None
-        return ClosedGrip(tuple(path), self._center(grasp), analysis, loads, grasp.squeeze, margin)
+        return ClosedGrip(tuple(path), self._placed(grasp), analysis, loads, grasp.squeeze, margin)
 
-    def _center(self, grasp: RollingGrasp) -> tuple[float, float]:
-        """Return where the object is: where it lay, if it stayed there."""
-        lay, x, y = self._closing.cylinder.center, *grasp.pose[:2]
-        return lay if np.hypot(x - lay[0], y - lay[1]) < SAME_PLACE else (x, y)
+    def _placed(self, grasp: RollingGrasp | HeldGrip) -> Cylinder | ConvexObject:
+        """Return the object where it is: where it lay, if it stayed there."""
+        lay = self._closing.body
+        if isinstance(lay, ConvexObject):
+            moved = np.subtract(grasp.pose, lay.pose) * (1.0, 1.0, lay.arm)
+            return lay if np.abs(moved).max() < SAME_PLACE else lay.moved_to(grasp.pose)
+        (x, y), center = grasp.pose[:2], lay.center
+        near = np.hypot(x - center[0], y - center[1]) < SAME_PLACE
+        return lay if near else Cylinder((x, y), lay.diameter)
 
     def _press(self, config: Configuration, depth: float) -> Configuration | None:
         """Return the configuration with one indentation of both members, or None."""
-        closing = self._closing
-        pressed = press(config, closing, np.full(len(closing.members), depth))
+        return self._press_to(config, np.full(len(self._closing.members), depth))
+
+    def _press_to(self, config: Configuration, depths: Array) -> Configuration | None:
+        """Return the configuration with an indentation of each member, or None."""
+        pressed = press(config, self._closing, depths)
         self._motion.evaluations += pressed.evaluations
         if pressed.violation is not None:
             self._motion.record(pressed.violation)
         return pressed.config
 
 
-def _reached(grasp: RollingGrasp, squeeze: float) -> bool:
+def attach(config: Configuration, closing: Closing) -> RollingGrasp | HeldGrip | Hold:
+    """
+    Return how the grasping members hold the object that they press on, or why they do not.
+
+    :param config: configuration of the robot.
+    :param closing: what has closed on which object.
+    :raises StructureError: see `structure_of`.
+    """
+    if isinstance(closing.body, ConvexObject):
+        return HeldGrip.attach(config, closing.body, np.array(closing.members))
+    return RollingGrasp.attach(config, closing.body)
+
+
+def _reached(grasp: RollingGrasp | HeldGrip, squeeze: float) -> bool:
     return grasp.squeeze >= (1.0 - 2.0 * SQUEEZE_TOLERANCE) * squeeze

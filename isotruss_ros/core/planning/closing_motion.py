@@ -67,7 +67,7 @@ def take_closing_step(
     for halving in range(halvings):
         try:
             moved = config.moved_to(config.roller_positions + 0.5**halving * move)
-            there = evaluate_state(moved, closing.cylinder)
+            there = evaluate_state(moved, closing.body)
         except ConfigurationError:
             blocked = ('rigidity', 0.0)
             continue
@@ -109,7 +109,7 @@ def press(config: Configuration, closing: Closing, depths: Array) -> Pressing:
     :param depths: (s,) indentation of each grasping member [m].
     :raises SolverError: a quadratic program was not solved.
     """
-    state = evaluate_state(config, closing.cylinder)
+    state = evaluate_state(config, closing.body)
     members, share, evaluations, left = list(closing.members), 1.0, 0, np.inf
     for _ in range(closing.settings.max_press_steps):
         left = float(np.abs(state.gaps.members[members] + depths).max())

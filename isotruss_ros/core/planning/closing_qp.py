@@ -10,6 +10,7 @@ motion weight of `SearchSettings`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,8 +18,9 @@ from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.limits import Limit
+from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.settings import DEFAULT, SearchSettings
 from isotruss_ros.core.safety.distances import collision_model, object_gaps, ObjectGaps
@@ -30,25 +32,29 @@ class Closing:
     """
     What closes on which object, within which bounds.
 
-    :ivar cylinder: the object, which stands still.
-    :ivar module: number of the grip module.
+    :ivar body: the object, which stands still.
+    :ivar module: number of the grip module; None where the members are any.
     :ivar members: numbers of the grasping members: the two at the module, and perhaps others.
-    :ivar opening: largest angle between the two members at the module [rad].
+    :ivar opening: largest angle between the two members at the module [rad]; of any members, from
+        the line of the forces between them to the normals, that of the friction cones.
     :ivar limits: of the rollers; a step is their motion in a unit of time.
     :ivar min_rigidity: see `rigidity_index`, 1 at home [-].
     :ivar nominal_posture: (r,) roller positions that the remaining freedom is drawn to [m]; the
         present ones if None.
     :ivar settings: of the search.
+    :ivar facing: (s,) unit normals out of the object, x + iy, that the members are turned to face;
+        they stay as they are if None.
     """
 
-    cylinder: Cylinder
-    module: int
+    body: Cylinder | ConvexObject
+    module: int | None
     members: tuple[int, ...]
     opening: float
     limits: tuple[Limit, ...]
     min_rigidity: float
     nominal_posture: Array | None = None
     settings: SearchSettings = DEFAULT
+    facing: Points | None = None
 
     def bound(self, requirement: str) -> float:
         """
@@ -56,7 +62,8 @@ class Closing:
 
         :param requirement: its name.
         """
-        return {'rigidity': self.min_rigidity, 'opening': self.opening}.get(requirement, 0.0)
+        opening = self.opening if self.module is not None else 0.0
+        return {'rigidity': self.min_rigidity, 'opening': opening}.get(requirement, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,17 +107,17 @@ class Part(NamedTuple):
     upper: Array
 
 
-def evaluate_state(config: Configuration, cylinder: Cylinder) -> SearchState:
+def evaluate_state(config: Configuration, body: Cylinder | ConvexObject) -> SearchState:
     """
     Evaluate a configuration.
 
     :param config: the configuration.
-    :param cylinder: the object.
+    :param body: the object.
     :raises ConfigurationError: it is singular.
     """
     return SearchState(
         config,
-        object_gaps(config, cylinder),
+        object_gaps(config, body),
         rigidity_index(config.robot).modes(config),
         collision_model(config.robot).distances(config),
     )
@@ -139,15 +146,22 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     size = share * mean_member_length(config)
     members = list(closing.members)
     by_members, _, _, by_openings = np.split(gaps.by_rollers, 4)
-    excess = float(gaps.openings[closing.module]) - closing.opening
-    turning = settings.opening_arm * by_openings[[closing.module]]
     matrix = by_members[members]
     aim = np.maximum(targets - gaps.members[members], -settings.max_gap_step * size)
     parts = [*_separation(state, closing, targets), _shape(state, closing)]
-    if excess > 0.0:
+    excess, turning = 0.0, np.zeros((1, matrix.shape[1]))
+    if closing.module is not None:
+        excess = float(gaps.openings[closing.module]) - closing.opening
+        turning = settings.opening_arm * by_openings[[closing.module]]
+    if closing.facing is not None:
+        turned = np.angle(closing.facing * outward_normals(config, closing).conj())
+        longest = settings.max_opening_step
+        matrix = np.concatenate([matrix, settings.opening_arm * turning_rows(config, members)])
+        aim = np.append(aim, settings.opening_arm * np.clip(turned, -longest, longest))
+    elif excess > 0.0:
         matrix = np.concatenate([matrix, turning])
         aim = np.append(aim, -settings.opening_arm * min(excess, settings.max_opening_step))
-    else:
+    elif closing.module is not None:
         upper = np.array([-settings.opening_arm * excess])
         parts.append(Part(turning, np.array([-np.inf]), upper))
     parts += [Part(*limit.rows(config)) for limit in closing.limits]
@@ -158,6 +172,43 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     weight = settings.motion_weight
     hessian = matrix.T @ matrix + weight * np.eye(len(nominal))
     return _solve(hessian, -matrix.T @ aim - weight * nominal, parts, longest)
+
+
+def outward_normals(config: Configuration, closing: Closing) -> Points:
+    """
+    Return the directions from the object across the grasping members, (s,) x + iy.
+
+    :param config: configuration of the robot.
+    :param closing: what closes on which object.
+    """
+    starts, spans = _spans(config, np.array(closing.members))
+    axes = spans / np.abs(spans)
+    aside = (axes.conj() * (as_convex_object(closing.body).middle - starts)).imag
+    return -1j * np.where(aside < 0.0, -axes, axes)
+
+
+def turning_rows(config: Configuration, members: Sequence[int]) -> Array:
+    """
+    Return how fast members turn for 1 m/s at each roller, (s, r) [rad/m].
+
+    :param config: configuration of the robot.
+    :param members: (s,) their numbers.
+    :raises ConfigurationError: the configuration is singular.
+    """
+    topology, numbers = config.robot.topology, np.array(members)
+    turning = 1j / _spans(config, numbers)[1].conj()
+    rows = np.zeros((len(numbers), len(config.points)), dtype=np.complex128)
+    own = np.arange(len(numbers))
+    rows[own, topology.c[topology.following[numbers]]] = turning
+    rows[own, topology.b[numbers]] = -turning
+    return config.module_rows(rows.view(np.float64))[:, topology.driven]
+
+
+def _spans(config: Configuration, members: Indices) -> tuple[Points, Points]:
+    """Return starts and spans of members, (s,) each [m]."""
+    topology, points = config.robot.topology, config.points
+    starts = points[topology.b[members]]
+    return starts, points[topology.c[topology.following[members]]] - starts
 
 
 def _separation(state: SearchState, closing: Closing, targets: Array) -> list[Part]:

@@ -10,6 +10,8 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.approach import Approach
 from isotruss_ros.core.planning.closed_grip import ClosedGrip
@@ -49,7 +51,7 @@ class Squeezed:
 
     :ivar positions: (k, r) roller positions from the touch to the grasp [m]; none if it is none.
     :ivar points: (n,) nodes in the grasp [m].
-    :ivar center: of the object in the grasp, x and y [m].
+    :ivar body: the object in the grasp.
     :ivar analysis: of the grasp; None if it is none.
     :ivar loads: of the grasp; None if it is none.
     :ivar squeeze: mean normal force of the grasping members [N].
@@ -62,7 +64,7 @@ class Squeezed:
 
     positions: Array
     points: Points
-    center: tuple[float, float]
+    body: Cylinder | ConvexObject
     analysis: GraspAnalysis | None
     loads: GraspLoads | None
     squeeze: float
@@ -91,16 +93,17 @@ def squeeze_candidate(candidate: GraspCandidate) -> Squeezed:
     """
     Find how hard a candidate must press to be a grasp, in any process.
 
-    Two members close in place on a free object. One that the ground holds, and three members, are
-    pressed on it as it lies.
+    Two members close in place on a free object, and so do any members of a grip. One that the
+    ground holds, and three members around a cylinder, are pressed on it as it lies.
 
     :param candidate: the open grip.
     """
     robot = _robot(candidate.robot)
     opened = Configuration(robot, candidate.positions, candidate.points)
-    pair = len(candidate.closing.members) == 2
-    kind = ClosingInPlace if pair and candidate.requirements.object_is_free else Squeeze
-    search: ClosingInPlace | Squeeze = kind(opened, candidate.closing, candidate.requirements)
+    closing = candidate.closing
+    pair = len(closing.members) == 2 and candidate.requirements.object_is_free
+    kind = ClosingInPlace if pair or closing.module is None else Squeeze
+    search: ClosingInPlace | Squeeze = kind(opened, closing, candidate.requirements)
     found: ClosedGrip | None = None
     try:
         found = search.close()
@@ -115,7 +118,7 @@ def squeeze_candidate(candidate: GraspCandidate) -> Squeezed:
         return Squeezed(
             nothing,
             opened.points,
-            candidate.closing.cylinder.center,
+            candidate.closing.body,
             None,
             None,
             0.0,
@@ -128,7 +131,7 @@ def squeeze_candidate(candidate: GraspCandidate) -> Squeezed:
     return Squeezed(
         np.array([config.roller_positions for config in found.path]),
         found.path[-1].points,
-        found.center,
+        found.body,
         found.analysis,
         found.loads,
         found.squeeze,

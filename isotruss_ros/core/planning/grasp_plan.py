@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import Grasp
+from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -34,7 +35,9 @@ class PlannedGrasp:
     """
     A grasp that fulfils the requirements, and the path to it.
 
-    :ivar grasp: the module whose two members hold the object, and the object.
+    :ivar grasp: the module whose two members hold the object, and the object, where that is a
+        cylinder; None of a convex object.
+    :ivar grip: the members that were closed on the object, and the object where it is then.
     :ivar members: names `t/j-k` of all members that touch the object.
     :ivar config: configuration of the robot in the grasp.
     :ivar analysis: of the grasp.
@@ -56,7 +59,8 @@ class PlannedGrasp:
     :ivar touch: the row of `path` at which all grasping members touch; none does before.
     """
 
-    grasp: Grasp
+    grasp: Grasp | None
+    grip: Grip
     members: tuple[str, ...]
     config: Configuration
     analysis: GraspAnalysis
@@ -158,6 +162,7 @@ SENTENCES = {
     'enclosed': 'no loop of the robot that may grip goes around the object',
     'reach': 'a member stays {value:.4g} m short of the object',
     'opening': 'the members open by {value:.3g} rad; must be at most {bound:.3g}',
+    'facing': 'members stay {value:.3g} rad from where friction holds the object between them',
     'rigidity': 'along the path the rigidity index falls to {value:.3g}; must be {bound:.3g}',
     'self_clearance': 'along the path the clearance of the robot from itself is {value:.4g} m',
     'object_clearance': 'a part that must not touch comes within {value:.4g} m of the object',
@@ -200,8 +205,9 @@ def grasp_in_words(grasp: PlannedGrasp) -> str:
     :param grasp: the grasp.
     """
     outside = '; a tube wrinkles, these numbers are outside of the model'
+    where = '' if grasp.grasp is None else f'at {grasp.grasp.module} '
     return (
-        f'at {grasp.grasp.module} between {", ".join(grasp.members)}: presses with '
+        f'{where}between {", ".join(grasp.members)}: presses with '
         f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, closure margin held '
         f'fast {1e3 * grasp.closure_margin:.3g} mN, tubes bear {grasp.utilisation:.2g} of their '
         f'wrinkling moment{outside if grasp.outside_model else ""}'

@@ -8,14 +8,18 @@ the rollers bring squeeze and place to what is wanted.
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 from isotruss_ros.core.control.squeeze_control import squeeze_by_opening
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import Grasp
+from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
 from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
@@ -26,8 +30,35 @@ import numpy as np
 MAX_CORRECTIONS = 12
 #: ... until the squeeze is right to this share, and the place to this length [m].
 SQUEEZE_TOLERANCE, PLACE_TOLERANCE = 1e-3, 2e-5
+#: Of an object that is no cylinder, the angle too [rad].
+TURN_TOLERANCE = 1e-3
 #: A command that limits scale down by more than this is not followed.
 MIN_SCALE = 0.999
+#: How an object is held: a cylinder at a module, or any.
+Held = TypeVar('Held', RollingGrasp, HeldGrip)
+
+
+def squeeze_slope(grasp: RollingGrasp | HeldGrip) -> float:
+    """
+    Return by how much the squeeze changes as the grip opens, negative.
+
+    :param grasp: how the object is held.
+    :return: [N/rad]; of any members [N/m].
+    """
+    if isinstance(grasp, HeldGrip):
+        return grasp.squeeze_by_opening()
+    return squeeze_by_opening(grasp)
+
+
+def placed_body(grasp: RollingGrasp | HeldGrip) -> Cylinder | ConvexObject:
+    """
+    Return the object where it is held.
+
+    :param grasp: how it is held.
+    """
+    if isinstance(grasp, HeldGrip):
+        return grasp.body
+    return Cylinder(grasp.pose[:2], grasp.diameter)
 
 
 class MotionInPlace:
@@ -37,7 +68,7 @@ class MotionInPlace:
     :ivar evaluations: configurations that were computed so far.
     :ivar closest_violation: the violation of the best state so far.
     :param closing: the grip, where the object is to stay, and the bounds of the motion.
-    :param angle: at which the object is to stay [rad].
+    :param angle: at which a cylinder is to stay; a convex object has its own [rad].
     """
 
     def __init__(self, closing: Closing, angle: float = 0.0) -> None:
@@ -55,7 +86,7 @@ class MotionInPlace:
         if closest is None or violation.distance < closest.distance:
             self.closest_violation = violation
 
-    def squeeze(self, grasp: RollingGrasp, force: float) -> RollingGrasp | None:
+    def squeeze(self, grasp: Held, force: float) -> Held | None:
         """
         Return the grasp with another squeeze, the object where it lay.
 
@@ -65,15 +96,19 @@ class MotionInPlace:
         :raises SolverError: a quadratic program was not solved.
         :raises StructureError: see `structure_of`.
         """
-        center, scale, reachable = np.array(self._closing.cylinder.center), 1.0, True
+        scale, reachable = 1.0, True
+        place = as_convex_object(self._closing.body).pose
+        center, angle = np.array(place[:2]), place.angle + self._angle
         for _ in range(MAX_CORRECTIONS):
             away = center - grasp.pose[:2]
             missing = force - grasp.squeeze
             right = abs(missing) < SQUEEZE_TOLERANCE * force
-            if right and np.hypot(*away) < PLACE_TOLERANCE:
+            turn = math.remainder(angle - grasp.pose.angle, 2.0 * math.pi)
+            # A disc may turn; what else has been turned is to come back if it can.
+            turned = isinstance(grasp, HeldGrip) and reachable and abs(turn) > TURN_TOLERANCE
+            if right and np.hypot(*away) < PLACE_TOLERANCE and not turned:
                 return grasp
-            rate = scale * missing / squeeze_by_opening(grasp)
-            turn = math.remainder(self._angle - grasp.pose.angle, 2.0 * math.pi)
+            rate = scale * missing / squeeze_slope(grasp)
             command = self._command(grasp, np.append(away, turn), rate)
             reachable = command.status is not Status.UNREACHABLE
             if command.scale < MIN_SCALE:
@@ -98,14 +133,14 @@ class MotionInPlace:
             return grasp
         return None
 
-    def open_grip(self, grasp: RollingGrasp, angle: float) -> Configuration | None:
+    def open_grip(self, grasp: Held, angle: float) -> Configuration | None:
         """
         Return the configuration in which the grip is open by so much more, the object in place.
 
         Members that merely moved away would roll the object along as long as they touch it.
 
         :param grasp: how the object is held, by a small squeeze.
-        :param angle: by which the members open [rad].
+        :param angle: by which the members open [rad]; members of any grip [m].
         :return: None where limits end the motion; then see `closest_violation`.
         :raises SolverError: a quadratic program was not solved.
         """
@@ -121,10 +156,9 @@ class MotionInPlace:
             self.record(Violation('rigidity', 0.0, self._closing.min_rigidity, 50.0))
             return None
 
-    def _command(self, grasp: RollingGrasp, back: Array, rate: float) -> RollerCommand:
+    def _command(self, grasp: Held, back: Array, rate: float) -> RollerCommand:
         """Return the motion that closes the grip and brings the object back."""
-        module = grasp.config.robot.module_names[self._closing.module]
-        held, limits = Grasp(module, grasp.pose[:2], grasp.diameter), self._closing.limits
+        held, limits = self._grip(grasp), self._closing.limits
         command = solve_twist(grasp.config, held, back, limits=limits, opening_rate=rate)
         if command.status is not Status.UNREACHABLE:
             return command
@@ -132,7 +166,15 @@ class MotionInPlace:
         back = np.append(back[:2], 0.0)
         return solve_twist(grasp.config, held, back, limits=limits, opening_rate=rate)
 
-    def _move(self, grasp: RollingGrasp, travel: Array) -> RollingGrasp | None:
+    def _grip(self, grasp: Held) -> Grasp | Grip:
+        """Return what holds the object, for the rows of (19)."""
+        if isinstance(grasp, HeldGrip):
+            return Grip(grasp.member_names, grasp.body)
+        assert self._closing.module is not None
+        module = grasp.config.robot.module_names[self._closing.module]
+        return Grasp(module, grasp.pose[:2], grasp.diameter)
+
+    def _move(self, grasp: Held, travel: Array) -> Held | None:
         """Return the grasp after a motion of the rollers; None where a requirement is violated."""
         self.evaluations += 1
         closing, before = self._closing, grasp.config
@@ -145,7 +187,7 @@ class MotionInPlace:
         if moved is None:
             self.record(Violation('held', 0.0, 1.0, 10.0))
             return None
-        state = evaluate_state(config, Cylinder(moved.pose[:2], grasp.diameter))
+        state = evaluate_state(config, placed_body(moved))
         gaps = np.concatenate([state.gaps.members, state.gaps.modules, state.gaps.rods])
         gaps[list(closing.members)] = np.inf
         values = {

@@ -11,11 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, wait
+from dataclasses import replace
 import time
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import Grasp
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.planning.approach import Approach, approach
 from isotruss_ros.core.planning.closing_qp import Closing
@@ -25,6 +28,7 @@ from isotruss_ros.core.planning.grasp_candidate import (
     Squeezed,
 )
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, Violation
+from isotruss_ros.core.planning.grip_seeds import find_grip_seeds
 from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.settings import DEFAULT, SearchSettings
@@ -36,7 +40,7 @@ import numpy as np
 
 def plan_grasps(
     config: Configuration,
-    cylinder: Cylinder,
+    body: Cylinder | ConvexObject,
     requirements: GraspRequirements | None = None,
     seed: int = 0,
     executor: Executor | None = None,
@@ -48,11 +52,15 @@ def plan_grasps(
     """
     Find grasps of a free object inside a loop of the robot, and the paths to them.
 
+    A cylinder is grasped by the two members that meet at a module. Of a `ConvexObject` grips are
+    tried of any two members and any three around it, whatever tubes these are of; they are ranked
+    by slip margin, unless another measure is asked for.
+
     The same seed gives the same plan on any number of cores: candidates are evaluated in their
     order, wherever they are computed.
 
     :param config: configuration of the robot.
-    :param cylinder: the object.
+    :param body: the object; a friction coefficient of its own counts in place of the required one.
     :param requirements: what a grasp must fulfil; those of `GraspRequirements()` if None.
     :param seed: of the random postures.
     :param executor: where candidates are computed: a process pool, or that of a Dask client; in
@@ -67,14 +75,18 @@ def plan_grasps(
     :raises StructureError: the robot cannot be analysed.
     """
     needs = requirements or GraspRequirements()
+    if isinstance(body, ConvexObject) and body.friction is not None:
+        needs = replace(needs, friction=body.friction)
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise GraspError(f'seed {seed!r}: must be an integer, not negative')
-    search = _Search(
-        config, cylinder, needs, on_progress or _ignore, should_stop or _never, settings
-    )
+    search = _Search(config, body, needs, on_progress or _ignore, should_stop or _never, settings)
     structure_of(config)  # contradictory stiffness laws are reported here, once
     for number in range(settings.max_rounds if search.is_free() else 0):
-        opened = search.approach(find_seeds(config, cylinder, needs, int(seed), number, settings))
+        if isinstance(body, ConvexObject):
+            seeds = find_grip_seeds(config, body, needs, int(seed), number, settings)
+        else:
+            seeds = find_seeds(config, body, needs, int(seed), number, settings)
+        opened = search.approach(seeds)
         for reached, squeezed in search.squeeze(opened, executor):
             search.add(reached, squeezed)
             if not thorough and len(search.best()) >= needs.count:
@@ -90,14 +102,14 @@ class _Search:
     def __init__(
         self,
         config: Configuration,
-        cylinder: Cylinder,
+        body: Cylinder | ConvexObject,
         needs: GraspRequirements,
         on_progress: Callable[[Progress], None],
         should_stop: Callable[[], bool],
         settings: SearchSettings,
     ) -> None:
         self._settings = settings
-        self._config, self._cylinder, self._needs = config, cylinder, needs
+        self._config, self._body, self._needs = config, body, needs
         self._on_progress, self._should_stop = on_progress, should_stop
         self._began = time.perf_counter()
         self._grasps: list[PlannedGrasp] = []
@@ -107,7 +119,7 @@ class _Search:
 
     def is_free(self) -> bool:
         """Return whether nothing touches the object yet; otherwise there is no path to a grasp."""
-        gaps = object_gaps(self._config, self._cylinder)
+        gaps = object_gaps(self._config, self._body)
         least = float(min(gaps.members.min(), gaps.modules.min(), gaps.rods.min()))
         if least < 0.0:
             self._record(Violation('free', least, 0.0, 2000.0))
@@ -210,11 +222,15 @@ class _Search:
         path = np.concatenate([opened, squeezed.positions])
         travel = float(np.abs(np.diff(path, axis=0)).sum(axis=0).max())
         rigid = min(shape_margins(config).rigidity for config in reached.path)
-        analysis = squeezed.analysis
+        analysis, body = squeezed.analysis, squeezed.body
+        grasp = None
+        if isinstance(body, Cylinder):
+            assert closing.module is not None
+            grasp = Grasp(robot.module_names[closing.module], body.center, body.diameter)
+        names = tuple(robot.member_names[i] for i in closing.members)
         return PlannedGrasp(
-            grasp=Grasp(
-                robot.module_names[closing.module], squeezed.center, self._cylinder.diameter
-            ),
+            grasp=grasp,
+            grip=Grip(names, body, self._needs.friction),
             members=tuple(analysis.contact_lengths),
             config=Configuration(robot, path[-1], squeezed.points),
             analysis=analysis,

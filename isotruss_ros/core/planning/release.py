@@ -105,10 +105,10 @@ def _unload(
     """
     path = [config]
     diameter = config.robot.description.tube_diameter
-    depth = float(member_depths(config, closing.cylinder).max())
+    depth = float(member_depths(config, closing.body).max())
     if depth <= closing.settings.first_contact * diameter:
         return path, closing
-    grasp = RollingGrasp.attach(config, closing.cylinder, angle)
+    grasp = RollingGrasp.attach(config, closing.body, angle)
     if isinstance(grasp, Hold):
         return Violation('held', 0.0, 1.0, 10.0)
     if grasp.state.normal_forces.min() <= LEAST_FORCE:
@@ -127,7 +127,7 @@ def _unload(
     if opened is None:
         return motion.closest_violation or Violation('held', 0.0, 1.0, 10.0)
     path.append(opened)
-    return path, replace(closing, cylinder=Cylinder(grasp.pose[:2], grasp.diameter))
+    return path, replace(closing, body=Cylinder(grasp.pose[:2], grasp.diameter))
 
 
 def _fail(config: Configuration, violation: Violation | None) -> Release:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, plan_in_words, Progress
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
@@ -61,7 +62,7 @@ class Searcher:
     def begin(
         self,
         config: Configuration,
-        cylinder: Cylinder,
+        body: Cylinder | ConvexObject,
         requirements: GraspRequirements,
         seed: int,
         time_limit: float,
@@ -70,7 +71,7 @@ class Searcher:
         Begin a search, while there is none; see `BackgroundSearch`.
 
         :param config: configuration of the robot.
-        :param cylinder: the object.
+        :param body: the object.
         :param requirements: what a grasp must fulfil.
         :param seed: of the search.
         :param time_limit: of the search [s]; none if 0.
@@ -80,7 +81,7 @@ class Searcher:
         # One of its own: a configuration keeps what is computed of it, in one thread only.
         own = Configuration(config.robot, config.roller_positions, config.points)
         self._search = BackgroundSearch(
-            own, cylinder, requirements, seed, self._pool.executor, time_limit
+            own, body, requirements, seed, self._pool.executor, time_limit
         )
 
     def progress(self) -> Progress | None:
@@ -158,7 +159,7 @@ class BackgroundSearch:
 
     :ivar stop: set `stop.requested` to end it, with the plan until then.
     :param config: configuration of the robot.
-    :param cylinder: the object.
+    :param body: the object.
     :param requirements: what a grasp must fulfil.
     :param seed: of the search.
     :param executor: see `plan_grasps`.
@@ -168,7 +169,7 @@ class BackgroundSearch:
     def __init__(
         self,
         config: Configuration,
-        cylinder: Cylinder,
+        body: Cylinder | ConvexObject,
         requirements: GraspRequirements,
         seed: int,
         executor: Executor,
@@ -178,7 +179,7 @@ class BackgroundSearch:
         self._progress: tuple[Progress, float] | None = None
         self._plan: GraspPlan | None = None
         self._error: Exception | None = None
-        arguments = (config, cylinder, requirements, seed, executor)
+        arguments = (config, body, requirements, seed, executor)
         self._thread = threading.Thread(target=self._run, args=arguments, daemon=True)
         self._thread.start()
 
@@ -216,14 +217,14 @@ class BackgroundSearch:
     def _run(
         self,
         config: Configuration,
-        cylinder: Cylinder,
+        body: Cylinder | ConvexObject,
         requirements: GraspRequirements,
         seed: int,
         executor: Executor,
     ) -> None:
         try:
             self._plan = plan_grasps(
-                config, cylinder, requirements, seed, executor, self._take, self.stop
+                config, body, requirements, seed, executor, self._take, self.stop
             )
         except Exception as error:  # noqa: BLE001 - it is raised where the result is requested for
             self._error = error

@@ -23,6 +23,7 @@ class SearchSettings:
     :ivar max_approach_steps: number of steps of an approach.
     :ivar max_idle_steps: an approach ends after more steps in a row than this without progress.
     :ivar min_progress: of such steps, in diameters of the tube plus radians of opening.
+    :ivar slow_progress: share of that which is progress of members that do not meet.
     :ivar max_step: longest step of a roller, against the mean length of members at home.
     :ivar max_gap_step: largest change of a gap in a step, against the same.
     :ivar max_opening_step: largest change of the opening in a step [rad].
@@ -52,6 +53,12 @@ class SearchSettings:
         smallest.
     :ivar same_share: grasps of the same members are the same where no roller differs by more than
         this, against the mean length of members at home.
+    :ivar max_grips: of any members that are tried in a round, the easiest first.
+    :ivar cone_share: of the friction cones that such grips are to use at most as they close.
+    :ivar used_share: of the friction cones that they use at most where they are open.
+    :ivar turning_price: angle of friction that is given up for a smaller turn of the members [-].
+    :ivar closing_step: by how much such a grip closes from waypoint to waypoint, against the
+        tube's diameter.
     :ivar poll_interval: how often a request to stop is checked while workers compute [s].
     """
 
@@ -66,6 +73,7 @@ class SearchSettings:
     max_approach_steps: int = 100
     max_idle_steps: int = 12
     min_progress: float = 0.1
+    slow_progress: float = 0.1
     max_step: float = 0.035
     max_gap_step: float = 0.027
     max_opening_step: float = 0.1
@@ -91,6 +99,11 @@ class SearchSettings:
     increase: float = 1.5
     max_share: float = 10.0
     same_share: float = 0.02
+    max_grips: int = 8
+    cone_share: float = 0.75
+    used_share: float = 0.85
+    turning_price: float = 0.3
+    closing_step: float = 0.08
     poll_interval: float = 0.05
 
 

@@ -95,12 +95,12 @@ class Squeeze:
         path = () if pressed is None else self.closing_path(pressed)
         if pressed is None or not path:
             return None
-        needs, cylinder = self._needs, self._closing.cylinder
+        needs, cylinder = self._needs, self._closing.body
         mean = float(pressed.analysis.normal_forces.sum()) / len(pressed.depths)
         freed = settle_grasp(pressed.config, cylinder, needs.friction, needs.external_wrench)
         margin = freed.slip_margin if freed.held else 0.0
         return ClosedGrip(
-            path, cylinder.center, pressed.analysis, grasp_loads(pressed.analysis), mean, margin
+            path, cylinder, pressed.analysis, grasp_loads(pressed.analysis), mean, margin
         )
 
     def closing_path(self, pressed: Pressed) -> tuple[Configuration, ...]:
@@ -178,10 +178,10 @@ class Squeeze:
         """Return the analysis of a grip, its imbalance, and violation and factor of `_missing`."""
         needs, closing = self._needs, self._closing
         self.analyses += 1
-        analysis = analyze_grasp(config, closing.cylinder, needs.friction, needs.external_wrench)
+        analysis = analyze_grasp(config, closing.body, needs.friction, needs.external_wrench)
         left = imbalance(
             config,
-            closing.cylinder,
+            closing.body,
             analysis,
             needs.external_wrench,
             closing.members,

@@ -28,7 +28,9 @@ from typing import NamedTuple
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grasp import Grasp, module_index
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.segment_gaps import segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
 import numpy as np
 
@@ -208,6 +210,22 @@ class CollisionModel:
         rows = self.part_rows(config, parts, near.share, near.normal).view(np.float64)
         return rows if motion is None else rows + as_xy(near.normal) @ motion
 
+    def body_distances(self, config: Configuration, body: ConvexObject) -> tuple[Array, Array]:
+        """
+        Return the distances between an object that stands still and all parts of the robot.
+
+        :param config: where the robot is.
+        :param body: the object in its place.
+        :return: (3m,) members, modules, rods [m], negative by how deep straight parts cut into the
+            object; and (3m, 2n) how they change, rows on the node velocities [-].
+        """
+        points = config.points
+        found = segment_gaps(body, self._start.positions(points), self._end.positions(points))
+        rows = np.zeros((len(found.gaps), len(points)), dtype=np.complex128)
+        self._start.add(rows, (1.0 - found.shares) * found.normals)
+        self._end.add(rows, found.shares * found.normals)
+        return found.gaps - self._radius, rows.view(np.float64)
+
     def _nearest(self, config: Configuration, pairs: Indices | slice) -> Nearest:
         second = self._second[pairs]
         ends = [
@@ -299,12 +317,12 @@ class ObjectGaps(NamedTuple):
     by_rollers: Array
 
 
-def object_gaps(config: Configuration, cylinder: Cylinder) -> ObjectGaps:
+def object_gaps(config: Configuration, body: Cylinder | ConvexObject) -> ObjectGaps:
     """
     Measure the distances of an object, and how they change when the rollers move.
 
     :param config: where the robot is.
-    :param cylinder: the object, which stands still.
+    :param body: the object, which stands still.
     :raises ConfigurationError: the configuration is singular.
     """
     topology, points, model = config.robot.topology, config.points, collision_model(config.robot)
@@ -317,8 +335,10 @@ def object_gaps(config: Configuration, cylinder: Cylinder) -> ObjectGaps:
         turning = sign * 1j / along[members].conj()
         by_nodes[modules, end[members]] += turning
         by_nodes[modules, begin[members]] -= turning
-    center = complex(*cylinder.center)
-    rows = model.object_gradients(config, center, np.arange(3 * m))
+    if isinstance(body, Cylinder):
+        rows = model.object_gradients(config, complex(*body.center), np.arange(3 * m))
+        distances = model.object_distances(config, body)
+    else:
+        distances, rows = model.body_distances(config, body)
     by_rollers = np.vstack([rows, by_nodes.view(np.float64)]) @ config.node_jacobian
-    parts = model.object_distances(config, cylinder).reshape(3, -1)
-    return ObjectGaps(*parts, np.abs(turn), by_rollers)
+    return ObjectGaps(*distances.reshape(3, -1), np.abs(turn), by_rollers)

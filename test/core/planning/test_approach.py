@@ -47,7 +47,7 @@ def arrived(way):
 
 def standing(way, config):
     """Return the largest distance of the sides that are to touch from their standoff [m]."""
-    members, *_ = closings.gaps(config, way.closing.cylinder)
+    members, *_ = closings.gaps(config, way.closing.body)
     return members[list(way.closing.members)].max() - 0.06 * config.robot.description.tube_diameter
 
 

@@ -65,7 +65,7 @@ class Program:
         robot, m = config.robot, config.robot.topology.n_modules
         tube, r = robot.description.tube_diameter, len(config.roller_positions)
         length = robot.home.member_lengths.mean()
-        values, by = watched(config, closing.cylinder), slopes(config, closing.cylinder)
+        values, by = watched(config, closing.body), slopes(config, closing.body)
         ends = [m, 3 * m, 4 * m, 4 * m + 2, len(values) - m]
         members, others, angles, modes, near, lengths = np.split(values, ends)
         *_, by_modes, by_near, _ = np.split(by, ends)
@@ -133,7 +133,7 @@ def test_no_admissible_motion_is_better(seed):
         share = rng.uniform(0.1, 1.0)
         targets = rng.uniform(-0.02, 0.01, len(closing.members))
         program = Program(config, closing, targets, share)
-        move = solve_step(evaluate_state(config, closing.cylinder), closing, targets, share)
+        move = solve_step(evaluate_state(config, closing.body), closing, targets, share)
         slack = program.rows @ move - program.lower
         assert (slack > np.where(program.rigid, -3e-5, -1e-6)).all()
         gradient = program.gradient(move)
@@ -156,7 +156,7 @@ def test_the_two_weakest_modes_get_no_weaker_where_they_are_too_weak(seed):
     for closing in todo:
         closing = with_fields(closing, min_rigidity=100.0)
         targets = np.full(len(closing.members), -0.02)
-        move = solve_step(evaluate_state(config, closing.cylinder), closing, targets, 1.0)
+        move = solve_step(evaluate_state(config, closing.body), closing, targets, 1.0)
         little = 1e-4 * move
         ahead = weakest(config.moved_to(config.roller_positions + little))
         back = weakest(config.moved_to(config.roller_positions - little))
@@ -166,7 +166,7 @@ def test_the_two_weakest_modes_get_no_weaker_where_they_are_too_weak(seed):
 def test_a_step_without_a_solution_is_an_error(monkeypatch):
     config, (closing, _), _ = tasks(0)
     place, targets = (
-        evaluate_state(config, closing.cylinder),
+        evaluate_state(config, closing.body),
         np.full(len(closing.members), STANDOFF),
     )
     monkeypatch.setattr(closing_program, 'solve_qp', lambda problem: None)
@@ -177,8 +177,8 @@ def test_a_step_without_a_solution_is_an_error(monkeypatch):
 @pytest.mark.parametrize('seed', SEEDS)
 def test_what_is_known_of_a_place_is_what_is_there(seed):
     config, (closing, _), _ = tasks(seed)
-    place = evaluate_state(config, closing.cylinder)
-    members, modules, rods = closings.gaps(config, closing.cylinder)
+    place = evaluate_state(config, closing.body)
+    members, modules, rods = closings.gaps(config, closing.body)
     assert place.config is config
     assert place.gaps.members == pytest.approx(members, abs=1e-5)
     assert place.gaps.modules == pytest.approx(modules)
@@ -200,7 +200,7 @@ def test_bounds_are_those_of_what_blocks():
 def floors(config, closing, targets):
     """Return the least distances (3m,) of the object that a step may leave."""
     tube = config.robot.description.tube_diameter
-    present = np.concatenate(closings.gaps(config, closing.cylinder))
+    present = np.concatenate(closings.gaps(config, closing.body))
     least = np.full(len(present), 0.05 * tube)
     least[list(closing.members)] = np.asarray(targets) - 0.015 * tube
     return np.minimum(least, present)
@@ -214,7 +214,7 @@ def trouble(config, there, closing, targets):
     clear = closings.clearance(there)
     if clear < min(0.0, closings.clearance(config)):
         return 'self_clearance', clear
-    distances = np.concatenate(closings.gaps(there, closing.cylinder))
+    distances = np.concatenate(closings.gaps(there, closing.body))
     short = distances - floors(config, closing, targets)
     if short.min() < 0.0:
         return 'object_clearance', distances[short.argmin()]
@@ -225,7 +225,7 @@ def trouble(config, there, closing, targets):
 def test_steps_lead_where_they_may_and_are_no_longer_than_they_may(seed):
     config, todo, rng = tasks(seed)
     for closing in todo:
-        place = evaluate_state(config, closing.cylinder)
+        place = evaluate_state(config, closing.body)
         targets = np.full(len(closing.members), STANDOFF) - rng.uniform(0.0, 0.04)
         tubes, share = closings.tube_lengths(config), 1.0
         for _ in range(12):
@@ -244,7 +244,7 @@ def test_steps_lead_where_they_may_and_are_no_longer_than_they_may(seed):
             assert there.member_lengths.min() >= closing.limits[0].min_length - 1e-6
             assert closings.rigidity(there) >= min(0.15, closings.rigidity(here)) - 1e-3
             assert closings.clearance(there) >= min(0.0, closings.clearance(here)) - 1e-5
-            distances = np.concatenate(closings.gaps(there, closing.cylinder))
+            distances = np.concatenate(closings.gaps(there, closing.body))
             assert (distances >= floors(here, closing, targets) - 1e-5).all()
             place, share = made.state, made.share
 
@@ -294,7 +294,7 @@ def crowded(seed):
 def test_a_step_is_halved_until_it_leads_where_it_may(seed, monkeypatch):
     # Whatever the program says: here it knows nothing, and its steps are far too long.
     config, closing, rng = crowded(seed)
-    place = evaluate_state(config, closing.cylinder)
+    place = evaluate_state(config, closing.body)
     targets = np.full(len(closing.members), rng.choice([STANDOFF, -0.03]))
     for size in (0.002, 0.02, 0.1, 0.4):
         move = (
@@ -329,7 +329,7 @@ def test_a_step_is_halved_until_it_leads_where_it_may(seed, monkeypatch):
 def test_where_there_is_no_shape_there_is_no_rigidity(monkeypatch):
     config, (closing, _), _ = tasks(0)
     place, far = (
-        evaluate_state(config, closing.cylinder),
+        evaluate_state(config, closing.body),
         np.full(len(config.roller_positions), 1e3),
     )
     far[::2] *= -1.0
@@ -342,7 +342,7 @@ def test_where_there_is_no_shape_there_is_no_rigidity(monkeypatch):
 def test_the_longest_step_is_not_made_longer(monkeypatch):
     config, (closing, _), _ = tasks(0)
     place, targets = (
-        evaluate_state(config, closing.cylinder),
+        evaluate_state(config, closing.body),
         np.full(len(closing.members), STANDOFF),
     )
     still = np.zeros(len(config.roller_positions))
@@ -357,7 +357,7 @@ def test_the_longest_step_is_not_made_longer(monkeypatch):
 def test_who_is_beyond_a_bound_goes_no_further(seed):
     config, (closing, _), _ = tasks(seed)
     closing = with_fields(closing, min_rigidity=100.0)
-    place, share = evaluate_state(config, closing.cylinder), 1.0
+    place, share = evaluate_state(config, closing.body), 1.0
     way = [closings.rigidity(config)]
     for _ in range(6):
         made = take_closing_step(place, closing, np.full(len(closing.members), STANDOFF), share)

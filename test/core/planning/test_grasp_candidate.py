@@ -55,7 +55,7 @@ def test_what_was_sent_is_squeezed_as_here():
     assert there.violation is None
     assert (there.positions == positions).all()
     assert (there.points == closed.path[-1].points).all()
-    assert (there.center, there.squeeze) == (closed.center, closed.squeeze)
+    assert (there.body, there.squeeze) == (closed.body, closed.squeeze)
     assert there.slip_margin == closed.slip_margin > 0.0
     assert (there.evaluations, there.analysed) == (search.evaluations, search.analyses)
     assert (there.analysis.normal_forces == closed.analysis.normal_forces).all()
@@ -120,7 +120,7 @@ def test_an_object_that_the_ground_holds_is_pressed_on_as_it_lies():
     assert (there.positions[-1] == closed.path[-1].roller_positions).all()
     assert there.squeeze == pytest.approx(there.analysis.normal_forces.sum() / 2.0)
     assert there.analysis.force_closure
-    assert there.center == CYLINDER.center
+    assert there.body == CYLINDER
 
 
 def test_other_errors_are_not_hidden(monkeypatch):

@@ -52,16 +52,16 @@ def squeezed(name, needs=NEEDS):
 def side_gaps(config, closing):
     """Return how far the sides that are to touch are from the object [m]; exact."""
     begin, end, _ = closings.parts(config)
-    sides, center = list(closing.members), complex(*closing.cylinder.center)
+    sides, center = list(closing.members), complex(*closing.body.center)
     along = end[sides] - begin[sides]
     across = ((center - begin[sides]).conj() * along).imag / np.abs(along)
     tube = config.robot.description.tube_diameter
-    return np.abs(across) - 0.5 * (closing.cylinder.diameter + tube)
+    return np.abs(across) - 0.5 * (closing.body.diameter + tube)
 
 
 def others(config, closing):
     """Return how far all else is from the object [m]."""
-    members, *modules = closings.gaps(config, closing.cylinder)
+    members, *modules = closings.gaps(config, closing.body)
     return np.append(np.delete(members, list(closing.members)), modules)
 
 
@@ -87,10 +87,10 @@ def test_what_is_found_is_held_whatever_the_spacing(name):
     assert others(pressed.config, closing).min() > 0.0
     again = config.robot.configuration(pressed.config.roller_positions)
     for spacing in SPACINGS:
-        analysis = analyze_grasp(again, closing.cylinder, NEEDS.friction, spacing=spacing)
+        analysis = analyze_grasp(again, closing.body, NEEDS.friction, spacing=spacing)
         total = analysis.normal_forces.sum()
         assert total > 0.0
-        assert unbalanced(analysis, closing.cylinder, NEEDS) < SLACK[spacing] * total
+        assert unbalanced(analysis, closing.body, NEEDS) < SLACK[spacing] * total
         assert analysis.closure_margin >= -SLACK[spacing] * total
         assert max(analysis.utilisation.values()) <= NEEDS.max_utilisation + 0.01
     assert pressed.analysis.normal_forces.sum() == pytest.approx(total, rel=1e-6)
@@ -211,14 +211,14 @@ def test_requirements_are_fulfilled_whatever_the_spacing(name, needs):
     config = pressed.config.robot.configuration(pressed.config.roller_positions)
     for spacing in SPACINGS:
         analysis = analyze_grasp(
-            config, closing.cylinder, needs.friction, needs.external_wrench, spacing=spacing
+            config, closing.body, needs.friction, needs.external_wrench, spacing=spacing
         )
         slack, total = SLACK[spacing], analysis.normal_forces.sum()
         assert max(analysis.contact_forces.values()) <= needs.max_contact_force * (1.0 + slack)
         assert total <= needs.max_total_force * (1.0 + slack)
         assert max(analysis.utilisation.values()) <= needs.max_utilisation * (1.0 + 4.0 * slack)
         assert analysis.closure_margin >= (needs.min_margin or 0.0) - slack * total
-        assert unbalanced(analysis, closing.cylinder, needs) < slack * total
+        assert unbalanced(analysis, closing.body, needs) < slack * total
 
 
 @pytest.fixture

@@ -1,0 +1,114 @@
+"""
+Toward which directions members are to face an object so that friction holds it between them.
+
+Two forces that balance act along one line. What it takes is the angle between that line and the
+normals, at the best places within the contacts: a face that all but lies on a member is touched
+anywhere on it. Three members that enclose the object balance with forces within their cones.
+"""
+
+from __future__ import annotations
+
+import math
+
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.numerics.arrays import Array, Points
+import numpy as np
+from scipy.optimize import nnls
+
+#: Corners that are within this of the farthest one are touched too: tubes give [m].
+SINK = 0.003
+#: Directions that are tried, and angles between the members [rad].
+DIRECTIONS, WEDGES = 72, np.linspace(-0.8, 0.8, 17)
+#: What is left of a balance of unit forces.
+BALANCED = 1e-6
+
+
+def contact_ends(body: ConvexObject, normals: Points) -> tuple[Points, Points]:
+    """
+    Return the ends of the places where straight members touch, first those farther clockwise.
+
+    :param body: the object in its place.
+    :param normals: (s,) unit vectors out of the object into the members, robot frame.
+    :return: (s,) each, x + iy from the origin of the object's frame, robot frame [m].
+    """
+    own = normals * body.turn.conjugate()
+    shape = body.shape
+    if not isinstance(shape, Polygon):
+        points = body.turn * shape.support_points(own)
+        return points, points
+    seen = shape.arc_centers * own[:, None].conj()
+    heights = seen.real + shape.radii
+    touched = heights >= heights.max(axis=1)[:, None] - SINK
+    first = np.where(touched, seen.imag, np.inf).argmin(axis=1)
+    last = np.where(touched, seen.imag, -np.inf).argmax(axis=1)
+    ends = (shape.arc_centers[i] + shape.radii[i] * own for i in (first, last))
+    one, other = (body.turn * points for points in ends)
+    return one, other
+
+
+def friction_angles(body: ConvexObject, normals: Points, others: Points) -> Array:
+    """
+    Return the least angle of the friction cones in which two members balance, (s,) [rad].
+
+    :param body: the object in its place.
+    :param normals: (s,) of the first members, unit vectors out of the object, robot frame.
+    :param others: (s,) of the second ones.
+    """
+    clockwise, counter = contact_ends(body, normals)
+    clockwise_too, counter_too = contact_ends(body, others)
+    # Directions of the line from the first contact to the second, from that of its normal inward.
+    lines = [
+        np.angle((end - begin) / -normals)
+        for begin in (clockwise, counter)
+        for end in (clockwise_too, counter_too)
+    ]
+    between = np.angle(-others / normals)
+    # The best is half way between both normals.
+    best = np.clip(0.5 * between, np.min(lines, axis=0), np.max(lines, axis=0))
+    return np.maximum(np.abs(best), np.abs(best - between))
+
+
+def balances(body: ConvexObject, normals: Points, angle: float) -> bool:
+    """
+    Tell whether members that face an object balance, with forces in friction cones.
+
+    :param body: the object in its place.
+    :param normals: (s,) unit vectors out of the object into the members, robot frame.
+    :param angle: of the cones [rad].
+    """
+    if len(normals) == 2:
+        return bool(friction_angles(body, normals[:1], normals[1:])[0] <= angle)
+    ends = contact_ends(body, normals)
+    arms = np.concatenate([*ends, *ends]) - (body.middle - body.center)
+    turned = np.concatenate([-normals * np.exp(1j * sign * angle) for sign in (1, 1, -1, -1)])
+    moments = (arms.conj() * turned).imag / body.arm
+    wrenches = np.vstack([turned.real, turned.imag, moments])
+    # Each member presses, and what it presses with in any case is balanced by more of all.
+    return bool(nnls(wrenches, -wrenches.sum(axis=1))[1] <= BALANCED)
+
+
+def find_facing(
+    body: ConvexObject, normals: Points, angle: float, turning: float
+) -> Points | None:
+    """
+    Return directions in which two members hold an object, the best near to the present ones.
+
+    :param body: the object in its place.
+    :param normals: (2,) in which they face it now, unit vectors out of the object, robot frame.
+    :param angle: of the friction cones that may be used [rad].
+    :param turning: what a turn of the members counts against an angle of friction [-].
+    :return: (2,) such directions; None where there are none.
+    """
+    firsts = np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
+    if isinstance(body.shape, Polygon):
+        firsts = np.concatenate([firsts, body.shape.normals * body.turn])
+    firsts, wedges = (grid.ravel() for grid in np.meshgrid(firsts, WEDGES))
+    others = -firsts * np.exp(1j * wedges)
+    used = friction_angles(body, firsts, others)
+    moved = np.abs(np.angle(firsts / normals[0])) + np.abs(np.angle(others / normals[1]))
+    price = np.where(used <= angle, used + turning * moved, math.inf)
+    best = int(price.argmin())
+    if price[best] == math.inf:
+        return None
+    return np.array([firsts[best], others[best]])

@@ -1,0 +1,195 @@
+"""The search for grips of convex objects by any two members, or three."""
+
+import dataclasses
+import itertools
+
+from isotruss_ros.core import (
+    ConvexObject,
+    Cylinder,
+    Disc,
+    Ellipse,
+    GraspRequirements,
+    load_robot,
+    plan_grasps,
+    Polygon,
+    settle_grasp,
+)
+from isotruss_ros.core.model.segment_gaps import segment_gaps
+from isotruss_ros.core.planning.export import export_figures
+from isotruss_ros.core.planning.facing import balances, contact_ends, find_facing, friction_angles
+from isotruss_ros.core.planning.grasp_plan import plan_in_words
+from isotruss_ros.core.planning.grip_seeds import enclosing_members, find_grip_seeds
+from isotruss_ros.core.planning.settings import DEFAULT
+from isotruss_ros.core.safety.distances import object_gaps
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+ROBOT = load_robot('nine_member')
+HOME = ROBOT.home
+HOLE = (0.716, -0.4134)  # between the three tubes
+BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
+SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
+PLAIN = Cylinder((0.0, 0.0), 0.3)
+FEW = dataclasses.replace(DEFAULT, max_grips=1, max_rounds=1)
+
+
+@pytest.fixture(scope='module')
+def plan():
+    """Plan the grip of a disc that only three members of different tubes reach around."""
+    needs = GraspRequirements(count=1, squeeze=12.0)
+    body = ConvexObject(Disc(0.6), (*HOLE, 0.2))
+    return body, needs, plan_grasps(HOME, body, needs, settings=FEW)
+
+
+def cone_closes(body, normals, angle):
+    """Return whether forces in the cones balance, all members pressing, by least squares."""
+    ends = contact_ends(body, normals)
+    arms = np.concatenate([*ends, *ends]) - body.turn * body.shape.centroid
+    forces = np.concatenate([-normals * np.exp(1j * s * angle) for s in (1, 1, -1, -1)])
+    rows = np.vstack([forces.real, forces.imag, 5.0 * (arms.conj() * forces).imag])
+    return nnls(rows, -rows.sum(axis=1))[1] < 1e-9
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+def test_two_members_balance_from_the_friction_angle_on(shape):
+    rng = np.random.default_rng(0)
+    both = set()
+    for _ in range(200):
+        body = ConvexObject(shape, (*rng.normal(size=2), rng.uniform(0.0, 6.0)))
+        normals = np.exp(1j * rng.uniform(0.0, 2.0 * np.pi)) * np.array([1.0, -1.0])
+        normals[1] *= np.exp(1j * rng.uniform(-0.8, 0.8))
+        angle = float(friction_angles(body, normals[:1], normals[1:])[0])
+        if angle < 1.4:
+            assert cone_closes(body, normals, angle + 1e-6)
+            assert not cone_closes(body, normals, angle - 1e-6)
+        both.add(balances(body, normals, 0.3))
+        found = find_facing(body, normals, 0.3, 0.5)
+        if found is not None:
+            assert balances(body, found, 0.3 + 1e-12)
+    assert both == {True, False}
+
+
+def test_a_disc_takes_half_of_the_wedge():
+    body, wedges = ConvexObject(Disc(0.4), (1.0, 2.0, 0.5)), np.linspace(-1.0, 1.0, 9)
+    normals = np.exp(1j * np.arange(9.0))
+    angles = friction_angles(body, normals, -normals * np.exp(1j * wedges))
+    assert angles == pytest.approx(0.5 * np.abs(wedges), abs=1e-12)
+
+
+def test_three_members_balance_where_they_surround_the_object():
+    around = np.exp(2j * np.pi * np.array([0.05, 0.4, 0.7]))
+    aside = np.exp(1j * np.array([0.0, 1.0, 2.0]))
+    for shape in SHAPES:
+        body = ConvexObject(shape, (0.3, 0.1, 0.7))
+        for normals in (around, aside):
+            assert balances(body, normals, 0.4) == cone_closes(body, normals, 0.4)
+    assert balances(ConvexObject(Disc(0.3)), around, 0.05)
+    assert not balances(ConvexObject(Disc(0.3)), aside, 0.4)
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+def test_gaps_of_segments_are_those_of_their_points(shape):
+    rng = np.random.default_rng(1)
+    share = np.linspace(0.0, 1.0, 4001)
+    for _ in range(40):
+        body = ConvexObject(shape, (*rng.normal(size=2), rng.uniform(0.0, 6.0)))
+        start, end = body.middle + 0.4 * (rng.normal(size=2) + 1j * rng.normal(size=2))
+        found = segment_gaps(body, np.array([start]), np.array([end]))
+        points = body.nearest(start + share * (end - start)).gaps
+        if points.min() > 1e-3:
+            assert found.gaps[0] == pytest.approx(points.min(), abs=1e-4)
+            assert found.normals[0] == pytest.approx(
+                body.nearest(np.array([start + found.shares[0] * (end - start)])).normals[0],
+                abs=1e-6,
+            )
+        else:
+            assert found.gaps[0] < 2e-3
+        point = segment_gaps(body, np.array([start]), np.array([start]))
+        assert point.gaps == pytest.approx(body.nearest(np.array([start])).gaps, abs=1e-12)
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+def test_gaps_of_the_robot_change_as_differences_say(shape):
+    body, rng = ConvexObject(shape, (0.72, 0.48, 0.33)), np.random.default_rng(2)
+    gaps, step = object_gaps(HOME, body), 1e-6
+    for _ in range(3):
+        move = rng.normal(size=len(HOME.roller_positions))
+        ahead, behind = (
+            object_gaps(HOME.moved_to(HOME.roller_positions + sign * step * move), body)
+            for sign in (1, -1)
+        )
+        change = np.concatenate(
+            [(a - b) / (2.0 * step) for a, b in zip(ahead[:4], behind[:4], strict=True)]
+        )
+        assert gaps.by_rollers @ move == pytest.approx(change, abs=1e-4)
+
+
+def test_a_disc_has_the_gaps_of_a_cylinder():
+    body = ConvexObject(Disc(0.3), (0.72, 0.48, 0.33))
+    cylinder = object_gaps(HOME, dataclasses.replace(PLAIN, center=(0.72, 0.48)))
+    for one, other in zip(object_gaps(HOME, body), cylinder, strict=True):
+        assert one == pytest.approx(other, abs=1e-12)
+
+
+def test_members_enclose_what_one_cannot_see_out_from():
+    names = ROBOT.member_names
+    inside = enclosing_members(HOME, complex(*HOLE))
+    assert {names[i] for i in inside} == {'south/P-Q', 'east/Q-R', 'north/R-P'}
+    assert {names[i].split('/')[0] for i in enclosing_members(HOME, 0.716 + 0.5j)} == {'north'}
+    assert enclosing_members(HOME, 4.0 + 1.0j) == ()
+    body = ConvexObject(Disc(0.3), (0.716, 0.5, 0.0))
+    pair = find_grip_seeds(HOME, body, GraspRequirements(module='north/Z'), 0, 0)
+    assert [{names[i] for i in seed.members} for seed in pair] == [{'north/P-Z', 'north/Z-R'}]
+    every = find_grip_seeds(HOME, body, GraspRequirements(), 0, 0)
+    assert sorted(len(seed.members) for seed in every) == [2, 2, 2, 3]
+    again, other = (find_grip_seeds(HOME, body, GraspRequirements(), s, 1) for s in (5, 6))
+    assert len(again) == len(find_grip_seeds(HOME, body, GraspRequirements(), 5, 1))
+    assert (again[0].nominal_posture != other[0].nominal_posture).any()
+
+
+def test_the_grip_that_is_found_holds_the_object(plan):
+    body, needs, found = plan
+    (grasp,) = found
+    assert grasp.grasp is None
+    assert set(grasp.grip.members) == {'south/P-Q', 'east/Q-R', 'north/R-P'}
+    assert set(grasp.members) == set(grasp.grip.members)
+    assert grasp.grip.body.shape == body.shape
+    assert abs(grasp.grip.center - body.center) < 1e-3
+    settled = settle_grasp(grasp.config, body, needs.friction, members=grasp.grip.members)
+    assert settled.held
+    assert grasp.slip_margin == pytest.approx(settled.slip_margin, rel=0.1)
+    assert grasp.score == grasp.slip_margin > 2.0
+    assert grasp.squeeze == pytest.approx(needs.squeeze, rel=0.02)
+    assert sum(settled.normal_forces.values()) / 3.0 == pytest.approx(grasp.squeeze, rel=0.05)
+    assert grasp.utilisation <= needs.max_utilisation
+    assert grasp.path[0] == pytest.approx(HOME.roller_positions)
+    assert 'between south/P-Q, east/Q-R, north/R-P' in plan_in_words(found).replace("'", '')
+    assert export_figures(grasp)['module'] == ''
+
+
+def test_nothing_touches_the_object_before_its_members_do(plan):
+    body, _, (grasp,) = plan
+    config, members = HOME, [ROBOT.member_names.index(name) for name in grasp.grip.members]
+    for row, (begin, end) in enumerate(itertools.pairwise(grasp.path)):
+        for share in (0.5, 1.0):
+            config = config.moved_to(begin + share * (end - begin))
+            gaps = object_gaps(config, body)
+            assert min(gaps.modules.min(), gaps.rods.min()) > 0.0
+            others = np.delete(gaps.members, members)
+            assert others.min() > 0.0
+            if row < grasp.touch - 1:
+                assert gaps.members[members].min() > -1e-9
+
+
+def test_the_friction_of_the_object_counts():
+    body = ConvexObject(Disc(0.6), (*HOLE, 0.0), friction=0.01)
+    found = plan_grasps(HOME, body, GraspRequirements(count=1), settings=FEW)
+    assert all(grasp.grip.friction == 0.01 for grasp in found)
+    assert all(grasp.slip_margin < 0.5 for grasp in found)
+
+
+def test_an_object_that_nothing_encloses_is_not_gripped():
+    found = plan_grasps(HOME, ConvexObject(BOX, (4.0, 1.0, 0.0)), settings=FEW)
+    assert not found.grasps
+    assert 'enclosed' in plan_in_words(found)
