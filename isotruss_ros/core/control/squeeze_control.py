@@ -14,25 +14,31 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 import math
 
+from isotruss_ros.core.control.held_model import (
+    arm_of,
+    attach_model,
+    HeldModel,
+    measured_pose,
+    motion_of,
+    Sensitivity,
+    sensitivity,
+)
 from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
-from isotruss_ros.core.grasping.equilibrium import FEET, INCLINATIONS
 from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
-from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response, WrenchResponse
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import Grasp, members_at_module
+from isotruss_ros.core.manipulation.grasp import Grasp
+from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.manipulation.task import task_jacobian
-from isotruss_ros.core.model.objects import Cylinder, Pose
+from isotruss_ros.core.model.objects import Pose
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
 #: Below this share of the twist the limits decide where the object goes, not the model.
 MIN_SCALE = 0.05
 
-#: Solves the program for a twist (3,) and a rate of the opening angle [rad/s].
+#: Solves the program for a twist (3,) and a rate of the grip's opening [rad/s] or [m/s].
 Solve = Callable[[Array, float], RollerCommand]
 
 
@@ -88,7 +94,7 @@ class SqueezeControl:
 
     def reset(self) -> None:
         """Forget how and where the object is held: both follow from the next measured pose."""
-        self.grasp: RollingGrasp | None = None
+        self.grasp: HeldModel | None = None
         self.load = LoadEstimate(self.settings.load)
         self.reference: Array | None = None
         self.slip_margin = 0.0
@@ -103,7 +109,9 @@ class SqueezeControl:
             return ''
         return f'the slip margin of {margin:.3g} N is below {least:.3g} N'
 
-    def follow(self, config: Configuration, held: Grasp, angle: float, elapsed: float) -> Hold:
+    def follow(
+        self, config: Configuration, held: Grasp | Grip, angle: float, elapsed: float
+    ) -> Hold:
         """
         Take model and reference to now, and the load from where the object was measured.
 
@@ -111,11 +119,11 @@ class SqueezeControl:
         starts again from the measured pose where it has lost the object.
 
         :param config: where the robot is.
-        :param held: the grasp; its centre is the measured one.
-        :param angle: of the object, measured [rad].
+        :param held: the grasp, at a module or of any members; its object is where it was measured.
+        :param angle: of a cylinder, measured [rad]; a convex object has its own.
         :param elapsed: since the cycle before, for which its command held [s].
         :return: whether the object is held in the model; if not, why.
-        :raises GraspError: see `grasp_rows`.
+        :raises GraspError: see `grasp_rows` and `find_contacts`.
         :raises ConfigurationError: the configuration is singular.
         :raises StructureError: see `structure_of`.
         """
@@ -128,9 +136,9 @@ class SqueezeControl:
                 grasp = grasp.moved_to(config, self._wrench(grasp))
                 travel = np.zeros(len(travel))
         if grasp is not None and grasp.hold(friction) is Hold.HELD:
-            response = wrench_response(grasp.statics, grasp.state, grasp.wrench)
-            if response is not None:
-                self._observe(grasp, response, config, held, angle, travel, elapsed)
+            found = sensitivity(grasp, friction)
+            if found is not None:
+                self._observe(grasp, found, config, held, angle, travel, elapsed)
                 return Hold.HELD
         return self._start(config, held, angle)
 
@@ -185,7 +193,7 @@ class SqueezeControl:
         self._velocity = command.scale * np.asarray(twist)
 
     def _limit_utilisation(
-        self, command: RollerCommand, ahead: RollingGrasp, period: float
+        self, command: RollerCommand, ahead: HeldModel, period: float
     ) -> RollerCommand:
         """Return a command, slowed where it would use too much of what is left of the tubes."""
         settings, used = self.settings, held_utilisation(ahead)
@@ -211,29 +219,32 @@ class SqueezeControl:
             self.grasp, self._utilisation = reached, float(held_utilisation(reached).max())
         return slowed
 
-    def _start(self, config: Configuration, held: Grasp, angle: float) -> Hold:
+    def _start(self, config: Configuration, held: Grasp | Grip, angle: float) -> Hold:
         """Begin with the equilibrium near the measured pose."""
         self.load = LoadEstimate(self.settings.load)
-        found = RollingGrasp.attach(config, Cylinder(held.center, held.diameter), angle)
+        found = attach_model(config, held, angle)
         if isinstance(found, Hold):
             self.grasp = None
             return found
-        grasp = self._explain(found, Pose(*held.center, angle))
+        grasp = self._explain(found, measured_pose(held, angle))
         self.grasp, self._config = grasp, config
         self._pose, self._squeeze = np.array(grasp.pose), grasp.squeeze
-        self._slope = squeeze_by_opening(grasp)
-        self.slip_margin = grasp.slip_margin(self.settings.friction)
+        given = sensitivity(grasp, self.settings.friction)
+        if given is None:
+            self.grasp = None
+            return Hold.UNSTABLE
+        self._slope, self.slip_margin = given.slope, given.slip_margin
         self._utilisation = float(held_utilisation(grasp).max())
         return found.hold(self.settings.friction)
 
-    def _explain(self, found: RollingGrasp, measured: Pose) -> RollingGrasp:
+    def _explain(self, found: HeldModel, measured: Pose) -> HeldModel:
         """Return the equilibrium under the load that explains where the object was measured."""
-        response = wrench_response(found.statics, found.state, found.wrench)
-        if response is None:
+        given = sensitivity(found, self.settings.friction)
+        if given is None:
             return found
         offset = _difference(np.array(measured), np.array(found.pose))
         # At once: so that the object is wanted where it is, and not where the model has it.
-        self.load.update(offset, response.pose, found.statics.radius, math.inf, 1.0)
+        self.load.update(offset, given.pose, arm_of(found), math.inf, 1.0)
         loaded = found.moved_to(found.config, self._wrench(found))
         if loaded is None or loaded.hold(self.settings.friction) is not Hold.HELD:
             self.load.wrench, self.load.bias = np.zeros(3), offset
@@ -242,31 +253,31 @@ class SqueezeControl:
 
     def _observe(
         self,
-        grasp: RollingGrasp,
-        response: WrenchResponse,
+        grasp: HeldModel,
+        given: Sensitivity,
         config: Configuration,
-        held: Grasp,
+        held: Grasp | Grip,
         angle: float,
         travel: Array,
         elapsed: float,
     ) -> None:
         """Take the model on by the rows of (19), and the load from what is left."""
-        rows = task_jacobian(config, held) @ travel
-        opened = members_at_module(config, held.module).side * rows[3]
-        pose = np.array(grasp.pose) + rows[:3]
-        offset = _difference(np.array(Pose(*held.center, angle)), pose)
-        radius = grasp.statics.radius
-        change = self.load.update(offset, response.pose, radius, elapsed, self.settings.bias_gain)
+        moved, opened = motion_of(config, held, travel)
+        pose = np.array(grasp.pose) + moved
+        offset = _difference(np.array(measured_pose(held, angle)), pose)
+        change = self.load.update(
+            offset, given.pose, arm_of(grasp), elapsed, self.settings.bias_gain
+        )
         self.grasp, self._config = grasp, config
-        self._pose = pose + response.pose @ change
-        pressed = 0.5 * float((response.normal @ change).sum())
-        self._slope = squeeze_by_opening(grasp)
+        self._pose = pose + given.pose @ change
+        pressed = float(given.squeeze @ change)
+        self._slope = given.slope
         self._squeeze = grasp.squeeze + self._slope * opened + pressed
-        self.slip_margin = slip_margin(grasp.state, response, self.settings.friction)
+        self.slip_margin = given.slip_margin
 
-    def _wrench(self, grasp: RollingGrasp) -> Array:
+    def _wrench(self, grasp: HeldModel) -> Array:
         """Return the estimated wrench (fx, fy, m) [N, N m]."""
-        return self.load.wrench * (1.0, 1.0, grasp.statics.radius)
+        return self.load.wrench * (1.0, 1.0, arm_of(grasp))
 
 
 def _difference(pose: Array, other: Array) -> Array:
@@ -274,26 +285,3 @@ def _difference(pose: Array, other: Array) -> Array:
     away = pose - other
     away[2] = math.remainder(away[2], 2.0 * math.pi)
     return away
-
-
-def squeeze_by_opening(grasp: RollingGrasp) -> float:
-    """
-    Return by how much the squeeze changes as the angle between the members opens [N/rad].
-
-    One member turns away from the object about its end at the grip, the object moves so that both
-    press alike: the depth lost is shared by both, and by the dents in the skin.
-
-    :param grasp: how the object is held.
-    :return: negative.
-    """
-    statics, unknowns = grasp.statics, grasp.state.unknowns
-    feet = unknowns[FEET]
-    local = 1j * statics.sides * np.exp(1j * unknowns[INCLINATIONS])
-    normals = np.column_stack([local.real, local.imag, np.zeros(2)]).ravel()
-    compliance = normals @ statics.compliance.at(feet).matrix.reshape(6, 6) @ normals
-    _, dents = statics.indentation(grasp.state.normal_forces)
-    # The members meet at the module where one of them starts and the other one ends.
-    following = grasp.config.robot.topology.following
-    starts = grasp.members == following[grasp.members[::-1]]
-    arms = np.where(starts, feet, statics.compliance.length - feet)
-    return -float(arms.mean() / (compliance + dents.sum()))

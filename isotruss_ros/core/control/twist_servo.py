@@ -319,8 +319,6 @@ class TwistServo:
                 command = self._solve_joint(config, twist, failed, limits)
             elif self.squeeze is None:
                 command = solve(twist, 0.0)
-            elif isinstance(grasp, Grip):
-                raise HaltError(Status.HALT_NOT_HELD, NOT_REGULATED)
             else:
                 command = self._regulate(self.squeeze, config, grasp, angle, twist, solve, now)
             return command if watch is None else watch.keep(command, last, self.period)
@@ -356,7 +354,7 @@ class TwistServo:
         self,
         squeeze: SqueezeControl,
         config: Configuration,
-        grasp: Grasp,
+        grasp: Grasp | Grip,
         angle: float,
         twist: Array,
         solve: Solve,

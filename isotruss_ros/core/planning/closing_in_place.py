@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 import math
 
+from isotruss_ros.core.control.held_model import squeeze_by_opening
 from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_members import Hold
@@ -28,7 +29,6 @@ from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads,
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.motion_in_place import (
     MotionInPlace,
-    squeeze_slope,
     SQUEEZE_TOLERANCE,
 )
 from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
@@ -134,7 +134,7 @@ class ClosingInPlace:
         while grasp is not None and self._sticks(grasp):
             if grasp is not found:
                 yield grasp
-            force = grasp.squeeze - closer * squeeze_slope(grasp)
+            force = grasp.squeeze - closer * squeeze_by_opening(grasp)
             if wanted is not None:
                 if _reached(grasp, wanted):
                     return

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import TypeVar
 
-from isotruss_ros.core.control.squeeze_control import squeeze_by_opening
+from isotruss_ros.core.control.held_model import squeeze_by_opening
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
@@ -36,18 +36,6 @@ TURN_TOLERANCE = 1e-3
 MIN_SCALE = 0.999
 #: How an object is held: a cylinder at a module, or any.
 Held = TypeVar('Held', RollingGrasp, HeldGrip)
-
-
-def squeeze_slope(grasp: RollingGrasp | HeldGrip) -> float:
-    """
-    Return by how much the squeeze changes as the grip opens, negative.
-
-    :param grasp: how the object is held.
-    :return: [N/rad]; of any members [N/m].
-    """
-    if isinstance(grasp, HeldGrip):
-        return grasp.squeeze_by_opening()
-    return squeeze_by_opening(grasp)
 
 
 def placed_body(grasp: RollingGrasp | HeldGrip) -> Cylinder | ConvexObject:
@@ -108,7 +96,7 @@ class MotionInPlace:
             turned = isinstance(grasp, HeldGrip) and reachable and abs(turn) > TURN_TOLERANCE
             if right and np.hypot(*away) < PLACE_TOLERANCE and not turned:
                 return grasp
-            rate = scale * missing / squeeze_slope(grasp)
+            rate = scale * missing / squeeze_by_opening(grasp)
             command = self._command(grasp, np.append(away, turn), rate)
             reachable = command.status is not Status.UNREACHABLE
             if command.scale < MIN_SCALE:

@@ -18,12 +18,9 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
+from isotruss_ros.core.control.held_model import squeeze_by_opening
 from isotruss_ros.core.control.load_estimate import LoadSettings
-from isotruss_ros.core.control.squeeze_control import (
-    squeeze_by_opening,
-    SqueezeControl,
-    SqueezeSettings,
-)
+from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.mujoco_plant.options import LOAD_TIME, POSE_GAIN

@@ -163,7 +163,7 @@ def test_bounds_are_those_required_or_of_the_robot_file(values, lengths):
     config = NINE.home
     for number in (0, 1):
         for one in find_seeds(config, INSIDE, needs, 0, number):
-            assert (one.cylinder, one.min_rigidity) == (INSIDE, 0.31)
+            assert (one.body, one.min_rigidity) == (INSIDE, 0.31)
             (limit,) = one.limits
             rows = limit.rows(config)
             # Half of what is left in one step, so that it is never crossed.

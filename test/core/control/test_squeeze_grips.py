@@ -1,0 +1,126 @@
+"""The squeeze and the pose of any convex object between any members, on the elastic plant."""
+
+import dataclasses
+import math
+
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    ElasticObject,
+    Ellipse,
+    Grasp,
+    Grip,
+    Hold,
+    load_robot,
+    place_between,
+    Polygon,
+    RollerFaults,
+    SimulatedRobot,
+    solve_twist,
+)
+from isotruss_ros.core.control.held_model import attach_model, measured_pose, sensitivity
+from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.grasping.held_grip import HeldGrip
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+#: At home three members of three tubes close next to nothing around a disc.
+OBLIQUE = HOME.moved_to(HOME.roller_positions + np.array([0.1, -0.1, 0.0, 0.1, -0.1, 0.05]))
+APART = ('south/P-Q', 'north/R-P')  # sides of two tubes
+AROUND = ('south/P-Q', 'east/Q-R', 'north/R-P')
+BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
+FRICTION, PERIOD = 1.2, 0.02
+
+
+class Loop:
+    """A controller and a plant, in step; the object is measured without errors."""
+
+    def __init__(self, shape, angle, members, more=1.0, config=HOME):
+        grip = place_between(config, members, shape, angle=angle, indentation=0.015)
+        model = HeldGrip.attach(
+            config, grip.body, np.array([HOME.robot.member_names.index(name) for name in members])
+        )
+        self.members, self.body = members, model.body
+        self.object = ElasticObject(model.body, FRICTION)
+        self.plant = SimulatedRobot(config, self.object, RollerFaults())
+        self.plant.advance(0.0)
+        self.target = more * self.object.grasp.squeeze
+        self.control = SqueezeControl(SqueezeSettings(self.target, FRICTION))
+        self.reference = np.array(self.plant.object_pose)
+        self.errors = []
+
+    def grip(self):
+        """Return the grip as it is measured."""
+        return Grip(self.members, self.body.moved_to(self.plant.object_pose), FRICTION)
+
+    def run(self, twist, duration):
+        """Follow a twist that begins and ends at rest."""
+        count = round(duration / PERIOD)
+        for k in range(count):
+            wanted = (1.0 - np.cos(2.0 * np.pi * (k + 0.5) / count)) * np.array(twist)
+            config, grip = self.plant.config, self.grip()
+
+            def solve(twist, opening_rate, config=config, grip=grip):
+                return solve_twist(config, grip, twist, opening_rate=opening_rate)
+
+            assert self.control.follow(config, grip, 0.0, PERIOD) is Hold.HELD
+            command = self.control.solve(wanted, PERIOD, solve)
+            self.control.advance(wanted, command)
+            self.plant.command(command.roller_velocities)
+            self.plant.advance(PERIOD)
+            self.reference = self.reference + PERIOD * wanted
+            assert isinstance(self.object.grasp, HeldGrip)
+            off = self.reference - np.array(self.plant.object_pose)
+            self.errors.append((math.hypot(*off[:2]), abs(math.remainder(off[2], 2.0 * math.pi))))
+
+
+@pytest.mark.parametrize(
+    ('shape', 'angle', 'members'),
+    [(BOX, 0.2, APART), (Ellipse((0.25, 0.2)), 1.0, APART), (BOX, 0.2, AROUND[:2])],
+)
+def test_pose_and_squeeze_of_a_grip_stay_as_they_should(shape, angle, members):
+    loop = Loop(shape, angle, members)
+    loop.run((0.01, -0.01, 0.03), 1.0)
+    far, turned = np.max(loop.errors, axis=0)
+    assert far < 2e-4
+    assert turned < math.radians(0.1)
+    assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ('shape', 'angle', 'members', 'config'),
+    [(BOX, 0.2, APART, HOME), (Disc(0.83), 0.0, AROUND, OBLIQUE)],
+)
+def test_a_rising_target_closes_in_place(shape, angle, members, config):
+    loop = Loop(shape, angle, members, 1.2, config)
+    loop.run((0.0, 0.0, 0.0), 1.5)
+    assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=5e-3)
+    assert loop.errors[-1][0] < 2e-4
+
+
+def test_an_unknown_load_is_found():
+    loop = Loop(BOX, 0.2, APART)
+    margin = loop.object.slip_margin
+    assert margin > 0.5
+    load = 0.4 * margin * np.array([0.6, 0.8, 0.0])
+    loop.object.external_wrench = load
+    loop.run((0.0, 0.0, 0.0), 2.0)
+    assert loop.errors[-1][0] < 2e-4
+    assert loop.control.load.wrench == pytest.approx(load, abs=0.1 * np.hypot(*load[:2]))
+    assert loop.control.slip_margin == pytest.approx(loop.object.slip_margin, rel=0.05)
+
+
+def test_a_disc_at_a_module_answers_alike_as_a_grasp_and_as_a_grip():
+    grip = place_between(HOME, ('north/P-Z', 'north/Z-R'), Disc(0.3), indentation=0.01)
+    center = (grip.center.real, grip.center.imag)
+    short = Grasp('north/Z', center, 0.3)
+    one, other = (attach_model(HOME, held, 0.3) for held in (short, grip))
+    assert measured_pose(short, 0.3)[:2] == pytest.approx(measured_pose(grip, 0.3)[:2])
+    assert measured_pose(dataclasses.replace(grip, body=ConvexObject(BOX)), 0.3) == (0.0, 0.0, 0.0)
+    first, second = (sensitivity(grasp, FRICTION) for grasp in (one, other))
+    assert second.pose == pytest.approx(first.pose, rel=1e-6, abs=1e-12)
+    assert second.squeeze == pytest.approx(first.squeeze, rel=1e-6, abs=1e-9)
+    assert second.slip_margin == pytest.approx(first.slip_margin, rel=1e-7)
+    assert first.slope < 0.0
+    assert second.slope < 0.0
