@@ -50,12 +50,24 @@ class Configuration:
     @property
     def member_lengths(self) -> Array:
         """Return the (m,) member lengths, pinch to pinch, in `Robot.member_names` order [m]."""
-        return self.robot.constraints.lengths(self.points)[: self.robot.topology.n_modules]
+        return self.span_lengths[: self.robot.topology.n_modules]
+
+    @cached_property
+    def spans(self) -> Points:
+        """Return the (4m,) members, AB, AC and BC, from start to end, x + iy [m]."""
+        return self.robot.constraints.spans(self.points)
+
+    @cached_property
+    def span_lengths(self) -> Array:
+        """Return the (4m,) lengths of members, AB, AC and BC [m]."""
+        lengths = np.abs(self.spans)
+        lengths.flags.writeable = False
+        return lengths
 
     @cached_property
     def gradients(self) -> Points:
         """Return the entries of the matrix of (12), see `Constraints.gradients`."""
-        return self.robot.constraints.gradients(self.points)
+        return self.robot.constraints.gradients(self.spans, self.span_lengths)
 
     @cached_property
     def matrix(self) -> Array:
@@ -71,9 +83,7 @@ class Configuration:
         :raises ConfigurationError: the matrix is singular: the shape is not rigid.
         """
         try:
-            if 'gradients' in self.__dict__:
-                return factorize(self.robot.constraints.matrix_of(self.gradients))
-            return factorize(self.robot.constraints.matrix(self.points))
+            return factorize(self.robot.constraints.matrix_of(self.gradients))
         except np.linalg.LinAlgError as error:
             raise ConfigurationError(
                 f'robot {self.robot.name}: the shape at roller positions '
@@ -178,6 +188,18 @@ class Configuration:
         topology = self.robot.topology
         by_length = self.factor.solve_transposed(node_rows.T)[: topology.n_modules]
         return (by_length - by_length[topology.previous]).T  # dL_i = dphi_i - dphi_following(i)
+
+    def roller_rows(self, node_rows: Array) -> Array:
+        """
+        Turn rows on node velocities into rows on the roller speeds, see `module_rows`.
+
+        :param node_rows: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...).
+        :return: (k, r), for 1 m/s at each roller.
+        :raises ConfigurationError: the configuration is singular.
+        """
+        topology = self.robot.topology
+        by_length = self.factor.solve_transposed(node_rows.T).T
+        return by_length.take(topology.driven, 1) - by_length.take(topology.before_driven, 1)
 
 
 def follow_branch(

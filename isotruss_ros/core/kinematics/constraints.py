@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isotruss_ros.core.model.topology import Topology
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
@@ -64,6 +64,7 @@ class Constraints:
         spans = np.arange(4 * m)
         ends = (np.concatenate([self._heads, self._tails]), np.concatenate([spans, spans]))
         signs = np.repeat([1.0, -1.0], 4 * m)
+        self._gather, self._factors = _entries(topology)
         self._spread = coo_matrix((signs, ends), shape=(n, 4 * m)).tocsr()
         self._sparse = self._sparse_structure() if self.n_columns > DENSE_UP_TO else None
 
@@ -87,7 +88,7 @@ class Constraints:
         :param targets: what the lengths and the grounded coordinates are to be.
         :return: (5m + g,) of members, modules [m], bisection (3) [rad] and ground [m].
         """
-        stretched = points[self._heads] - points[self._tails]
+        stretched = self.spans(points)
         return np.concatenate(
             [
                 np.abs(stretched) - targets.lengths,
@@ -102,13 +103,21 @@ class Constraints:
         rod = (to_b + to_c).conj()
         return np.angle(-side * side[self._topology.previous] * rod * rod)
 
+    def spans(self, points: Points) -> Points:
+        """
+        Return the (4m,) members, AB, AC and BC, each from its start to its end [m].
+
+        :param points: (n,) nodes [m].
+        """
+        return points.take(self._heads) - points.take(self._tails)
+
     def lengths(self, points: Points) -> Array:
         """
         Return the (4m,) lengths of members, AB, AC and BC [m].
 
         :param points: (n,) nodes [m].
         """
-        return np.abs(points[self._heads] - points[self._tails])
+        return np.abs(self.spans(points))
 
     def matrix(self, points: Points) -> Array | csc_matrix:
         """
@@ -117,32 +126,29 @@ class Constraints:
         :param points: (n,) nodes [m].
         :return: (5m + g, 2n), dense or, for a large robot, sparse.
         """
-        return self.matrix_of(self.gradients(points))
+        spans = self.spans(points)
+        return self.matrix_of(self.gradients(spans, np.abs(spans)))
 
-    def gradients(self, points: Points) -> Points:
+    def gradients(self, spans: Points, lengths: Array) -> Points:
         """
         Return the entries of the matrix: the gradient of a row by a node, as a complex number.
 
-        :param points: (n,) nodes [m].
+        :param spans: (4m,) see `spans` [m].
+        :param lengths: (4m,) their lengths [m].
         :return: (13m,) of members, AB, AC and BC [-], four and four; of bisection [1/m], five.
         """
-        stretched = points[self._heads] - points[self._tails]
-        unit = stretched / np.abs(stretched)
-        side, to_b, to_c, _ = stretched.reshape(4, -1)
-        to_next = 1j / side.conj()
-        to_previous = -to_next[self._topology.previous]
-        turn = 2j / (to_b + to_c).conj()
-        return np.concatenate(
-            [
-                unit,
-                -unit,
-                to_next,
-                -to_next - turn,
-                -to_previous - turn,
-                2.0 * turn,
-                to_previous,
-            ]
-        )
+        m = self._topology.n_modules
+        parts = np.empty(6 * m, dtype=np.complex128)
+        np.divide(spans, lengths, out=parts[: 4 * m])
+        np.divide(parts[:m], lengths[:m], out=parts[4 * m : 5 * m])
+        rod = spans[m : 2 * m] + spans[2 * m : 3 * m]
+        np.divide(2.0, rod.conj(), out=parts[5 * m :])
+        entries = parts.take(self._gather)
+        entries *= self._factors
+        # Nodes B and C turn a side and the rod.
+        both = entries[9 * m : 11 * m].reshape(2, m)
+        both -= 0.5 * entries[11 * m : 12 * m]
+        return entries
 
     def matrix_of(self, values: Points) -> Array | csc_matrix:
         """
@@ -191,3 +197,14 @@ class Constraints:
         gradients[arms] += np.concatenate([turned, turned])
         derivative = self._spread @ gradients
         return np.ascontiguousarray(derivative.T).view(np.float64).T
+
+
+def _entries(topology: Topology) -> tuple[Indices, Points]:
+    """Return of which part each entry of the matrix is a multiple, and which, (13m,)."""
+    m, previous = topology.n_modules, topology.previous
+    spans, each = np.arange(4 * m), np.arange(m)
+    side, rod = 4 * m + each, 5 * m + each
+    # Unit vectors at both ends; then of bisection: next C, own B and C, joint, previous B.
+    gather = [spans, spans, side, side, side[previous], rod, side[previous]]
+    factors = np.repeat([1.0, -1.0, 1j, -1j, 1j, 1j * 2.0, -1j], [4 * m, 4 * m, m, m, m, m, m])
+    return np.concatenate(gather), factors

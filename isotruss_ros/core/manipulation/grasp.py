@@ -8,7 +8,9 @@ in that frame, except for rolling. Points of the plane are complex numbers, as i
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+import functools
 import math
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -37,8 +39,7 @@ class Grasp:
     __post_init__ = Cylinder.__post_init__
 
 
-@dataclass(frozen=True)
-class GraspingMembers:
+class GraspingMembers(NamedTuple):
     """
     The two members that meet at a grip module, in one configuration.
 
@@ -73,6 +74,32 @@ def module_index(robot: Robot, name: str) -> int:
         ) from None
 
 
+@functools.lru_cache(maxsize=1024)
+def nodes_at_module(robot: Robot, name: str) -> tuple[int, tuple[int, int, int, int]]:
+    """
+    Return the number of a module, and of the nodes B, B', C, C' of the two members there.
+
+    :param robot: the robot.
+    :param name: name `t/j` of the module.
+    :raises GraspError: the robot has no such module.
+    """
+    i, topology = module_index(robot, name), robot.topology
+    b, c = topology.b, topology.c
+    ahead, back = int(topology.following[i]), int(topology.previous[i])
+    return i, (int(b[i]), int(c[ahead]), int(c[i]), int(b[back]))
+
+
+@functools.lru_cache(maxsize=1024)
+def find_roller(robot: Robot, name: str) -> int | None:
+    """
+    Return the number of the roller of a module, None where that is passive.
+
+    :param robot: the robot.
+    :param name: name `t/j` of the module.
+    """
+    return robot.roller_names.index(name) if name in robot.roller_names else None
+
+
 def members_at_module(config: Configuration, module: str) -> GraspingMembers:
     """
     Find the two members that meet at a module.
@@ -81,13 +108,11 @@ def members_at_module(config: Configuration, module: str) -> GraspingMembers:
     :param module: name `t/j` of the module.
     :raises GraspError: the robot has no such module.
     """
-    topology, points = config.robot.topology, config.points
-    i = module_index(config.robot, module)
-    b, c = int(topology.b[i]), int(topology.c[i])
-    b_next, c_prev = int(topology.c[topology.following[i]]), int(topology.b[topology.previous[i]])
-    ahead, back = complex(points[b_next] - points[b]), complex(points[c_prev] - points[c])
+    i, nodes = nodes_at_module(config.robot, module)
+    b, b_next, c, c_prev = map(config.points.item, nodes)
+    ahead, back = b_next - b, c_prev - c
     side = 1.0 if (ahead.conjugate() * back).imag > 0.0 else -1.0
-    return GraspingMembers(i, (b, b_next, c, c_prev), ahead, back, side)
+    return GraspingMembers(i, nodes, ahead, back, side)
 
 
 def find_grasping_members(config: Configuration, grasp: Grasp) -> GraspingMembers:
@@ -101,8 +126,8 @@ def find_grasping_members(config: Configuration, grasp: Grasp) -> GraspingMember
     members = members_at_module(config, grasp.module)
     b, _, c, _ = members.nodes
     center = complex(*grasp.center)
-    left_of_ahead = (members.ahead.conjugate() * (center - complex(config.points[b]))).imag
-    left_of_back = (members.back.conjugate() * (center - complex(config.points[c]))).imag
+    left_of_ahead = (members.ahead.conjugate() * (center - config.points.item(b))).imag
+    left_of_back = (members.back.conjugate() * (center - config.points.item(c))).imag
     if not (left_of_ahead * members.side > 0.0 and left_of_back * members.side < 0.0):
         raise GraspError(
             f'the object at ({center.real:.4g}, {center.imag:.4g}) m is not between the two '
@@ -240,8 +265,7 @@ def predict_grasp(
 
 def _rolled(config: Configuration, members: GraspingMembers, grasp: Grasp) -> float:
     """Return the angle by which the object has rolled since home [rad]: (17) integrated."""
-    driven = config.robot.topology.driven
-    place = int(driven.searchsorted(members.index))
-    if place == len(driven) or driven[place] != members.index:
+    place = find_roller(config.robot, grasp.module)
+    if place is None:
         return 0.0
     return members.side * 2.0 * float(config.roller_positions[place]) / grasp.diameter

@@ -63,11 +63,13 @@ class WorkingRollers:
     :ivar places: (w,) their numbers among all rollers.
     :ivar cost: (w, w) C^T C, the cost (11) of their speeds [-].
     :ivar even: (w, w) E with |C E y| = |y|: speeds of equal cost [-].
+    :ivar all: whether these are all rollers of the robot.
     """
 
     places: Indices
     cost: Array
     even: Array
+    all: bool
 
 
 @functools.lru_cache(maxsize=16)
@@ -86,7 +88,8 @@ def working_rollers(robot: Robot, failed: frozenset[str]) -> WorkingRollers:
     # (11): J = |Ldot|^2, and Ldot = C phidot keeps the length of each tube (13).
     incidence = robot.topology.incidence[:, places]
     cost = incidence.T @ incidence
-    return WorkingRollers(places, cost, np.linalg.inv(np.linalg.cholesky(cost)).T)
+    even = np.linalg.inv(np.linalg.cholesky(cost)).T
+    return WorkingRollers(places, cost, even, len(places) == len(robot.roller_names))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +114,6 @@ def apply_limits(
     task: Task,
     limits: Sequence[Limit],
     rows: StackedRows,
-    free: Array,
     admitted: Flags,
     max_speed: float,
     slide_along_limits: bool,
@@ -124,23 +126,22 @@ def apply_limits(
     :param working: the working rollers.
     :param task: the task.
     :param limits: the limits.
-    :param rows: their rows on the working rollers, see `stack_rows`.
-    :param free: (w,) roller speeds that carry out the task without limits, for 1 m/s of it [-].
-    :param admitted: (k,) which rows admit them at the speed of the task.
+    :param rows: their rows, see `stack_rows`.
+    :param admitted: (k,) which rows admit the task at the least cost, without limits.
     :param max_speed: largest speed of a roller [m/s].
     :param slide_along_limits: rather than stop at limits on the configuration.
     :param period: for which the command holds [s]; zero switches regularization off.
     :param regularization: weights, see there.
     :raises SolverError: a quadratic program was not solved.
     """
-    gain = float(np.abs(free).max())
+    gain = float(np.abs(task.free).max())
     asked = gain * task.speed
     # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
     unit = min(max_speed, asked)
     with np.errstate(over='ignore'):
         lower = np.maximum(rows.lower / unit, -MAX_REACH)
         upper = np.minimum(rows.upper / unit, MAX_REACH)
-    matrix = rows.matrix
+    matrix = rows.matrix if working.all else rows.matrix[:, working.places]
     reach = min(asked / unit, MAX_SCALE)
     scaled: Flags | slice = slice(None)
     if slide_along_limits:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import functools
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -32,20 +33,48 @@ class Rows(NamedTuple):
     upper: Array
 
 
-class StackedRows(NamedTuple):
+class StackedRows:
     """
     The rows of several limits, one limit after the other.
 
-    :ivar matrix: (k, r) on the roller speeds [-].
-    :ivar lower: (k,) [m/s].
-    :ivar upper: (k,) [m/s].
-    :ivar limit: (k,) number of the limit that a row belongs to.
+    :ivar parts: the rows of each limit.
+    :param parts: the rows of each limit.
     """
 
-    matrix: Array
-    lower: Array
-    upper: Array
-    limit: Indices
+    def __init__(self, parts: Sequence[Rows]) -> None:
+        self.parts = parts
+
+    @cached_property
+    def matrix(self) -> Array:
+        """Return the (k, r) rows on the roller speeds [-]."""
+        return np.concatenate([part.matrix for part in self.parts])
+
+    @cached_property
+    def lower(self) -> Array:
+        """Return the (k,) lower bounds [m/s]."""
+        return np.concatenate([part.lower for part in self.parts])
+
+    @cached_property
+    def upper(self) -> Array:
+        """Return the (k,) upper bounds [m/s]."""
+        return np.concatenate([part.upper for part in self.parts])
+
+    @cached_property
+    def limit(self) -> Indices:
+        """Return the (k,) numbers of the limits that rows belong to."""
+        return np.arange(len(self.parts)).repeat([len(part.upper) for part in self.parts])
+
+    def admit(self, velocities: Array) -> list[Flags]:
+        """
+        Return, by limit, which of its rows admit roller speeds.
+
+        :param velocities: (r,) [m/s].
+        """
+        admitted: list[Flags] = []
+        for matrix, lower, upper in self.parts:
+            rates = matrix.dot(velocities)
+            admitted.append((rates <= upper) & (rates >= lower))
+        return admitted
 
 
 class Limit(Protocol):
@@ -71,15 +100,18 @@ class Limit(Protocol):
 
 
 @functools.lru_cache(maxsize=16)
-def identity(count: int) -> Array:
+def speed_rows(count: int, max_speed: float) -> Rows:
     """
-    Return the identity matrix, which is not to be written to.
+    Return the rows of `RollerSpeedLimit`, which are not to be written to.
 
-    :param count: number of rows and columns.
+    :param count: number of rollers.
+    :param max_speed: of each [m/s].
     """
-    matrix = np.eye(count)
-    matrix.flags.writeable = False
-    return matrix
+    bound = np.full(count, max_speed)
+    rows = Rows(np.eye(count), -bound, bound)
+    for array in rows:
+        array.flags.writeable = False
+    return rows
 
 
 @dataclass(frozen=True)
@@ -103,9 +135,7 @@ class RollerSpeedLimit:
 
         :param config: configuration of the robot.
         """
-        count = len(config.robot.roller_names)
-        bound = np.full(count, self.max_speed)
-        return Rows(identity(count), -bound, bound)
+        return speed_rows(len(config.robot.roller_names), self.max_speed)
 
     def row_names(self, config: Configuration) -> tuple[str, ...]:
         """
@@ -160,6 +190,7 @@ class MemberLengthLimit:
         return config.robot.member_names
 
 
+@functools.lru_cache(maxsize=16)
 def default_limits(robot: Robot) -> tuple[Limit, ...]:
     """
     Return the limits of the robot file.
@@ -180,14 +211,7 @@ def stack_rows(config: Configuration, limits: Sequence[Limit]) -> StackedRows:
     :param config: configuration of the robot.
     :param limits: the limits.
     """
-    parts = [limit.rows(config) for limit in limits]
-    count = len(config.robot.roller_names)
-    return StackedRows(
-        np.concatenate([np.zeros((0, count)), *[part.matrix for part in parts]]),
-        np.concatenate([np.zeros(0), *[part.lower for part in parts]]),
-        np.concatenate([np.zeros(0), *[part.upper for part in parts]]),
-        np.arange(len(parts)).repeat([len(part.upper) for part in parts]),
-    )
+    return StackedRows([limit.rows(config) for limit in limits])
 
 
 def name_binding_rows(

@@ -98,7 +98,7 @@ def solve_joint_velocity(
     columns = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
     rows = np.zeros((len(columns), 2 * len(config.points)))
     rows[np.arange(len(columns)), columns] = 1.0
-    motion = config.module_rows(rows)[:, robot.topology.driven]
+    motion = config.roller_rows(rows)
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
     command = carry_out(
         config,

@@ -8,6 +8,7 @@ import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject, members_at_module
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_reach import find_grip_reach
@@ -100,13 +101,13 @@ def solve_twist(
     """
     robot = config.robot
     desired = np.asarray(twist)
-    if desired.dtype != float or desired.shape != (3,) or not np.isfinite(desired).all():
+    if desired.dtype != float or desired.shape != (3,) or not _finite(*desired.tolist()):
         desired = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
     if isinstance(grasp, Grip):
         jacobian, reach = find_grip_reach(config, grasp, working, desired)
     else:
-        jacobian, reach = find_reach(config, grasp, working.places)
+        jacobian, reach = find_reach(config, grasp, None if working.all else working.places)
     if opening_rate != 0.0:
         opening_rate = _opening(config, grasp, opening_rate)
     limits = default_limits(robot) if limits is None else limits
@@ -122,6 +123,10 @@ def solve_twist(
         regularization,
         opening_rate,
     )
+
+
+def _finite(x: float, y: float, angle: float) -> bool:
+    return math.isfinite(x) and math.isfinite(y) and math.isfinite(angle)
 
 
 def _opening(config: Configuration, grasp: Grasp | Grip, rate: float) -> float:
@@ -159,44 +164,43 @@ def carry_out(
     :raises SolverError: a quadratic program was not solved.
     """
     robot = config.robot
-    velocities, dof = np.zeros(len(robot.roller_names)), len(reach.directions)
-    rest = np.zeros(len(motion))
-    if not desired.any() and opening_rate == 0.0:
-        return RollerCommand(velocities, rest, 1.0, Status.IDLE, (), dof)
+    dof = len(reach.directions)
+    if opening_rate == 0.0 and not any(desired.tolist()):
+        return _standing(robot, len(motion), Status.IDLE, dof)
     task = Task(reach, desired, working.even, opening_rate)
     status = Status.OK if task.reachable else Status.UNREACHABLE
     if task.speed == 0.0:
-        return RollerCommand(velocities, rest, 1.0, status, (), dof)
+        return _standing(robot, len(motion), status, dof)
     rows = stack_rows(config, limits)
-    rows = rows._replace(matrix=rows.matrix[:, working.places])
-    free = task.free
-    gain = float(np.abs(free).max())
-    rates = rows.matrix @ (free / gain)
-    asked = gain * task.speed
-    with np.errstate(over='ignore'):
-        admitted = (rates <= rows.upper / asked) & (rates >= rows.lower / asked)
-    if admitted.all():
-        velocities[working.places] = (free / gain) * asked
-        return RollerCommand(velocities, motion @ velocities, 1.0, status, (), dof)
+    velocities = task.velocities() if working.all else np.zeros(len(robot.roller_names))
+    if not working.all:
+        velocities[working.places] = task.velocities()
+    admitted = rows.admit(velocities)
+    if all(flags.all() for flags in admitted):
+        return RollerCommand(velocities, motion.dot(velocities), 1.0, status, (), dof)
     limited = apply_limits(
         working,
         task,
         limits,
         rows,
-        free,
-        admitted,
+        np.concatenate(admitted),
         robot.description.max_speed,
         slide_along_limits,
         period,
         regularization,
     )
     velocities[working.places] = limited.velocities
+    achieved = motion.dot(velocities)
     limiting: tuple[str, ...] = ()
     if limited.scale < 1.0:
         slowed, limiting = name_binding_rows(config, limits, rows, limited.binding)
         if task.reachable:
             status = Status.SLIDING if limited.slid else slowed
-    return RollerCommand(velocities, motion @ velocities, limited.scale, status, limiting, dof)
+    return RollerCommand(velocities, achieved, limited.scale, status, limiting, dof)
+
+
+def _standing(robot: Robot, count: int, status: Status, dof: int) -> RollerCommand:
+    return RollerCommand(np.zeros(len(robot.roller_names)), np.zeros(count), 1.0, status, (), dof)
 
 
 def solve_twist_ahead(
@@ -256,5 +260,5 @@ def reachable_twists(
     if isinstance(grasp, Grip):
         _, reach = find_grip_reach(config, grasp, working)
     else:
-        _, reach = find_reach(config, grasp, working.places)
+        _, reach = find_reach(config, grasp, None if working.all else working.places)
     return reach.directions / reach.weights

@@ -10,17 +10,25 @@ are the speeds of the working rollers alone.
 from __future__ import annotations
 
 from dataclasses import dataclass
+import functools
 import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import find_grasping_members, Grasp
+from isotruss_ros.core.manipulation.grasp import find_grasping_members, find_roller, Grasp
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 from scipy.linalg import lapack
 
 #: Directions in which 1 m/s at the rollers moves the object's surface by less [m/s] are lost.
 RANK_TOLERANCE = 1e-5
+#: Squares of singular values above this, and above this share of the largest, are not in doubt.
+FREE_SHARE = 1e-8
+#: Products with speeds up to this stay finite [m/s].
+MODEST = 1e100
+#: All directions.
+EVERYWHERE = np.eye(3)
+EVERYWHERE.flags.writeable = False
 #: A twist is unreachable where more than this share of it is.
 REACH_TOLERANCE = 1e-9
 
@@ -47,24 +55,32 @@ def grasp_rows(config: Configuration, grasp: Grasp) -> GraspRows:
     :raises GraspError: no such module, or the object is not between its two members.
     """
     members = find_grasping_members(config, grasp)
-    b, b_next, c, c_prev = members.nodes
-    arm = complex(*grasp.center) - complex(config.points[b])
+    arm = complex(*grasp.center) - config.points.item(members.nodes[0])
     turn_ahead = 1j / members.ahead.conjugate()  # gradient of the direction angle of B -> B'
     turn_back = 1j / members.back.conjugate()
-    rows = np.zeros((4, len(config.points)), dtype=np.complex128)
     # (15): xdot = xdot_B + omega_frame z x arm, since the object is at rest in the grasp frame.
     # (16): omega_frame is the rate of the direction angle of B -> B'.
-    rates = np.array([-arm.imag, arm.real, 1.0, -1.0])
-    rows[:, b_next] = rates * turn_ahead
-    rows[:, b] = -rows[:, b_next]
-    rows[0, b] += 1.0
-    rows[1, b] += 1.0j
+    x, y = arm.imag * turn_ahead, arm.real * turn_ahead
     # (14), its derivative: the direction angle of C -> C' minus that of B -> B'.
-    rows[3, c_prev] = turn_back
-    rows[3, c] = -turn_back
+    entries = (
+        *(-x, y, turn_ahead, -turn_ahead),  # of B', in the four rows
+        *(1.0 + x, 1.0j - y, -turn_ahead, turn_ahead),  # of B
+        *(turn_back, -turn_back),  # of C' and C, in the last row
+    )
+    n = len(config.points)
+    rows = np.zeros(4 * n, dtype=np.complex128)
+    rows[_places(n, members.nodes)] = entries
     # (17): omega_roll = 2 phidot / d, with the sign of the side on which the object lies.
     rolling = np.array([0.0, 0.0, 2.0 * members.side / grasp.diameter, 0.0])
-    return GraspRows(rows.view(np.float64), rolling)
+    return GraspRows(rows.view(np.float64).reshape(4, 2 * n), rolling)
+
+
+@functools.lru_cache(maxsize=1024)
+def _places(count: int, nodes: tuple[int, int, int, int]) -> Indices:
+    """Return where the entries of `grasp_rows` are, of B', B, C' and C."""
+    b, b_next, c, c_prev = nodes
+    first = count * np.arange(4)
+    return np.concatenate([first + b_next, first + b, [first[3] + c_prev, first[3] + c]])
 
 
 def task_jacobian(config: Configuration, grasp: Grasp) -> Array:
@@ -79,10 +95,12 @@ def task_jacobian(config: Configuration, grasp: Grasp) -> Array:
     :raises ConfigurationError: the configuration is singular.
     """
     rows = grasp_rows(config, grasp)
-    jacobian = config.module_rows(rows.nodes)
-    # (18): omega = omega_frame + omega_roll.
-    jacobian[:, config.robot.module_names.index(grasp.module)] += rows.rolling
-    return jacobian[:, config.robot.topology.driven]
+    jacobian = config.roller_rows(rows.nodes)
+    roller = find_roller(config.robot, grasp.module)
+    if roller is not None:
+        # (18): omega = omega_frame + omega_roll.
+        jacobian[:, roller] += rows.rolling
+    return jacobian
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,17 +110,16 @@ class Reach:
 
     All rows are speeds of the object's surface, so that rotation and translation compare.
 
-    :ivar task: (3, w) rows vx, vy, omega d/2 on the speeds of the working rollers [-].
-    :ivar grip: (g, w) rows that keep the grip: its angle, or the contacts of a `Grip`, as far as
-        rollers change it [-].
+    :ivar rows: (k + g, w) rows of (20) on the speeds of the working rollers [-]: the components
+        of the twist along the directions, then what keeps the grip: its angle, or the contacts of
+        a `Grip`, as far as rollers change it.
     :ivar directions: (k, 3) orthonormal: the reachable twists.
     :ivar weights: (3,) what turns vx, vy, omega into speeds of the surface: 1, 1, d/2 [m].
     :ivar opening: (g,) what turns an opening rate into speeds along the rows of the grip: d/2 [m]
         for an angle, [-] for a distance.
     """
 
-    task: Array
-    grip: Array
+    rows: Array
     directions: Array
     weights: Array
     opening: Array
@@ -117,18 +134,22 @@ class Reach:
         :param opening: what turns the g rows of the grip into speeds [-] or [m]; the first of
             them is the opening rate.
         """
-        weights = np.array([1.0, 1.0, radius])
-        task = weights[:, None] * active[:3]
         if len(active) > 4:
-            return cls._of_many(task, opening * active[3:], weights)
-        grip = active[3] * opening
+            weights = np.array([1.0, 1.0, radius])
+            return cls._of_many(weights[:, None] * active[:3], opening * active[3:], weights)
+        sizes, weights, opened = _sizes(radius, opening)
+        rows = sizes * active
+        if _moves_freely(rows):
+            return cls(rows, EVERYWHERE, weights, opened)
+        task, grip = rows[:3], rows[3]
         square = float(grip @ grip)
         held = square > RANK_TOLERANCE**2
         keeping = task - (task @ grip)[:, None] * (grip / square) if held else task
         basis, gains, _ = np.linalg.svd(keeping, full_matrices=False)
-        kept = grip[None] if held else grip[None][:0]
-        opened = np.array([opening] if held else [])
-        return cls(task, kept, basis[:, gains > RANK_TOLERANCE].T, weights, opened)
+        directions = basis[:, gains > RANK_TOLERANCE].T
+        if not held:
+            return cls(directions @ task, directions, weights, np.zeros(0))
+        return cls(np.vstack([directions @ task, grip]), directions, weights, opened)
 
     @classmethod
     def _of_many(cls, task: Array, grip: Array, weights: Array) -> Reach:
@@ -138,7 +159,8 @@ class Reach:
         kept = basis[held]
         directions, sizes, _ = np.linalg.svd(task - (task @ kept.T) @ kept, full_matrices=False)
         reachable = directions[:, sizes > RANK_TOLERANCE].T
-        return cls(task, kept, reachable, weights, mixed[0, held] / gains[held])
+        rows = np.vstack([reachable @ task, kept])
+        return cls(rows, reachable, weights, mixed[0, held] / gains[held])
 
     @classmethod
     def of_points(cls, active: Array) -> Reach:
@@ -148,24 +170,52 @@ class Reach:
         :param active: (2 k, w) rows vx, vy of k points on the speeds of the working rollers [-].
         """
         basis, gains, _ = np.linalg.svd(active, full_matrices=False)
-        no_grip = np.zeros((0, active.shape[1]))
         reachable = basis[:, gains > RANK_TOLERANCE].T
-        return cls(active, no_grip, reachable, np.ones(len(active)), np.zeros(0))
+        return cls(reachable @ active, reachable, np.ones(len(active)), np.zeros(0))
 
 
-def find_reach(config: Configuration, grasp: Grasp, working: Indices) -> tuple[Array, Reach]:
+@functools.lru_cache(maxsize=64)
+def _sizes(radius: float, opening: float) -> tuple[Array, Array, Array]:
+    """Return the weights of four rows (4, 1), and those of the twist and of the grip alone."""
+    sizes = np.array([1.0, 1.0, radius, opening])
+    sizes.flags.writeable = False
+    return sizes[:, None], sizes[:3], sizes[3:]
+
+
+def _moves_freely(rows: Array) -> bool:
+    """
+    Tell whether all twists are reachable, and the grip can be kept: surely so, or not surely.
+
+    The least eigenvalue of the Gram matrix of three rows, less their parts along the fourth, is at
+    least 4 det / trace^2, since the other two add up to at most the trace.
+    """
+    (xx, xy, xz, xg), (_, yy, yz, yg), (_, _, zz, zg), (_, _, _, gg) = rows.dot(rows.T).tolist()
+    if not gg > FREE_SHARE:
+        return False
+    x, y, z = xg / gg, yg / gg, zg / gg
+    xx, yy, zz = xx - x * xg, yy - y * yg, zz - z * zg
+    xy, xz, yz = xy - x * yg, xz - x * zg, yz - y * zg
+    trace = xx + yy + zz
+    det = xx * (yy * zz - yz * yz) - xy * (xy * zz - xz * yz) + xz * (xy * yz - xz * yy)
+    return 4.0 * det > FREE_SHARE * trace * trace * max(1.0, trace)
+
+
+def find_reach(
+    config: Configuration, grasp: Grasp, working: Indices | None = None
+) -> tuple[Array, Reach]:
     """
     Return the task Jacobian (4, r), see `task_jacobian`, and the reachable twists.
 
     :param config: configuration of the robot.
     :param grasp: the grasp.
-    :param working: (w,) numbers of the rollers that have not failed.
+    :param working: (w,) numbers of the rollers that have not failed, all if None.
     :raises GraspError: see `grasp_rows`.
     :raises ConfigurationError: the configuration is singular.
     """
     jacobian = task_jacobian(config, grasp)
     radius = 0.5 * grasp.diameter
-    return jacobian, Reach.of(jacobian[:, working], radius, radius)
+    active = jacobian if working is None else jacobian[:, working]
+    return jacobian, Reach.of(active, radius, radius)
 
 
 class Task:
@@ -186,28 +236,47 @@ class Task:
     """
 
     def __init__(self, reach: Reach, twist: Array, even: Array, opening_rate: float = 0.0) -> None:
-        opening = reach.opening * opening_rate
-        size = float(np.abs(twist).max())
-        if opening_rate != 0.0:
-            size = max(size, float(np.abs(opening).max(initial=0.0)))
-        # A twist of any finite size must not overflow.
-        unit = reach.weights * (twist / size)
-        closest = reach.directions @ unit
-        opening /= size
-        length = math.sqrt(closest @ closest + opening @ opening)
-        missed = reach.directions.T @ closest - unit
-        smallest = REACH_TOLERANCE * math.sqrt(unit @ unit)
-        self.rank = rank = len(reach.directions)
-        self.reachable = math.sqrt(missed @ missed) <= smallest
-        self.speed = size * length if length > smallest else 0.0
         # (20): these rows times the roller speeds are the twist, and the grip's opening rate,
         # which is zero in the paper.
-        self.equality = np.vstack([reach.directions @ reach.task, reach.grip])
-        self.direction = np.zeros(len(self.equality))
+        self.equality = reach.rows
+        self.rank = len(reach.directions)
+        # A twist of any finite size must not overflow.
+        size = max(map(abs, twist.tolist()))
+        if reach.directions is EVERYWHERE and opening_rate == 0.0:
+            self.reachable = True
+            vx, vy, turning = (reach.weights * (twist / size)).tolist()
+            length = math.hypot(vx, vy, turning)
+            self.speed = size * length
+            self.direction = np.array([vx / length, vy / length, turning / length, 0.0])
+        else:
+            self._find_direction(reach, twist, size, opening_rate)
         if self.speed > 0.0:
-            self.direction[:rank] = closest / length
-            self.direction[rank:] = opening / length
             self.free = least_cost(even, self.equality, self.direction)
+
+    def _find_direction(
+        self, reach: Reach, twist: Array, size: float, opening_rate: float
+    ) -> None:
+        """Find direction and size of the closest reachable twist, whatever the reach is."""
+        opening = reach.opening * opening_rate
+        size = max(size, float(np.abs(opening).max(initial=0.0)))
+        unit = reach.weights * (twist / size)
+        closest = reach.directions.dot(unit)
+        missed = closest.dot(reach.directions) - unit
+        smallest = REACH_TOLERANCE * math.sqrt(unit.dot(unit))
+        self.reachable = math.sqrt(missed.dot(missed)) <= smallest
+        self.direction = np.append(closest, opening / size)
+        length = math.sqrt(self.direction.dot(self.direction))
+        self.speed = 0.0
+        if length > smallest:
+            self.speed = size * length
+            self.direction /= length
+
+    def velocities(self) -> Array:
+        """Return the (w,) roller speeds of the least cost without limits [m/s]; inf beyond."""
+        if self.speed < MODEST:
+            return self.free * self.speed
+        with np.errstate(over='ignore', invalid='ignore'):
+            return self.free * self.speed
 
 
 def least_cost(even: Array, equality: Array, direction: Array) -> Array:
@@ -221,4 +290,4 @@ def least_cost(even: Array, equality: Array, direction: Array) -> Array:
     # (20): u = E y with the shortest y that fulfils J E y = direction.
     right = np.zeros(len(even))
     right[: len(direction)] = direction
-    return even @ lapack.dgels(equality @ even, right)[1]
+    return even.dot(lapack.dgels(equality.dot(even), right)[1])

@@ -56,6 +56,11 @@ class Topology:
         return self.b + 1
 
     @cached_property
+    def before_driven(self) -> Indices:
+        """Return the module before each that has a motor, (r,)."""
+        return self.previous[self.driven]
+
+    @cached_property
     def node_names(self) -> tuple[str, ...]:
         """Return the names of the kinematic nodes: joints, then t/j/B and t/j/C."""
         pinch = [f'{module}/{node}' for module in self.module_names for node in 'BC']

@@ -242,7 +242,7 @@ def _shape(state: SearchState, closing: Closing) -> Part:
             state.distances[near] - settings.self_clearance * length,
         ]
     )
-    matrix = config.module_rows(rows)[:, robot.topology.driven]
+    matrix = config.roller_rows(rows)
     lower = np.minimum(0.0, -settings.bound_share * left)
     return Part(matrix, lower, np.full(len(left), np.inf))
 

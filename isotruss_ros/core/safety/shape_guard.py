@@ -108,8 +108,7 @@ class ShapeGuard:
         found = [(barrier, active) for barrier, active in found if len(active.indices)]
         limits: list[BarrierLimit] = []
         if found:
-            rows = config.module_rows(np.concatenate([active.node_rows for _, active in found]))
-            rows = rows[:, config.robot.topology.driven]
+            rows = config.roller_rows(np.concatenate([active.node_rows for _, active in found]))
             stop = 0
             for barrier, active in found:
                 start, stop = stop, stop + len(active.indices)
