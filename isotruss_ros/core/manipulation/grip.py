@@ -99,8 +99,11 @@ class MemberNodes(NamedTuple):
     :ivar members: (k,) numbers of the members, which are those of the modules that they leave.
     :ivar starts: (k,) nodes B at which they start.
     :ivar ends: (k,) nodes C at which they end.
-    :ivar places: (2, k, 2) where starts and ends are in rows vx, vy by member and node, flat.
-    :ivar columns: (2 k,) the members, for their rows vx and vy.
+    :ivar places: (4 k,) where starts and ends are in rows vx, vy by member and node, flat.
+    :ivar rolled: (2 d,) where the d rollers at starts are in rows vx, vy by member and roller,
+        flat; members that start at a passive module have none.
+    :ivar driven: (2 d,) numbers of these rows.
+    :ivar rollers: (d,) numbers of these rollers.
     :ivar numbers: (k,) 0, 1, ...
     """
 
@@ -108,7 +111,9 @@ class MemberNodes(NamedTuple):
     starts: Indices
     ends: Indices
     places: Indices
-    columns: Indices
+    rolled: Indices
+    driven: Indices
+    rollers: Indices
     numbers: Indices
 
 
@@ -132,8 +137,12 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
     numbers = np.arange(len(members))
     starts, ends = topology.b[members], topology.c[topology.following[members]]
     rows = np.arange(2 * len(members)).reshape(-1, 2) * topology.n_nodes
-    places = np.stack([starts[:, None] + rows, ends[:, None] + rows])
-    found = MemberNodes(members, starts, ends, places, members.repeat(2), numbers)
+    places = np.stack([starts[:, None] + rows, ends[:, None] + rows], axis=1).ravel()
+    columns = topology.driven.searchsorted(members)
+    driven = np.isin(members, topology.driven).repeat(2).nonzero()[0]
+    rollers = columns.repeat(2)[driven]
+    rolled = driven * len(topology.driven) + rollers
+    found = MemberNodes(members, starts, ends, places, rolled, driven, rollers[::2], numbers)
     for array in found:
         array.flags.writeable = False
     return found

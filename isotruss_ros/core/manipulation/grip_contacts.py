@@ -8,8 +8,8 @@ so it can neither lift nor turn. Points of the plane are complex numbers, as in 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -17,6 +17,7 @@ from isotruss_ros.core.manipulation.grip import find_members, Grip, MemberNodes
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
@@ -24,8 +25,7 @@ import numpy as np
 FACE_ANGLE = 1e-3
 
 
-@dataclass(frozen=True, eq=False)
-class GripContacts:
+class GripContacts(NamedTuple):
     """
     The k contacts of a grip, in the robot frame: one for each member, two where a face lies on it.
 
@@ -58,31 +58,50 @@ def find_contacts(config: Configuration, grip: Grip) -> GripContacts:
     """
     body, nodes = grip.body, find_members(config.robot, grip.members)
     owners = nodes.numbers
-    starts = config.points[nodes.starts]
-    spans = config.points[nodes.ends] - starts
-    lengths = np.abs(spans)
-    axes = spans / lengths
-    inside = grip.center if isinstance(body, Cylinder) else body.middle
-    sides = np.sign((axes.conj() * (inside - starts)).imag)
-    normals = -1j * sides * axes
-    if isinstance(body, Cylinder):
-        points = inside + 0.5 * body.diameter * normals
-    else:
-        owners, points = touched_points(body, normals)
-        if len(owners) > len(spans):
-            nodes = find_members(config.robot, tuple(grip.members[i] for i in owners))
-            starts, spans, lengths, axes = (
-                values[owners] for values in (starts, spans, lengths, axes)
-            )
-            sides, normals = sides[owners], normals[owners]
-    local = axes.conj() * (points - starts)
-    tube = config.robot.description.tube_diameter
     # Lists: with a few entries quicker than arrays.
-    gaps = (sides * local.imag - 0.5 * tube).tolist()
-    shares = (local.real / lengths).tolist()
-    if min(gaps) < -tube or max(gaps) > tube or min(shares) < 0.0 or max(shares) > 1.0:
+    starts = config.points.take(nodes.starts).tolist()
+    ends = config.points.take(nodes.ends).tolist()
+    inside = grip.center if isinstance(body, Cylinder) else body.middle
+    radius = _radius(body)
+    members: list[tuple[complex, complex, float, complex]] = []
+    points: list[complex] = []
+    for start, end in zip(starts, ends, strict=True):
+        span = end - start
+        axis = span / abs(span)
+        across = (axis.conjugate() * (inside - start)).imag
+        side = math.copysign(1.0, across) if across else 0.0
+        normal = -1j * side * axis
+        members.append((span, axis, side, normal))
+        points.append(inside + radius * normal)
+    if math.isnan(radius):
+        own = np.array([normal for *_, normal in members])
+        owners, touched = touched_points(body, own)
+        points = touched.tolist()
+        if len(owners) > len(members):
+            nodes = find_members(config.robot, tuple(grip.members[i] for i in owners))
+        starts = [starts[i] for i in owners]
+        members = [members[i] for i in owners]
+    spans, axes, sides, normals = zip(*members, strict=True)
+    tube = config.robot.description.tube_diameter
+    gaps: list[float] = []
+    shares: list[float] = []
+    for start, (span, axis, side, _), point in zip(starts, members, points, strict=True):
+        local = axis.conjugate() * (point - start)
+        gaps.append(side * local.imag - 0.5 * tube)
+        shares.append(local.real / abs(span))
+    if not (
+        -tube <= min(gaps) and max(gaps) <= tube and min(shares) >= 0.0 and max(shares) <= 1.0
+    ):
         _check_touch(grip, owners.tolist(), gaps, shares, tube)
-    return GripContacts(nodes, spans, axes, points, normals, sides, owners)
+    found = [np.array(values) for values in (spans, axes, points, normals, sides)]
+    return GripContacts(nodes, *found, owners)
+
+
+def _radius(body: Cylinder | ConvexObject) -> float:
+    """Return the radius of a round object [m], nan of another."""
+    if isinstance(body, Cylinder):
+        return 0.5 * body.diameter
+    return 0.5 * body.shape.diameter if isinstance(body.shape, Disc) else math.nan
 
 
 def touched_points(body: ConvexObject, normals: Points) -> tuple[Indices, Points]:

@@ -22,8 +22,7 @@ from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 from scipy.linalg import lapack
 
-#: Gradients of vx and of vy of a node that moves a contact along.
-AXES = np.array([1.0, 1j])
+ONE_POINT = 'the members touch the object in one point: it cannot be held there'
 
 
 def hand_jacobian(config: Configuration, contacts: GripContacts) -> Array:
@@ -37,17 +36,20 @@ def hand_jacobian(config: Configuration, contacts: GripContacts) -> Array:
     :raises ConfigurationError: the configuration is singular.
     """
     nodes = contacts.nodes
-    count = len(nodes.columns)
     # Turning rate of a member: Re(conj(turn) (velocity of its end - velocity of its start)). It
     # moves a point as i times its arm does, from the start on.
-    arms = contacts.points - config.points[nodes.starts]
-    turn = 1j / contacts.spans.conj()
-    across = (1j * arms).view(np.float64).reshape(-1, 2) * turn[:, None]
+    arms = contacts.points - config.points.take(nodes.starts)
+    entries: list[complex] = []
+    for arm, span in zip(arms.tolist(), contacts.spans.tolist(), strict=True):
+        turn = 1j / span.conjugate()
+        x, y = arm.imag * turn, arm.real * turn
+        entries += (1.0 + x, 1j - y, -x, y)  # vx, vy by the start, then by the end
+    count = 2 * len(arms)
     rows = np.zeros(count * len(config.points), dtype=np.complex128)
-    rows[nodes.places[0]], rows[nodes.places[1]] = AXES - across, across
-    velocities = config.module_rows(rows.view(np.float64).reshape(count, -1))
-    velocities[np.arange(count), nodes.columns] += contacts.axes.view(np.float64)
-    return velocities[:, config.robot.topology.driven]
+    rows[nodes.places] = entries
+    velocities = config.roller_rows(rows.view(np.float64).reshape(count, -1))
+    velocities.reshape(-1)[nodes.rolled] += contacts.axes.view(np.float64).take(nodes.driven)
+    return velocities
 
 
 def grasp_map(center: complex, contacts: GripContacts) -> Array:
@@ -59,11 +61,8 @@ def grasp_map(center: complex, contacts: GripContacts) -> Array:
     :return: (2 k, 3) vx, vy of contact after contact in the robot frame, for a twist vx, vy
         [m/s], omega [rad/s].
     """
-    arms = contacts.points - center
-    rows = np.zeros((2 * len(arms), 3))
-    rows[::2, 0] = rows[1::2, 1] = 1.0
-    rows[::2, 2], rows[1::2, 2] = -arms.imag, arms.real
-    return rows
+    arms = (contacts.points - center).tolist()
+    return np.array([row for arm in arms for row in ((1.0, 0.0, -arm.imag), (0.0, 1.0, arm.real))])
 
 
 class ContactRows(NamedTuple):
@@ -114,6 +113,8 @@ def motion_rows(rows: ContactRows, kept: Indices | None = None) -> Array:
         points, owners, normals = points[kept], owners[kept], normals[kept]
         both = (2 * kept[:, None] + (0, 1)).ravel()
         hand, rigid = hand[both], rigid[both]
+    if len(points) == 2:
+        return _two_points(points.tolist(), rigid).dot(hand)
     square = np.concatenate([rigid, _misfits(rigid, points, owners, normals)], axis=1)
     return np.asarray(lapack.dgesv(square, hand)[2])
 
@@ -131,6 +132,33 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     return motion_rows(contact_rows(config, grip))
 
 
+def _two_points(points: list[complex], rigid: Array) -> Array:
+    """
+    Return the rates of the object and of the distance by the velocities of two contacts, (4, 4).
+
+    With D from one to the other and e = D/|D|, conj(e) (v2 - v1) = opening + i omega |D|.
+
+    :raises GraspError: the contacts are in one point.
+    """
+    apart = points[1] - points[0]
+    distance = abs(apart)
+    if distance < MIN_DIAMETER:
+        raise GraspError(ONE_POINT)
+    x, y = apart.real / distance, apart.imag / distance
+    wx, wy = x / distance, y / distance
+    # The middle of both, seen from the object's origin; omega moves it as i times this arm.
+    up = 0.5 * (rigid.item(0, 2) + rigid.item(2, 2))
+    right = 0.5 * (rigid.item(1, 2) + rigid.item(3, 2))
+    return np.array(
+        [
+            [0.5 - up * wy, up * wx, 0.5 + up * wy, -up * wx],
+            [-right * wy, 0.5 + right * wx, right * wy, 0.5 - right * wx],
+            [wy, -wx, -wy, wx],
+            [-x, -y, x, y],
+        ]
+    )
+
+
 def _misfits(rigid: Array, points: Points, owners: Indices, normals: Points) -> Array:
     """
     Return what no twist does to the contacts: (2 k, 2 k - 3), at right angles to G^T.
@@ -141,11 +169,7 @@ def _misfits(rigid: Array, points: Points, owners: Indices, normals: Points) -> 
     :raises GraspError: the contacts are all in one point.
     """
     if max(map(abs, (points[1:] - points[0]).tolist())) < MIN_DIAMETER:
-        raise GraspError('the members touch the object in one point: it cannot be held there')
-    if len(points) == 2:
-        apart = complex(points[1] - points[0])
-        apart *= 0.5 / abs(apart)
-        return np.array([[-apart.real], [-apart.imag], [apart.real], [apart.imag]])
+        raise GraspError(ONE_POINT)
     if owners[-1] > 1:
         opening = 0.5 * normals
     else:

@@ -13,6 +13,7 @@ toward the object, arcs along the member.
 
 from __future__ import annotations
 
+import cmath
 from dataclasses import dataclass, replace
 import itertools
 import math
@@ -24,9 +25,11 @@ from isotruss_ros.core.manipulation.grip_contacts import find_contacts, touched_
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Pose
 from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.model.unrolled_arc import unrolled_arc
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
+from scipy.linalg import lapack
 
 #: A face lies on a member that is inclined against it by at most this [rad]: less than what
 #: `find_contacts` takes for one, so that a face that comes to lie on a member does not snap.
@@ -34,6 +37,8 @@ FLAT = 1e-6
 MAX_STEPS = 50
 #: After so many steps the contacts stay those that they are: rounding may not decide on one.
 FREE_STEPS = 10
+#: Singular values less than this share of the largest are zero.
+RANK = 1e-9
 #: Contacts fit to this [m].
 MISFIT = 1e-9
 #: Poses are exact to this, in surface speeds [m].
@@ -111,8 +116,10 @@ class RollingGrip:
         :raises GraspError: there is no such pose; or a member does not touch the object any more.
         """
         rolled = self._rolled(config)
+        if rolled.misfit <= MISFIT or not isinstance(self._body.shape, Polygon):
+            return rolled
         before = self._touch(self.config, self._body.center, self._body.pose.angle)
-        if rolled.misfit <= MISFIT or len(before.owners) == len(self.sides):
+        if len(before.owners) == len(self.sides):
             return rolled
         # A face lay on a member, and may have lifted at one of its ends.
         ends = [np.flatnonzero(before.owners == i).tolist() for i in range(len(self.sides))]
@@ -135,20 +142,25 @@ class RollingGrip:
         self, config: Configuration, fixed: tuple[Indices, Indices] | None = None
     ) -> RollingGrip:
         """Return the grip in another configuration, with given corners as contacts if any."""
-        body, kept = self._body, fixed
+        body, kept, lines = self._body, fixed, _lines(config, self.grip, self.sides)
         center, angle = body.center, body.pose.angle
         for step in range(MAX_STEPS):
-            touch = self._touch(config, center, angle, kept)
+            touch = self._touch(config, center, angle, kept, lines)
             owners = touch.owners
             off = np.concatenate(
                 [touch.gaps - self.gaps[owners], touch.anchors - self.anchors[owners]]
             )
-            change = np.linalg.lstsq(touch.rows * (1.0, 1.0, 1.0 / body.arm), -off, rcond=1e-9)[0]
-            center += complex(change[0], change[1])
-            angle += float(change[2]) / body.arm
-            if np.abs(change).max() <= TOLERANCE * max(1.0, abs(center) / body.arm):
-                return self._settled(config, center, angle, float(np.abs(off).max()))
-            if not np.abs(change).max() <= body.arm:
+            rows = touch.rows * (1.0, 1.0, 1.0 / body.arm)
+            x, y, turn = change = _least_squares(rows, -off)
+            center += complex(x, y)
+            angle += turn / body.arm
+            size = max(abs(x), abs(y), abs(turn))
+            settled = size <= TOLERANCE * max(1.0, abs(center) / body.arm)
+            if settled or (isinstance(body.shape, Disc) and size <= body.arm):
+                # What rolling keeps is linear for a disc.
+                off += rows.dot(change)
+                return self._settled(config, center, angle, float(np.abs(off).max()), lines[2])
+            if not size <= body.arm:
                 break
             kept = (touch.owners, touch.corners) if step >= FREE_STEPS else fixed
         raise GraspError(
@@ -157,16 +169,14 @@ class RollingGrip:
         )
 
     def _settled(
-        self, config: Configuration, center: complex, angle: float, misfit: float
+        self, config: Configuration, center: complex, angle: float, misfit: float, normals: Points
     ) -> RollingGrip:
         """Return the grip with the object in its new place."""
         body = self._body.moved_to((center.real, center.imag, angle))
         grip = replace(self.grip, body=body)
         find_contacts(config, grip)
-        normals = _lines(config, grip, self.sides)[2]
-        return replace(
-            self, config=config, grip=grip, angles=self._unwrapped(normals, angle), misfit=misfit
-        )
+        angles = self._unwrapped(normals, angle)
+        return RollingGrip(config, grip, angles, self.gaps, self.anchors, self.sides, misfit)
 
     def _unwrapped(self, normals: Points, angle: float) -> Array:
         """Return the angles of normals (m,) in the object, within half a turn of those before."""
@@ -179,10 +189,11 @@ class RollingGrip:
         center: complex,
         angle: float,
         kept: tuple[Indices, Indices] | None = None,
+        lines: tuple[Points, Points, Points] | None = None,
     ) -> _Touch:
         """Return what rolling keeps, of an object in a place, and its derivative by the place."""
-        shape, turn = self._body.shape, complex(np.exp(1j * angle))
-        starts, axes, normals = _lines(config, self.grip, self.sides)
+        shape, turn = self._body.shape, cmath.rect(1.0, angle)
+        starts, axes, normals = lines or _lines(config, self.grip, self.sides)
         own = normals * turn.conjugate()
         owners = corners = np.arange(len(own))
         if isinstance(shape, Polygon):
@@ -192,12 +203,15 @@ class RollingGrip:
             points = shape.support_points(own)
         arms = turn * points
         axes, sides = axes[owners], self.sides[owners]
-        local = axes.conj() * (center + arms - starts[owners])
+        along = axes.conj()
+        local = along * (center + arms - starts[owners])
         arcs = unrolled_arc(shape, self._unwrapped(normals, angle)[owners], corners)
-        inward = 1j * sides * axes
-        directions = np.concatenate([inward, axes])
-        turning = (directions.conj() * 1j * np.concatenate([arms, arms])).real
-        rows = np.column_stack([directions.real, directions.imag, turning])
+        # Gaps along i side axis, anchors along the axis.
+        k, turned = len(axes), along * arms
+        rows = np.empty((2 * k, 3))
+        rows[k:, 0], rows[k:, 1], rows[k:, 2] = axes.real, axes.imag, -turned.imag
+        rows[:k, 0], rows[:k, 1], rows[:k, 2] = -axes.imag, axes.real, turned.real
+        rows[:k] *= sides[:, None]
         anchors = local.real - _travel(config, self.grip)[owners] - sides * arcs
         return _Touch(owners, corners, sides * local.imag, anchors, rows)
 
@@ -227,12 +241,20 @@ def _lines(config: Configuration, grip: Grip, sides: Array) -> tuple[Points, Poi
     starts = config.points[nodes.starts]
     spans = config.points[nodes.ends] - starts
     axes = spans / np.abs(spans)
-    return starts, axes, -1j * sides * axes
+    return starts, axes, axes * (-1j * sides)
+
+
+def _least_squares(rows: Array, right: Array) -> Array:
+    """Return the shortest x (n,) with the least squares of rows x - right."""
+    pivots, count = np.zeros(rows.shape[1], dtype=np.intc), rows.shape[1]
+    work = 16 * len(rows)
+    solution = lapack.dgelsy(rows, right[:, None], pivots, RANK, work)[1]
+    return np.asarray(solution[:count, 0])
 
 
 def _travel(config: Configuration, grip: Grip) -> Array:
     """Return the travel of the tubes into the members at their starts (m,) [m]."""
-    topology = config.robot.topology
-    travel = np.zeros(topology.n_modules)
-    travel[topology.driven] = config.roller_positions
-    return travel[find_members(config.robot, grip.members).members]
+    nodes = find_members(config.robot, grip.members)
+    travel = np.zeros(len(nodes.members))
+    travel[nodes.driven[::2] // 2] = config.roller_positions[nodes.rollers]
+    return travel
