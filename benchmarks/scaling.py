@@ -29,6 +29,8 @@ import numpy as np
 DIAMETER = 0.15
 #: Random roller travel from home [m]; a hundred modules add up, so it is small.
 TRAVEL = 0.02
+#: Of the loop of the nodes [s].
+PERIOD = 5e-3
 #: How long to repeat each call [s].
 BUDGET = 0.2
 #: Sizes around the crossover from dense to sparse.
@@ -43,7 +45,8 @@ class Times:
     :ivar forward: forward kinematics over one cycle at 200 Hz, full speed.
     :ivar factor: matrix of (12) and its factorization.
     :ivar free: twist to rollers where no limit binds.
-    :ivar limited: twist to rollers at twice of what the limits allow.
+    :ivar limited: twist to rollers at twice of what the limits allow: as far as possible.
+    :ivar regularized: the same as the nodes have it, regularized for loops of 5 ms.
     :ivar paper: the free twist as the paper's (20), one dense linear system; 0 if left out.
     :ivar memory: peak of a limited twist [bytes].
     """
@@ -52,6 +55,7 @@ class Times:
     factor: float
     free: float
     limited: float
+    regularized: float
     paper: float
     memory: int
 
@@ -74,8 +78,8 @@ def measure(robot: core.Robot, module: str, peer: bool = False) -> Times:
     def fresh() -> core.Configuration:
         return core.Configuration(robot, state.roller_positions, state.points)
 
-    def solve(size: float) -> core.RollerCommand:
-        return core.solve_twist(fresh(), grasp, size * limit)
+    def solve(size: float, period: float = 0.0) -> core.RollerCommand:
+        return core.solve_twist(fresh(), grasp, size * limit, period=period)
 
     solve(0.5)
     paper = PaperProgram(robot)
@@ -89,6 +93,7 @@ def measure(robot: core.Robot, module: str, peer: bool = False) -> Times:
         factor=median_time(lambda: factorize(robot.constraints.matrix(state.points)), BUDGET),
         free=median_time(lambda: solve(0.5), BUDGET),
         limited=median_time(lambda: solve(2.0), BUDGET),
+        regularized=median_time(lambda: solve(2.0, PERIOD), BUDGET),
         paper=median_time(lambda: paper.solve_kkt(given, 0.5 * limit), BUDGET) if peer else 0.0,
         memory=memory,
     )
@@ -123,7 +128,8 @@ def growth() -> None:
             robot = core.Robot(description)
             found = measure(robot, top_module(description), peer=n_modules > 3)
             sizes.append(n_modules)
-            times.append([load, found.forward, found.free, found.limited, found.paper])
+            ours = [found.forward, found.free, found.limited, found.regularized]
+            times.append([load, *ours, found.paper])
             nine = times[min(1, len(times) - 1)]
             rows.append(
                 [
@@ -132,7 +138,7 @@ def growth() -> None:
                     f'{1e3 * load:.1f}',
                     *(
                         text
-                        for time, base in zip(times[-1][1:4], nine[1:4], strict=True)
+                        for time, base in zip(times[-1][1:5], nine[1:5], strict=True)
                         for text in (
                             f'{1e6 * time:.0f}',
                             f'{time / base:.1f}' if n_modules >= 9 else '',
@@ -146,14 +152,17 @@ def growth() -> None:
     # Small robots cost what Python calls cost, so they say nothing about growth.
     large = np.array(sizes) >= 99
     exponents = np.polyfit(np.log(np.array(sizes)[large]), np.log(np.array(times)[large]), 1)[0]
-    load, *ours, paper = (f'{exponent:.1f}' for exponent in exponents)
-    ours_and_gaps = [text for exponent in ours for text in (exponent, '')]
-    rows.append(['exponent from 99 on', '', load, *ours_and_gaps, paper, '', ''])
+    load, *grown, paper = (f'{exponent:.1f}' for exponent in exponents)
+    grown_and_gaps = [text for exponent in grown for text in (exponent, '')]
+    rows.append(['exponent from 99 on', '', load, *grown_and_gaps, paper, '', ''])
     print('Times in us (loading: ms); "/ 9": ratio to 9 modules; a twist at half and at twice of')
-    print('what the limits allow; "KKT": the free twist as the paper has it, (20) in the nodes,')
+    print(
+        'what the limits allow, the latter also as in a loop of 5 ms; "KKT": the free twist as the paper has it, (20) in the nodes,'
+    )
     print('by numpy.linalg.solve, with its ratio to ours; memory: peak of a limited twist [kB].\n')
     header = ['modules', 'coordinates', 'load', 'forward step', '/ 9', 'free twist', '/ 9']
-    print_table([*header, 'limited twist', '/ 9', 'KKT', 'ratio', 'memory'], rows)
+    header += ['limited twist', '/ 9', 'for 5 ms', '/ 9']
+    print_table([*header, 'KKT', 'ratio', 'memory'], rows)
 
 
 def crossover() -> None:

@@ -19,6 +19,11 @@ from dataclasses import dataclass
 import functools
 
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.few_rows import (
+    ALL_ROWS_UP_TO,
+    solve_by_few_rows,
+    Solver,
+)
 from isotruss_ros.core.manipulation.limits import Limit, RollerSpeedLimit, StackedRows
 from isotruss_ros.core.manipulation.task import Task
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
@@ -141,45 +146,40 @@ def apply_limits(
     with np.errstate(over='ignore'):
         lower = np.maximum(rows.lower / unit, -MAX_REACH)
         upper = np.minimum(rows.upper / unit, MAX_REACH)
-    matrix = rows.matrix if working.all else rows.matrix[:, working.places]
     reach = min(asked / unit, MAX_SCALE)
-    scaled: Flags | slice = slice(None)
-    if slide_along_limits:
-        scaling = [isinstance(limit, RollerSpeedLimit) for limit in limits]
-        scaled = np.array(scaling, dtype=bool)[rows.limit]
     direction = task.direction / gain
     penalty = PENALTIES[0]
     if period > 0.0:
         weight = regularization.progress_weight
         weight *= min(1.0, regularization.reference_period / period)
         penalty = min(penalty, weight * max_speed / (unit * gain))
-    solution, progress = maximize_progress(
-        working.cost,
-        task.equality,
-        direction,
-        reach,
-        matrix[scaled],
-        lower[scaled],
-        upper[scaled],
-        penalty,
-    )
-    value = matrix @ solution
+
+    def farthest(cost: Array, equality: Array, *limited: Array) -> tuple[Array, float]:
+        return maximize_progress(cost, equality, direction, reach, *limited, penalty)
+
+    guess = task.free / gain
+    solve = functools.partial(_solve, working, task, guess=guess, few=period > 0.0)
+    scaling = rows
+    scaled: Flags | slice = slice(None)
+    if slide_along_limits:
+        fixed = [isinstance(limit, RollerSpeedLimit) for limit in limits]
+        scaled = np.array(fixed, dtype=bool)[rows.limit]
+        scaling = StackedRows([p for p, kept in zip(rows.parts, fixed, strict=True) if kept])
+    solution, progress = solve(farthest, scaling, lower[scaled], upper[scaled])
+    value = _rates(working, rows, solution)
     slid = slide_along_limits and bool(
         (np.maximum(value - upper, lower - value) > BINDING_TOLERANCE).any()
     )
     if slid:
-        solution = project_target(
-            working.cost,
-            task.equality,
-            progress * direction,
-            task.rank,
-            matrix,
-            lower,
-            upper,
-            regularization.slide_weight if period > 0.0 else LEAST_REGULARIZATION,
-        )
-        value = matrix @ solution
-        progress = gain * float(task.direction @ (task.equality @ solution))
+        target = progress * direction
+        weight = regularization.slide_weight if period > 0.0 else LEAST_REGULARIZATION
+
+        def closest(cost: Array, equality: Array, *limited: Array) -> tuple[Array, float]:
+            found = project_target(cost, equality, target, task.rank, *limited, weight)
+            return found, gain * float(task.direction.dot(equality.dot(found)))
+
+        solution, progress = solve(closest, rows, lower, upper)
+        value = _rates(working, rows, solution)
     # A step toward the free solution would go on along the twist: a row at its bound forbids it.
     slack = np.minimum(upper - value, value - lower)
     scale = min(1.0, max(0.0, progress * unit / gain / task.speed))
@@ -189,3 +189,38 @@ def apply_limits(
         slid,
         (slack < BINDING_TOLERANCE) & ~admitted,
     )
+
+
+def _rates(working: WorkingRollers, rows: StackedRows, speeds: Array) -> Array:
+    """Return what the rows are at speeds (w,) of the working rollers."""
+    if working.all:
+        return rows.rates(speeds)
+    velocities = np.zeros(rows.count_rollers)
+    velocities[working.places] = speeds
+    return rows.rates(velocities)
+
+
+def _solve(
+    working: WorkingRollers,
+    task: Task,
+    solve: Solver,
+    rows: StackedRows,
+    lower: Array,
+    upper: Array,
+    guess: Array,
+    few: bool,
+) -> tuple[Array, float]:
+    """
+    Solve a quadratic program with all rows, or on a large robot with those that bind.
+
+    Without regularization they are many: the last bit of progress takes all rollers.
+    """
+    if not rows.parts:
+        none = np.zeros((0, len(working.places)))
+        return solve(working.cost, task.equality, none, lower, upper)
+    if few and len(working.places) > ALL_ROWS_UP_TO:
+        return solve_by_few_rows(
+            solve, working.even, task.equality, rows, working.places, lower, upper, guess
+        )
+    matrix = rows.matrix if working.all else rows.matrix[:, working.places]
+    return solve(working.cost, task.equality, matrix, lower, upper)

@@ -64,6 +64,34 @@ class StackedRows:
         """Return the (k,) numbers of the limits that rows belong to."""
         return np.arange(len(self.parts)).repeat([len(part.upper) for part in self.parts])
 
+    @property
+    def count_rollers(self) -> int:
+        """Return the number of rollers, r."""
+        return self.parts[0].matrix.shape[1]
+
+    def rates(self, velocities: Array) -> Array:
+        """
+        Return what the (k,) rows are at roller speeds [m/s].
+
+        :param velocities: (r,) [m/s].
+        """
+        return np.concatenate([part.matrix.dot(velocities) for part in self.parts])
+
+    def take(self, numbers: Indices) -> Array:
+        """
+        Return some rows on the roller speeds, (j, r) [-].
+
+        :param numbers: (j,) ascending numbers of the rows.
+        """
+        stops = np.cumsum([len(part.upper) for part in self.parts])
+        places = numbers.searchsorted(stops).tolist()
+        found: list[Array] = []
+        for part, stop, first, last in zip(
+            self.parts, stops.tolist(), [0, *places], places, strict=False
+        ):
+            found.append(part.matrix[numbers[first:last] - (stop - len(part.upper))])
+        return np.concatenate(found)
+
     def admit(self, velocities: Array) -> list[Flags]:
         """
         Return, by limit, which of its rows admit roller speeds.

@@ -1,0 +1,62 @@
+"""Few rows of the limits, added as they are violated: the same solution as with all of them."""
+
+from hypothesis import assume, given, strategies
+from isotruss_ros.core import ConfigurationError, MemberLengthLimit, RollerSpeedLimit, solve_twist
+from isotruss_ros.core.manipulation import few_rows, limit_handling
+from isotruss_ros.core.manipulation.limits import Rows, StackedRows
+import numpy as np
+import pytest
+import robots
+
+
+def solved(monkeypatch, all_rows_up_to, *arguments, **options):
+    """Solve a twist, with all rows for robots of at most so many rollers."""
+    monkeypatch.setattr(limit_handling, 'ALL_ROWS_UP_TO', all_rows_up_to)
+    return solve_twist(*arguments, **options)
+
+
+@pytest.mark.parametrize('slide', [False, True])
+@pytest.mark.parametrize('first', [1, 16])
+@robots.examples(15)
+@given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
+def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
+    try:
+        config, grasp, _ = robots.random_grasp(robot, rng, number)
+    except ConfigurationError:
+        assume(False)
+    lengths = config.member_lengths
+    # Some members are at their bounds.
+    limits = [
+        RollerSpeedLimit(0.1),
+        MemberLengthLimit(*np.sort(rng.uniform(lengths.min(), lengths.max(), 2))),
+    ]
+    failed = [name for name in robot.roller_names if rng.random() < 0.1]
+    twist = 10.0 ** rng.uniform(-2.0, 1.0) * rng.standard_normal(3)
+    arguments = (config, grasp, twist, failed, limits, slide, 0.005)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(few_rows, 'FIRST', first)
+        patch.setattr(few_rows, 'ADDED', first)
+        every = solved(patch, 10**6, *arguments)
+        few = solved(patch, 0, *arguments)
+    assert few.scale == pytest.approx(every.scale, abs=1e-9)
+    assert few.status is every.status
+    size = max(1.0, np.abs(every.roller_velocities).max())
+    assert few.roller_velocities == pytest.approx(every.roller_velocities, abs=1e-7 * size)
+
+
+def test_stacked_rows_are_those_of_the_limits_in_their_order():
+    rng = np.random.default_rng(0)
+    parts = [
+        Rows(rng.standard_normal((count, 5)), -np.ones(count), np.full(count, 2.0))
+        for count in (3, 0, 4)
+    ]
+    rows, every = StackedRows(parts), np.vstack([part.matrix for part in parts])
+    velocities = rng.standard_normal(5)
+    assert rows.rates(velocities) == pytest.approx(every @ velocities)
+    assert (rows.matrix == every).all()
+    assert rows.limit.tolist() == [0, 0, 0, 2, 2, 2, 2]
+    for numbers in ([0, 1, 2, 3, 4, 5, 6], [2], [3, 6], [1, 5], []):
+        chosen = np.array(numbers, dtype=int)
+        assert (rows.take(chosen) == every[chosen]).all()
+    admitted = np.concatenate(rows.admit(velocities))
+    assert (admitted == ((every @ velocities >= -1.0) & (every @ velocities <= 2.0))).all()
