@@ -156,10 +156,9 @@ def growth() -> None:
     grown_and_gaps = [text for exponent in grown for text in (exponent, '')]
     rows.append(['exponent from 99 on', '', load, *grown_and_gaps, paper, '', ''])
     print('Times in us (loading: ms); "/ 9": ratio to 9 modules; a twist at half and at twice of')
-    print(
-        'what the limits allow, the latter also as in a loop of 5 ms; "KKT": the free twist as the paper has it, (20) in the nodes,'
-    )
-    print('by numpy.linalg.solve, with its ratio to ours; memory: peak of a limited twist [kB].\n')
+    print('what the limits allow, the latter as far as possible and as in a loop of 5 ms; "KKT":')
+    print('the free twist as the paper has it, (20) in the nodes, by numpy.linalg.solve, with its')
+    print('ratio to ours; memory: peak of a limited twist [kB].\n')
     header = ['modules', 'coordinates', 'load', 'forward step', '/ 9', 'free twist', '/ 9']
     header += ['limited twist', '/ 9', 'for 5 ms', '/ 9']
     print_table([*header, 'KKT', 'ratio', 'memory'], rows)
