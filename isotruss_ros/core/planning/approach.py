@@ -7,7 +7,7 @@ Kinematics only: from the present configuration by admissible steps, so that the
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -19,7 +19,7 @@ from isotruss_ros.core.planning.closing_qp import (
     outward_normals,
     SearchState,
 )
-from isotruss_ros.core.planning.facing import balances
+from isotruss_ros.core.planning.facing import balances, find_facing
 import numpy as np
 
 
@@ -85,12 +85,31 @@ def approach(
         aborted = idle > settings.max_idle_steps or len(path) > settings.max_approach_steps
         if aborted or (should_stop is not None and should_stop()):
             return Approach(closing, tuple(path), evaluations, unmet)
-        step = take_closing_step(state, closing, targets, share)
+        step = take_closing_step(state, turned_closing(state, closing, wide), targets, share)
         evaluations += step.evaluations
         if step.blocked:
             return Approach(closing, tuple(path), evaluations, step.blocked)
         state, share = step.state, step.share
         path.append(state.config)
+
+
+def turned_closing(state: SearchState, closing: Closing, missing: float) -> Closing:
+    """
+    Return what closes, two members turned toward the nearest directions that hold the object.
+
+    :param state: where the robot is.
+    :param closing: what closes.
+    :param missing: see `missing_direction` [rad]; where friction holds they need not turn.
+    """
+    if closing.facing is None:
+        return closing
+    if missing <= 0.0:
+        return replace(closing, facing=None)
+    settings, body = closing.settings, as_convex_object(closing.body)
+    normals = outward_normals(state.config, closing)
+    angle = settings.cone_share * closing.opening
+    found = find_facing(body, normals, angle, settings.turning_price)
+    return closing if found is None else replace(closing, facing=found)
 
 
 def missing_direction(state: SearchState, closing: Closing) -> float:

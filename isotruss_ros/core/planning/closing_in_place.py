@@ -120,6 +120,8 @@ class ClosingInPlace:
         closing, wanted = self._closing, self._needs.squeeze
         settings, tube = closing.settings, touch.robot.description.tube_diameter
         depth = settings.first_contact * tube
+        if closing.module is None:
+            depth = settings.face_contact * tube
         pressed = self._press(touch, depth)
         if pressed is None:
             return
@@ -150,7 +152,7 @@ class ClosingInPlace:
         closing, wanted = self._closing, self._needs.squeeze
         body, tube = as_convex_object(closing.body), touch.robot.description.tube_diameter
         count = len(closing.members)
-        depths = np.full(count, closing.settings.first_contact * tube)
+        depths = np.full(count, closing.settings.face_contact * tube)
         deeper, config, last = 0.5 * closing.settings.closing_step * tube, touch, (0.0, 0.0)
         while True:
             for _ in range(MAX_BALANCE_STEPS):

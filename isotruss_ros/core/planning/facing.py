@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 #: Corners that are within this of the farthest one are touched too: tubes give [m].
-SINK = 0.003
+SINK = 0.001
 #: Directions that are tried, and angles between the members [rad].
 DIRECTIONS, WEDGES = 72, np.linspace(-0.8, 0.8, 17)
 #: What is left of a balance of unit forces.

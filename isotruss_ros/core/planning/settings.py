@@ -39,6 +39,7 @@ class SearchSettings:
     :ivar max_halvings: how often a step that violates a requirement is halved.
     :ivar first_contact: indentation with which an object is held first, against the tube's
         diameter.
+    :ivar face_contact: the same of any members, so deep that a face is touched at both ends.
     :ivar squeeze_step: by how much the grip closes from waypoint to waypoint [rad].
     :ivar max_displacement: of the object while a grip closes whose robot has not the rollers to
         keep it in place, against the tube's diameter.
@@ -88,6 +89,7 @@ class SearchSettings:
     overshoot: float = 0.015
     max_halvings: int = 5
     first_contact: float = 1e-3
+    face_contact: float = 1e-2
     squeeze_step: float = 0.03
     max_displacement: float = 0.25
     first_depth: float = 0.33
