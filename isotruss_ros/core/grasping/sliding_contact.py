@@ -47,16 +47,17 @@ def solve_sliding_contact(
     :raises SolverError: the normals do not settle.
     """
     away, axis = contact_points.skin - surface.center, contact_points.axis
-    normals = surface.facing(contact_points.points - surface.center, axis)
-    side = np.where((normals * axis.conj()).imag < 0.0, -1.0, 1.0)
-    active = None
+    active = normals = None
     if start is not None:
-        active = start.forces > 0.0
-        normals = normals if start.normals is None else start.normals
+        active, normals = start.forces > 0.0, start.normals
+    if normals is None:
+        normals = surface.facing(contact_points.points - surface.center, axis)
+    side = np.where((normals * axis.conj()).imag < 0.0, -1.0, 1.0)
     lattice = _Lattice(contact_points)
     displacements, bent = np.zeros_like(away), axis
     normals, _ = _limit(normals, bent, side)
     still = (away * normals.conj()).real - surface.support(normals)
+    settled = False
     for _ in range(MAX_STEPS):
         # Along and across the bent tubes.
         local = normals * bent.conj()
@@ -64,10 +65,16 @@ def solve_sliding_contact(
         gaps = still + (displacements * bent.conj()).real * local.real
         if active is None:
             active = guess_contact(contact_points, gaps)
-        forces, active = solve_complementarity(
-            contact_points.normal_compliance(push), gaps, active
-        )
-        forces = _slide(contact_points, np.flatnonzero(active), normals, push, still, forces)
+        forces = None
+        if settled:
+            forces = _slide(contact_points, np.flatnonzero(active), normals, push, still)
+        if forces is None:
+            pressed, active = solve_complementarity(
+                contact_points.normal_compliance(push), gaps, active
+            )
+            forces = _slide(contact_points, np.flatnonzero(active), normals, push, still)
+            # Those that would pull press as far as the tubes have slid before.
+            forces = pressed if forces is None else forces
         push *= forces
         displacements = contact_points.displacements(push)
         moved = away + displacements
@@ -77,10 +84,9 @@ def solve_sliding_contact(
         if steep.any():
             at = np.flatnonzero(steep)
             gaps[at] = (moved[at] * normals[at].conj()).real - surface.support(normals[at])
-        if (
-            gaps.min(initial=0.0) >= -GAP_TOLERANCE
-            and np.abs(gaps[active]).max(initial=0.0) <= GAP_TOLERANCE
-        ):
+        # Where no other point has come to touch, the same ones do.
+        settled = gaps.min(initial=0.0) >= -GAP_TOLERANCE
+        if settled and np.abs(gaps[active]).max(initial=0.0) <= GAP_TOLERANCE:
             return ContactState(forces, gaps, normals, displacements, radii, push)
         still = gaps - (displacements * normals.conj()).real
     raise SolverError(
@@ -94,28 +100,26 @@ def _slide(
     normals: Points,
     push: Points,
     still: Array,
-    forces: Array,
-) -> Array:
+) -> Array | None:
     """
     Return the forces (c,) that close gaps while the tubes slide by what these forces take.
 
     :param places: (a,) the points that are closed.
     :param push: (c,) directions of the forces.
     :param still: (c,) gaps without displacements [m].
-    :param forces: (c,) that do so where the tubes have slid as far as before; they are returned if
-        the others would pull.
+    :return: None if some would pull, or there are none.
     """
     count, inward = len(places), contact_points.axis[places].conj()
     if count == 0:
-        return forces
+        return None
     normal, force = normals[places] * inward, push[places] * inward
     compliance = contact_points.compliance(places).reshape(2 * count, 2 * count)
     moved = compliance[:, :count] * force.real + compliance[:, count:] * force.imag
     opened = normal.real[:, None] * moved[:count] + normal.imag[:, None] * moved[count:]
     *_, closing, failed = lapack.dgesv(opened, -still[places])
     if failed or closing.min() < 0.0:
-        return forces
-    found = np.zeros(len(forces))
+        return None
+    found = np.zeros(len(push))
     found[places] = closing
     return found
 
