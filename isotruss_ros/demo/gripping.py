@@ -12,7 +12,7 @@ from isotruss_msgs.msg import GraspState, PlannedGrasp
 from isotruss_ros.demo.client import DEADLINE, DemoClient, DemoError
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.nodes.conversions.messages import to_pose_message
-from isotruss_ros.nodes.conversions.trajectory_messages import read_duration
+from isotruss_ros.nodes.conversions.trajectory_messages import read_duration, to_duration
 from isotruss_ros.nodes.framework.qos import RELIABLE
 import numpy as np
 from rclpy.action import ActionClient
@@ -25,6 +25,18 @@ Check = Callable[[], None]
 PLANNING_DEADLINE = 120.0
 #: The rollers have arrived when all are this near to the end of the path [m].
 ARRIVED = 1e-4
+
+
+def slow_down(grasp: PlannedGrasp, factor: float) -> None:
+    """
+    Let the path to a grasp take longer.
+
+    :param grasp: of the planner; changed in place.
+    :param factor: on all times.
+    """
+    for point in grasp.path.points:
+        point.time_from_start = to_duration(factor * read_duration(point.time_from_start))
+    grasp.touch = to_duration(factor * read_duration(grasp.touch))
 
 
 class Gripping:

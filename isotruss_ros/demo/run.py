@@ -13,7 +13,7 @@ from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.demo.client import ARM, DemoClient
 from isotruss_ros.demo.figures import animate, draw_panels
 from isotruss_ros.demo.film import film
-from isotruss_ros.demo.gripping import Gripping
+from isotruss_ros.demo.gripping import Gripping, slow_down
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.demo.record import PhaseRecord
@@ -40,6 +40,9 @@ FRICTION = 0.5
 #: Normal force of each of the two members [N]: the object bears more than the pull, and the tubes
 #: have a reserve to wrinkling for the turn in place, where a side is short.
 SQUEEZE = 24.0
+#: The path to the grasp takes so much longer where the robot has masses: one member of a grip that
+#: closes quicker hits the object before the other one is there.
+SLOWER = 2.0
 #: What holds the object to the ground while it lies there; of plant mujoco [N].
 GROUND_FRICTION = 0.5
 #: File with the states of MuJoCo, from which the animation is drawn.
@@ -159,6 +162,8 @@ def _play(
                     count=1,
                 )
                 grasp, plan = gripper.plan(goal, bar('plan a grasp'))
+                if simulated:
+                    slow_down(grasp, SLOWER)
                 records += gripper.approach(grasp, bar('approach and grip'))
                 client.wait_until_idle(check)
                 records += [client.play(phase, check, bar(phase.name)) for phase in figure_9(PULL)]

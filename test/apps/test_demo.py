@@ -3,6 +3,7 @@
 import math
 import signal
 
+from isotruss_msgs.msg import PlannedGrasp
 from isotruss_ros.core import (
     analyze_grasp,
     Cylinder,
@@ -23,6 +24,7 @@ from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.demo import processes
 from isotruss_ros.demo.figures import animate, draw_panels
+from isotruss_ros.demo.gripping import slow_down
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.demo.run import (
@@ -32,6 +34,10 @@ from isotruss_ros.demo.run import (
     OBJECT_DIAMETER,
     PULL,
     SQUEEZE,
+)
+from isotruss_ros.nodes.conversions.trajectory_messages import (
+    read_duration,
+    to_trajectory_message,
 )
 import numpy as np
 from PIL import Image
@@ -196,6 +202,15 @@ def test_pictures_are_written(played, tmp_path):
     animate(ROBOT, OBJECT_DIAMETER, records[:1], tmp_path / 'demo.gif')
     with Image.open(tmp_path / 'demo.gif') as animation:
         assert animation.n_frames == 28
+
+
+def test_a_slower_path_to_a_grasp_touches_at_the_same_point():
+    path = to_trajectory_message(ROBOT, [[0.0] * 6, [0.01] * 6, [0.02] * 6], [0.0, 0.7, 1.9])
+    grasp = PlannedGrasp(path=path, touch=path.points[1].time_from_start)
+    slow_down(grasp, 2.5)
+    times = [read_duration(point.time_from_start) for point in path.points]
+    assert times == pytest.approx([0.0, 1.75, 4.75], abs=1e-9)
+    assert path.points[1].time_from_start == grasp.touch
 
 
 def test_a_signal_while_nodes_are_started_leaves_none_behind(monkeypatch, tmp_path):
