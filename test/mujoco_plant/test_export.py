@@ -10,8 +10,10 @@ import pytest
 def test_the_file_is_opened_by_mujoco_and_rests(name, tmp_path):
     import mujoco
 
-    path = tmp_path / 'model.xml'
-    assert main([name, str(path), '--object', '5', '5', '0.3']) == 0
+    written, path = tmp_path / 'model.xml', tmp_path / 'elsewhere' / 'model.xml'
+    assert main([name, str(written), '--object', '5', '5', '0.3']) == 0
+    path.parent.mkdir()
+    written.rename(path)
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 100)
