@@ -10,6 +10,30 @@ from __future__ import annotations
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 import numpy as np
 
+#: Which of 0, EA/L, -EA/L, the forces and moments across, with both signs, and the moments of a
+#: turned end, near and far, are the entries of (2).
+STIFFNESS = np.array(
+    [
+        [1, 0, 0, 2, 0, 0],
+        [0, 3, 5, 0, 4, 5],
+        [0, 5, 7, 0, 6, 8],
+        [2, 0, 0, 1, 0, 0],
+        [0, 4, 6, 0, 3, 6],
+        [0, 5, 8, 0, 6, 7],
+    ]
+)
+#: Which of 0, 1, x, y and -y of a direction are the entries of `directions`.
+TURN = np.array(
+    [
+        [2, 3, 0, 0, 0, 0],
+        [4, 2, 0, 0, 0, 0],
+        [0, 0, 1, 0, 0, 0],
+        [0, 0, 0, 2, 3, 0],
+        [0, 0, 0, 4, 2, 0],
+        [0, 0, 0, 0, 0, 1],
+    ]
+)
+
 
 def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) -> Array:
     """
@@ -27,16 +51,12 @@ def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) 
     bend = flexural / ((1.0 + flexibility) * length)
     force, moment = 12.0 * bend / length**2, 6.0 * bend / length
     near, far = (4.0 + flexibility) * bend, (2.0 - flexibility) * bend
-    matrix = np.zeros((*np.shape(length), 6, 6))
-    matrix[:, [0, 3], [0, 3]] = (axial / length)[:, None]
-    matrix[:, [0, 3], [3, 0]] = -(axial / length)[:, None]
-    matrix[:, [1, 4], [1, 4]] = force[:, None]
-    matrix[:, [1, 4], [4, 1]] = -force[:, None]
-    matrix[:, [1, 1, 2, 5], [2, 5, 1, 1]] = moment[:, None]
-    matrix[:, [4, 4, 2, 5], [2, 5, 4, 4]] = -moment[:, None]
-    matrix[:, [2, 5], [2, 5]] = near[:, None]
-    matrix[:, [2, 5], [5, 2]] = far[:, None]
-    return matrix
+    pull = axial / length
+    values = np.empty((*np.shape(length), 9))
+    parts = (0.0, pull, -pull, force, -force, moment, -moment, near, far)
+    for place, part in enumerate(parts):
+        values[..., place] = part
+    return values.take(STIFFNESS, axis=-1)
 
 
 def with_pins(stiffness: Array, pinned_start: Flags, pinned_end: Flags) -> Array:
@@ -50,6 +70,8 @@ def with_pins(stiffness: Array, pinned_start: Flags, pinned_end: Flags) -> Array
     """
     matrix = stiffness.copy()
     for rotation, pinned in ((2, pinned_start), (5, pinned_end)):
+        if not pinned.any():
+            continue
         column = matrix[pinned][:, :, rotation]
         # A member without bending stiffness has none against this rotation anyway.
         pivot = column[:, rotation]
@@ -59,6 +81,8 @@ def with_pins(stiffness: Array, pinned_start: Flags, pinned_end: Flags) -> Array
         matrix[pinned, :, rotation] = 0.0
     # Exactly zero across a bar: what rounding leaves would hide a mechanism of bars.
     bar = pinned_start & pinned_end
+    if not bar.any():
+        return matrix
     for across in (1, 4):
         matrix[bar, across, :] = 0.0
         matrix[bar, :, across] = 0.0
@@ -72,10 +96,7 @@ def directions(direction: Points) -> Array:
     :param direction: (k,) unit vectors from start to end.
     :return: (k, 6, 6), orthogonal.
     """
-    matrix = np.zeros((len(direction), 6, 6))
-    for at in (0, 3):
-        matrix[:, at, at] = matrix[:, at + 1, at + 1] = direction.real
-        matrix[:, at, at + 1] = direction.imag
-        matrix[:, at + 1, at] = -direction.imag
-        matrix[:, at + 2, at + 2] = 1.0
-    return matrix
+    values = np.zeros((len(direction), 5))
+    values[:, 1], values[:, 2], values[:, 3] = 1.0, direction.real, direction.imag
+    values[:, 4] = -direction.imag
+    return values.take(TURN, axis=1)

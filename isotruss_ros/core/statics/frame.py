@@ -124,20 +124,23 @@ class Frame:
         # Both directions of a node alike: what rounding leaves across a bar is no stiffness.
         diagonal[0::3] = diagonal[1::3] = np.maximum(diagonal[0::3], diagonal[1::3])
         diagonal = diagonal[pattern.solved]
-        weight = self._rows.value[pattern.weights]
         # Displacements and rotations, soft tubes and hard modules: scaled, all have stiffness 1.
         scale = np.ones(size)
         scale[:free] = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, diagonal.max(initial=1.0)))
-        scaled = weight * scale[pattern.bound]
-        norms = np.bincount(pattern.multiplier, scaled**2, minlength=size)[free:]
-        scale[free:] = 1.0 / np.sqrt(np.where(norms > 0.0, norms, 1.0))
+        values = matrices.ravel()[pattern.entries]
+        if self._rows.count:
+            weight = self._rows.value[pattern.weights]
+            scaled = weight * scale[pattern.bound]
+            norms = np.bincount(pattern.multiplier, scaled**2, minlength=size)[free:]
+            scale[free:] = 1.0 / np.sqrt(np.where(norms > 0.0, norms, 1.0))
+            values = np.concatenate([values, weight, weight])
         matrix = assemble(
-            np.concatenate([matrices.ravel()[pattern.entries], weight, weight]),
+            values,
             pattern.matrix_rows,
             pattern.matrix_columns,
             scale,
         )
-        factor, condition = factorize_with_condition(matrix)
+        factor, condition = factorize_with_condition(matrix, self._rows.count == 0)
         if not condition < MAX_CONDITION:
             moving = ', '.join(self._what_moves(matrix, scale))
             raise StructureError(
@@ -212,8 +215,9 @@ class Frame:
         displacements, multipliers, end_forces = self._respond(flat)
         pull = np.einsum('kji,kj->ki', self._turn, end_forces)
         carried = np.bincount(pattern.places.ravel(), pull.ravel(), minlength=len(flat))
-        pushed = self._rows.value * multipliers[self._rows.row]  # by the constraints
-        carried += np.bincount(self._rows.column, pushed, minlength=len(flat))
+        if self._rows.count:
+            pushed = self._rows.value * multipliers[self._rows.row]  # by the constraints
+            carried += np.bincount(self._rows.column, pushed, minlength=len(flat))
         reactions = np.where(self._held, carried - flat, 0.0)
         return FrameState(displacements.reshape(-1, 3), reactions.reshape(-1, 3), end_forces)
 

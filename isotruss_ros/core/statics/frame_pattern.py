@@ -67,13 +67,14 @@ class FramePattern:
         free[2::3] &= turning
         self.solved = np.flatnonzero(free)
         self.unknowns = np.where(free, np.cumsum(free) - 1, -1)
-        first = self.unknowns[np.repeat(self.places, 6, axis=1).ravel()]
-        second = self.unknowns[np.tile(self.places, 6).ravel()]
-        self.entries = np.flatnonzero((first >= 0) & (second >= 0))
+        by_member = self.unknowns[self.places]
+        there = by_member >= 0
+        self.entries = np.flatnonzero(there[:, :, None] & there[:, None, :])
         bound = self.unknowns[rows.column]
         self.weights = np.flatnonzero(bound >= 0)
         self.bound = bound[self.weights]
         self.multiplier = len(self.solved) + rows.row[self.weights]
-        first, second = first[self.entries], second[self.entries]
+        first = by_member.repeat(6)[self.entries]
+        second = by_member.repeat(6, axis=0).reshape(-1)[self.entries]
         self.matrix_rows = np.concatenate([first, self.multiplier, self.bound])
         self.matrix_columns = np.concatenate([second, self.bound, self.multiplier])

@@ -62,3 +62,20 @@ def test_dense_matrix_is_kept_where_its_condition_is_asked():
 def test_dense_factor_names_the_pivot_that_is_zero():
     with pytest.raises(np.linalg.LinAlgError, match='pivot 2 is zero'):
         DenseFactor(np.array([[1.0, 0.0], [0.0, 0.0]]))
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_definite_matrices_are_solved_alike_and_others_are_refused(seed):
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((7, 7)) + 3.0 * np.eye(7)
+    matrix, right = root.T @ root, rng.standard_normal((7, 2))
+    factor, condition = factorize_with_condition(matrix.copy(), definite=True)
+    other, wanted = factorize_with_condition(matrix)
+    assert factor.solve(right) == pytest.approx(other.solve(right), rel=1e-9, abs=1e-12)
+    assert factor.solve_transposed(right[:, 0]) == pytest.approx(other.solve(right)[:, 0])
+    assert condition == pytest.approx(wanted)
+    singular = root[:, 1:] @ root[:, 1:].T
+    _, condition = factorize_with_condition(singular - 1e-6 * np.eye(7), definite=True)
+    assert condition == np.inf
+    _, condition = factorize_with_condition(singular, definite=True)
+    assert condition > 1e12
