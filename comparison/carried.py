@@ -22,7 +22,7 @@ GRIP, FRICTION = Grip(60.0, 0.02), 0.8
 OPEN, FEEDBACK, REGULATED = 'open loop', 'feedback', 'squeeze regulated'
 COLORS = {OPEN: ORANGE, FEEDBACK: BLUE, REGULATED: GREEN}
 #: Bounds on position [mm] and orientation [degrees].
-BOUNDS = {OPEN: (13.0, 1.5), FEEDBACK: (4.0, 0.5), REGULATED: (2.0, 0.3)}
+BOUNDS = {OPEN: (12.0, 1.5), FEEDBACK: (4.0, 0.5), REGULATED: (2.0, 0.3)}
 REASONS = {
     OPEN: 'the tubes are elastic, and the program is for rigid ones',
     FEEDBACK: 'the same: the gain is 1/s',

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from comparison.carrying import carry, Regulated
 from comparison.grips import round_robot
 from comparison.section import Check, Section
 from isotruss_ros.core import Cylinder, GraspRequirements, plan_grasps, PlannedGrasp
+from isotruss_ros.core.control.object_path import ObjectPath
+from isotruss_ros.core.control.path_tracking import (
+    FINISHED,
+    PathPhase,
+    PathTracker,
+    RETURN,
+    RETURN_SPEED,
+    RETURN_TURN_RATE,
+)
 from isotruss_ros.core.planning.export import export_path
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.mujoco_plant.options import PlantOptions
@@ -42,6 +52,20 @@ class Wanted:
     squeeze: float
 
 
+class Closed(NamedTuple):
+    """
+    An object between members that have closed on it.
+
+    :ivar squeeze: mean normal force of the members [N].
+    :ivar planned: the same as planned [N].
+    :ivar away: distance of the object from the planned place [m].
+    """
+
+    squeeze: float
+    planned: float
+    away: float
+
+
 #: The first one is that of the demonstration, which is carried on.
 WANTED = (
     Wanted((0.6, 0.3), 0.2, 'north/Z', 24.0),
@@ -56,47 +80,54 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
 
     :param wanted: the grasps; the first one is carried on along Fig. 9.
     """
-    rows, squeezes, places, carried = [], [], [], []
+    rows: list[tuple[str, ...]] = []
+    closed: list[Closed] = []
+    returned: list[Closed] = []
+    carried = []
     for number_, each in enumerate(wanted):
         grasp = _plan(each)
         plant = follow(each, grasp)
-        forces = plant.contact_forces()
-        squeeze = 0.5 * sum(force.normal for force in forces.values())
-        pose = plant.object_pose()
-        away = float(np.hypot(*np.subtract(pose[:2], grasp.grasp.center)))
-        squeezes.append(abs(squeeze / grasp.squeeze - 1.0))
-        places.append(away)
+        closed.append(_measure(plant, grasp))
+        bring_back(plant, _regulated(each, grasp), each.center)
+        returned.append(_measure(plant, grasp))
+        if number_ == 0:
+            carried.append(carry(plant, _regulated(each, grasp), figure_9()))
         x, y = each.center
         rows.append(
             (
                 f'({x:g}, {y:g})',
                 number(1e3 * each.diameter),
                 each.module,
-                number(squeeze),
                 number(grasp.squeeze),
-                number(1e3 * away, 2),
+                number(closed[-1].squeeze),
+                number(1e3 * closed[-1].away, 2),
+                number(returned[-1].squeeze),
+                number(1e3 * returned[-1].away, 2),
             )
         )
-        if number_ == 0:
-            steering = Regulated(grasp.config, grasp.grasp, each.squeeze, FRICTION)
-            carried.append(carry(plant, steering, figure_9()))
     (arc,) = carried
     why = 'tubes give by a centimetre under the squeeze: our structure is linear'
+    back = 'the squeeze is that of our model; it ends within 1.25 mm, and the robot swings to rest'
     return Section(
         'Planned grasps',
         'An object lies free, held to the ground by half a newton; `plan_grasps` finds a grasp '
         'with a given squeeze, and the rollers of MuJoCo’s robot follow its path to the end, open '
         'loop, in twice the time of the planner. In that time itself, where the robot has masses, '
         'a member that lags hits the object before the other one is there, and the first object '
-        'ends 5 mm off; with nothing that held it to the ground it would be pushed away. Then the '
-        'first grasp, that of the demonstration, is carried along Fig. 9 by the servo, which '
-        'regulates the squeeze: '
+        'ends 5 mm off; with nothing that held it to the ground it would be pushed away. Our '
+        'model has it where it lay. In MuJoCo it moves away as the square of the squeeze: the '
+        'first one, three times as slowly, by 0.4 mm at 9 N, 1.3 mm at 17 N and 3.1 mm at 24 N '
+        'beyond the 0.3 mm of the first touch; so what is missing is of second order in the '
+        'deflection of the tubes, which our linear structure leaves out. What a robot measures is '
+        'the pose, and so `pick_object` brings back an object that has moved: the path follower '
+        f'with {1e3 * RETURN_SPEED:g} mm/s, the squeeze regulated. Then the first grasp, that of '
+        'the demonstration, is carried along Fig. 9 by the servo: '
         f'{"lost" if arc.lost else "held"} to the end of the arc, at most '
         f'{number(1e3 * arc.position_error, 2)} mm from it, the squeeze between '
         f'{number(float(arc.squeezes.min()))} and {number(float(arc.squeezes.max()))} N.',
         (
-            Check('squeeze after closing in place', 100.0 * max(squeezes), 10.0, '%', why),
-            Check('place after closing in place', 1e3 * max(places), 4.0, 'mm', 'the same'),
+            *_checks('open loop', closed, (10.0, 4.0), why),
+            *_checks('brought back', returned, (10.0, 2.0), back),
             Check(
                 'planned grasp carried to the end of the arc',
                 1e3 * arc.position_error,
@@ -113,14 +144,36 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
                     'object at [m]',
                     'diameter [mm]',
                     'module',
-                    'squeeze MuJoCo [N]',
-                    'planned [N]',
-                    'from the planned place [mm]',
+                    'squeeze planned [N]',
+                    'open loop: squeeze [N]',
+                    'off [mm]',
+                    'brought back: squeeze [N]',
+                    'off [mm]',
                 ),
                 rows,
             ),
         ),
     )
+
+
+def _regulated(wanted: Wanted, grasp: PlannedGrasp) -> Regulated:
+    return Regulated(grasp.config, grasp.grasp, wanted.squeeze, FRICTION)
+
+
+def _measure(plant: MujocoPlant, grasp: PlannedGrasp) -> Closed:
+    squeeze = 0.5 * sum(force.normal for force in plant.contact_forces().values())
+    away = float(np.hypot(*np.subtract(plant.object_pose()[:2], grasp.grasp.center)))
+    return Closed(squeeze, grasp.squeeze, away)
+
+
+def _checks(
+    how: str, closed: Sequence[Closed], bounds: tuple[float, float], why: str
+) -> Iterator[Check]:
+    """Return the checks of squeeze and place, with their bounds [%, mm]."""
+    off = max(abs(each.squeeze / each.planned - 1.0) for each in closed)
+    away = max(each.away for each in closed)
+    yield Check(f'squeeze after closing in place, {how}', 100.0 * off, bounds[0], '%', why)
+    yield Check(f'place after closing in place, {how}', 1e3 * away, bounds[1], 'mm', 'the same')
 
 
 def _plan(wanted: Wanted) -> PlannedGrasp:
@@ -153,3 +206,22 @@ def follow(wanted: Wanted, grasp: PlannedGrasp) -> MujocoPlant:
         plant.advance(1.0 / RATE, RATE * (np.array(goal) - plant.travel))
     plant.settle(REST)
     return plant
+
+
+def bring_back(plant: MujocoPlant, steering: Regulated, center: tuple[float, float]) -> PathPhase:
+    """
+    Bring a held object to where it lay, as `pick_object` does; return how it ended.
+
+    :param plant: holds the object.
+    :param steering: servo that regulates the squeeze.
+    :param center: where the object lay [m].
+    """
+    here, cycle = plant.object_pose(), 1.0 / RATE
+    path = ObjectPath([here, (*center, 0.0)], RETURN_SPEED, RETURN_TURN_RATE)
+    tracker, phase = PathTracker(path, RETURN, cycle), PathPhase.FOLLOWING
+    while phase not in FINISHED:
+        tracking = tracker.update(plant.object_pose(), 0.0, cycle)
+        phase, twist = tracking.phase, tracking.twist
+        plant.advance(cycle, steering.command(plant, twist, np.zeros(3), plant.time))
+    plant.settle(REST)
+    return phase

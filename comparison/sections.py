@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from comparison import carried, drops, friction, grasps, joint_loads, planned, pulls, unloaded
+from comparison import (
+    carried,
+    drops,
+    friction,
+    grasps,
+    joint_loads,
+    planned,
+    pulls,
+    shapes,
+    unloaded,
+)
 from comparison.section import Compare, Section
 
 SECTIONS: dict[str, Compare] = {
     'unloaded': unloaded.compare,
     'joint_loads': joint_loads.compare,
     'grasps': grasps.compare,
+    'shapes': shapes.compare,
     'pulls': pulls.compare,
     'friction': friction.compare,
     'carried': carried.compare,

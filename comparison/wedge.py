@@ -5,11 +5,13 @@ from __future__ import annotations
 from isotruss_ros.core import (
     Configuration,
     ConfigurationError,
+    ConvexObject,
     Grasp,
     tangent_center,
     task_jacobian,
 )
 from isotruss_ros.core.manipulation.grasp import members_at_module
+from isotruss_ros.core.model.shapes import Shape
 import numpy as np
 
 MODULE = 'north/Z'
@@ -51,3 +53,26 @@ def closed_to(
         travel = side * row * np.clip(change, -MAX_STEP, MAX_STEP) / (row @ row)
         config = config.moved_to(config.roller_positions + travel)
     raise ConfigurationError(f'the wedge at {module} does not close to {degrees:g} degrees')
+
+
+def pressed_into(
+    config: Configuration, module: str, shape: Shape, angle: float, depth: float
+) -> ConvexObject:
+    """
+    Return an object in the wedge at a module, this deep in both members.
+
+    :param config: configuration of the robot.
+    :param module: name `t/j` of the module.
+    :param shape: of the object.
+    :param angle: of the object [rad].
+    :param depth: indentation of each member, tubes unbent [m].
+    """
+    members = members_at_module(config, module)
+    pinched = config.points[[members.nodes[0], members.nodes[2]]]
+    along = np.array([members.ahead, members.back])
+    inward = 1j * members.side * np.array([1.0, -1.0]) * along / np.abs(along)
+    reach = ConvexObject(shape, (0.0, 0.0, angle)).support(-inward)
+    reach += 0.5 * config.robot.description.tube_diameter - depth
+    rows = np.column_stack([inward.real, inward.imag])
+    x, y = np.linalg.solve(rows, (inward.conj() * pinched).real + reach)
+    return ConvexObject(shape, (x, y, angle))

@@ -1,7 +1,6 @@
 """Convex shapes for tests, and what is known of a shape by its outline alone."""
 
-from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
-from isotruss_ros.core.manipulation.grasp import members_at_module
+from isotruss_ros.core import Disc, Ellipse, Polygon
 import numpy as np
 
 
@@ -50,19 +49,6 @@ def surface_distance(outline, points):
     spokes = outline - points[:, None]
     wound = np.angle(np.roll(spokes, -1, axis=1) / spokes).sum(axis=1)
     return np.where(np.abs(wound) > np.pi, -distance, distance)
-
-
-def pressed_into(config, module, shape, angle, depth):
-    """Return an object at an angle between the two members at a module, this deep in both [m]."""
-    members = members_at_module(config, module)
-    pinched = config.points[[members.nodes[0], members.nodes[2]]]
-    along = np.array([members.ahead, members.back])
-    inward = 1j * members.side * np.array([1.0, -1.0]) * along / np.abs(along)
-    reach = ConvexObject(shape, (0.0, 0.0, angle)).support(-inward)
-    reach += 0.5 * config.robot.description.tube_diameter - depth
-    rows = np.column_stack([inward.real, inward.imag])
-    x, y = np.linalg.solve(rows, (inward.conj() * pinched).real + reach)
-    return ConvexObject(shape, (x, y, angle))
 
 
 def regular_polygon(count, radius, angle=0.1):

@@ -2,7 +2,7 @@
 
 from comparison.grasps import FINE
 from comparison.grips import press_on, round_robot
-from comparison.wedge import closed_to, MODULE
+from comparison.wedge import closed_to, MODULE, pressed_into
 from isotruss_ros.cli.export_mujoco import main
 from isotruss_ros.core import analyze_grasp, ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.mujoco_plant.object_geoms import SHARP
@@ -10,7 +10,6 @@ from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
 import numpy as np
 import pytest
-from shapes import pressed_into
 
 BOX = ((-0.12, -0.09), (0.12, -0.09), (0.12, 0.09), (-0.12, 0.09))
 SHAPES = {

@@ -2,6 +2,7 @@
 
 import math
 
+from comparison.wedge import pressed_into
 from geometry_msgs.msg import Wrench
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
@@ -21,7 +22,6 @@ import numpy as np
 from probe import DIAMETER, MODULE, N, overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
-from shapes import pressed_into
 from visualization_msgs.msg import Marker, MarkerArray
 
 NAMES = list(ROBOT.roller_names)

@@ -93,7 +93,7 @@ class TrackingSettings:
 
 #: How an object is brought back that went along a little as the grip closed on it: at this speed
 #: [m/s] and rate of turn [rad/s], so slowly that robots with masses do not swing.
-RETURN = TrackingSettings(position_tolerance=0.004)
+RETURN = TrackingSettings(position_tolerance=0.0025)
 RETURN_SPEED, RETURN_TURN_RATE = 0.002, 0.02
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import fields, replace
 
+from comparison.wedge import pressed_into
 from grips import closed_to
 from hypothesis import given, strategies
 from isotruss_ros.core import (
@@ -25,7 +26,7 @@ import numpy as np
 import pytest
 import robots
 from scipy.optimize import nnls
-from shapes import dense_outline, pressed_into, random_shape, regular_polygon, surface_distance
+from shapes import dense_outline, random_shape, regular_polygon, surface_distance
 import tubes
 
 HOME = load_robot('nine_member').home

@@ -1,5 +1,6 @@
 """The lines that are drawn are those of the analysis."""
 
+from comparison.wedge import pressed_into
 from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, Polygon, tangent_center
 from isotruss_ros.core.grasping.deformed_shape import (
     deformed_lines,
@@ -9,7 +10,6 @@ from isotruss_ros.core.grasping.deformed_shape import (
 )
 import numpy as np
 import pytest
-from shapes import pressed_into
 
 ROBOT = load_robot('nine_member')
 DIAMETER = 0.3

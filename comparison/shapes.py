@@ -1,0 +1,75 @@
+"""Normal forces on objects that are no discs, pressed into a corner."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from comparison.grasps import FINE
+from comparison.grips import press_on, round_robot
+from comparison.section import Check, Section
+from comparison.wedge import closed_to, MODULE, pressed_into
+from isotruss_ros.core import analyze_grasp, Disc, Ellipse, Polygon
+from isotruss_ros.core.model.shapes import Shape
+import numpy as np
+from paper.tables import number, Table
+
+BOX = ((-0.12, -0.09), (0.12, -0.09), (0.12, 0.09), (-0.12, 0.09))
+SHAPES: dict[str, Shape] = {
+    'disc': Disc(0.3),
+    'ellipse': Ellipse((0.16, 0.1)),
+    'box': Polygon(BOX, 0.02),
+}
+#: Angle of the wedge [degrees], of the object [rad], and its depth in each member [m].
+WEDGE, ANGLE, DEPTHS = 40.0, 0.5, (0.005, 0.01)
+
+
+def compare(shapes: Mapping[str, Shape] = SHAPES, depths: Sequence[float] = DEPTHS) -> Section:
+    """
+    Compare the normal forces on objects of several shapes, held fast without friction.
+
+    :param shapes: by name.
+    :param depths: of the object in each member, tubes unbent [m].
+    """
+    config = closed_to(round_robot().home, WEDGE, 0.3)
+    rows, errors = [], []
+    for name, shape in shapes.items():
+        for depth in depths:
+            held = pressed_into(config, MODULE, shape, ANGLE, depth)
+            theirs = press_on(config, held, options=FINE).contact_forces()
+            ours = analyze_grasp(config, held).contact_forces
+            cells = [name, number(1e3 * depth)]
+            for member in sorted(ours):
+                force = theirs[member].normal
+                errors.append(abs(force / ours[member] - 1.0))
+                cells += [number(force), number(ours[member])]
+            rows.append(tuple(cells))
+    return Section(
+        'Forces on other shapes',
+        f'A disc of 0.3 m, an ellipse with semi-axes of 0.16 and 0.1 m and a box of 0.24 x 0.18 m '
+        f'with corners of 20 mm, each turned by {np.degrees(ANGLE):.0f}°, are pressed into the '
+        f'same corner, closed to {WEDGE:g}°, and held fast without friction.',
+        (
+            Check(
+                'normal forces on disc, ellipse and box',
+                100.0 * max(errors),
+                4.0,
+                '%',
+                'MuJoCo bends in steps, and its friction creeps',
+            ),
+        ),
+        (
+            Table(
+                'shapes',
+                'Held fast, without friction',
+                (
+                    'object',
+                    'depth in each [mm]',
+                    'N₁ MuJoCo [N]',
+                    'N₁ ours [N]',
+                    'N₂ MuJoCo',
+                    'N₂ ours',
+                ),
+                rows,
+            ),
+        ),
+    )
