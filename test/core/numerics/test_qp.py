@@ -85,6 +85,26 @@ def test_solution_is_of_any_size_and_rows_of_any_length(size, length):
         assert solve_qp(program) == pytest.approx(row * bound / (row @ row), rel=1e-9)
 
 
+def test_variables_without_bounds_need_none():
+    rows, bounds = np.array([[3.0, 4.0]]), np.array([-5.0])
+    program = QuadraticProgram(np.eye(2), np.zeros(2), rows, bounds)
+    assert solve_qp(program) == pytest.approx([-0.6, -0.8])
+
+
+@pytest.mark.parametrize('bound', [1.0, 2.0, 3.0])
+def test_a_row_that_the_equalities_settle_is_kept_or_contradicts_them(bound):
+    rows = np.array([[1.0, 1.0], [1.0, -1.0]])
+    # The other one is fulfilled, x = y = 1.
+    program = QuadraticProgram(
+        np.eye(2), np.zeros(2), rows, np.array([bound, 0.5]), equality=rows[:1], target=[2.0]
+    )
+    found = solve_qp(program)
+    if bound < 2.0:
+        assert found is None
+    else:
+        assert found == pytest.approx([1.0, 1.0])
+
+
 def test_an_equality_and_a_bound():
     # x + y = 2 with x <= 0.5; without the bound both are 1.
     _, _, lower, upper = free(2)
