@@ -9,9 +9,9 @@ changed line, the quickest first, on few random examples, and on more of them if
 tests those are is recorded once, for the files of a package as they are. What is computed while
 modules are imported imports the changed file in a process of its own. The share of mutants that
 are noticed is a lower bound: tests that take more than four seconds are left out, and those that
-read what another one has cached; with --thorough, survivors run these too. A mutant that takes
-thirty times as long as its tests counts as noticed, and is listed. Nothing is written but records
-in the environment's folder. Not changed: indices, annotations, and what stands in error messages.
+read what another one has cached, which survivors run with --thorough. A mutant that takes thirty
+times as long as its tests counts as noticed, and is listed. Nothing is written but records in the
+environment's folder. Not changed: indices, annotations, and what stands in error messages.
 """
 
 from __future__ import annotations
@@ -91,14 +91,14 @@ def record_tests(package: Path) -> Record:
 
 
 def run_mutants(
-    package: Path, mutants: list[Mutant], record: Record, thorough: bool
+    package: Path, mutants: list[Mutant], record: Record, options: argparse.Namespace
 ) -> Iterator[tuple]:
     """Yield each mutant of a package and whether the tests notice it."""
     unread = [m for m in mutants if m.in_function and not record.contexts(m)]
     yield from ((mutant, ALIVE) for mutant in unread)
     again = [mutant for mutant in mutants if not mutant.in_function]
     inside = [mutant for mutant in mutants if mutant.in_function and mutant not in unread]
-    for share in (FEW, USUAL):
+    for share in (FEW,) if options.few else (FEW, USUAL):
         alive = []
         for mutant, result in _stream(
             lambda tell, own=inside, part=share: run_tests(
@@ -114,13 +114,13 @@ def run_mutants(
         inside = alive
     for mutant in inside:
         # What was computed before the change was made did not notice it.
-        if thorough or '' in record.contexts(mutant):
+        if options.thorough or '' in record.contexts(mutant):
             again.append(mutant)
         else:
             yield mutant, ALIVE
     limit = GRACE + PATIENCE * sum(record.quick.values())
     for mutant in again:
-        plugin = RunUntilFailure(mutant, record, thorough)
+        plugin = RunUntilFailure(mutant, record, options.thorough)
         yield mutant, run_apart(lambda p=plugin, m=mutant: _import_changed(package, m, p), limit)
 
 
@@ -170,7 +170,7 @@ def run_package(package: Path, mutants: list[Mutant], options: argparse.Namespac
     known = [mutant for mutant in mutants if mutant.name in noticed]
     results = [KILLED] * len(known)
     left = [mutant for mutant in mutants if mutant.name not in noticed]
-    for mutant, result in run_mutants(package, left, record, options.thorough):
+    for mutant, result in run_mutants(package, left, record, options):
         results.append(result)
         if result == KILLED:
             noticed.add(mutant.name)
@@ -202,6 +202,7 @@ def main() -> None:
     parser.add_argument('--sample', type=int, help='that many of each package, drawn at random')
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--thorough', action='store_true', help='survivors run all tests')
+    parser.add_argument('--few', action='store_true', help='survivors run no more examples')
     parser.add_argument('--resume', action='store_true', help='what was noticed stays so')
     options = parser.parse_args()
     paths = [path.resolve() for path in options.files]

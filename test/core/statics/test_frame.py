@@ -658,3 +658,34 @@ def test_solving_changes_no_argument_and_repeats():
         np.testing.assert_array_equal(now, then)
     np.testing.assert_array_equal(first.displacements, second.displacements)
     np.testing.assert_array_equal(first.reactions, second.reactions)
+
+
+@given(generators())
+@examples(10)
+def test_compliance_is_the_response_to_unit_loads_on_the_ends_of_members(rng):
+    points, found, held, _ = random_case(rng)
+    frame = frames.frame(points, found, held)
+    chosen = rng.choice(len(found.start), min(2, len(found.start)), replace=False)
+    compliance = frame.compliance(chosen)
+    assert frame.compliance(chosen) is compliance
+    turn = frame.to_member_frame(chosen)
+    size = 6 * len(chosen)
+    expected = np.zeros((size, size))
+    for column in range(size):
+        member, row = divmod(column, 6)
+        pushed = turn[member].T[:, row]
+        loads = np.zeros((len(points), 3))
+        loads[found.start[chosen[member]]] += pushed[:3]
+        loads[found.end[chosen[member]]] += pushed[3:]
+        # Where all is pinned, no moment acts on anything.
+        loads[~frames.turning(found, len(points)), 2] = 0.0
+        moved = frame.solve(loads).displacements
+        ends = np.concatenate([moved[found.start[chosen]], moved[found.end[chosen]]], axis=1)
+        expected[:, column] = (turn @ ends[:, :, None]).ravel()
+    np.testing.assert_allclose(compliance, expected, atol=1e-8 * np.abs(expected).max())
+
+
+def test_compliance_of_no_members_is_empty():
+    points, found, held, _ = random_case(np.random.default_rng(5))
+    no_members = np.zeros(0, dtype=np.intp)
+    assert frames.frame(points, found, held).compliance(no_members).shape == (0, 0)

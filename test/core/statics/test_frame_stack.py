@@ -8,15 +8,25 @@ import numpy as np
 import pytest
 import robots
 
-CASES = (*robots.PRESETS, 0, 1, 2)
+CASES = (*robots.PRESETS, 0, 1, 2, 'uneven')
 COUNT = 4
+
+
+def make(case):
+    """Return a preset, a random robot, or one with tubes of three and of four members."""
+    if case != 'uneven':
+        return load_robot(case) if isinstance(case, str) else robots.random_robot(case)
+    document = robots.example()
+    document['joints'] = {'P': [0.0, 0.0], 'Q': [2.0, 0.0], 'X': [1.0, 1.8]}
+    document['joints'] |= {'Y': [2.3, 1.35], 'Z': [1.0, 0.6]}
+    document['tubes']['kite'] = {'joints': ['Q', 'Y', 'X', 'Z'], 'passive': 'Y'}
+    return robots.load(document)
 
 
 @pytest.fixture(params=CASES, scope='module')
 def shapes(request):
     """Return structures of a robot in several shapes, and the same ones as a stack."""
-    case = request.param
-    robot = load_robot(case) if isinstance(case, str) else robots.random_robot(case)
+    robot = make(request.param)
     rng = np.random.default_rng(5)
     structures = [Structure(robots.random_state(robot, rng)) for _ in range(COUNT)]
     points = np.stack([structure.config.points for structure in structures], axis=1)
