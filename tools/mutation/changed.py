@@ -16,7 +16,7 @@ class MutantFinder(importlib.abc.MetaPathFinder):
     """Imports a changed module in place of the module."""
 
     def __init__(self, mutant: Mutant, root: Path) -> None:
-        path, code = str(mutant.path), mutant.compile()
+        path, code = str(mutant.path), mutant.compile_changed()
 
         class Loader(SourceFileLoader):
             def get_code(self, fullname: str) -> object:
@@ -41,7 +41,7 @@ def swap_code(mutant: Mutant) -> bool:
     old = compile(read_source(mutant.path), str(mutant.path), 'exec')
     changed = {
         before: after
-        for before, after in zip(_codes(old), _codes(mutant.compile()), strict=True)
+        for before, after in zip(_codes(old), _codes(mutant.compile_changed()), strict=True)
         if before != after
     }
     functions = [f for f in gc.get_objects() if isinstance(f, FunctionType)]

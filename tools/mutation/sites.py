@@ -47,7 +47,7 @@ class Mutant(NamedTuple):
         """Return the line that is changed."""
         return read_source(self.path).splitlines()[self.first - 1].strip()
 
-    def compile(self) -> CodeType:
+    def compile_changed(self) -> CodeType:
         """Compile the changed file."""
         tree = ast.parse(read_source(self.path))
         list(find_sites(tree))[self.index].change()

@@ -65,7 +65,8 @@ def scaled_matrix(config):
     """Return the matrix of (12), its rows of angles times the rod length."""
     m = len(config.robot.module_names)
     matrix = config.matrix.copy()
-    matrix[4 * m : 5 * m] *= config.robot.description.module.rod_length
+    bisection = slice(4 * m, 5 * m)
+    matrix[bisection] *= config.robot.description.module.rod_length
     return matrix
 
 

@@ -86,7 +86,7 @@ def test_pieces_of_tube_bear_what_they_do_in_the_structures(shapes):
         frame = structure.frame
         on_nodes = np.zeros((len(frame.points), 3))
         for number, at in zip(piece[shape == i], slot[shape == i], strict=True):
-            own = loads[i, 6 * at : 6 * at + 6]
+            own = loads[i].reshape(2, 6)[at]
             on_nodes[frame.members.start[number]] += own[:3]
             on_nodes[frame.members.end[number]] += own[3:]
         pieces = tube_pieces(len(structure.config.robot.module_names)).ravel()
