@@ -10,6 +10,7 @@ from typing import Protocol
 from isotruss_ros.core import (
     Configuration,
     Grasp,
+    Grip,
     HeldObject,
     Pose,
     RollerState,
@@ -21,6 +22,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Phase
 from isotruss_ros.mujoco_plant.options import LOAD_TIME, POSE_GAIN
@@ -94,13 +96,13 @@ class Regulated:
     :ivar control: has the model.
     :ivar statuses: of its commands.
     :param config: where the robot is at first.
-    :param grasp: where it holds the object.
+    :param grasp: where it holds the object, or with which members.
     :param squeeze: mean normal force that is regulated [N].
     :param friction: coefficient between tube and object.
     """
 
     def __init__(
-        self, config: Configuration, grasp: Grasp, squeeze: float, friction: float
+        self, config: Configuration, grasp: Grasp | Grip, squeeze: float, friction: float
     ) -> None:
         load = LoadSettings(time=LOAD_TIME)
         self.control = SqueezeControl(
@@ -108,7 +110,10 @@ class Regulated:
         )
         self.statuses: set[Status] = set()
         self.messages: set[str] = set()
-        self._servo = TwistServo(config.robot, grasp.module, grasp.diameter, 1.0 / RATE, 0.5)
+        self._servo = TwistServo(config.robot, *_short_form(grasp), 1.0 / RATE, 0.5)
+        if isinstance(grasp, Grip):
+            self._servo.members, self._servo.friction = grasp.members, friction
+            self._servo.body = as_convex_object(grasp.body)
         self._servo.squeeze = self.control
 
     def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
@@ -122,6 +127,11 @@ class Regulated:
         if decision.message:
             self.messages.add(decision.message)
         return decision.command.roller_velocities
+
+
+def _short_form(grasp: Grasp | Grip) -> tuple[str, float]:
+    """Return module and diameter of the short form; they do not count in a grip."""
+    return ('', 1.0) if isinstance(grasp, Grip) else (grasp.module, grasp.diameter)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from comparison import (
+    boxes,
     carried,
     drops,
     friction,
@@ -23,6 +24,7 @@ SECTIONS: dict[str, Compare] = {
     'pulls': pulls.compare,
     'friction': friction.compare,
     'carried': carried.compare,
+    'boxes': boxes.compare,
     'planned': planned.compare,
     'drops': drops.compare,
 }

@@ -26,7 +26,12 @@ def generate_launch_description() -> LaunchDescription:
             'path_follower': (params.USE_STAMPED_TWIST,),
             'grasp_planner': (),
             'pick_and_place': (params.OBJECT_DIAMETER, params.FRICTION),
-            'viewer': (params.OBJECT_DIAMETER, params.FRICTION, viewer.PORT),
+            'viewer': (
+                params.OBJECT_DIAMETER,
+                params.OBJECT,
+                params.FRICTION,
+                viewer.PORT,
+            ),
         },
         required=(params.ROBOT, params.OBJECT_DIAMETER, params.GRIP_MODULE),
     )

@@ -17,7 +17,6 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.control.twist_servo import NOT_REGULATED
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.nodes.components.emergency_stop import EmergencyStop
 from isotruss_ros.nodes.components.failed_rollers import (
@@ -284,7 +283,6 @@ class Manipulation(ManagedNode):
     def _check(self, new: dict[str, params.Value]) -> None:
         params.check_grip_module(self._robot, new)
         params.check_grip(self._robot, new)
-        self._check_squeeze(new)
         check_failed_rollers(self._robot, new)
         mode, joint = (new.get(spec.name, self.values[spec]) for spec in (MODE, JOINT))
         if mode not in MODES:
@@ -294,18 +292,6 @@ class Manipulation(ManagedNode):
                 check_joint(self._robot, joint)
             except GraspError as error:
                 raise params.ParameterError(f'parameter joint: {error}') from error
-
-    def _check_squeeze(self, new: dict[str, params.Value]) -> None:
-        """Reject a squeeze of a grip for which it is not regulated."""
-        squeeze, grip, held = (
-            new.get(spec.name, self.values[spec])
-            for spec in (SQUEEZE_FORCE, params.GRIP, params.OBJECT)
-        )
-        if squeeze and (params.named_members(grip) or held):
-            raise params.ParameterError(
-                f'parameter squeeze_force: {squeeze:g}: {NOT_REGULATED}; must be 0 with grip or '
-                'object'
-            )
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""
@@ -341,12 +327,14 @@ class Manipulation(ManagedNode):
         """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""
         values, servo = self.values, self._servo
         servo.friction = values[params.FRICTION]
+        if servo.body is not None and servo.body.friction is not None:
+            servo.friction = servo.body.friction
         if values[SQUEEZE_FORCE] == 0.0:
             servo.squeeze = None
             return
         settings = SqueezeSettings(
             values[SQUEEZE_FORCE],
-            values[params.FRICTION],
+            servo.friction,
             min_slip_margin=values[MIN_SLIP_MARGIN],
             pose_gain=values[POSE_GAIN],
             load=LoadSettings(time=values[LOAD_TIME]),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import ConfigurationError, load_robot
+from isotruss_ros.core import ConfigurationError, load_robot, read_object
 from isotruss_ros.nodes.components.object_goals import ObjectGoals
 from isotruss_ros.nodes.components.plant_choice import PlantChoice
 from isotruss_ros.nodes.conversions.messages import (
@@ -58,6 +58,7 @@ MAX_SPEED = params.Spec(
 SPECS = (
     params.ROBOT,
     params.OBJECT_DIAMETER,
+    params.OBJECT,
     params.FRICTION,
     HOST,
     PORT,
@@ -89,6 +90,8 @@ class Viewer(StoppableNode):
         self.picture = Picture(
             load_robot(self.values[params.ROBOT]), self.values[params.OBJECT_DIAMETER]
         )
+        if self.values[params.OBJECT]:
+            self.picture.shape = read_object(self.values[params.OBJECT]).shape
         self._throttle = WarningThrottle(self.get_logger())
         self._view: View | None = None
         self._controls: Controls | None = None

@@ -53,6 +53,26 @@ def tube_faces(samples: int) -> Indices:
     return np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
 
 
+def prism(outline: Points, height: float) -> tuple[Array, Indices]:
+    """
+    Return the vertices (2 k, 3) and triangles (f, 3) of an upright prism.
+
+    :param outline: (k,) its convex cross section around the origin, counter-clockwise [m].
+    :param height: of it, half above the plane [m].
+    """
+    count = len(outline)
+    here = np.arange(count)
+    after = np.roll(here, -1)
+    vertices = [
+        np.column_stack([outline.real, outline.imag, np.full(count, z)])
+        for z in (0.5 * height, -0.5 * height)
+    ]
+    fan = np.column_stack([np.zeros(count - 2, dtype=int), here[1:-1], here[2:]])
+    sides = [[here, here + count, after], [after, here + count, after + count]]
+    faces = [fan, fan[:, ::-1] + count, *(np.column_stack(side) for side in sides)]
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
 def color_of(utilisation: float) -> tuple[int, int, int]:
     """
     Return the colour (r, g, b), 0 to 255, of a tube.

@@ -14,6 +14,7 @@ from typing import Any
 
 from isotruss_ros.core import Robot
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
+from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -57,6 +58,7 @@ class Picture:
     :ivar pose: (x, y, angle) of the object [m, rad]; None before the first message.
     :ivar goal: (x, y) to which the object is dragged [m]; None without one.
     :ivar diameter: of the object [m].
+    :ivar shape: of an object that is no disc of that diameter; None for that.
     :ivar goal_report: what becomes of the last goal, in words; empty before the first.
     :ivar state: last grasp/state; None before the first.
     :ivar status: last manipulation/status; None before the first.
@@ -67,6 +69,7 @@ class Picture:
 
     robot: Robot
     diameter: float
+    shape: Shape | None = None
     pose: tuple[float, float, float] | None = None
     goal: tuple[float, float] | None = None
     goal_report: str = ''

@@ -6,7 +6,7 @@ import math
 
 from isotruss_ros.core.grasping.deformed_shape import member_lines
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.viewer.meshes import color_of, tube_faces, tube_vertices
+from isotruss_ros.viewer.meshes import color_of, prism, tube_faces, tube_vertices
 from isotruss_ros.viewer.picture import DEFORMED, FORCES, Picture, REGIONS
 import numpy as np
 import viser
@@ -15,6 +15,8 @@ import viser
 SECTIONS = 28
 HELD, NOT_HELD, UNKNOWN = (51, 179, 77), (217, 51, 51), (190, 190, 190)
 MODULE, REGION, FORCE, MARK = (59, 59, 59), (242, 191, 26), (31, 79, 217), (20, 20, 20)
+#: Distance of the points along the curved parts of an object [m].
+OUTLINE = 0.01
 #: Thickness of rods and of contact regions [m].
 ROD, STRIPE = 0.03, 0.02
 
@@ -110,11 +112,20 @@ class Scene:
         diameter = picture.diameter
         self._shown = {'diameter': diameter}
         self._frame = self._scene.add_frame('/object', show_axes=False, visible=False)
-        self._object = self._scene.add_cylinder(
-            '/object/body', 0.5 * diameter, self._diameter, color=UNKNOWN
-        )
+        if picture.shape is None:
+            self._object = self._scene.add_cylinder(
+                '/object/body', 0.5 * diameter, self._diameter, color=UNKNOWN
+            )
+        else:
+            vertices, faces = prism(picture.shape.outline(OUTLINE), self._diameter)
+            self._object = self._scene.add_mesh_simple(
+                '/object/body', vertices.astype(np.float32), faces, color=UNKNOWN, side='double'
+            )
         # A mark shows how the object turns.
-        mark = np.array([[[0.0, 0.0, 0.0], [0.45 * diameter, 0.0, 0.0]]], dtype=np.float32)
+        length = 0.45 * diameter
+        if picture.shape is not None:
+            length = 0.9 * float(picture.shape.support_points(np.array([1.0 + 0.0j]))[0].real)
+        mark = np.array([[[0.0, 0.0, 0.0], [length, 0.0, 0.0]]], dtype=np.float32)
         mark[..., 2] = 0.5 * self._diameter + 0.005
         self._scene.add_line_segments('/object/mark', mark, MARK, thickness=0.012)
 

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from comparison import carried, drops, friction, grasps, pulls
+from comparison import boxes, carried, drops, friction, grasps, pulls
 from comparison.grips import Grip
 from comparison.page import FOLDER, page
 from comparison.section import Check, Section
 from comparison.sections import SECTIONS
-from isotruss_ros.demo.path import translation
+from isotruss_ros.demo.path import rotation, translation
 from matplotlib.figure import Figure
 from mujoco_worlds import needs_mujoco
 import numpy as np
@@ -45,6 +45,14 @@ def test_an_object_carried_with_its_squeeze_regulated_follows_its_path():
     assert np.degrees(result.angle_error) < angle
     assert result.squeezes.min() > 0.9 * result.squeezes.max()
     assert np.hypot(*(result.poses[-1] - result.poses[0])[:2]) == pytest.approx(0.085, abs=2e-3)
+
+
+@needs_mujoco
+def test_a_box_between_sides_that_do_not_meet_is_within_its_bounds():
+    phases = (translation('along', 3.0, 0.04, 0.0), rotation('turn', 3.0, 0.15))
+    section = boxes.compare(boxes.CASES[:1], phases)
+    require_kept(section)
+    assert len(section.figure.axes) == 4
 
 
 @needs_mujoco

@@ -24,6 +24,7 @@ PRINTED = {
     'follow_path': 'REACHED',
     'limits': 'slowed roller speed',
     'own_robot': 'module.rod_length: -0.15: must be',
+    'pick_box': 'turned     ',
     'plan_grasp': 'margin',
     'roll_in_grip': 'back within 1 um',
     'ros_grasp_state': 'held: ',

@@ -5,10 +5,10 @@ import math
 
 from builtin_interfaces.msg import Time
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import load_robot
+from isotruss_ros.core import load_robot, Polygon
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.viewer.drag import drag_twist, REACHED
-from isotruss_ros.viewer.meshes import color_of, CORNERS, tube_faces, tube_vertices
+from isotruss_ros.viewer.meshes import color_of, CORNERS, prism, tube_faces, tube_vertices
 from isotruss_ros.viewer.picture import Picture, TIMEOUT, trim_start
 import numpy as np
 import pytest
@@ -32,6 +32,18 @@ def test_a_tube_is_closed_around_its_line_and_as_wide_as_its_diameter():
     # Two triangles at every edge but those of the two open ends.
     assert (count == 1).sum() == 2 * CORNERS
     assert set(count) == {1, 2}
+
+
+def test_a_prism_is_closed_and_shows_its_faces_outward():
+    outline = Polygon([(-0.2, -0.1), (0.3, -0.1), (0.3, 0.1), (-0.2, 0.1)], 0.05).outline(0.01)
+    vertices, faces = prism(outline, 0.2)
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    _, count = np.unique(edges, axis=0, return_counts=True)
+    assert set(count) == {2}
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    # Six times the volume, by the divergence theorem.
+    volume = (a * np.cross(b, c)).sum() / 6.0
+    assert volume == pytest.approx(0.2 * (0.5 * 0.2 - (4.0 - np.pi) * 0.05**2), rel=1e-2)
 
 
 def test_a_wrinkling_tube_is_red_and_an_unloaded_one_is_not():

@@ -91,12 +91,6 @@ HALTS = {
 }
 
 
-NOT_REGULATED = (
-    'the squeeze is regulated of a disc between the two sides of a module only: keep the contacts '
-    'of other grips, without a squeeze'
-)
-
-
 class TwistServo:
     """
     State of the control loop: its settings and the latest input of each kind.

@@ -1,0 +1,210 @@
+"""A free box that two sides close on, carry, turn and put down, in MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from comparison.carrying import Carried, carry, Regulated
+from comparison.grips import round_robot
+from isotruss_ros.core import (
+    Configuration,
+    ConvexObject,
+    Grip,
+    place_between,
+    Polygon,
+    Pose,
+    solve_twist,
+    Status,
+)
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.demo.path import Phase, rotation, translation
+from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.plant import ContactForce, MujocoPlant
+from isotruss_ros.plotting.grasp_drawing import FORCE_COLOR
+from isotruss_ros.plotting.robot_drawing import draw_robot, frame, MODULE_COLOR, OBJECT_COLOR
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon as Patch
+import numpy as np
+from paper.style import PAGE, SETTINGS
+
+#: Of two tubes; the hole of the robot is between them.
+SIDES = ('south/P-Q', 'north/R-P')
+BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], 0.02)
+#: Between the tubes and the box, and orientation with which it lies on two of its corners [rad].
+FRICTION, ANGLE = 0.9, -0.5
+#: The sides are as far from the box at first as they are to be pressed into it [m].
+GAP = 0.02
+#: At which they close and open [m/s], and of the error that is corrected in a second [1/s].
+CLOSING, GAIN = 0.02, 1.0
+#: Length of an arrow for its force in the drawing [m/N].
+SCALE = 0.025
+#: On the ground the box slides at this force [N].
+GROUND = 0.5
+#: The path: along, turned in place by 17 degrees, and on.
+PHASES = (
+    translation('along', 5.0, 0.08, 0.03),
+    rotation('turn', 5.0, 0.3),
+    translation('on', 5.0, 0.04, -0.04),
+)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """
+    The robot and the box at one time.
+
+    :ivar name: what was done.
+    :ivar config: of the rollers.
+    :ivar pose: of the box.
+    :ivar forces: of the members on it, by member.
+    """
+
+    name: str
+    config: Configuration
+    pose: Pose
+    forces: dict[str, ContactForce]
+
+
+@dataclass(frozen=True)
+class Picked:
+    """
+    What became of the box.
+
+    :ivar stages: one after the other.
+    :ivar carried: while the sides close, wait, carry it with its squeeze regulated, and open.
+    :ivar statuses: of the commands that carried it.
+    """
+
+    stages: list[Stage] = field(default_factory=list)
+    carried: list[Carried] = field(default_factory=list)
+    statuses: set[Status] = field(default_factory=set)
+
+    def shift(self, name: str) -> float:
+        """
+        Return how far the box moved in a stage [m].
+
+        :param name: of the stage, not the first.
+        """
+        number = [stage.name for stage in self.stages].index(name)
+        before, after = self.stages[number - 1].pose, self.stages[number].pose
+        return float(np.hypot(after.x - before.x, after.y - before.y))
+
+
+class GripFeedback:
+    """
+    The twist program for the measured pose, which is brought back to the path.
+
+    :param config: where the robot is at first.
+    :param body: the box, anywhere.
+    :param opening_rate: of the distance between the sides [m/s].
+    """
+
+    def __init__(
+        self, config: Configuration, body: ConvexObject, opening_rate: float = 0.0
+    ) -> None:
+        self._config, self._body, self._rate = config, body, opening_rate
+
+    def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
+        """Return roller velocities for the measured pose, see `Steering`."""
+        self._config = self._config.moved_to(plant.travel)
+        grip = Grip(SIDES, self._body.moved_to(plant.object_pose()), FRICTION)
+        wanted = twist + GAIN * error
+        found = solve_twist(self._config, grip, wanted, opening_rate=self._rate)
+        return found.roller_velocities
+
+
+def pick(phases: Sequence[Phase] = PHASES) -> Picked:
+    """
+    Close on the box where it lies, carry it, and put it down.
+
+    :param phases: of the path on which it is carried.
+    """
+    robot = round_robot()
+    lying = place_between(robot.home, SIDES, BOX, ANGLE, -GAP).body
+    assert isinstance(lying, ConvexObject)
+    options = PlantOptions(friction=FRICTION, ground_friction=GROUND)
+    segments = np.full(len(robot.member_names), options.segments)
+    segments[[robot.member_names.index(name) for name in SIDES]] = options.contact_segments
+    plant = MujocoPlant(robot, [lying], options, segments)
+    plant.settle()
+    picked = Picked()
+
+    def note(name: str) -> None:
+        config = robot.configuration(plant.travel)
+        stage = Stage(name, config, plant.object_pose(), plant.contact_forces())
+        picked.stages.append(stage)
+
+    def move(rate: float, path: Sequence[Phase]) -> None:
+        steering = GripFeedback(robot.configuration(plant.travel), lying, rate)
+        picked.carried.append(carry(plant, steering, path))
+
+    def transport(path: Sequence[Phase]) -> None:
+        config = robot.configuration(plant.travel)
+        squeeze = float(np.mean([force.normal for force in plant.contact_forces().values()]))
+        held = Grip(SIDES, lying.moved_to(plant.object_pose()), FRICTION)
+        regulated = Regulated(config, held, squeeze, FRICTION)
+        picked.carried.append(carry(plant, regulated, path))
+        picked.statuses.update(regulated.statuses)
+
+    def wait(duration: float) -> tuple[Phase]:
+        return (Phase('wait', duration, lambda _time: (0.0, 0.0, 0.0)),)
+
+    note('lies free')
+    # Both sides: as far to the box as into it.
+    closing = 4.0 * GAP / CLOSING
+    move(-CLOSING, wait(closing))
+    move(0.0, wait(1.0))
+    note('sides closed')
+    transport(phases)
+    note('carried and turned')
+    move(CLOSING, wait(closing))
+    plant.settle()
+    note('put down')
+    return picked
+
+
+def draw(picked: Picked) -> Figure:
+    """
+    Draw the stages side by side.
+
+    :param picked: what became of the box.
+    """
+    with rc_context(SETTINGS):
+        figure = Figure(figsize=(PAGE, 1.9), layout='constrained')
+        nodes = np.concatenate([stage.config.nodes for stage in picked.stages])
+        low, high = nodes.min(axis=0) - 0.12, nodes.max(axis=0) + 0.08
+        for axes, stage in zip(figure.subplots(1, len(picked.stages)), picked.stages, strict=True):
+            draw_robot(axes, stage.config)
+            _draw_box(axes, stage)
+            frame(axes, low, high)
+            axes.set(xlabel='', ylabel='', xticks=[], yticks=[], title=stage.name)
+            axes.spines[:].set_visible(False)
+    return figure
+
+
+def _draw_box(axes: Axes, stage: Stage) -> None:
+    outline = ConvexObject(BOX, stage.pose).outline(0.005)
+    corners = np.column_stack([outline.real, outline.imag])
+    axes.add_patch(Patch(corners, facecolor=OBJECT_COLOR, edgecolor=MODULE_COLOR, zorder=5))
+    center, turn = complex(*stage.pose[:2]), np.exp(1j * stage.pose.angle)
+    mark = center + turn * np.array([0.0, 0.2])
+    axes.plot(mark.real, mark.imag, color=MODULE_COLOR, lw=1.0, zorder=6)
+    topology, points = stage.config.robot.topology, stage.config.points
+    for name, force in stage.forces.items():
+        member = stage.config.robot.member_names.index(name)
+        span = points[topology.c[topology.following[member]]] - points[topology.b[member]]
+        inward = 1j * span / abs(span)
+        if (inward.conjugate() * (center - force.point)).real < 0.0:
+            inward = -inward
+        tip = force.point
+        tail = tip - SCALE * complex(force.normal, -force.friction) * inward
+        axes.annotate(
+            '',
+            xy=(tip.real, tip.imag),
+            xytext=(tail.real, tail.imag),
+            arrowprops={'arrowstyle': '-|>', 'color': FORCE_COLOR, 'lw': 1.2},
+            zorder=8,
+        )

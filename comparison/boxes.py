@@ -1,0 +1,241 @@
+"""A box, a disc and an ellipse between two sides that meet at no module: forces, and carried."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from comparison.box_picked import BOX, draw, FRICTION, PHASES, pick, Picked, SIDES
+from comparison.carrying import RATE
+from comparison.grips import release, REST, round_robot, STILL
+from comparison.section import Check, Section
+from isotruss_ros.core import (
+    analyze_grasp,
+    Configuration,
+    ConvexObject,
+    Disc,
+    Ellipse,
+    Grip,
+    place_between,
+    settle_grasp,
+)
+from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.demo.path import Phase
+from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+from paper.tables import number, Table
+
+LAG = 'the tubes are elastic, and the robot lags'
+FINE = replace(STILL, contact_segments=16)
+
+
+@dataclass(frozen=True)
+class Case:
+    """
+    What lies between the two sides.
+
+    :ivar name: of the object.
+    :ivar shape: of the object.
+    :ivar angle: of the object [rad].
+    :ivar indentation: of both sides by the object, tubes unbent [m].
+    """
+
+    name: str
+    shape: Shape
+    angle: float
+    indentation: float
+
+    def grip(self, config: Configuration) -> Grip:
+        """
+        Return the object in its place.
+
+        :param config: where the robot is.
+        """
+        return place_between(config, SIDES, self.shape, self.angle, self.indentation)
+
+
+CASES = (
+    Case('box, on corners', BOX, -0.5, 0.01),
+    Case('box, on corners', BOX, -0.5, 0.015),
+    Case('box, on a face and a corner', BOX, 0.0, 0.008),
+    Case('disc', Disc(0.5), 0.0, 0.01),
+    Case('disc', Disc(0.5), 0.0, 0.015),
+    Case('ellipse', Ellipse((0.3, 0.2)), -0.5, 0.01),
+)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """
+    One object in both models.
+
+    :ivar case: what lies there.
+    :ivar fast: (2, 2) normal forces held fast, without friction: MuJoCo's, ours [N].
+    :ivar free: (2, 2) normal forces of the free object, held by friction: MuJoCo's, ours [N].
+    :ivar required: (2,) friction that it requires: MuJoCo's, ours.
+    """
+
+    case: Case
+    fast: Array
+    free: Array
+    required: Array
+
+
+def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> Section:
+    """
+    Compare forces, and carry the box.
+
+    :param cases: objects between the two sides.
+    :param phases: of the path of the box.
+    """
+    found = [compare_one(case) for case in cases]
+    picked = pick(phases)
+    carried = picked.carried[-2]
+    turned = float(np.degrees(carried.angle_error))
+    checks = (
+        *_force_checks(found),
+        Check(
+            'box carried between two sides: position', 1e3 * carried.position_error, 3.0, 'mm', LAG
+        ),
+        Check('box carried between two sides: orientation', turned, 0.5, '°', 'the same'),
+    )
+    return Section(
+        'Boxes between sides that do not meet',
+        'Objects are pressed between the sides `south/P-Q` and `north/R-P` at home, of two '
+        'tubes, that make 60°. Held fast, without friction, the normal forces are those of '
+        f'`analyze_grasp`. Then friction ({FRICTION:g}) comes on and they are let go: they rest '
+        'where `settle_grasp` has the forces; that of the box on a face is left out, whose two '
+        'contacts share the forces by what friction went before. Then a free box is picked up: '
+        'both sides close on it in place, carry it by 85 mm, turn it in place by 17° and go on, '
+        'while two of its corners roll in them, and open. It is carried by the servo of '
+        '`manipulation`, which is to keep the squeeze that it has.',
+        checks,
+        (_table(found), _picked_table(picked)),
+        draw(picked),
+        'Four stages: the robot with a box in its middle that lies free; two sides of different '
+        'tubes closed on two of its corners; the box carried and turned; the sides opened again.',
+    )
+
+
+def press_between(grip: Grip, options: PlantOptions) -> MujocoPlant:
+    """
+    Return a plant at home that presses on an object held fast, without friction.
+
+    :param grip: the object and the sides.
+    :param options: of the plant.
+    """
+    robot = round_robot()
+    segments = np.full(len(robot.member_names), options.segments)
+    segments[[robot.member_names.index(name) for name in grip.members]] = options.contact_segments
+    plant = MujocoPlant(robot, [grip.body], options, segments)
+    plant.set_friction(0.0)
+    plant.hold_object(_pose(grip))
+    plant.settle(2.0 * REST)
+    return plant
+
+
+def compare_one(case: Case) -> Compared:
+    """
+    Compare the forces on one object.
+
+    :param case: what lies there.
+    """
+    home = round_robot().home
+    grip = case.grip(home)
+    plant, analysis = press_between(grip, FINE), analyze_grasp(home, grip.body)
+    forces = plant.contact_forces()
+    fast = [[forces[name].normal, analysis.contact_forces[name]] for name in SIDES]
+    release(plant, FRICTION)
+    lies = grip.body.moved_to(plant.object_pose())
+    settled = settle_grasp(home, lies, FRICTION, members=SIDES)
+    forces = plant.contact_forces()
+    free = [[forces[name].normal, settled.normal_forces[name]] for name in SIDES]
+    used = max(abs(force.friction) / force.normal for force in forces.values())
+    required = np.array([used, settled.required_friction])
+    return Compared(case, np.array(fast).T, np.array(free).T, required)
+
+
+def _pose(grip: Grip) -> Array:
+    """Return the pose of the object (3,)."""
+    assert isinstance(grip.body, ConvexObject)
+    return np.array(grip.body.pose)
+
+
+def _force_checks(found: Sequence[Compared]) -> tuple[Check, ...]:
+    """Return the checks of forces and friction, with their bounds [%]."""
+    fast = max(_off(one.fast) for one in found)
+    free = max(_off(one.free) for one in found if 'face' not in one.case.name)
+    required = max(
+        abs(one.required[0] / one.required[1] - 1.0)
+        for one in found
+        if 'face' not in one.case.name
+    )
+    why = 'MuJoCo bends in steps, and our structure is linear'
+    return (
+        Check('objects between two sides: normal forces, held fast', 100.0 * fast, 5.0, '%', why),
+        Check('objects between two sides: normal forces, free', 100.0 * free, 5.0, '%', why),
+        Check(
+            'objects between two sides: required friction', 100.0 * float(required), 3.0, '%', why
+        ),
+    )
+
+
+def _off(forces: Array) -> float:
+    """Return the largest difference of forces as a share of ours."""
+    return float(np.abs(forces[0] / forces[1] - 1.0).max())
+
+
+def _table(found: Sequence[Compared]) -> Table:
+    rows = []
+    for one in found:
+        cells = [number(force) for force in (*one.fast.T.ravel(), *one.free.mean(axis=1))]
+        needs = [number(need, 2) for need in one.required]
+        depth = f'{1e3 * one.case.indentation:.0f}'
+        rows.append((one.case.name, depth, *cells, *needs))
+    return Table(
+        'boxes',
+        'Held fast without friction, then let go and held by friction',
+        (
+            'object',
+            'indentation [mm]',
+            'N₁ MuJoCo [N]',
+            'N₁ ours',
+            'N₂ MuJoCo',
+            'N₂ ours',
+            'free, mean N MuJoCo [N]',
+            'ours',
+            'required friction MuJoCo',
+            'ours',
+        ),
+        rows,
+    )
+
+
+def _picked_table(picked: Picked) -> Table:
+    carried = picked.carried[-2]
+    squeezes = carried.squeezes
+    row = (
+        'lost' if carried.lost else 'carried',
+        number(1e3 * picked.shift('sides closed')),
+        number(1e3 * carried.position_error),
+        number(float(np.degrees(carried.angle_error)), 2),
+        f'{number(float(squeezes.min()))} to {number(float(squeezes.max()))}',
+        number(float(carried.frictions.max())),
+        number(1e3 * picked.shift('put down')),
+    )
+    return Table(
+        'boxes_picked',
+        f'The box picked up, carried and put down, {RATE:.0f} commands per second',
+        (
+            'box',
+            'moved as the sides close [mm]',
+            'off its path [mm]',
+            'turned off [°]',
+            'squeeze [N]',
+            'friction used',
+            'moved as they open [mm]',
+        ),
+        [row],
+    )
