@@ -41,7 +41,7 @@ def generate_launch_description() -> LaunchDescription:
                 params.RATE,
             ),
             'path_follower': (params.USE_STAMPED_TWIST, params.RATE),
-            'grasp_planner': (),
+            'grasp_planner': (params.OBJECT,),
             'pick_and_place': (params.OBJECT_DIAMETER, params.FRICTION),
             'viewer': (
                 params.OBJECT_DIAMETER,

@@ -7,7 +7,13 @@ from dataclasses import dataclass
 import time
 
 from isotruss_msgs.action import PlanGrasp
-from isotruss_ros.core import ConfigurationError, IsotrussError, load_robot
+from isotruss_ros.core import (
+    ConfigurationError,
+    ConvexObject,
+    IsotrussError,
+    load_robot,
+    read_object,
+)
 from isotruss_ros.core.control.inputs import Input, InputError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
@@ -33,7 +39,7 @@ WORKERS = params.Spec(
     'Processes that search, one for each core if 0',
     read_only=True,
 )
-SPECS = (params.ROBOT, params.COMMAND_TIMEOUT, WORKERS)
+SPECS = (params.ROBOT, params.OBJECT, params.COMMAND_TIMEOUT, WORKERS)
 #: Periods at which the node polls a search, and publishes feedback [s].
 PERIOD, FEEDBACK_PERIOD = 0.02, 0.1
 #: How the action ends with each outcome; with all others it is aborted.
@@ -68,6 +74,7 @@ class GraspPlanner(ManagedNode):
         self._searcher: Searcher | None = None
         super().__init__('grasp_planner', SPECS, parameter_overrides)
         self._inputs: PlannerInputs | None = None
+        self._described: ConvexObject | None = None
         self._shape: TrackedShape | None = None
         self._goal: SingleGoal | None = None
         self._feedback_time = 0.0
@@ -82,6 +89,8 @@ class GraspPlanner(ManagedNode):
                 f'to {MAX_WORKERS}'
             )
         self._robot = load_robot(self.values[params.ROBOT])
+        described = self.values[params.OBJECT]
+        self._described = read_object(described) if described else None
         self._searcher = Searcher(workers)
         self._shape = TrackedShape(self._robot)
         self._inputs = PlannerInputs(self.values[params.COMMAND_TIMEOUT])
@@ -140,7 +149,7 @@ class GraspPlanner(ManagedNode):
     def _begin(self, goal: PlanGrasp.Goal) -> None:
         """Begin a search, or abort the goal with the reason."""
         try:
-            arguments = read_goal(goal, self._robot)
+            arguments = read_goal(goal, self._robot, self._described)
         except IsotrussError as error:
             self._end(Answer(Outcome.BAD_GOAL, str(error)))
             return

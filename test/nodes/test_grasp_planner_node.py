@@ -4,6 +4,7 @@ import math
 import re
 
 from action_msgs.msg import GoalStatus
+from boxes import BOX
 from geometry_msgs.msg import PoseStamped, Wrench
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import (
@@ -11,11 +12,14 @@ from isotruss_ros.core import (
     GraspRequirements,
     IsotrussError,
     plan_grasps,
+    Pose,
     Progress,
+    read_object,
 )
 from isotruss_ros.core.planning.grasp_plan import NEAR_SHARE
 from isotruss_ros.core.planning.searcher import Answer, Outcome
 from isotruss_ros.nodes import grasp_planner
+from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.plan_messages import read_goal, to_result_message
 from isotruss_ros.nodes.conversions.trajectory_messages import read_roller_trajectory
 from lifecycle_msgs.msg import Transition
@@ -36,6 +40,39 @@ def test_codes_are_those_of_the_action():
 
 
 # Goals and results
+
+
+def test_a_described_object_is_searched_for_where_the_goal_has_it():
+    described = read_object(BOX)
+    lying = PoseStamped(pose=to_pose_message(Pose(0.5, -0.3, -0.5)))
+    lying.header.frame_id = 'truss'
+    wanted = goal(object_pose=lying, object_diameter=math.nan)
+    arguments = read_goal(wanted, ROBOT, described)
+    assert arguments.body.shape == described.shape
+    assert arguments.body.friction == described.friction
+    assert arguments.body.pose == pytest.approx((0.5, -0.3, -0.5))
+    with pytest.raises(IsotrussError, match='must be empty for an object that is described'):
+        read_goal(goal(object_pose=lying, module='north/Z'), ROBOT, described)
+
+
+def test_the_parameter_describes_the_object(monkeypatch):
+    monkeypatch.setattr(grasp_planner, 'Searcher', StandIn)
+    with world(node(workers=2, object=BOX)) as w:
+        w.spin(0.05, w.probe.send_joints)
+        w.send_goal(goal())
+        assert w.nodes[1]._searcher.begun[1].shape == read_object(BOX).shape
+    check_refused(node(object='{shape: star}'), 'must be one of')
+
+
+def test_a_found_grip_names_its_members():
+    body = read_object(BOX).moved_to((0.54, -0.31, -0.5))
+    needs = GraspRequirements(friction=0.9, squeeze=12.0, count=1)
+    plan = plan_grasps(ROBOT.home, body, needs, seed=1, thorough=False)
+    assert plan.grasps, plan.closest_violation
+    message = to_result_message(Answer(Outcome.FOUND, '', plan), ROBOT).grasps[0]
+    assert message.module == ''
+    assert message.members == list(plan.grasps[0].grip.members)
+    assert len(message.members) in (2, 3)
 
 
 def torque(z):
@@ -104,7 +141,7 @@ def test_reads_every_requirement():
         ),
         ROBOT,
     )
-    assert arguments.cylinder == Cylinder((0.52, 0.31), 0.25)
+    assert arguments.body == Cylinder((0.52, 0.31), 0.25)
     assert arguments.requirements == GraspRequirements(
         friction=0.7,
         external_wrench=(0.01, 0.0, 0.001),
@@ -306,5 +343,5 @@ def test_rejects_a_number_of_workers_out_of_range(count):
 
 
 def test_the_pose_may_have_no_frame():
-    assert read_goal(goal(frame=''), ROBOT).cylinder.center == CENTER
+    assert read_goal(goal(frame=''), ROBOT).body.center == CENTER
     assert PoseStamped().header.frame_id == ''

@@ -9,6 +9,7 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
 from isotruss_ros.core import (
+    ConvexObject,
     Cylinder,
     GraspRequirements,
     Measure,
@@ -24,6 +25,7 @@ from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     MAX_DISTANCE,
     MessageError,
+    read_angle,
 )
 from isotruss_ros.nodes.conversions.trajectory_messages import to_duration, to_trajectory_message
 
@@ -35,24 +37,27 @@ class SearchGoal(NamedTuple):
     """
     Arguments of a search.
 
-    :ivar cylinder: the object.
+    :ivar body: the object where it lies.
     :ivar requirements: of the grasps.
     :ivar seed: of the search.
     :ivar time_limit: of the search [s]; none if 0.
     """
 
-    cylinder: Cylinder
+    body: Cylinder | ConvexObject
     requirements: GraspRequirements
     seed: int
     time_limit: float
 
 
-def read_goal(goal: PlanGrasp.Goal, robot: Robot) -> SearchGoal:
+def read_goal(
+    goal: PlanGrasp.Goal, robot: Robot, described: ConvexObject | None = None
+) -> SearchGoal:
     """
     Return the arguments of the search that a goal requests.
 
     :param goal: of the action.
     :param robot: the robot.
+    :param described: the object, anywhere; a disc of the goal's diameter if None.
     :raises MessageError: no pose, another frame, or a number that is not finite or out of range.
     :raises GraspError: an unusable requirement.
     """
@@ -63,7 +68,10 @@ def read_goal(goal: PlanGrasp.Goal, robot: Robot) -> SearchGoal:
         )
     check_frame('object pose', goal.object_pose.header, robot.frame)
     position = goal.object_pose.pose.position
-    for name, value in (('x', position.x), ('y', position.y), ('diameter', goal.object_diameter)):
+    sizes = [('x', position.x), ('y', position.y)]
+    if described is None:
+        sizes.append(('diameter', goal.object_diameter))
+    for name, value in sizes:
         if not abs(value) <= MAX_DISTANCE:
             raise MessageError(
                 f'object: {name} {value} m: must be finite, at most {MAX_DISTANCE:g} m'
@@ -105,8 +113,18 @@ def read_goal(goal: PlanGrasp.Goal, robot: Robot) -> SearchGoal:
         count=goal.count,
         **bounds,
     )
-    cylinder = Cylinder((position.x, position.y), goal.object_diameter)
-    return SearchGoal(cylinder, requirements, goal.seed, goal.time_limit)
+    body: Cylinder | ConvexObject
+    if described is None:
+        body = Cylinder((position.x, position.y), goal.object_diameter)
+    else:
+        if goal.module:
+            raise MessageError(
+                f'module {quote(goal.module)}: must be empty for an object that is described by '
+                'the parameter object: any two members or three may hold it'
+            )
+        angle = read_angle(goal.object_pose.pose)
+        body = described.moved_to((position.x, position.y, angle))
+    return SearchGoal(body, requirements, goal.seed, goal.time_limit)
 
 
 def to_feedback_message(progress: Progress) -> PlanGrasp.Feedback:
