@@ -41,9 +41,9 @@ def no_indentation(forces: Array) -> tuple[Array, Array]:
     """
     Return depths and derivatives of tubes that stay round: zero.
 
-    :param forces: (2,) normal forces [N].
+    :param forces: (k,) normal forces [N].
     """
-    return np.zeros(2), np.zeros(2)
+    return np.zeros(len(forces)), np.zeros(len(forces))
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,8 @@ class GripResponse:
     :ivar normal: (k, 3) change of the normal forces [-].
     :ivar friction: (k, 3) change of the friction forces [-].
     :ivar opening: (k,) change of the normal forces as the members move apart [N/m].
+    :ivar openings: (m, m) change of the members' normal forces as each of them moves away from the
+        object [N/m].
     :ivar forces: the equilibrium.
     :ivar owners: (k,) to which member of the grip each contact belongs.
     :ivar arm: by which moments compare with forces [m].
@@ -31,6 +33,7 @@ class GripResponse:
     normal: Array
     friction: Array
     opening: Array
+    openings: Array
     forces: ContactForces
     owners: Indices
     arm: float
@@ -90,10 +93,13 @@ def grip_response(
     """
     places, count = statics.places, len(statics.owners)
     _, jacobian, _ = statics.equations(state.unknowns, wrench, closure)
-    right = np.zeros((places.size, 4))
+    members = int(statics.owners[-1]) + 1
+    right = np.zeros((places.size, 4 + members))
     right[places.balance, :3] = -np.eye(3)
-    moved = statics.compliance.axis.conj() * _opening(statics, state)
-    right[: 2 * count, 3] = -np.concatenate([moved.real, moved.imag])
+    own = np.eye(members)[statics.owners]
+    moving = np.column_stack([_opening(statics, state), own * state.normals[:, None]])
+    moved = statics.compliance.axis.conj()[:, None] * moving
+    right[: 2 * count, 3:] = -np.concatenate([moved.real, moved.imag])
     try:
         change = np.linalg.solve(jacobian, right)
         np.linalg.inv(change[:3, :3])
@@ -104,6 +110,7 @@ def grip_response(
         change[places.normal, :3],
         change[places.friction, :3],
         change[places.normal, 3],
+        own.T @ change[places.normal, 4:],
         state,
         statics.owners,
         statics.arm,

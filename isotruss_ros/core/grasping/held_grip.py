@@ -189,7 +189,8 @@ class HeldGrip:
         Return the grip in another configuration, contacts rolling without slip.
 
         A face lifts at an end that does not press any more, and comes to lie on a member that it
-        would otherwise cut into.
+        would otherwise cut into. A third member that touches the object holds it too, as long as
+        it presses.
 
         :param config: near to the present one: the search for the equilibrium starts there.
         :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m];
@@ -210,7 +211,7 @@ class HeldGrip:
             found = self._roll(
                 config, contacts, found.anchors[kept], found.angles[kept], wrench, nothing, found
             )
-        return found if found is None else found._laid_down()
+        return found if found is None else found._laid_down()._joined()
 
     def hold(self, friction: float) -> Hold:
         """
@@ -262,10 +263,10 @@ class HeldGrip:
         return bool((alone | (self.state.normal_forces > 0.0)).all())
 
     def _lifted(self) -> int | None:
-        """Return which end of a face pulls most; None if none does."""
+        """Return which end of a face, or third member, pulls most; None if none does."""
         owners, normal = self.contacts.owners, self.state.normal_forces
-        face = np.bincount(owners)[owners] > 1
-        pulling = np.where(face, normal, np.inf)
+        more = (np.bincount(owners)[owners] > 1) | (owners[-1] > 1)
+        pulling = np.where(more, normal, np.inf)
         least = int(pulling.argmin())
         return least if pulling[least] < 0.0 else None
 
@@ -337,6 +338,28 @@ class HeldGrip:
             if laid is not None and laid._presses():
                 return laid
         return self
+
+    def _joined(self) -> HeldGrip:
+        """Return the grip with a third member where that has come to touch the object."""
+        if len(self.members) >= MOST:
+            return self
+        depths = body_depths(self.config, self.body)
+        depths[self.members] = -np.inf
+        number = int(depths.argmax())
+        if depths[number] <= 0.0:
+            return self
+        others = find_pressed(self.config, self.body, np.array([number]))
+        contacts, order = self.contacts.with_others(others)
+        fresh = np.flatnonzero(order >= len(self.anchors))
+        count = len(others.members)
+        statics = contact_statics(self.config, self.body, others, flattening=False)
+        facing = statics.normals(start_at(statics, self.body)) * self.body.turn.conjugate()
+        anchors = np.append(self.anchors, np.zeros(count))[order]
+        angles = np.append(self.angles, np.angle(facing))[order]
+        found = self._roll(self.config, contacts, anchors, angles, self.wrench, fresh)
+        if found is None or found.state.normal_forces[fresh].min() <= 0.0:
+            return self
+        return found
 
     def _with_face(self, k: int, step: int) -> HeldGrip | None:
         """Return the equilibrium with the next corner (step 1) or the one before (-1) as well."""

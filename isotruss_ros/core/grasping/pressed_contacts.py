@@ -54,9 +54,23 @@ class PressedContacts:
         kept = np.delete(np.arange(len(self.members)), dropped)
         cuts = self.cuts.copy()
         cuts[self.owners == self.owners[dropped]] = np.inf
-        return PressedContacts(
-            self.members[kept], self.owners[kept], self.corners[kept], cuts[kept]
-        )
+        owners = np.unique(self.members[kept], return_inverse=True)[1]
+        return PressedContacts(self.members[kept], owners, self.corners[kept], cuts[kept])
+
+    def with_others(self, others: PressedContacts) -> tuple[PressedContacts, Indices]:
+        """
+        Return these contacts and those with another member, in the order of the members.
+
+        :param others: the contacts of the other member.
+        :return: all; and (k,) numbers of these, then of the others, in the order of all.
+        """
+        members = np.concatenate([self.members, others.members])
+        order = np.argsort(members, kind='stable')
+        owners = np.unique(members, return_inverse=True)[1]
+        corners = np.concatenate([self.corners, others.corners])
+        cuts = np.concatenate([self.cuts, others.cuts])
+        every = PressedContacts(members[order], owners[order], corners[order], cuts[order])
+        return every, order
 
 
 def body_depths(config: Configuration, body: ConvexObject) -> Array:

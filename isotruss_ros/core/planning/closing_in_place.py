@@ -32,6 +32,7 @@ from isotruss_ros.core.planning.motion_in_place import (
     SQUEEZE_TOLERANCE,
 )
 from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
+from isotruss_ros.core.planning.surrounding import squeeze_around
 import numpy as np
 
 #: An object that is nearer than this to where it lay has stayed there [m].
@@ -144,42 +145,35 @@ class ClosingInPlace:
             grasp = self._motion.squeeze(grasp, force)
 
     def _surround(self, touch: Configuration) -> Iterator[HeldGrip]:
-        """
-        Yield how three members hold the object, deeper and deeper in them.
-
-        It stays where it is without friction: each member presses as deep as the balance needs.
-        """
+        """Yield how three members hold the object with larger and larger squeeze."""
         closing, wanted = self._closing, self._needs.squeeze
         body, tube = as_convex_object(closing.body), touch.robot.description.tube_diameter
-        count = len(closing.members)
-        depths = np.full(count, closing.settings.face_contact * tube)
-        deeper, config, last = 0.5 * closing.settings.closing_step * tube, touch, (0.0, 0.0)
-        while True:
-            for _ in range(MAX_BALANCE_STEPS):
-                pressed = self._press_to(config, depths)
-                if pressed is None:
-                    return
-                config = pressed
-                grasp = HeldGrip.attach(config, body, np.array(closing.members))
-                if isinstance(grasp, Hold):
-                    self._motion.record(Violation('held', 0.0, 1.0, 30.0))
-                    return
-                away = grasp.body.center - body.center
-                if abs(away) < SAME_PLACE:
-                    break
-                normals = outward_normals(config, closing)
-                depths = np.maximum(depths + (away * normals.conj()).real, 0.0)
-            if not self._sticks(grasp):
+        depths = np.full(len(closing.members), closing.settings.face_contact * tube)
+        config, found = touch, None
+        # First each presses as deep as keeps the object there without friction.
+        for _ in range(MAX_BALANCE_STEPS):
+            pressed = self._press_to(config, depths)
+            if pressed is None:
                 return
+            config, found = pressed, attach(pressed, closing)
+            if not isinstance(found, HeldGrip):
+                self._motion.record(Violation('held', 0.0, 1.0, 30.0))
+                return
+            away = found.body.center - body.center
+            if abs(away) < SAME_PLACE:
+                break
+            normals = outward_normals(config, closing)
+            depths = np.maximum(depths + (away * normals.conj()).real, 0.0)
+        grasp = found
+        while grasp is not None and self._sticks(grasp):
             yield grasp
-            step = deeper
+            force = grasp.squeeze * closing.settings.squeeze_growth
+            force = min(force, grasp.squeeze + closing.settings.squeeze_rise)
             if wanted is not None:
                 if _reached(grasp, wanted):
                     return
-                slope = (grasp.squeeze - last[1]) / (float(depths.mean()) - last[0])
-                step = min(step, (wanted - grasp.squeeze) / slope)
-                last = float(depths.mean()), grasp.squeeze
-            depths = depths + step
+                force = min(wanted, force)
+            grasp = squeeze_around(self._motion, grasp, force)
 
     def _sticks(self, grasp: RollingGrasp | HeldGrip) -> bool:
         """Return whether the contacts stick."""
@@ -251,17 +245,20 @@ class ClosingInPlace:
         return pressed.config
 
 
-def attach(config: Configuration, closing: Closing) -> RollingGrasp | HeldGrip | Hold:
+def attach(
+    config: Configuration, closing: Closing, angle: float = 0.0
+) -> RollingGrasp | HeldGrip | Hold:
     """
     Return how the grasping members hold the object that they press on, or why they do not.
 
     :param config: configuration of the robot.
     :param closing: what has closed on which object.
+    :param angle: of a cylinder [rad]; a convex object has its own.
     :raises StructureError: see `structure_of`.
     """
     if isinstance(closing.body, ConvexObject):
         return HeldGrip.attach(config, closing.body, np.array(closing.members))
-    return RollingGrasp.attach(config, closing.body)
+    return RollingGrasp.attach(config, closing.body, angle)
 
 
 def _reached(grasp: RollingGrasp | HeldGrip, squeeze: float) -> bool:

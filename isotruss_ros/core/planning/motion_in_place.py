@@ -53,6 +53,7 @@ class MotionInPlace:
     """
     Changes the squeeze, and keeps account of what did not work.
 
+    :ivar closing: the grip, where the object is to stay, and the bounds of the motion.
     :ivar evaluations: configurations that were computed so far.
     :ivar closest_violation: the violation of the best state so far.
     :param closing: the grip, where the object is to stay, and the bounds of the motion.
@@ -60,7 +61,7 @@ class MotionInPlace:
     """
 
     def __init__(self, closing: Closing, angle: float = 0.0) -> None:
-        self._closing, self._angle = closing, angle
+        self.closing, self._angle = closing, angle
         self.evaluations = 0
         self.closest_violation: Violation | None = None
 
@@ -85,7 +86,7 @@ class MotionInPlace:
         :raises StructureError: see `structure_of`.
         """
         scale, reachable = 1.0, True
-        place = as_convex_object(self._closing.body).pose
+        place = as_convex_object(self.closing.body).pose
         center, angle = np.array(place[:2]), place.angle + self._angle
         for _ in range(MAX_CORRECTIONS):
             away = center - grasp.pose[:2]
@@ -102,7 +103,7 @@ class MotionInPlace:
             if command.scale < MIN_SCALE:
                 self.record(Violation('squeeze', grasp.squeeze, force, 5.0))
                 return None
-            moved = self._move(grasp, command.roller_velocities)
+            moved = self.move(grasp, command.roller_velocities)
             if moved is None:
                 return None
             gained = moved.squeeze - grasp.squeeze
@@ -111,7 +112,7 @@ class MotionInPlace:
             grasp = moved
         # A robot of few rollers cannot close and keep the object in place: it goes along a little.
         diameter = grasp.config.robot.description.tube_diameter
-        bound = self._closing.settings.max_displacement * diameter
+        bound = self.closing.settings.max_displacement * diameter
         distance = float(np.hypot(*(center - grasp.pose[:2])))
         if abs(force - grasp.squeeze) >= SQUEEZE_TOLERANCE * force:
             self.record(Violation('squeeze', grasp.squeeze, force, 5.0))
@@ -141,12 +142,12 @@ class MotionInPlace:
         try:
             return before.moved_to(before.roller_positions + command.roller_velocities)
         except ConfigurationError:
-            self.record(Violation('rigidity', 0.0, self._closing.min_rigidity, 50.0))
+            self.record(Violation('rigidity', 0.0, self.closing.min_rigidity, 50.0))
             return None
 
     def _command(self, grasp: Held, back: Array, rate: float) -> RollerCommand:
         """Return the motion that closes the grip and brings the object back."""
-        held, limits = self._grip(grasp), self._closing.limits
+        held, limits = self._grip(grasp), self.closing.limits
         command = solve_twist(grasp.config, held, back, limits=limits, opening_rate=rate)
         if command.status is not Status.UNREACHABLE:
             return command
@@ -158,14 +159,20 @@ class MotionInPlace:
         """Return what holds the object, for the rows of (19)."""
         if isinstance(grasp, HeldGrip):
             return Grip(grasp.member_names, grasp.body)
-        assert self._closing.module is not None
-        module = grasp.config.robot.module_names[self._closing.module]
+        assert self.closing.module is not None
+        module = grasp.config.robot.module_names[self.closing.module]
         return Grasp(module, grasp.pose[:2], grasp.diameter)
 
-    def _move(self, grasp: Held, travel: Array) -> Held | None:
-        """Return the grasp after a motion of the rollers; None where a requirement is violated."""
+    def move(self, grasp: Held, travel: Array) -> Held | None:
+        """
+        Return the grasp after a motion of the rollers; None where a requirement is violated.
+
+        :param grasp: how the object is held.
+        :param travel: (r,) of the rollers [m].
+        :raises StructureError: see `structure_of`.
+        """
         self.evaluations += 1
-        closing, before = self._closing, grasp.config
+        closing, before = self.closing, grasp.config
         try:
             config = before.moved_to(before.roller_positions + travel)
         except ConfigurationError:

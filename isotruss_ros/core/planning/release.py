@@ -7,20 +7,24 @@ but zero they move away from it, which then stands still.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.grasping.held_members import Hold, member_depths
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.pressed_contacts import body_depths
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import module_index
+from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
+from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.closing_in_place import attach
 from isotruss_ros.core.planning.closing_motion import press
 from isotruss_ros.core.planning.closing_qp import Closing
 from isotruss_ros.core.planning.grasp_plan import Violation
-from isotruss_ros.core.planning.motion_in_place import MotionInPlace
+from isotruss_ros.core.planning.motion_in_place import MotionInPlace, placed_body
 from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
 from isotruss_ros.core.planning.settings import DEFAULT
 import numpy as np
@@ -32,6 +36,8 @@ UNLOADING = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.
 LEAST_FORCE = 0.01
 #: By so much the grip then opens in place, before the members move away [rad].
 FIRST_OPENING = 5e-3
+#: The same of any members, as a share of the tube's diameter.
+OPENED = 0.015
 #: Waypoints of the members' way from the object.
 OPENING_STEPS = 5
 
@@ -54,8 +60,8 @@ class Release:
 
 def plan_release(
     config: Configuration,
-    cylinder: Cylinder,
-    module: str,
+    body: Cylinder | ConvexObject,
+    held_by: str | Sequence[str],
     clearance: float,
     angle: float = 0.0,
     min_rigidity: float = MIN_RIGIDITY,
@@ -64,23 +70,32 @@ def plan_release(
     Plan the path that lets a held object go and backs off.
 
     :param config: configuration of the robot.
-    :param cylinder: the object, where it was measured.
-    :param module: `t/j`, whose two members hold it.
-    :param clearance: gap of each of the two at the end, positive [m].
-    :param angle: measured orientation of the object [rad].
+    :param body: the object, where it was measured.
+    :param held_by: the module `t/j` whose two members hold a cylinder; or names `t/j-k` of the two
+        members, or three, that hold any convex object.
+    :param clearance: gap of each of these at the end, positive [m].
+    :param angle: measured orientation of a cylinder [rad]; a convex object has its own.
     :param min_rigidity: smallest rigidity index along the path, 1 at home.
-    :raises GraspError: no such module, or a clearance that is not positive.
+    :raises GraspError: no such module or members, or a clearance that is not positive.
     :raises SolverError: a quadratic program was not solved.
     :raises StructureError: see `structure_of`.
     """
     if not 0.0 < clearance < np.inf:
         raise GraspError(f'clearance {clearance} m: must be positive')
     robot = config.robot
-    i, description = module_index(robot, module), robot.description
-    members = (i, int(robot.topology.previous[i]))
+    description = robot.description
+    module: int | None = None
+    if isinstance(held_by, str):
+        module = module_index(robot, held_by)
+        members = (module, int(robot.topology.previous[module]))
+        if isinstance(body, ConvexObject):
+            module = None
+    else:
+        body = as_convex_object(body)
+        members = tuple(find_members(robot, Grip(tuple(held_by), body).members).members.tolist())
     limit = MemberLengthLimit(description.min_length, description.max_length, DEFAULT.bound_share)
     closing = Closing(
-        cylinder, i, members, DEFAULT.opening_range[1], (limit,), min_rigidity, None, DEFAULT
+        body, module, members, DEFAULT.opening_range[1], (limit,), min_rigidity, None, DEFAULT
     )
     unloaded = _unload(config, closing, angle)
     if isinstance(unloaded, Violation):
@@ -88,7 +103,7 @@ def plan_release(
     path, closing = unloaded
     apart = len(path) - 1 if len(path) > 1 else 1
     for gap in np.linspace(0.0, clearance, OPENING_STEPS + 1)[1:]:
-        opened = press(path[-1], closing, np.full(2, -gap))
+        opened = press(path[-1], closing, np.full(len(members), -gap))
         if opened.config is None:
             return _fail(config, opened.violation)
         path.append(opened.config)
@@ -105,17 +120,18 @@ def _unload(
     """
     path = [config]
     diameter = config.robot.description.tube_diameter
-    depth = float(member_depths(config, closing.body).max())
+    depth = float(body_depths(config, as_convex_object(closing.body)).max())
     if depth <= closing.settings.first_contact * diameter:
         return path, closing
-    grasp = RollingGrasp.attach(config, closing.body, angle)
+    grasp = attach(config, closing, angle)
     if isinstance(grasp, Hold):
         return Violation('held', 0.0, 1.0, 10.0)
     if grasp.state.normal_forces.min() <= LEAST_FORCE:
         return path, closing
     if set(map(int, grasp.members)) != set(closing.members):
         return Violation('grip', 2.0, 2.0, 15.0)
-    motion = MotionInPlace(closing, angle)
+    own = isinstance(closing.body, ConvexObject)
+    motion = MotionInPlace(closing, 0.0 if own else angle)
     full = grasp.squeeze
     for share in UNLOADING:
         moved = motion.squeeze(grasp, share * full)
@@ -123,11 +139,12 @@ def _unload(
             return motion.closest_violation or Violation('held', 0.0, 1.0, 10.0)
         grasp = moved
         path.append(grasp.config)
-    opened = motion.open_grip(grasp, FIRST_OPENING)
+    opening = FIRST_OPENING if closing.module is not None else OPENED * diameter
+    opened = motion.open_grip(grasp, opening)
     if opened is None:
         return motion.closest_violation or Violation('held', 0.0, 1.0, 10.0)
     path.append(opened)
-    return path, replace(closing, body=Cylinder(grasp.pose[:2], grasp.diameter))
+    return path, replace(closing, body=placed_body(grasp))
 
 
 def _fail(config: Configuration, violation: Violation | None) -> Release:

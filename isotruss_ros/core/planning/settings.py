@@ -60,6 +60,8 @@ class SearchSettings:
     :ivar turning_price: angle of friction that is given up for a smaller turn of the members [-].
     :ivar closing_step: by how much such a grip closes from waypoint to waypoint, against the
         tube's diameter.
+    :ivar squeeze_growth: of three members from waypoint to waypoint, at most this factor ...
+    :ivar squeeze_rise: ... and this much more [N].
     :ivar poll_interval: how often a request to stop is checked while workers compute [s].
     """
 
@@ -106,6 +108,8 @@ class SearchSettings:
     used_share: float = 0.85
     turning_price: float = 0.3
     closing_step: float = 0.08
+    squeeze_growth: float = 2.0
+    squeeze_rise: float = 4.0
     poll_interval: float = 0.05
 
 

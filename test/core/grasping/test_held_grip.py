@@ -209,6 +209,16 @@ def test_at_the_slip_margin_a_member_slips_or_lets_go(kind):
     assert any(sticking)
 
 
+def test_round_sections_press_harder_and_need_no_table():
+    for shape, angle, members, count in CASES:
+        soft, stiff = (held(shape, angle, members, flattening=flat) for flat in (True, False))
+        assert len(stiff.anchors) == count
+        assert stiff.squeeze > 1.1 * soft.squeeze
+        assert stiff.statics.indentation(np.ones(count))[0] == pytest.approx(np.zeros(count))
+        moved = stiff.moved_to(HOME, np.array([0.1, 0.0, 0.0]))
+        assert moved.wrench[0] == 0.1
+
+
 def test_three_members_hold_a_disc_by_equal_friction():
     shape = Disc(0.65)
     grip = place_between(HOME, LOOP, shape, indentation=0.01)

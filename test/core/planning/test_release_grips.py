@@ -1,0 +1,73 @@
+"""Picking up and letting go: any convex object, on the elastic plant, by planned paths."""
+
+import dataclasses
+import itertools
+
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    ElasticObject,
+    GraspError,
+    GraspRequirements,
+    load_robot,
+    plan_grasps,
+    Polygon,
+    RollerFaults,
+    SimulatedRobot,
+)
+from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.planning.release import plan_release
+from isotruss_ros.core.planning.settings import DEFAULT
+from isotruss_ros.core.safety.distances import object_gaps
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
+CLEARANCE = 0.03
+
+
+def drive(robot, path, parts=10):
+    """Follow a path."""
+    for begin, end in itertools.pairwise(path):
+        robot.command((end - begin) / parts)
+        for _ in range(parts):
+            robot.advance(1.0)
+
+
+@pytest.mark.parametrize(
+    ('body', 'count'),
+    [
+        (ConvexObject(BOX, (0.716, 0.5, 0.2)), 2),
+        (ConvexObject(Disc(0.6), (0.716, -0.4134, 0.2)), 3),
+    ],
+)
+def test_what_was_picked_up_is_held_and_let_go_where_it_is(body, count):
+    needs = GraspRequirements(squeeze=8.0, count=1)
+    tried = dataclasses.replace(DEFAULT, max_rounds=1, max_grips=8 if count == 2 else 1)
+    (grasp,) = plan_grasps(HOME, body, needs, settings=tried, thorough=False)
+    assert len(grasp.grip.members) == count
+    thing = ElasticObject(body, needs.friction)
+    robot = SimulatedRobot(HOME, thing, RollerFaults())
+    drive(robot, grasp.path)
+    assert isinstance(thing.grasp, HeldGrip)
+    assert set(thing.grasp.member_names) == set(grasp.grip.members)
+    assert thing.grasp.squeeze == pytest.approx(8.0, rel=0.25)
+    held = np.array(robot.object_pose)
+    assert np.hypot(*(held - body.pose)[:2]) < 3e-3
+
+    release = plan_release(robot.config, body.moved_to(held), grasp.grip.members, CLEARANCE)
+    assert release.violation is None
+    drive(robot, release.path)
+    assert thing.grasp is None
+    left = np.array(robot.object_pose)
+    assert np.hypot(*(left - held)[:2]) < 3e-3
+    assert abs(left[2] - held[2]) < 0.02
+    members = [HOME.robot.member_names.index(name) for name in grasp.grip.members]
+    gaps = object_gaps(robot.config, body.moved_to(held))
+    assert gaps.members[members] == pytest.approx(CLEARANCE, abs=5e-3)
+
+
+def test_only_members_of_the_robot_let_go():
+    with pytest.raises(GraspError, match='south/P-X'):
+        plan_release(HOME, ConvexObject(BOX), ('south/P-Q', 'south/P-X'), CLEARANCE)
