@@ -41,6 +41,8 @@ GAP = 0.02
 CLOSING, GAIN = 0.02, 1.0
 #: Length of an arrow for its force in the drawing [m/N].
 SCALE = 0.025
+#: Of the drawing around the nodes [m].
+MARGIN = 0.3
 #: On the ground the box slides at this force [N].
 GROUND = 0.5
 #: The path: along, turned in place by 17 degrees, and on.
@@ -175,7 +177,8 @@ def draw(picked: Picked) -> Figure:
     with rc_context(SETTINGS):
         figure = Figure(figsize=(PAGE, 1.9), layout='constrained')
         nodes = np.concatenate([stage.config.nodes for stage in picked.stages])
-        low, high = nodes.min(axis=0) - 0.12, nodes.max(axis=0) + 0.08
+        # As far as supports and joints reach beyond the nodes.
+        low, high = nodes.min(axis=0) - MARGIN, nodes.max(axis=0) + MARGIN
         for axes, stage in zip(figure.subplots(1, len(picked.stages)), picked.stages, strict=True):
             draw_robot(axes, stage.config)
             _draw_box(axes, stage)
