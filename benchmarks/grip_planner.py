@@ -138,7 +138,7 @@ def row(name: str, of_module: Sequence[Result], of_any: Sequence[Result]) -> lis
         sum(result.margin > 0.0 for result in results) for results in (of_module, of_any)
     )
     margins = np.median(both, axis=0) if both else np.array([np.nan, np.nan])
-    times = [float(np.median([r.seconds for r in results])) for results in (of_module, of_any)]
+    times = [float(np.mean([r.seconds for r in results])) for results in (of_module, of_any)]
     return [
         name,
         str(len(of_any)),

@@ -28,7 +28,7 @@ from large_robots import nested_triangles, SIZES, TOP_JOINT
 from measuring import median_time, print_machine, print_table, timed
 import numpy as np
 
-STATES = 500
+STATES, SHAPE_STATES = 500, 100
 DIAMETER = 0.3
 MODULE = 'north/Z'
 #: How far the object is pressed toward the corner [m].
@@ -70,6 +70,35 @@ def print_grasps() -> None:
             rows.append([f'{model}, {name}', points, *milliseconds, verdict])
     print(f'{STATES} random states; ms')
     print_table(['whole analysis', 'contact points', 'median', 'p99', 'target', ''], rows)
+
+
+def print_shapes() -> None:
+    """Measure cold analyses of objects that are no discs against those of a disc."""
+    robot, random = core.load_robot('nine_member'), np.random.default_rng(2)
+    grip = core.Grip.at_module(robot, core.Grasp(MODULE, (0.0, 0.0), DIAMETER))
+    corners = [(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)]
+    shapes = {
+        'disc': core.Disc(DIAMETER),
+        'box, corners of 2 cm': core.Polygon(corners, corner_radius=0.02),
+        'box, sharp corners': core.Polygon(corners),
+        'ellipse': core.Ellipse((0.15, 0.1)),
+    }
+    times: dict[str, list[float]] = {name: [] for name in shapes}
+    while len(times['disc']) < SHAPE_STATES:
+        travel = random.uniform(-0.15, 0.15, len(robot.roller_names))
+        angle, depth = random.uniform(0.0, 2.0 * np.pi), random.uniform(*DEPTHS)
+        for name, shape in shapes.items():
+            config = robot.configuration(travel)
+            try:
+                held = core.place_between(config, grip.members, shape, angle, depth)
+                config = robot.configuration(travel)
+                times[name].append(timed(partial(core.analyze_grasp, config, held.body))[0])
+            except core.GraspError:
+                continue  # a narrow corner of the robot has no room for it
+    least = {name: float(np.median(values)) for name, values in times.items()}
+    rows = [[name, f'{1e3 * t:.2f}', f'{t / least["disc"]:.2f}'] for name, t in least.items()]
+    print(f'\n{SHAPE_STATES} random states, cold, with flattening; ms')
+    print_table(['object', 'median', 'over the disc'], rows)
 
 
 def analyze(
@@ -247,6 +276,7 @@ def main() -> None:
     """Print the tables."""
     print_machine()
     print_grasps()
+    print_shapes()
     print_growth()
     print_peers()
 

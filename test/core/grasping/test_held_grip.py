@@ -219,6 +219,15 @@ def test_round_sections_press_harder_and_need_no_table():
         assert moved.wrench[0] == 0.1
 
 
+def test_members_that_open_one_by_one_open_all():
+    grip = held(Disc(0.65), 0.0, LOOP)
+    response = grip.response()
+    both = 0.5 * response.openings.sum(axis=1)
+    assert np.bincount(response.owners, weights=response.opening) == pytest.approx(both, rel=1e-9)
+    assert (np.diag(response.openings) < 0.0).all()
+    assert response.squeeze_by_opening == pytest.approx(both.mean(), rel=1e-9)
+
+
 def test_three_members_hold_a_disc_by_equal_friction():
     shape = Disc(0.65)
     grip = place_between(HOME, LOOP, shape, indentation=0.01)
