@@ -49,6 +49,23 @@ def test_the_capsules_of_a_member_join_at_any_length():
 
 
 @needs_mujoco
+def test_modules_weigh_what_their_mass_says():
+    robot = load_robot('triangle')
+
+    def sag(mass):
+        options = replace(STILL, module_mass=mass, gravity=(0.0, -0.05))
+        plant = MujocoPlant(robot, options=options)
+        plant.settle(4.0)
+        return plant.nodes - robot.home.nodes
+
+    light, middle, heavy = sag(1.0), sag(2.0), sag(3.0)
+    assert np.abs(middle - light).max() > 1e-5
+    assert (middle - light)[:, 1].sum() < 0.0
+    # Each kilogram adds as much; what the tubes weigh is in all of them.
+    np.testing.assert_allclose(heavy - middle, middle - light, atol=1e-2 * np.abs(middle).max())
+
+
+@needs_mujoco
 def test_small_joint_loads_move_all_nodes_as_deform_says():
     robot = load_robot('nine_member')
     plant = MujocoPlant(robot, options=STILL)
