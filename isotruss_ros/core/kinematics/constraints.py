@@ -138,16 +138,16 @@ class Constraints:
         :return: (13m,) of members, AB, AC and BC [-], four and four; of bisection [1/m], five.
         """
         m = self._topology.n_modules
-        parts = np.empty(6 * m, dtype=np.complex128)
-        np.divide(spans, lengths, out=parts[: 4 * m])
-        np.divide(parts[:m], lengths[:m], out=parts[4 * m : 5 * m])
-        rod = spans[m : 2 * m] + spans[2 * m : 3 * m]
-        np.divide(2.0, rod.conj(), out=parts[5 * m :])
+        spans, lengths = spans.reshape(4, m), lengths.reshape(4, m)
+        parts = np.empty((6, m), dtype=np.complex128)
+        np.divide(spans, lengths, out=parts[:4])
+        np.divide(parts[0], lengths[0], out=parts[4])
+        np.divide(2.0, (spans[1] + spans[2]).conj(), out=parts[5])
         entries = parts.take(self._gather)
         entries *= self._factors
         # Nodes B and C turn a side and the rod.
-        both = entries[9 * m : 11 * m].reshape(2, m)
-        both -= 0.5 * entries[11 * m : 12 * m]
+        rows = entries.reshape(13, m)
+        rows[9:11] -= 0.5 * rows[11]
         return entries
 
     def matrix_of(self, values: Points) -> Array | csc_matrix:

@@ -68,13 +68,13 @@ class WorkingRollers:
     :ivar places: (w,) their numbers among all rollers.
     :ivar cost: (w, w) C^T C, the cost (11) of their speeds [-].
     :ivar even: (w, w) E with |C E y| = |y|: speeds of equal cost [-].
-    :ivar all: whether these are all rollers of the robot.
+    :ivar whole: whether these are all rollers of the robot.
     """
 
     places: Indices
     cost: Array
     even: Array
-    all: bool
+    whole: bool
 
 
 @functools.lru_cache(maxsize=16)
@@ -193,7 +193,7 @@ def apply_limits(
 
 def _rates(working: WorkingRollers, rows: StackedRows, speeds: Array) -> Array:
     """Return what the rows are at speeds (w,) of the working rollers."""
-    if working.all:
+    if working.whole:
         return rows.rates(speeds)
     velocities = np.zeros(rows.count_rollers)
     velocities[working.places] = speeds
@@ -222,5 +222,5 @@ def _solve(
         return solve_by_few_rows(
             solve, working.even, task.equality, rows, working.places, lower, upper, guess
         )
-    matrix = rows.matrix if working.all else rows.matrix[:, working.places]
+    matrix = rows.matrix if working.whole else rows.matrix[:, working.places]
     return solve(working.cost, task.equality, matrix, lower, upper)

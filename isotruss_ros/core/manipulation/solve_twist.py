@@ -107,7 +107,7 @@ def solve_twist(
     if isinstance(grasp, Grip):
         jacobian, reach = find_grip_reach(config, grasp, working, desired)
     else:
-        jacobian, reach = find_reach(config, grasp, None if working.all else working.places)
+        jacobian, reach = find_reach(config, grasp, None if working.whole else working.places)
     if opening_rate != 0.0:
         opening_rate = _opening(config, grasp, opening_rate)
     limits = default_limits(robot) if limits is None else limits
@@ -172,8 +172,8 @@ def carry_out(
     if task.speed == 0.0:
         return _standing(robot, len(motion), status, dof)
     rows = stack_rows(config, limits)
-    velocities = task.velocities() if working.all else np.zeros(len(robot.roller_names))
-    if not working.all:
+    velocities = task.velocities() if working.whole else np.zeros(len(robot.roller_names))
+    if not working.whole:
         velocities[working.places] = task.velocities()
     admitted = rows.admit(velocities)
     if all(flags.all() for flags in admitted):
@@ -260,5 +260,5 @@ def reachable_twists(
     if isinstance(grasp, Grip):
         _, reach = find_grip_reach(config, grasp, working)
     else:
-        _, reach = find_reach(config, grasp, None if working.all else working.places)
+        _, reach = find_reach(config, grasp, None if working.whole else working.places)
     return reach.directions / reach.weights

@@ -210,6 +210,25 @@ class CollisionModel:
         rows = self.part_rows(config, parts, near.share, near.normal).view(np.float64)
         return rows if motion is None else rows + as_xy(near.normal) @ motion
 
+    def gaps_of_disc(
+        self, config: Configuration, cylinder: Cylinder, moved: Points
+    ) -> tuple[Array, Array]:
+        """
+        Return the distances of all parts from a cylinder, and how they change with the rollers.
+
+        :param config: where the robot is.
+        :param cylinder: the object, which stands still.
+        :param moved: (n, r) velocities of the nodes for 1 m/s at each roller, x + iy [-].
+        :return: (3m,) distances as in `object_distances` [m], and (3m, r) their derivatives [-].
+        """
+        start, end = self.part_ends(config)
+        near = nearest_on_segment(complex(*cylinder.center), start, end)
+        share = near.share[:, None]
+        velocity = (1.0 - share) * self._start.positions(moved)
+        velocity += share * self._end.positions(moved)
+        rates = -(near.normal.conj()[:, None] * velocity).real
+        return near.distance - (0.5 * cylinder.diameter + self._radius), rates
+
     def body_distances(self, config: Configuration, body: ConvexObject) -> tuple[Array, Array]:
         """
         Return the distances between an object that stands still and all parts of the robot.
@@ -326,19 +345,18 @@ def object_gaps(config: Configuration, body: Cylinder | ConvexObject) -> ObjectG
     :raises ConfigurationError: the configuration is singular.
     """
     topology, points, model = config.robot.topology, config.points, collision_model(config.robot)
-    m, modules, previous = topology.n_modules, np.arange(topology.n_modules), topology.previous
+    previous = topology.previous
     begin, end = topology.b, topology.c[topology.following]
     along = points[end] - points[begin]
     turn = np.angle(along.conj() * -along[previous])
-    by_nodes = np.zeros((m, len(points)), dtype=np.complex128)
-    for members, sign in ((previous, np.sign(turn)), (modules, -np.sign(turn))):
-        turning = sign * 1j / along[members].conj()
-        by_nodes[modules, end[members]] += turning
-        by_nodes[modules, begin[members]] -= turning
+    # Velocities of the nodes, vx + i vy, for 1 m/s at each roller.
+    moved = config.node_jacobian[0::2] + 1j * config.node_jacobian[1::2]
     if isinstance(body, Cylinder):
-        rows = model.object_gradients(config, complex(*body.center), np.arange(3 * m))
-        distances = model.object_distances(config, body)
+        distances, by_rollers = model.gaps_of_disc(config, body, moved)
     else:
         distances, rows = model.body_distances(config, body)
-    by_rollers = np.vstack([rows, by_nodes.view(np.float64)]) @ config.node_jacobian
+        by_rollers = rows @ config.node_jacobian
+    turning = ((moved[end] - moved[begin]) / along[:, None]).imag
+    opening = np.sign(turn)[:, None] * (turning[previous] - turning)
+    by_rollers = np.concatenate([by_rollers, opening])
     return ObjectGaps(*distances.reshape(3, -1), np.abs(turn), by_rollers)
