@@ -154,6 +154,19 @@ class ContactStatics:
         turned = unknowns[self.places.inclinations]
         return 1j * self.sides * self.compliance.axis * np.exp(1j * turned)
 
+    def loads(self, unknowns: Array) -> Array:
+        """
+        Return forces along and across the members [N] and moments [N m] of the contacts, (k, 3).
+
+        :param unknowns: see `ContactForces`.
+        """
+        places = self.places
+        normal, friction = unknowns[places.normal], unknowns[places.friction]
+        local = 1j * self.sides * np.exp(1j * unknowns[places.inclinations])
+        force = (normal + 1j * friction) * local
+        skin = self.tube_radius - self.indentation(normal)[0]
+        return np.column_stack([force.real, force.imag, -skin * friction])
+
     def equations(
         self, unknowns: Array, wrench: Array, closure: ContactClosure
     ) -> tuple[Array, Array, Points]:

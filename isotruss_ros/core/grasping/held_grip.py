@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import itertools
 import math
 
@@ -10,10 +10,12 @@ from isotruss_ros.core.grasping.contact_closures import find_anchors, rest, stic
 from isotruss_ros.core.grasping.contact_statics import ContactForces, ContactStatics
 from isotruss_ros.core.grasping.grip_response import grip_response, GripResponse
 from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.member_compliance import MemberCompliance
 from isotruss_ros.core.grasping.pressed_contacts import (
     body_depths,
     contact_statics,
     find_pressed,
+    LEAST_FACE,
     moved_statics,
     PressedContacts,
     start_at,
@@ -22,12 +24,16 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.objects import Pose
 from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.model.segment_gaps import segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.pressures import Pressure
+from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
 #: Most members that hold an object.
 MOST = 3
+#: Members farther off than this share of a tube's diameter do not touch, however tubes bend.
+NEAR = 0.25
 #: Corners may change so often in one motion.
 MAX_CHANGES = 4
 
@@ -320,8 +326,12 @@ class HeldGrip:
             self.pressure,
         )
 
-    def _laid_down(self) -> HeldGrip:
-        """Return the grip with the other end of a face where a corner has rolled beyond it."""
+    def _laid_down(self, changes: int = MAX_CHANGES) -> HeldGrip:
+        """
+        Return the grip with the other end of a face where a corner has rolled beyond it.
+
+        Of a short face the other end takes the place of this one.
+        """
         shape = self.body.shape
         if not isinstance(shape, Polygon):
             return self
@@ -334,10 +344,22 @@ class HeldGrip:
             before = (own[k] * shape.normals[corner - 1].conjugate()).imag < 0.0
             if not (beyond or before):
                 continue
-            laid = self._with_face(k, 1 if beyond else -1)
+            step = 1 if beyond else -1
+            other = (corner + step) % len(shape.vertices)
+            face = abs(shape.arc_centers[other] - shape.arc_centers[corner])
+            short = face < LEAST_FACE * self.statics.tube_radius
+            laid = self._with_corner(k, other) if short else self._with_face(k, step)
             if laid is not None and laid._presses():
-                return laid
+                return laid._laid_down(changes - 1) if short and changes > 0 else laid
         return self
+
+    def _with_corner(self, k: int, corner: int) -> HeldGrip | None:
+        """Return the equilibrium with another corner at a contact, to which the object rolled."""
+        corners = self.contacts.corners.copy()
+        corners[k] = corner
+        contacts = replace(self.contacts, corners=corners)
+        nothing = np.zeros(0, dtype=np.intp)
+        return self._roll(self.config, contacts, self.anchors, self.angles, self.wrench, nothing)
 
     def _joined(self) -> HeldGrip:
         """Return the grip with a third member where that has come to touch the object."""
@@ -346,7 +368,8 @@ class HeldGrip:
         depths = body_depths(self.config, self.body)
         depths[self.members] = -np.inf
         number = int(depths.argmax())
-        if depths[number] <= 0.0:
+        near = NEAR * self.config.robot.description.tube_diameter
+        if depths[number] <= -near or self._depth_in(number, float(depths[number])) <= 0.0:
             return self
         others = find_pressed(self.config, self.body, np.array([number]))
         contacts, order = self.contacts.with_others(others)
@@ -360,6 +383,29 @@ class HeldGrip:
         if found is None or found.state.normal_forces[fresh].min() <= 0.0:
             return self
         return found
+
+    def _depth_in(self, number: int, depth: float) -> float:
+        """
+        Return how deep the object is in a member that does not hold it [m].
+
+        The tubes that hold it bend, and with them the structure.
+
+        :param depth: in the undeformed member [m].
+        """
+        topology, points = self.config.robot.topology, self.config.points
+        start, end = points[topology.b[number]], points[topology.c[topology.following[number]]]
+        share = segment_gaps(self.body, np.array([start]), np.array([end])).shares[0]
+        compliance = MemberCompliance(
+            structure_of(self.config, self.pressure),
+            [*self.contacts.members.tolist(), number],
+            self.stiffness_scale,
+        )
+        loads = np.vstack([self.statics.loads(self.state.unknowns), np.zeros(3)])
+        feet = np.append(self.state.feet, share * abs(end - start))
+        give = compliance.at(feet).respond(loads)[-1, 1]
+        aside = ((self.body.middle - start) / (end - start)).imag
+        # A member with the object on its left is deeper in it where it moves left.
+        return depth + float(give if aside > 0.0 else -give)
 
     def _with_face(self, k: int, step: int) -> HeldGrip | None:
         """Return the equilibrium with the next corner (step 1) or the one before (-1) as well."""

@@ -19,9 +19,11 @@ from isotruss_ros.core.grasping.contact_closures import rest, stick
 from isotruss_ros.core.grasping.corner_dents import corner_dents
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
+from isotruss_ros.core.grasping.pressed_contacts import body_depths
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 NINE = load_robot('nine_member')
 HOME = NINE.home
@@ -128,6 +130,23 @@ def test_forces_on_the_object_balance_the_wrench(shape, angle, members, count):
     total = push.sum()
     assert (total.real, total.imag) == pytest.approx(wrench[:2], abs=1e-8)
     assert (arms.conj() * push).imag.sum() == pytest.approx(wrench[2], abs=1e-7)
+
+
+def test_a_polygon_of_many_sides_rolls_as_a_disc():
+    number = 96
+    sector = 2.0 * np.pi / number
+    vertices = 0.15 * np.sqrt(sector / np.sin(sector)) * np.exp(1j * sector * np.arange(number))
+    polygon = ConvexObject(Polygon([(z.real, z.imag) for z in vertices]), (*CYLINDER.center, 0.1))
+    disc, grip = HeldGrip.attach(CONFIG, as_body(CYLINDER, 0.1)), HeldGrip.attach(CONFIG, polygon)
+    assert grip.squeeze == pytest.approx(disc.squeeze, rel=0.02)
+    held_there = Grip(CORNER, CYLINDER)
+    turning = solve_twist(CONFIG, held_there, (0.0, 0.0, 1.0), limits=()).roller_velocities
+    for share in np.linspace(0.0, 0.4, 21)[1:]:
+        config = CONFIG.moved_to(CONFIG.roller_positions + share * turning)
+        disc, grip = disc.moved_to(config), grip.moved_to(config)
+    assert disc.pose.angle > 0.45
+    assert np.array(grip.pose) == pytest.approx(np.array(disc.pose), abs=5e-4)
+    assert grip.squeeze == pytest.approx(disc.squeeze, rel=0.02)
 
 
 def test_both_ends_of_a_face_press_and_rub_alike():
@@ -245,6 +264,34 @@ def test_three_members_hold_a_disc_by_equal_friction():
     assert again.pose == pytest.approx(settled.pose, abs=1e-9)
     ellipse = place_between(HOME, LOOP, Ellipse((0.33, 0.32)), indentation=0.012)
     assert set(settle_grasp(HOME, ellipse.body, 0.5).normal_forces) == set(LOOP)
+
+
+def gap_of_third(diameter):
+    """Return a disc between two sides of a loop, and how far the third side is from it [m]."""
+    body = place_between(HOME, LOOP[:2], Disc(diameter), indentation=0.012).body
+    return body, -float(body_depths(HOME, body)[numbers(LOOP[2:])[0]])
+
+
+def test_a_third_member_joins_where_the_bent_structure_touches():
+    near, far = (
+        gap_of_third(brentq(lambda size, gap=gap: gap_of_third(size)[1] - gap, 0.4, 0.8))[0]
+        for gap in (1e-3, 0.02)
+    )
+    alone = HeldGrip.attach(HOME, far, numbers(LOOP[:2]))
+    assert len(alone.moved_to(HOME).members) == 2
+    grip = HeldGrip.attach(HOME, near, numbers(LOOP[:2]))
+    assert len(grip.members) == 2
+    # What presses bends the whole loop toward the object: the third side touches it already.
+    toward = -grip.state.normals.sum()
+    pull = np.array([toward.real, toward.imag, 0.0]) / abs(toward)
+    states = []
+    for size in (0.0, 2.0, 4.0, 2.0, 0.0):
+        grip = grip.moved_to(HOME, size * pull)
+        assert set(grip.member_names) == set(LOOP)
+        assert grip.normal_forces.min() > 0.0
+        states.append(grip.state.unknowns)
+    for there, back in zip(states[:2], states[:2:-1], strict=True):
+        assert back == pytest.approx(there, rel=1e-7, abs=1e-7)
 
 
 def test_a_face_between_three_members_settles_the_angle_without_friction():
