@@ -9,7 +9,7 @@ changed line, the quickest first, on few random examples, and on more of them if
 tests those are is recorded once, for the files of a package as they are. What is computed while
 modules are imported imports the changed file in a process of its own. The share of mutants that
 are noticed is a lower bound: tests that take more than four seconds are left out, and those that
-read what another one has cached, which survivors run with --thorough. A mutant that takes thirty
+read what another one has cached, which survivors run with --thorough. A mutant that takes ten
 times as long as its tests counts as noticed, and is listed. Nothing is written but records in the
 environment's folder. Not changed: indices, annotations, and what stands in error messages.
 """
@@ -99,18 +99,20 @@ def run_mutants(
     again = [mutant for mutant in mutants if not mutant.in_function]
     inside = [mutant for mutant in mutants if mutant.in_function and mutant not in unread]
     for share in (FEW,) if options.few else (FEW, USUAL):
-        alive = []
+        alive, told = [], 0
         for mutant, result in _stream(
             lambda tell, own=inside, part=share: run_tests(
                 package, RunMutants(own, record, tell), part
             )
         ):
+            told += 1
             if result == UNFIT:
                 again.append(mutant)
             elif result == ALIVE:
                 alive.append(mutant)
             else:
                 yield mutant, result
+        assert told == len(inside), f'{package.name}: its tests fail without any change'
         inside = alive
     for mutant in inside:
         # What was computed before the change was made did not notice it.

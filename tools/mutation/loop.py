@@ -19,7 +19,7 @@ import pytest
 
 KILLED, ALIVE, LATE, UNFIT = 'killed', 'alive', 'late', 'unfit'
 #: How many times as long as its tests a mutant may take, and what is added [s].
-PATIENCE, GRACE = 30.0, 30.0
+PATIENCE, GRACE = 10.0, 10.0
 #: Tests that take more processor time than this are left out [s].
 LONGEST = 4.0
 
@@ -74,9 +74,13 @@ class RunMutants:
         self._mutants, self._record, self._tell = mutants, record, tell
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
-        """Run all mutants."""
+        """Run all mutants; none where new tests fail without any change."""
+        new = newer(session, self._record)
+        items = sort_items(session, new)
+        if items and run_apart(lambda: run_until_failure(session, items), 600.0) != ALIVE:
+            return True
         for mutant in self._mutants:
-            tests = self._record.choose(mutant) | newer(session, self._record)
+            tests = self._record.choose(mutant) | new
             items = sort_items(session, tests)
             if not items:
                 self._tell(mutant, UNFIT)

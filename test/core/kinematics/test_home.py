@@ -293,6 +293,10 @@ def test_corner_that_is_nearly_folded_is_refused():
     document = pinched(0.5, {'pinch_separation': 1e-4, 'rod_length': 1e-4})
     with pytest.raises(RobotFileError, match=r'module south/X does not fit .* 0\.5 degrees'):
         robots.load(document)
+    size = {'pinch_separation': 1e-5, 'rod_length': 1e-3, 'guide_ring_distance': 1e-3}
+    robots.load(pinched(1.05, size))
+    with pytest.raises(RobotFileError, match=r'0\.95 degrees; must be between 1 and'):
+        robots.load(pinched(0.95, size))
 
 
 @pytest.mark.parametrize('bend', [-0.4, 0.4])

@@ -19,7 +19,8 @@ def make(case):
     document = robots.example()
     document['joints'] = {'P': [0.0, 0.0], 'Q': [2.0, 0.0], 'X': [1.0, 1.8]}
     document['joints'] |= {'Y': [2.3, 1.35], 'Z': [1.0, 0.6]}
-    document['tubes']['kite'] = {'joints': ['Q', 'Y', 'X', 'Z'], 'passive': 'Y'}
+    kite = {'joints': ['Q', 'Y', 'X', 'Z'], 'passive': 'Y'}
+    document['tubes'] = {'kite': kite} | document['tubes']
     return robots.load(document)
 
 
