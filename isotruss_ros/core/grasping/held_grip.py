@@ -126,6 +126,13 @@ class HeldGrip:
         statics = contact_statics(config, body, contacts, stiffness_scale, flattening, pressure)
         closure = rest(statics, body.center, body.pose.angle)
         state = statics.solve(start_at(statics, body), wrench, closure)
+        if state is not None and flattening and len(contacts.owners) > contacts.owners[-1] + 1:
+            # How deep a face's ends dent the skin rests on how the tube is bent over them.
+            normals = state.normals
+            options = (stiffness_scale, flattening, pressure, normals)
+            statics = contact_statics(config, body, contacts, *options)
+            closure = rest(statics, body.center, body.pose.angle)
+            state = statics.solve(state.unknowns, wrench, closure)
         if state is None:
             return None
         own = np.angle(state.normals * np.exp(-1j * state.unknowns[2]))
@@ -301,6 +308,7 @@ class HeldGrip:
                 self.stiffness_scale,
                 self.flattening,
                 self.pressure,
+                before.body.turn * np.exp(1j * angles),
             )
             start = start_at(statics, before.body)
         travel = _travel(config, contacts.members)

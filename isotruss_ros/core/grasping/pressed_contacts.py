@@ -134,6 +134,7 @@ def contact_statics(
     stiffness_scale: float = 1.0,
     flattening: bool = True,
     pressure: Pressure | None = None,
+    normals: Points | None = None,
 ) -> ContactStatics:
     """
     Return the equations of an object at some contacts.
@@ -144,6 +145,7 @@ def contact_statics(
     :param stiffness_scale: stiffness of the robot against that of the model.
     :param flattening: whether the tubes' sections flatten where they are touched.
     :param pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
+    :param normals: (k,) of the tubes as they are bent, for the dents; straight ones if None.
     :raises StructureError: see `structure_of`.
     """
     structure = structure_of(config, pressure)
@@ -153,7 +155,9 @@ def contact_statics(
     dents = no_indentation
     if flattening:
         pressures = None if pressure is None else structure.pressures
-        tables = _dents(config, body, contacts, 1j * sides * compliance.axis, pressures)
+        straight = 1j * sides * compliance.axis
+        bent = straight if normals is None else normals
+        tables = _dents(config, body, contacts, bent, pressures)
         dents = Indentation(tables, stiffness_scale)
     radius = 0.5 * config.robot.description.tube_diameter
     return ContactStatics(

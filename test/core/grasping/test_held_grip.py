@@ -2,6 +2,7 @@
 
 from grips import gripped
 from isotruss_ros.core import (
+    analyze_grasp,
     ConvexObject,
     Cylinder,
     Disc,
@@ -292,6 +293,23 @@ def test_a_third_member_joins_where_the_bent_structure_touches():
         states.append(grip.state.unknowns)
     for there, back in zip(states[:2], states[:2:-1], strict=True):
         assert back == pytest.approx(there, rel=1e-7, abs=1e-7)
+
+
+@pytest.mark.parametrize(('flattening', 'bound'), [(True, 0.03), (False, 0.004)])
+@pytest.mark.parametrize('kind', ['disc', 'ellipse', 'faces'])
+def test_without_friction_members_press_as_in_the_analysis(kind, flattening, bound):
+    vertices = 0.645 * np.exp(1j * np.radians([90.0, 210.0, 330.0]))
+    shapes = {
+        'disc': Disc(0.65),
+        'ellipse': Ellipse((0.33, 0.32)),
+        'faces': Polygon([(z.real, z.imag) for z in vertices], corner_radius=0.12),
+    }
+    body = place_between(HOME, LOOP, shapes[kind], indentation=0.014).body
+    grip = HeldGrip.attach(HOME, body, numbers(LOOP), flattening=flattening)
+    assert np.abs(grip.friction_forces).max() < 1e-6
+    analysis = analyze_grasp(HOME, grip.body, 0.5, flattening=flattening)
+    expected = [analysis.contact_forces[name] for name in LOOP]
+    assert grip.normal_forces == pytest.approx(expected, rel=bound)
 
 
 def test_a_face_between_three_members_settles_the_angle_without_friction():
