@@ -25,7 +25,7 @@ def generate_launch_description() -> LaunchDescription:
             'grasp_analysis': (params.OBJECT_DIAMETER, params.OBJECT, params.FRICTION),
             'path_follower': (params.USE_STAMPED_TWIST,),
             'grasp_planner': (params.OBJECT,),
-            'pick_and_place': (params.OBJECT_DIAMETER, params.FRICTION),
+            'pick_and_place': (params.OBJECT_DIAMETER, params.OBJECT, params.FRICTION),
             'viewer': (
                 params.OBJECT_DIAMETER,
                 params.OBJECT,

@@ -42,7 +42,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             'path_follower': (params.USE_STAMPED_TWIST, params.RATE),
             'grasp_planner': (params.OBJECT,),
-            'pick_and_place': (params.OBJECT_DIAMETER, params.FRICTION),
+            'pick_and_place': (params.OBJECT_DIAMETER, params.OBJECT, params.FRICTION),
             'viewer': (
                 params.OBJECT_DIAMETER,
                 params.OBJECT,

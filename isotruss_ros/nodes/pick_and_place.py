@@ -27,7 +27,13 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.parameter import Parameter
 
-SPECS = (params.ROBOT, params.OBJECT_DIAMETER, params.FRICTION, params.COMMAND_TIMEOUT)
+SPECS = (
+    params.ROBOT,
+    params.OBJECT_DIAMETER,
+    params.OBJECT,
+    params.FRICTION,
+    params.COMMAND_TIMEOUT,
+)
 #: Periods at which a sequence is taken on, and at which feedback is published [s].
 PERIOD, FEEDBACK_PERIOD = 0.02, 0.1
 ENDINGS = {Outcome.SUCCEEDED: Ending.SUCCEEDED, Outcome.CANCELLED: Ending.CANCELED}

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 from action_msgs.msg import GoalStatus
+from boxes import BOX
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from nav_msgs.msg import Path as PathMessage
@@ -28,16 +29,17 @@ READY = PickObject.Goal(squeeze=1e5, time_limit=0.2)
 class Client:
     """Sends goals to all nodes of a picking robot."""
 
-    def __init__(self, r):
+    def __init__(self, r, pose=(*CENTER, 0.0), **described):
         self._r = r
-        shared = PATIENT | {'object_diameter': DIAMETER, 'friction': FRICTION}
-        x, y = CENTER
+        shared = PATIENT | {'object_diameter': DIAMETER, 'friction': FRICTION} | described
+        x, y, angle = pose
         lying = {'plant': 'elastic', 'object_is_free': True, 'object_x': x, 'object_y': y}
+        lying['object_angle'] = angle
         r.start('simulator', rate=50.0, **shared, **lying)
         r.start('manipulation', rate=50.0, **shared)
         r.start('grasp_analysis', rate=20.0, **shared)
         r.start('path_follower', rate=50.0, **PATIENT)
-        r.start('grasp_planner', **PATIENT)
+        r.start('grasp_planner', **PATIENT, **described)
         r.start('pick_and_place', **shared)
         self._clients = {
             kind: ActionClient(r.w.probe, kind, name) for kind, name in ACTIONS.items()
@@ -90,6 +92,22 @@ def path_to(x, y):
     pose = PoseStamped()
     pose.pose.position.x, pose.pose.position.y = x, y
     return PathMessage(poses=[pose])
+
+
+def test_a_box_is_picked_up_and_placed_by_any_members(tmp_path):
+    lies = (0.542, -0.31, -0.5)
+    file = tmp_path / 'box.yaml'
+    file.write_text(BOX, encoding='utf-8')
+    with robot(tmp_path) as r:
+        client = Client(r, lies, object=str(file))
+        status, result = client.execute(PickObject.Goal(squeeze=12.0))
+        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), result.message
+        assert result.module == ''
+        assert 5.0 < result.squeeze < 20.0
+        status, result = client.execute(PlaceObject.Goal(clearance=0.03))
+        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), result.message
+        assert result.displacement < 2e-2
+        assert np.hypot(*(client.place() - lies[:2])) < 5e-2
 
 
 def test_an_object_is_picked_up_moved_and_placed(tmp_path):

@@ -16,7 +16,16 @@ from isotruss_msgs.action import (
     PlanGrasp,
 )
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import Cylinder, plan_release, Pose, Release, Robot, StampedInput
+from isotruss_ros.core import (
+    ConvexObject,
+    Cylinder,
+    plan_release,
+    Pose,
+    read_object,
+    Release,
+    Robot,
+    StampedInput,
+)
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.control.path_tracking import RETURN, RETURN_SPEED, RETURN_TURN_RATE
 from isotruss_ros.core.planning.export import export_violation
@@ -68,6 +77,8 @@ class GraspSequences:
         self.rollers: Input = None
         self.pose: Input = None
         self.grasp: Input = None
+        described = node.values[params.OBJECT]
+        self._described = read_object(described) if described else None
         self._shape = TrackedShape(robot)
         self._planner = ActionStep(node, PlanGrasp, 'plan_grasp')
         self._trajectories = ActionStep(node, FollowRollerTrajectory, 'follow_roller_trajectory')
@@ -118,7 +129,11 @@ class GraspSequences:
         if plan.code != PlanGrasp.Result.FOUND:
             raise _plan_error(plan)
         (grasp,) = plan.grasps
-        settings = {'mode': 'object', 'grip_module': grasp.module, 'squeeze_force': grasp.squeeze}
+        settings = {'mode': 'object', 'squeeze_force': grasp.squeeze, 'grip': ['']}
+        if grasp.module:
+            settings['grip_module'] = grasp.module
+        else:
+            settings['grip'] = list(grasp.members)
         yield from set_parameters(self._parameters, settings)
         touch = read_duration(grasp.touch)
         yield from self._drive(grasp.path, touch, PICK.APPROACHING, PICK.CLOSING)
@@ -128,8 +143,9 @@ class GraspSequences:
         if note:
             state = yield from self._confirm(True)
         squeeze = float(np.mean(state.squeeze))
+        where = grasp.module or ', '.join(grasp.members)
         return PickObject.Result(
-            message=f'held at {grasp.module} by {squeeze:.3g} N{note}',
+            message=f'held at {where} by {squeeze:.3g} N{note}',
             module=grasp.module,
             squeeze=squeeze,
             slip_margin=state.slip_margin,
@@ -147,13 +163,15 @@ class GraspSequences:
         self._require_inputs()
         state, pose = self._require_held(Outcome.NOT_READY), self.pose.value
         config = self._shape.configuration(self._node.now(), self.timeout, self.rollers)
+        body: Cylinder | ConvexObject
+        held_by: str | list[str]
+        if self._described is None:
+            body = Cylinder(pose[:2], self._node.values[params.OBJECT_DIAMETER])
+            held_by = grip_of(self._robot, state.grasping_members)
+        else:
+            body, held_by = self._described.moved_to(pose), list(state.grasping_members)
         planned: Future[Release] = self._thread.submit(
-            plan_release,
-            config,
-            Cylinder(pose[:2], self._node.values[params.OBJECT_DIAMETER]),
-            grip_of(self._robot, state.grasping_members),
-            goal.clearance,
-            pose.angle,
+            plan_release, config, body, held_by, goal.clearance, pose.angle
         )
         while not planned.done():
             yield 0.0
