@@ -159,7 +159,7 @@ def test_nine_member_robot_follows_the_full_program_at_every_grip(module):
         assert command.roller_velocities == pytest.approx(rollers, abs=1e-7)
 
 
-@robots.examples(60)
+@robots.examples(40)
 @given(robots.robots(), robots.generators(), NUMBERS, strategies.floats(-3.0, 4.0))
 def test_scale_is_the_largest_possible_and_its_cost_the_least(robot, rng, number, decades):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
