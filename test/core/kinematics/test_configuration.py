@@ -5,6 +5,7 @@ import re
 from hypothesis import given, strategies
 from isotruss_ros.core import Configuration, ConfigurationError, load_robot
 from isotruss_ros.core.kinematics import constraints
+from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 import numpy as np
 import pytest
 import robots
@@ -284,3 +285,45 @@ def test_the_end_of_the_shapes_is_found_by_shorter_and_shorter_steps():
     # There it is next to singular: at the last shape the velocities grow without bound.
     last = robot.configuration(share * (1.0 - 1e-5) * travel)
     assert np.linalg.cond(last.matrix) > 50.0 * np.linalg.cond(robot.home.matrix)
+
+
+@robots.examples(10)
+@given(robots.robots(), robots.generators())
+def test_rows_on_node_velocities_become_rows_on_rollers(robot, rng):
+    config = robots.random_state(robot, rng)
+    rows = rng.standard_normal((3, config.robot.constraints.n_columns))
+    found = config.module_rows(rows)[:, robot.topology.driven]
+    expected = rows @ config.node_jacobian
+    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
+
+
+def test_no_travel_predicts_the_configuration_itself():
+    home = load_robot('triangle').home
+    assert home.predict(np.zeros(2)) is home
+
+
+def test_tracker_keeps_a_configuration_while_nothing_moves_and_finds_the_way_from_home():
+    robot = load_robot('triangle')
+    tracker = ConfigurationTracker(robot.home)
+    assert tracker.configuration(np.zeros(2)) is robot.home
+    moved = tracker.configuration(np.array([0.1, -0.05]))
+    expected = robot.configuration([0.1, -0.05])
+    np.testing.assert_allclose(moved.points, expected.points, atol=1e-11)
+    assert tracker.configuration(np.array([0.1, -0.05])) is moved
+    with pytest.raises(ConfigurationError):
+        tracker.configuration(np.array([2.0, 0.0]))
+    # What cannot be leaves the tracker where it was.
+    assert tracker.configuration(np.array([0.1, -0.05])) is moved
+
+
+def test_tracker_starts_again_at_home_where_the_last_configuration_leads_nowhere(monkeypatch):
+    robot = load_robot('triangle')
+    tracker = ConfigurationTracker(robot.home)
+    last = tracker.configuration(np.array([0.1, -0.05]))
+
+    def lost(roller_positions):
+        raise ConfigurationError('no way from here')
+
+    monkeypatch.setattr(last, 'moved_to', lost)
+    found = tracker.configuration(np.array([0.05, 0.0]))
+    np.testing.assert_allclose(found.points, robot.configuration([0.05, 0.0]).points, atol=1e-11)
