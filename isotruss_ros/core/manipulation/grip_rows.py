@@ -164,7 +164,7 @@ def _misfits(rigid: Array, points: Points, owners: Indices, normals: Points) -> 
     Return what no twist does to the contacts: (2 k, 2 k - 3), at right angles to G^T.
 
     With two members the first is that these move apart by 1 m/s, with three that each moves away
-    from the object by half of that.
+    from the object by half of that, without the part of it that would carry the object along.
 
     :raises GraspError: the contacts are all in one point.
     """
