@@ -1,12 +1,16 @@
-"""Inputs that a cycle reads: the executor does not wake for them, and the newest is read."""
+"""What a cycle reads: the executor does not wake for inputs, and the newest counts."""
+
+import time
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.nodes.framework.polling import PolledGroup
+from isotruss_ros.nodes.framework.polling import PolledGroup, read_clock
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
 from probe import begin_context
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 
 
 @pytest.fixture
@@ -37,3 +41,15 @@ def test_messages_wait_for_the_cycle_which_reads_the_newest(node):
     assert seen == [4.0]
     group.take()
     assert seen == [4.0]
+
+
+def test_the_clock_is_read_without_the_executor(node):
+    read_clock(node)  # the system's: nothing to read
+    node.set_parameters([Parameter('use_sim_time', value=True)])
+    publisher = node.create_publisher(Clock, '/clock', 1)
+    message, end = Clock(), time.monotonic() + 60.0
+    message.clock.sec = 7
+    while node.get_clock().now().nanoseconds != 7 * 10**9:
+        assert time.monotonic() < end
+        publisher.publish(message)
+        read_clock(node)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
+from isotruss_ros.nodes.framework.polling import read_clock
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -38,7 +39,7 @@ class Cycle:
         stopped: Callable[[Time], None] | None = None,
         progress_timeout: float = 1.0,
     ) -> None:
-        self._clock = node.get_clock()
+        self._node, self._clock = node, node.get_clock()
         self._step, self._jumped_back, self._stopped = step, jumped_back, stopped
         self._read_inputs = read_inputs
         self._progress_timeout = progress_timeout
@@ -83,6 +84,7 @@ class Cycle:
 
     def _tick(self) -> None:
         self._read_inputs()
+        read_clock(self._node)
         now = self._clock.now()
         if now.nanoseconds < self._last:
             self._jumped_back()

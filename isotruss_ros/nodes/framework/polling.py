@@ -1,10 +1,11 @@
-"""Subscriptions that a control cycle reads: no message of theirs wakes the executor."""
+"""What a control cycle reads itself: subscriptions that wake no executor, and simulated time."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 
@@ -48,3 +49,19 @@ class PolledGroup(CallbackGroup):
     def _subscriptions(self) -> list[Subscription]:
         entities = (reference() for reference in self.entities)
         return [entity for entity in entities if isinstance(entity, Subscription)]
+
+
+def read_clock(node: Node) -> None:
+    """
+    Set the node's clock to the simulated time that waits, if any.
+
+    Inputs that were just read may have later stamps than the last time that the executor took.
+
+    :param node: whose clock it is; nothing happens where it goes by the system's time.
+    """
+    subscription = node._time_source._clock_sub
+    if subscription is None:
+        return
+    taken = subscription.handle.take_message(subscription.msg_type, False)
+    if taken is not None:
+        subscription.callback(taken[0])
