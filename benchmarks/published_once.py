@@ -96,7 +96,9 @@ def count_received(trials: int, topic: str, start: Callable[[], Any]) -> tuple[i
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     halted = lost = 0
-    for _ in range(trials):
+    for trial in range(trials):
+        if trial and trial % 100 == 0:
+            print(f'{halted} of {trial}', flush=True)
         button = start()
         while button.is_alive():
             executor.spin_once(timeout_sec=0.01)
