@@ -54,7 +54,10 @@ class Robot:
         for process in self.alive.values():
             process.wait()
         for log in self._logs.glob('*.log'):
-            assert 'Traceback' not in log.read_text(), log.read_text()
+            printed = log.read_text()
+            # A node that is hardly started may be interrupted before Python comes to our code.
+            early = 'Failed to import the site module' in printed
+            assert early or 'Traceback' not in printed, printed
 
     def travel(self) -> np.ndarray:
         """Return the last measured travel of the rollers."""
