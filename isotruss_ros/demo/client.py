@@ -32,7 +32,7 @@ from sensor_msgs.msg import JointState
 #: Period of the twists [s].
 PERIOD = 0.01
 #: Time for what takes no time, on a busy machine [s].
-DEADLINE = 60.0
+DEADLINE = 240.0
 #: Object and rollers are at rest when they have not moved farther than this [m, rad] for so long,
 #: by the stamps of the measurements [s].
 REST_DISTANCE, REST_TIME = 2e-6, 0.1

@@ -15,7 +15,7 @@ from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework.runner import STOP_SIGNALS
 
 #: A node that has not ended this long after Ctrl-C is killed [s].
-STOP_TIMEOUT = 5.0
+STOP_TIMEOUT = 30.0
 
 
 class NodeError(IsotrussError, RuntimeError):

@@ -9,6 +9,7 @@ from action_msgs.msg import GoalStatus
 from boxes import BOX
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
+from isotruss_ros.nodes.conversions.messages import read_stamp
 from nav_msgs.msg import Path as PathMessage
 import numpy as np
 import pytest
@@ -20,7 +21,9 @@ pytestmark = [pytest.mark.system, pytest.mark.xdist_group('many nodes')]
 ACTIONS = {PickObject: 'pick_object', MoveObject: 'move_object', PlaceObject: 'place_object'}
 CENTER, DIAMETER, FRICTION = (0.6, 0.3), 0.2, 0.5
 #: A goal ends when inputs are late, and a busy machine delays them.
-PATIENT = {'command_timeout': 5.0}
+PATIENT = {'command_timeout': 10.0}
+#: Rollers whose commands are late stop soon, and push no object away meanwhile.
+STOPPING = {'command_timeout': 0.2}
 PICK = PickObject.Goal(squeeze=15.0, module='north/Z')
 #: Fails without a motion, as soon as all nodes have discovered each other.
 READY = PickObject.Goal(squeeze=1e5, time_limit=0.2)
@@ -35,7 +38,7 @@ class Client:
         x, y, angle = pose
         lying = {'plant': 'elastic', 'object_is_free': True, 'object_x': x, 'object_y': y}
         lying['object_angle'] = angle
-        r.start('simulator', rate=50.0, **shared, **lying)
+        r.start('simulator', rate=50.0, **shared | STOPPING, **lying)
         r.start('manipulation', rate=50.0, **shared)
         r.start('grasp_analysis', rate=20.0, **shared)
         r.start('path_follower', rate=50.0, **PATIENT)
@@ -79,7 +82,9 @@ class Client:
         return handle
 
     def place(self):
-        """Return where the object is."""
+        """Return where the object is, by a message that was sent after this call."""
+        now = 1e-9 * self._r.w.probe.past(0.0).nanoseconds
+        self._until(lambda: read_stamp(self._r.w.probe.last('pose').header) > now)
         position = self._r.w.probe.last('pose').pose.position
         return np.array([position.x, position.y])
 

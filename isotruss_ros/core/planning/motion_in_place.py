@@ -97,7 +97,8 @@ class MotionInPlace:
             turned = isinstance(grasp, HeldGrip) and reachable and abs(turn) > TURN_TOLERANCE
             if right and np.hypot(*away) < PLACE_TOLERANCE and not turned:
                 return grasp
-            rate = scale * missing / squeeze_by_opening(grasp)
+            # The scale knows large steps: where only the place is left, it would overshoot.
+            rate = 0.0 if right else scale * missing / squeeze_by_opening(grasp)
             command = self._command(grasp, np.append(away, turn), rate)
             reachable = command.status is not Status.UNREACHABLE
             if command.scale < MIN_SCALE:
@@ -112,11 +113,12 @@ class MotionInPlace:
             grasp = moved
         # A robot of few rollers cannot close and keep the object in place: it goes along a little.
         diameter = grasp.config.robot.description.tube_diameter
-        bound = self.closing.settings.max_displacement * diameter
+        along = self.closing.settings.max_displacement * diameter
+        bound = PLACE_TOLERANCE if reachable else along
         distance = float(np.hypot(*(center - grasp.pose[:2])))
         if abs(force - grasp.squeeze) >= SQUEEZE_TOLERANCE * force:
             self.record(Violation('squeeze', grasp.squeeze, force, 5.0))
-        elif reachable or distance > bound:
+        elif distance > bound:
             self.record(Violation('in_place', distance, bound, 20.0))
         else:
             return grasp

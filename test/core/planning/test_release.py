@@ -82,6 +82,13 @@ def test_the_object_stays_where_it_is_let_go(diameter, module, angle):
     assert min(gaps.members.min(), gaps.modules.min(), gaps.rods.min()) > 0.01
 
 
+def test_a_squeeze_that_is_right_does_not_overshoot_while_the_object_is_brought_back():
+    rollers = [-0.1916, 0.0704, 0.1637, 0.1456, 0.2097, -0.3699]  # it was carried to there
+    held = Cylinder((0.6002, 0.4007), 0.2)
+    release = plan_release(HOME.robot.configuration(rollers), held, 'north/P', CLEARANCE)
+    assert release.violation is None
+
+
 def test_an_object_that_nothing_presses_on_is_left_at_once():
     held = grasped(0.2)
     cylinder = Cylinder(CENTER, 0.2)
