@@ -31,6 +31,9 @@ from sensor_msgs.msg import JointState
 
 #: Period of the twists [s].
 PERIOD = 0.01
+#: Longest wait for a message. With another timeout each time, rclpy's executor would begin anew
+#: with the first subscription, and the others would starve where that one always has messages [s].
+WAIT = 2e-3
 #: Time for what takes no time, on a busy machine [s].
 DEADLINE = 240.0
 #: Object and rollers are at rest when they have not moved farther than this [m, rad] for so long,
@@ -176,8 +179,8 @@ class DemoClient(Node):
 
     def _spin(self, duration: float) -> None:
         end = time.monotonic() + duration
-        while (left := end - time.monotonic()) > 0.0:
-            self._own_executor.spin_once(timeout_sec=left)
+        while time.monotonic() < end:
+            self._own_executor.spin_once(timeout_sec=WAIT)
 
     def _seconds(self) -> float:
         """Return the time by which phases go: that of `/clock`, or the machine's [s]."""
@@ -186,8 +189,8 @@ class DemoClient(Node):
         return time.monotonic()
 
     def _spin_until(self, time_of: float) -> None:
-        while (left := time_of - self._seconds()) > 0.0:
-            self._own_executor.spin_once(timeout_sec=left)
+        while self._seconds() < time_of:
+            self._own_executor.spin_once(timeout_sec=WAIT)
 
     def at_rest(self) -> bool:
         """Return whether the object and the rollers have not moved for `REST_TIME`."""

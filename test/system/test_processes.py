@@ -66,12 +66,12 @@ def test_processes_carry_the_object_along_an_arc(context, tmp_path):
             for process in processes:
                 process.require_running()
 
-        client.wait_until_idle(check)
         client.wait(
             lambda: client.last_grasp() and client.last_grasp().code == GraspState.OK,
             check,
             'an analysis',
         )
+        client.wait_until_idle(check)
         radius, heading, angle = 0.05, 0.5, -0.4
         phase = arc('arc', 2.0, radius, heading, angle)
         record = client.play(phase, check, lambda done: None)
