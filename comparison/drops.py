@@ -20,7 +20,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
-from isotruss_ros.core.grasping.slip_margin import weakest_direction, wrench_response
+from isotruss_ros.core.grasping.slip_margin import weakest_direction
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
@@ -180,7 +180,7 @@ def attempt(case: Case) -> Outcome | None:
     travels = _travels(config, case, pose[:2])
     if travels is None:
         return None
-    response = wrench_response(model.statics, model.state, model.wrench)
+    response = model.response
     margin = _least_margin(model, travels, case.friction)
     if response is None or margin < LEAST:
         return None

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.grasping.equilibrium import FEET, INCLINATIONS
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
-from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response
+from isotruss_ros.core.grasping.slip_margin import slip_margin
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import Grasp, members_at_module
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -17,7 +16,6 @@ from isotruss_ros.core.manipulation.task import task_jacobian
 from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.model.objects import Cylinder, Pose
 from isotruss_ros.core.numerics.arrays import Array
-import numpy as np
 
 #: How an object is held: by the two members of a module, or by any.
 HeldModel = RollingGrasp | HeldGrip
@@ -89,15 +87,6 @@ def motion_of(config: Configuration, held: Grasp | Grip, travel: Array) -> tuple
     return rows[:3], float(members_at_module(config, held.module).side * rows[3])
 
 
-def arm_of(grasp: HeldModel) -> float:
-    """
-    Return the arm by which moments compare with forces: of a disc d/2 [m].
-
-    :param grasp: how the object is held.
-    """
-    return grasp.body.arm if isinstance(grasp, HeldGrip) else grasp.statics.radius
-
-
 def sensitivity(grasp: HeldModel, friction: float) -> Sensitivity | None:
     """
     Return how a held object answers; None where its equilibrium is indifferent.
@@ -105,42 +94,8 @@ def sensitivity(grasp: HeldModel, friction: float) -> Sensitivity | None:
     :param grasp: how the object is held.
     :param friction: coefficient between tube and object.
     """
-    if isinstance(grasp, HeldGrip):
-        found = grasp.response()
-        if found is None:
-            return None
-        squeeze = found.normal.sum(axis=0) / len(grasp.members)
-        return Sensitivity(
-            found.pose, squeeze, found.squeeze_by_opening, found.slip_margin(friction)
-        )
-    response = wrench_response(grasp.statics, grasp.state, grasp.wrench)
+    response = grasp.response
     if response is None:
         return None
     margin = slip_margin(grasp.state, response, friction)
-    slope = squeeze_by_opening(grasp)
-    return Sensitivity(response.pose, 0.5 * response.normal.sum(axis=0), slope, margin)
-
-
-def squeeze_by_opening(grasp: HeldModel) -> float:
-    """
-    Return by how much the squeeze changes as the grip opens.
-
-    At a module one member turns away from the object about its end, the object moves so that both
-    press alike: the depth lost is shared by both, and by the dents in the skin.
-
-    :param grasp: how the object is held.
-    :return: negative [N/rad]; of any grip [N/m].
-    """
-    if isinstance(grasp, HeldGrip):
-        return grasp.squeeze_by_opening()
-    statics, unknowns = grasp.statics, grasp.state.unknowns
-    feet = unknowns[FEET]
-    local = 1j * statics.sides * np.exp(1j * unknowns[INCLINATIONS])
-    normals = np.column_stack([local.real, local.imag, np.zeros(2)]).ravel()
-    compliance = normals @ statics.compliance.at(feet).matrix.reshape(6, 6) @ normals
-    _, dents = statics.indentation(grasp.state.normal_forces)
-    # The members meet at the module where one of them starts and the other one ends.
-    following = grasp.config.robot.topology.following
-    starts = grasp.members == following[grasp.members[::-1]]
-    arms = np.where(starts, feet, statics.compliance.length - feet)
-    return -float(arms.mean() / (compliance + dents.sum()))
+    return Sensitivity(response.pose, response.squeeze, grasp.squeeze_by_opening(), margin)

@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, replace
 import math
 
 from isotruss_ros.core.control.held_model import (
-    arm_of,
     attach_model,
     HeldModel,
     measured_pose,
@@ -244,7 +243,7 @@ class SqueezeControl:
             return found
         offset = _difference(np.array(measured), np.array(found.pose))
         # At once: so that the object is wanted where it is, and not where the model has it.
-        self.load.update(offset, given.pose, arm_of(found), math.inf, 1.0)
+        self.load.update(offset, given.pose, found.arm, math.inf, 1.0)
         loaded = found.moved_to(found.config, self._wrench(found))
         if loaded is None or loaded.hold(self.settings.friction) is not Hold.HELD:
             self.load.wrench, self.load.bias = np.zeros(3), offset
@@ -265,9 +264,7 @@ class SqueezeControl:
         moved, opened = motion_of(config, held, travel)
         pose = np.array(grasp.pose) + moved
         offset = _difference(np.array(measured_pose(held, angle)), pose)
-        change = self.load.update(
-            offset, given.pose, arm_of(grasp), elapsed, self.settings.bias_gain
-        )
+        change = self.load.update(offset, given.pose, grasp.arm, elapsed, self.settings.bias_gain)
         self.grasp, self._config = grasp, config
         self._pose = pose + given.pose @ change
         pressed = float(given.squeeze @ change)
@@ -277,7 +274,7 @@ class SqueezeControl:
 
     def _wrench(self, grasp: HeldModel) -> Array:
         """Return the estimated wrench (fx, fy, m) [N, N m]."""
-        return self.load.wrench * (1.0, 1.0, arm_of(grasp))
+        return self.load.wrench * (1.0, 1.0, grasp.arm)
 
 
 def _difference(pose: Array, other: Array) -> Array:

@@ -7,12 +7,8 @@ little as the balance needs: it settles what is stiff, and the measured pose wha
 
 from __future__ import annotations
 
-from isotruss_ros.core.grasping.contact_statics import (
-    ANGLE,
-    ContactClosure,
-    ContactStatics,
-    surface_points,
-)
+from isotruss_ros.core.grasping.balance import ANGLE, Closure
+from isotruss_ros.core.grasping.contact_statics import ContactStatics, surface_points
 from isotruss_ros.core.model.unrolled_arc import unrolled_arc
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
@@ -21,7 +17,7 @@ import numpy as np
 SOFTNESS = 1e-4
 
 
-def rest(statics: ContactStatics, center: complex, angle: float) -> ContactClosure:
+def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
     """
     Return the closure for an unknown past: the pose is near to a measured one.
 
@@ -111,7 +107,7 @@ def _along(
 
 def stick(
     statics: ContactStatics, anchors: Array, travel: Array, angles: Array, free: Indices
-) -> ContactClosure:
+) -> Closure:
     """
     Return the closure for contacts that roll without slip: `roll` of `equilibrium`, any shape.
 

@@ -16,15 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
-from isotruss_ros.core.grasping.equilibrium import (
-    FORCE_TOLERANCE,
-    LENGTH_TOLERANCE,
-    MAX_INCLINATION,
-    MAX_MOVE,
-    MAX_STEPS,
+from isotruss_ros.core.grasping.balance import (
+    ANGLE,
+    Closure,
+    ContactForces,
     MAX_TURN,
+    Places,
+    solve_balance,
 )
 from isotruss_ros.core.grasping.member_compliance import MemberCompliance
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -33,82 +32,6 @@ from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.shapes import Disc, Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
-
-#: Places of the pose among the unknowns.
-CENTER, ANGLE, POSE = slice(0, 2), 2, 3
-
-
-class Places(NamedTuple):
-    """
-    Places of k contacts among the unknowns, and of the equations.
-
-    :ivar feet: where along the members they are.
-    :ivar inclinations: of the bent tubes.
-    :ivar normal: forces.
-    :ivar friction: forces.
-    :ivar balance: rows fx, fy, m.
-    :ivar closure: rows that statics leaves open.
-    :ivar size: number of unknowns.
-    """
-
-    feet: slice
-    inclinations: slice
-    normal: slice
-    friction: slice
-    balance: slice
-    closure: slice
-    size: int
-
-    @classmethod
-    def of(cls, count: int) -> Places:
-        """
-        Return those of some contacts.
-
-        :param count: k.
-        """
-        begins = [POSE + i * count for i in range(5)]
-        unknowns = [slice(begins[i], begins[i + 1]) for i in range(4)]
-        rows = slice(3 * count, 3 * count + 3), slice(3 * count + 3, 4 * count + 3)
-        return cls(*unknowns, *rows, 4 * count + 3)
-
-
-@dataclass(frozen=True, eq=False)
-class ContactForces:
-    """
-    Pose, contacts and forces of an object at k contacts.
-
-    :ivar unknowns: (3 + 4k,) x, y [m], angle [rad], feet s_i [m], inclinations of the bent tubes
-        beta_i [rad], normal forces N_i [N], friction forces on the tubes T_i [N],
-        counter-clockwise around the object.
-    :ivar normals: (k,) from the object toward the tubes.
-    """
-
-    unknowns: Array
-    normals: Points
-
-    @property
-    def places(self) -> Places:
-        """Return where what is among the unknowns."""
-        return Places.of(len(self.normals))
-
-    @property
-    def feet(self) -> Array:
-        """Return where along the members the contacts are, (k,) [m]."""
-        return self.unknowns[self.places.feet]
-
-    @property
-    def normal_forces(self) -> Array:
-        """Return (k,) [N], positive where object and tube press on each other."""
-        return self.unknowns[self.places.normal]
-
-    @property
-    def friction_forces(self) -> Array:
-        """Return (k,) on the tubes, counter-clockwise around the object [N]."""
-        return self.unknowns[self.places.friction]
-
-
-#: Rows that settle what statics leaves open: residual (k,) and derivative (k, 3 + 4k) in a state.
-ContactClosure = Callable[[Array, Points], tuple[Array, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +91,7 @@ class ContactStatics:
         return np.column_stack([force.real, force.imag, -skin * friction])
 
     def equations(
-        self, unknowns: Array, wrench: Array, closure: ContactClosure
+        self, unknowns: Array, wrench: Array, closure: Closure
     ) -> tuple[Array, Array, Points]:
         """
         Return residual (3 + 4k,), its Jacobian and normals (k,).
@@ -239,7 +162,7 @@ class ContactStatics:
         residual[places.closure], jacobian[places.closure] = closure(unknowns, normals)
         return residual, jacobian, normals
 
-    def solve(self, start: Array, wrench: Array, closure: ContactClosure) -> ContactForces | None:
+    def solve(self, start: Array, wrench: Array, closure: Closure) -> ContactForces | None:
         """
         Return the equilibrium near a start (Newton's method), or None if it is not found.
 
@@ -247,27 +170,9 @@ class ContactStatics:
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param closure: what settles the equations that statics leaves open.
         """
-        places, count, unknowns = self.places, len(self.owners), start.copy()
-        longest = np.full(places.size, MAX_MOVE * self.arm)
-        longest[ANGLE] = longest[places.inclinations] = MAX_TURN
-        longest[places.normal] = longest[places.friction] = np.inf
-        for _ in range(MAX_STEPS):
-            residual, jacobian, normals = self.equations(unknowns, wrench, closure)
-            squeeze = float(np.abs(unknowns[places.normal]).sum())
-            unbalanced = float(np.abs(residual[places.balance]).max())
-            apart = float(np.abs(residual[: 3 * count]).max())
-            apart = max(apart, float(np.abs(residual[places.closure]).max()))
-            if unbalanced <= FORCE_TOLERANCE * squeeze and apart <= LENGTH_TOLERANCE:
-                folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
-                return None if folded else ContactForces(unknowns, normals)
-            try:
-                step = np.linalg.solve(jacobian, -residual)
-            except np.linalg.LinAlgError:
-                return None
-            if not np.isfinite(step).all():
-                return None
-            unknowns = unknowns + step / max(1.0, float((np.abs(step) / longest).max()))
-        return None
+        return solve_balance(
+            lambda unknowns: self.equations(unknowns, wrench, closure), start, self.arm, MAX_TURN
+        )
 
 
 def surface_points(shape: Shape, normals: Points, corners: Indices) -> tuple[Points, Array]:

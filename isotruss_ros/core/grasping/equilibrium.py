@@ -17,24 +17,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from isotruss_ros.core.grasping.balance import (
+    ANGLE,
+    Closure,
+    ContactForces,
+    Places,
+    solve_balance,
+)
 from isotruss_ros.core.grasping.member_compliance import MemberCompliance
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: Forces balance to this share of the squeeze, contact points touch to this length [m].
-FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
-MAX_STEPS = 40
-#: In one step contacts and object move at most this share of the object's radius ...
-MAX_MOVE = 0.5
-#: ... and tubes incline at most by this [rad]. A tube that inclines by more than the other has
-#: folded long before: there the linear structure has balances that mean nothing.
-MAX_TURN, MAX_INCLINATION = 0.2, 0.5
-#: Places of the unknowns: centre, angle, feet, inclinations, normal forces, friction forces.
-CENTER, ANGLE = slice(0, 2), 2
-FEET, INCLINATIONS, NORMAL, FRICTION = slice(3, 5), slice(5, 7), slice(7, 9), slice(9, 11)
-SIZE = 11
-#: Rows: touch along the members, across them, inclination, balance (fx, fy, m/r), closure.
-BALANCE, CLOSURE = slice(6, 9), slice(9, 11)
+#: Places of the unknowns and rows of two contacts.
+FEET, INCLINATIONS, NORMAL, FRICTION, BALANCE, CLOSURE, SIZE = Places.of(2)
+#: One contact for each of the two members.
+OWNERS = np.arange(2)
+OWNERS.flags.writeable = False
 
 
 def no_indentation(forces: Array) -> tuple[Array, Array]:
@@ -44,45 +42,6 @@ def no_indentation(forces: Array) -> tuple[Array, Array]:
     :param forces: (k,) normal forces [N].
     """
     return np.zeros(len(forces)), np.zeros(len(forces))
-
-
-@dataclass(frozen=True, eq=False)
-class HeldState:
-    """
-    Pose, contacts and forces; two members.
-
-    :ivar unknowns: (11,) x, y [m], angle [rad], feet s_i [m], inclinations of the bent tubes
-        beta_i [rad], normal forces N_i [N], friction forces on the tubes T_i [N],
-        counter-clockwise around the object.
-    :ivar normals: (2,) from the object toward the tubes.
-    """
-
-    unknowns: Array
-    normals: Points
-
-    @property
-    def center(self) -> complex:
-        """Return the object's centre, x + iy [m]."""
-        return complex(self.unknowns[0], self.unknowns[1])
-
-    @property
-    def feet(self) -> Array:
-        """Return where along the members the contacts are, (2,) [m]."""
-        return self.unknowns[FEET]
-
-    @property
-    def normal_forces(self) -> Array:
-        """Return (2,) [N], positive where object and tube press on each other."""
-        return self.unknowns[NORMAL]
-
-    @property
-    def friction_forces(self) -> Array:
-        """Return (2,) on the tubes, counter-clockwise around the object [N]."""
-        return self.unknowns[FRICTION]
-
-
-#: Rows that settle what statics leaves open: residual (2,) and derivative (2, 11) in a state.
-Closure = Callable[[Array, Points], tuple[Array, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +64,21 @@ class HeldObjectStatics:
     sides: Array
     indentation: Callable[[Array], tuple[Array, Array]] = no_indentation
 
+    @property
+    def arm(self) -> float:
+        """Return the arm by which moments compare with forces: the radius [m]."""
+        return self.radius
+
+    @property
+    def owners(self) -> Indices:
+        """Return to which member of the grip each contact belongs, (2,)."""
+        return OWNERS
+
     def normals(self, unknowns: Array) -> Points:
         """
         Return the normals of the bent tubes, from the object toward them.
 
-        :param unknowns: (11,), see `HeldState`.
+        :param unknowns: (11,), see `ContactForces`.
         """
         return 1j * self.sides * self.compliance.axis * np.exp(1j * unknowns[INCLINATIONS])
 
@@ -119,7 +88,7 @@ class HeldObjectStatics:
         """
         Return residual (11,), Jacobian (11, 11) and normals (2,).
 
-        :param unknowns: (11,), see `HeldState`.
+        :param unknowns: (11,), see `ContactForces`.
         :param wrench: (fx, fy, m / radius) on the object [N].
         :param closure: the remaining two equations, of friction or of rolling.
         """
@@ -150,9 +119,9 @@ class HeldObjectStatics:
         # Loads by inclination, normal force and friction force: (3, 2) each.
         by_turn = 1j * force
         by_loads = (
-            (slice(5, 7), by_turn, np.zeros(2)),
-            (slice(7, 9), local, soft * friction),
-            (slice(9, 11), 1j * local, -skin),
+            (INCLINATIONS, by_turn, np.zeros(2)),
+            (NORMAL, local, soft * friction),
+            (FRICTION, 1j * local, -skin),
         )
         rows = jacobian[:6].reshape(3, 2, SIZE).transpose(1, 0, 2)  # contact, response
         rows[:, :, FEET] = contact.rates(loads)
@@ -176,7 +145,7 @@ class HeldObjectStatics:
         residual[CLOSURE], jacobian[CLOSURE] = closure(unknowns, normals)
         return residual, jacobian, normals
 
-    def solve(self, start: Array, wrench: Array, closure: Closure) -> HeldState | None:
+    def solve(self, start: Array, wrench: Array, closure: Closure) -> ContactForces | None:
         """
         Return the equilibrium near a start (Newton's method), or None if it is not found.
 
@@ -184,26 +153,9 @@ class HeldObjectStatics:
         :param wrench: (fx, fy, m / radius) on the object [N].
         :param closure: what settles the two equations that statics leaves open.
         """
-        unknowns = start.copy()
-        longest = np.full(SIZE, MAX_MOVE * self.radius)
-        longest[ANGLE], longest[INCLINATIONS] = np.inf, MAX_TURN
-        longest[NORMAL] = longest[FRICTION] = np.inf
-        for _ in range(MAX_STEPS):
-            residual, jacobian, normals = self.equations(unknowns, wrench, closure)
-            squeeze = float(np.abs(unknowns[NORMAL]).sum())
-            unbalanced = float(np.abs(residual[BALANCE]).max())
-            apart = max(float(np.abs(residual[:6]).max()), float(np.abs(residual[CLOSURE]).max()))
-            if unbalanced <= FORCE_TOLERANCE * squeeze and apart <= LENGTH_TOLERANCE:
-                folded = np.abs(unknowns[INCLINATIONS]).max() > MAX_INCLINATION
-                return None if folded else HeldState(unknowns, normals)
-            try:
-                step = np.linalg.solve(jacobian, -residual)
-            except np.linalg.LinAlgError:
-                return None
-            if not np.isfinite(step).all():
-                return None
-            unknowns = unknowns + step / max(1.0, float((np.abs(step) / longest).max()))
-        return None
+        return solve_balance(
+            lambda unknowns: self.equations(unknowns, wrench, closure), start, self.arm, np.inf
+        )
 
 
 def keep_place(center: complex, angle: float) -> Closure:
@@ -266,7 +218,7 @@ def find_anchors(unknowns: Array, travel: Array, statics: HeldObjectStatics) -> 
     """
     Return what stays as it is while the contacts roll, (2,) [m].
 
-    :param unknowns: (11,), see `HeldState`.
+    :param unknowns: (11,), see `ContactForces`.
     :param travel: (2,) phi_i of the modules at the members' starts [m].
     :param statics: the equations of the held object.
     """

@@ -34,22 +34,6 @@ class Hold(enum.Enum):
     OTHER_CONTACT = 'another member presses on the object'
 
 
-def member_depths(config: Configuration, cylinder: Cylinder) -> Array:
-    """
-    Return how deep the object is in each undeformed member, negative where apart (m,) [m].
-
-    :param config: configuration of the robot.
-    :param cylinder: the object.
-    """
-    topology, points = config.robot.topology, config.points
-    begin = points[topology.b]
-    span = points[topology.c[topology.following]] - begin
-    away = complex(*cylinder.center) - begin
-    share = np.clip((span.conj() * away).real / np.abs(span) ** 2, 0.0, 1.0)
-    reach = 0.5 * (cylinder.diameter + config.robot.description.tube_diameter)
-    return reach - np.abs(away - share * span)
-
-
 def held_object_statics(
     config: Configuration,
     cylinder: Cylinder,

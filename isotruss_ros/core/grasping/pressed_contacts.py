@@ -16,7 +16,6 @@ from isotruss_ros.core.grasping.member_compliance import MemberCompliance
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.polygon import Polygon
-from isotruss_ros.core.model.segment_gaps import segment_gaps
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.pressures import Pressure
@@ -71,19 +70,6 @@ class PressedContacts:
         cuts = np.concatenate([self.cuts, others.cuts])
         every = PressedContacts(members[order], owners[order], corners[order], cuts[order])
         return every, order
-
-
-def body_depths(config: Configuration, body: ConvexObject) -> Array:
-    """
-    Return how deep an object is in each undeformed member, negative where apart (m,) [m].
-
-    :param config: configuration of the robot.
-    :param body: the object in its place.
-    """
-    topology, points = config.robot.topology, config.points
-    starts, ends = points[topology.b], points[topology.c[topology.following]]
-    radius = 0.5 * config.robot.description.tube_diameter
-    return radius - segment_gaps(body, starts, ends).gaps
 
 
 def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:

@@ -3,32 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-import math
+import functools
 
+from isotruss_ros.core.grasping.balance import ContactForces
+from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.equilibrium import (
-    FEET,
     find_anchors,
     HeldObjectStatics,
-    HeldState,
+    INCLINATIONS,
     keep_place,
     roll,
 )
 from isotruss_ros.core.grasping.held_members import (
     held_object_statics,
     Hold,
-    member_depths,
     static_start,
 )
-from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response
+from isotruss_ros.core.grasping.slip_margin import wrench_response, WrenchResponse
+from isotruss_ros.core.grasping.sticking_grasp import (
+    scaled_wrench,
+    StickingGrasp,
+    travel_into,
+)
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.objects import Cylinder, Pose
+from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.pressures import Pressure
 import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
-class RollingGrasp:
+class RollingGrasp(StickingGrasp):
     """
     An object held between two members in one configuration, and what stays as it rolls.
 
@@ -48,7 +53,7 @@ class RollingGrasp:
     members: Indices
     anchors: Array
     statics: HeldObjectStatics
-    state: HeldState
+    state: ContactForces
     wrench: Array
     stiffness_scale: float = 1.0
     pressure: Pressure | None = None
@@ -88,7 +93,7 @@ class RollingGrasp:
         state = statics.solve(start, wrench, keep_place(center, angle))
         if state is None:
             return Hold.NO_BALANCE
-        anchors = find_anchors(state.unknowns, _travel(config, members), statics)
+        anchors = find_anchors(state.unknowns, travel_into(config, members), statics)
         return cls(
             config,
             cylinder.diameter,
@@ -102,32 +107,9 @@ class RollingGrasp:
         )
 
     @property
-    def pose(self) -> Pose:
-        """Return the object's pose; the angle is in (-pi, pi]."""
-        x, y, angle = map(float, self.state.unknowns[:3])
-        return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
-
-    @property
-    def squeeze(self) -> float:
-        """Return the mean normal force of the two members [N]."""
-        return 0.5 * float(self.state.normal_forces.sum())
-
-    @property
-    def member_names(self) -> tuple[str, str]:
-        """Return the names of the grasping members."""
-        first, second = self.members
-        names = self.config.robot.member_names
-        return names[first], names[second]
-
-    @property
     def contact_members(self) -> Indices:
         """Return the numbers of the members of the contacts, (2,)."""
         return self.members
-
-    @property
-    def required_friction(self) -> float:
-        """Return the smallest coefficient of friction with which both contacts stick."""
-        return float(np.max(np.abs(self.state.friction_forces) / self.state.normal_forces))
 
     def moved_to(
         self, config: Configuration, external_wrench: Array | None = None
@@ -144,7 +126,7 @@ class RollingGrasp:
         statics = held_object_statics(
             config, cylinder, self.members, self.stiffness_scale, pressure=self.pressure
         )
-        closure = roll(self.anchors, _travel(config, self.members), statics)
+        closure = roll(self.anchors, travel_into(config, self.members), statics)
         state = statics.solve(self.state.unknowns, wrench, closure)
         if state is None:
             return None
@@ -160,43 +142,25 @@ class RollingGrasp:
             self.pressure,
         )
 
-    def hold(self, friction: float) -> Hold:
+    @functools.cached_property
+    def response(self) -> WrenchResponse | None:
+        """Return how pose and forces answer to a wrench; None where that is indifferent."""
+        return wrench_response(self.statics, self.state, self.wrench)
+
+    def squeeze_by_opening(self) -> float:
         """
-        Return whether the contacts stick; if not, what happens.
+        Return by how much the squeeze changes as the angle of the grip opens, negative [N/rad].
 
-        :param friction: coefficient between tube and object.
+        At a module one member turns away from the object about its end, the object moves so that
+        both press alike: the depth lost is shared by both, and by the dents in the skin.
         """
-        if self.state.normal_forces.min() <= 0.0:
-            return Hold.NO_CONTACT
-        feet = self.state.unknowns[FEET]
-        if feet.min() < 0.0 or (feet > self.statics.compliance.length).any():
-            return Hold.OFF_MEMBER
-        return Hold.SLIPS if self.required_friction > friction else Hold.HELD
-
-    def slip_margin(self, friction: float) -> float:
-        """
-        Return the smallest extra wrench at which a contact slips or lets go, see `slip_margin`.
-
-        :param friction: coefficient between tube and object.
-        :return: [N], moments over the radius; zero where the equilibrium is indifferent.
-        """
-        response = wrench_response(self.statics, self.state, self.wrench)
-        return 0.0 if response is None else slip_margin(self.state, response, friction)
-
-
-def scaled_wrench(wrench: Array | None, radius: float) -> Array:
-    """
-    Return (fx, fy, m / radius) of (fx, fy, m), zero for None [N].
-
-    :param wrench: (fx, fy, m) about the object's centre [N, N m]; zero if None.
-    :param radius: of the object [m].
-    """
-    return np.zeros(3) if wrench is None else np.asarray(wrench) / (1.0, 1.0, radius)
-
-
-def _travel(config: Configuration, members: Indices) -> Array:
-    """Return the travel of the tube through the modules at which members start (2,) [m]."""
-    topology = config.robot.topology
-    travel = np.zeros(topology.n_modules)
-    travel[topology.driven] = config.roller_positions
-    return travel[members]
+        statics, feet = self.statics, self.state.feet
+        local = 1j * statics.sides * np.exp(1j * self.state.unknowns[INCLINATIONS])
+        normals = np.column_stack([local.real, local.imag, np.zeros(2)]).ravel()
+        compliance = normals @ statics.compliance.at(feet).matrix.reshape(6, 6) @ normals
+        _, dents = statics.indentation(self.state.normal_forces)
+        # The members meet at the module where one of them starts and the other one ends.
+        following = self.config.robot.topology.following
+        starts = self.members == following[self.members[::-1]]
+        arms = np.where(starts, feet, statics.compliance.length - feet)
+        return -float(arms.mean() / (compliance + dents.sum()))

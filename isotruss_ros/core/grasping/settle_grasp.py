@@ -8,11 +8,11 @@ import math
 
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.grasping.analysis import FRICTION
-from isotruss_ros.core.grasping.held_grip import HeldGrip, MOST
-from isotruss_ros.core.grasping.held_members import Hold, member_depths
-from isotruss_ros.core.grasping.pressed_contacts import body_depths
+from isotruss_ros.core.grasping.contact_changes import MOST
+from isotruss_ros.core.grasping.depths import member_depths
+from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
-from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder, Pose
@@ -128,10 +128,10 @@ def settle_grip(body: ConvexObject, found: HeldGrip | Hold, friction: float) -> 
     sticks = found if isinstance(found, Hold) else found.hold(friction)
     if isinstance(found, Hold) or sticks in (Hold.NO_CONTACT, Hold.OFF_MEMBER):
         return SettledGrasp(sticks, sticks.value, body.pose, np.zeros(3))
-    response = found.response()
+    response = found.response
     moved = np.array(found.pose) - body.pose
     moved[2] = math.remainder(moved[2], 2.0 * math.pi)
-    depths = body_depths(found.config, found.body)
+    depths = member_depths(found.config, found.body)
     stable = response is not None and response.stable
     hold, reason = _judge(
         found.config, float(np.hypot(*moved[:2])), depths, found.members, found, friction, stable
@@ -148,7 +148,7 @@ def settle_grip(body: ConvexObject, found: HeldGrip | Hold, friction: float) -> 
         dict(zip(names, (-rubs).tolist(), strict=True)),
         dict(zip(names, used.tolist(), strict=True)),
         found.required_friction,
-        0.0 if response is None else response.slip_margin(friction),
+        found.slip_margin(friction),
         np.zeros((3, 3)) if response is None else response.stiffness,
     )
 
@@ -176,7 +176,7 @@ def _assess(cylinder: Cylinder, found: RollingGrasp, friction: float) -> Settled
     if sticks in (Hold.NO_CONTACT, Hold.OFF_MEMBER):
         return _not_settled(cylinder, sticks)
     state, pose = found.state, found.pose
-    response = wrench_response(found.statics, state, found.wrench)
+    response = found.response
     shift = float(np.hypot(pose.x - cylinder.center[0], pose.y - cylinder.center[1]))
     depths = member_depths(found.config, Cylinder(pose[:2], cylinder.diameter))
     stable = response is not None and response.stable
@@ -192,7 +192,7 @@ def _assess(cylinder: Cylinder, found: RollingGrasp, friction: float) -> Settled
         dict(zip(found.member_names, (-state.friction_forces).tolist(), strict=True)),
         dict(zip(found.member_names, used.tolist(), strict=True)),
         found.required_friction,
-        0.0 if response is None else slip_margin(state, response, friction),
+        found.slip_margin(friction),
         np.zeros((3, 3)) if response is None else response.stiffness,
     )
 

@@ -4,51 +4,58 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from isotruss_ros.core.grasping.balance import ContactForces
 from isotruss_ros.core.grasping.equilibrium import (
     BALANCE,
     FRICTION,
     HeldObjectStatics,
-    HeldState,
     NORMAL,
     roll,
     SIZE,
 )
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
 class WrenchResponse:
     """
-    What a small external wrench (fx, fy, m / radius) [N] does to a held object.
+    What a small external wrench (fx, fy, m / arm) [N] does to an object at k contacts.
 
     :ivar pose: (3, 3) displacement of (x, y, angle) [m/N, rad/N].
-    :ivar normal: (2, 3) change of the normal forces [-].
-    :ivar friction: (2, 3) change of the friction forces [-].
-    :ivar radius: of the object [m].
+    :ivar normal: (k, 3) change of the normal forces [-].
+    :ivar friction: (k, 3) change of the friction forces [-].
+    :ivar owners: (k,) to which member of the grip each contact belongs.
+    :ivar arm: by which moments compare with forces: of a disc its radius [m].
     """
 
     pose: Array
     normal: Array
     friction: Array
-    radius: float
+    owners: Indices
+    arm: float
 
     @property
     def stiffness(self) -> Array:
         """Return the wrench (fx, fy, m) that a displacement takes, (3, 3) [N/m, N, N m]."""
         stiffness = np.linalg.inv(self.pose)
-        stiffness[2] *= self.radius
+        stiffness[2] *= self.arm
         return stiffness
 
     @property
     def stable(self) -> bool:
         """Return whether every displacement takes work."""
-        even = self.pose * np.array([[1.0], [1.0], [self.radius]])
+        even = self.pose * np.array([[1.0], [1.0], [self.arm]])
         return bool(np.linalg.eigvalsh(0.5 * (even + even.T)).min() > 0.0)
+
+    @property
+    def squeeze(self) -> Array:
+        """Return the change of the mean normal force of the members, (3,) [-]."""
+        return self.normal.sum(axis=0) / (int(self.owners[-1]) + 1)
 
 
 def wrench_response(
-    statics: HeldObjectStatics, state: HeldState, wrench: Array
+    statics: HeldObjectStatics, state: ContactForces, wrench: Array
 ) -> WrenchResponse | None:
     """
     Return how pose and forces of a held object answer to a wrench while the contacts stick.
@@ -62,33 +69,49 @@ def wrench_response(
     _, jacobian, _ = statics.equations(state.unknowns, wrench, closure)
     right = np.zeros((SIZE, 3))
     right[BALANCE] = -np.eye(3)
+    change = solve_change(jacobian, right)
+    if change is None:
+        return None
+    pose, normal, friction = change[:3], change[NORMAL], change[FRICTION]
+    return WrenchResponse(pose, normal, friction, statics.owners, statics.arm)
+
+
+def solve_change(jacobian: Array, right: Array) -> Array | None:
+    """
+    Return by how much the unknowns change; None where the equilibrium is indifferent.
+
+    :param jacobian: (3 + 4k, 3 + 4k) of the equations of equilibrium.
+    :param right: (3 + 4k, n) right-hand sides, the first three those of the wrench.
+    """
     try:
         change = np.linalg.solve(jacobian, right)
-        np.linalg.inv(change[:3])
+        np.linalg.inv(change[:3, :3])
     except np.linalg.LinAlgError:
         return None
-    return WrenchResponse(change[:3], change[NORMAL], change[FRICTION], statics.radius)
+    return change
 
 
-def slip_margin(state: HeldState, response: WrenchResponse, friction: float) -> float:
+def slip_margin(state: ContactForces, response: WrenchResponse, friction: float) -> float:
     """
-    Return the smallest wrench at which a contact slips, |T| = mu N, or lets go, N = 0 [N].
+    Return the smallest wrench at which a member slips or a contact lets go [N].
 
-    Moments count over the object's radius. Forces change linearly with the wrench, so that each
-    condition is a plane in the space of wrenches, and the margin the distance of the nearest one.
+    Moments count over the arm. A member slips where the friction of all its contacts,
+    |T| = mu N of their sums, is used; each end of a face lets go at N = 0. Forces change linearly
+    with the wrench, so that each condition is a plane in the space of wrenches, and the margin the
+    distance of the nearest one.
 
     :param state: the equilibrium.
     :param response: how its forces change with the wrench.
     :param friction: coefficient mu.
-    :return: negative where a contact slips or pulls already.
+    :return: negative where a member slips or a contact pulls already.
     """
     reserve, slope = _conditions(state, response, friction)
     return float((reserve / np.linalg.norm(slope, axis=1)).min())
 
 
-def weakest_direction(state: HeldState, response: WrenchResponse, friction: float) -> Array:
+def weakest_direction(state: ContactForces, response: WrenchResponse, friction: float) -> Array:
     """
-    Return the unit wrench (fx, fy, m / radius) along which the slip margin is the least, (3,).
+    Return the unit wrench (fx, fy, m / arm) along which the slip margin is the least, (3,).
 
     :param state: the equilibrium.
     :param response: how its forces change with the wrench.
@@ -101,18 +124,16 @@ def weakest_direction(state: HeldState, response: WrenchResponse, friction: floa
 
 
 def _conditions(
-    state: HeldState, response: WrenchResponse, friction: float
+    state: ContactForces, response: WrenchResponse, friction: float
 ) -> tuple[Array, Array]:
-    """Return what is left until each contact slips or lets go (6,), and its slopes (6, 3)."""
-    normal, tangential = state.normal_forces, state.friction_forces
-    reserve = np.concatenate(
-        [friction * normal - tangential, friction * normal + tangential, normal]
-    )
-    slope = np.concatenate(
-        [
-            friction * response.normal - response.friction,
-            friction * response.normal + response.friction,
-            response.normal,
-        ]
-    )
-    return reserve, slope
+    """Return what is left until m members slip and k contacts let go (2m + k,), and slopes."""
+    members = np.eye(int(response.owners[-1]) + 1)[response.owners].T
+    normal, rubs = members @ state.normal_forces, members @ state.friction_forces
+    by_normal, by_friction = members @ response.normal, members @ response.friction
+    reserve = [friction * normal - rubs, friction * normal + rubs, state.normal_forces]
+    slope = [
+        friction * by_normal - by_friction,
+        friction * by_normal + by_friction,
+        response.normal,
+    ]
+    return np.concatenate(reserve), np.concatenate(slope)

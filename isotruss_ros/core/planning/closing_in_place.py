@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 import math
 
-from isotruss_ros.core.control.held_model import squeeze_by_opening
 from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_members import Hold
@@ -137,7 +136,7 @@ class ClosingInPlace:
         while grasp is not None and self._sticks(grasp):
             if grasp is not found:
                 yield grasp
-            force = grasp.squeeze - closer * squeeze_by_opening(grasp)
+            force = grasp.squeeze - closer * grasp.squeeze_by_opening()
             if wanted is not None:
                 if _reached(grasp, wanted):
                     return

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from typing import TypeVar
 
-from isotruss_ros.core.control.held_model import squeeze_by_opening
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
@@ -98,7 +97,7 @@ class MotionInPlace:
             if right and np.hypot(*away) < PLACE_TOLERANCE and not turned:
                 return grasp
             # The scale knows large steps: where only the place is left, it would overshoot.
-            rate = 0.0 if right else scale * missing / squeeze_by_opening(grasp)
+            rate = 0.0 if right else scale * missing / grasp.squeeze_by_opening()
             command = self._command(grasp, np.append(away, turn), rate)
             reachable = command.status is not Status.UNREACHABLE
             if command.scale < MIN_SCALE:

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.held_members import Hold
-from isotruss_ros.core.grasping.pressed_contacts import body_depths
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import module_index
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -120,7 +120,7 @@ def _unload(
     """
     path = [config]
     diameter = config.robot.description.tube_diameter
-    depth = float(body_depths(config, as_convex_object(closing.body)).max())
+    depth = float(member_depths(config, closing.body).max())
     if depth <= closing.settings.first_contact * diameter:
         return path, closing
     grasp = attach(config, closing, angle)

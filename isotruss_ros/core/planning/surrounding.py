@@ -40,7 +40,7 @@ def squeeze_around(motion: MotionInPlace, grasp: HeldGrip, force: float) -> Held
     """
     lay = motion.closing.body.pose
     for _ in range(MAX_CORRECTIONS):
-        response = grasp.response()
+        response = grasp.response
         if response is None:
             break
         wanted = 3.0 * force * _shares(_normals(grasp))

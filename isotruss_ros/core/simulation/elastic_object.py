@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.held_members import Hold, member_depths
-from isotruss_ros.core.grasping.pressed_contacts import body_depths
+from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -145,12 +145,7 @@ class ElasticObject:
 
     def _pressed(self, config: Configuration) -> bool:
         """Return whether two members press on the object where it lies."""
-        lying = self._lying()
-        if isinstance(lying, Cylinder):
-            depths = member_depths(config, lying)
-        else:
-            depths = body_depths(config, lying)
-        return bool(np.sort(depths)[-2] > 0.0)
+        return bool(np.sort(member_depths(config, self._lying()))[-2] > 0.0)
 
     def _lying(self) -> Cylinder | ConvexObject:
         """Return the object where it lies."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.core.grasping.pressed_contacts import body_depths
+from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, MOST
@@ -97,6 +97,6 @@ def pressing_members(config: Configuration, body: ConvexObject) -> tuple[str, ..
     :param config: configuration of the robot.
     :param body: the object in its place.
     """
-    tube, depths = config.robot.description.tube_diameter, body_depths(config, body)
+    tube, depths = config.robot.description.tube_diameter, member_depths(config, body)
     order = np.argsort(-depths, kind='stable')
     return tuple(config.robot.member_names[i] for i in order if 0.0 < depths[i] <= tube)

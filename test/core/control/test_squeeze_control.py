@@ -18,7 +18,6 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
-from isotruss_ros.core.control.held_model import squeeze_by_opening
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
@@ -186,7 +185,7 @@ def test_the_slope_by_the_opening_is_near_to_what_a_small_change_does():
     there = CONFIG.moved_to(CONFIG.roller_positions + command.roller_velocities)
     assert opening(there) - opening(CONFIG) == pytest.approx(rate, rel=1e-2)
     found = (grasp.moved_to(there).squeeze - grasp.squeeze) / rate
-    assert squeeze_by_opening(grasp) == pytest.approx(found, rel=0.35)
+    assert grasp.squeeze_by_opening() == pytest.approx(found, rel=0.35)
     assert found < 0.0
 
 

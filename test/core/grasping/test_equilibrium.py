@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 from grips import gripped
+from isotruss_ros.core.grasping.balance import ANGLE, CENTER
+from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.equilibrium import (
-    ANGLE,
-    CENTER,
     FEET,
     find_anchors,
     FRICTION,
@@ -18,7 +18,6 @@ from isotruss_ros.core.grasping.equilibrium import (
 )
 from isotruss_ros.core.grasping.held_members import (
     held_object_statics,
-    member_depths,
     static_start,
 )
 import numpy as np

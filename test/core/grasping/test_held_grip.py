@@ -18,9 +18,9 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.grasping.contact_closures import rest, stick
 from isotruss_ros.core.grasping.corner_dents import corner_dents
+from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
-from isotruss_ros.core.grasping.pressed_contacts import body_depths
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 import numpy as np
 import pytest
@@ -184,7 +184,7 @@ def test_an_object_that_rolls_there_and_back_is_where_it_was(shape, angle, membe
 @pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
 def test_the_response_is_that_of_small_wrenches_and_openings(shape, angle, members, count):
     grip = held(shape, angle, members)
-    response = grip.response()
+    response = grip.response
     assert response.stable
     for i, step in enumerate(1e-3 * np.eye(3)):
         wrench = step * (1.0, 1.0, grip.body.arm)
@@ -241,7 +241,7 @@ def test_round_sections_press_harder_and_need_no_table():
 
 def test_members_that_open_one_by_one_open_all():
     grip = held(Disc(0.65), 0.0, LOOP)
-    response = grip.response()
+    response = grip.response
     both = 0.5 * response.openings.sum(axis=1)
     assert np.bincount(response.owners, weights=response.opening) == pytest.approx(both, rel=1e-9)
     assert (np.diag(response.openings) < 0.0).all()
@@ -270,7 +270,7 @@ def test_three_members_hold_a_disc_by_equal_friction():
 def gap_of_third(diameter):
     """Return a disc between two sides of a loop, and how far the third side is from it [m]."""
     body = place_between(HOME, LOOP[:2], Disc(diameter), indentation=0.012).body
-    return body, -float(body_depths(HOME, body)[numbers(LOOP[2:])[0]])
+    return body, -float(member_depths(HOME, body)[numbers(LOOP[2:])[0]])
 
 
 def test_a_third_member_joins_where_the_bent_structure_touches():

@@ -15,11 +15,11 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.grasping.contact import solve_contact
 from isotruss_ros.core.grasping.contact_points import find_contact_points
+from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.equilibrium import FEET, find_anchors, keep_place, roll
 from isotruss_ros.core.grasping.force_closure import check_force_closure
 from isotruss_ros.core.grasping.held_members import (
     held_object_statics,
-    member_depths,
     static_start,
 )
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp

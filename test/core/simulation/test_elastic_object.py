@@ -13,8 +13,7 @@ from isotruss_ros.core import (
     SimulatedRobot,
     solve_twist_ahead,
 )
-from isotruss_ros.core.grasping.held_members import member_depths
-from isotruss_ros.core.grasping.pressed_contacts import body_depths
+from isotruss_ros.core.grasping.depths import member_depths
 import numpy as np
 import pytest
 
@@ -258,7 +257,7 @@ def test_a_box_between_two_sides_is_held_rolls_and_is_pulled_out():
     assert box.dropped is Hold.SLIPS
     # It lies where no member enters it.
     lies = box_between().body.moved_to(robot.object_pose)
-    assert body_depths(robot.config, lies).max() < 1e-6
+    assert member_depths(robot.config, lies).max() < 1e-6
 
 
 def test_a_lying_box_is_pushed_without_being_turned():
@@ -268,5 +267,5 @@ def test_a_lying_box_is_pushed_without_being_turned():
     robot = SimulatedRobot(ROBOT.home, box, RollerFaults())
     robot.advance(0.0)
     assert box.grasp is None
-    assert body_depths(ROBOT.home, lying.moved_to(robot.object_pose)).max() < 1e-6
+    assert member_depths(ROBOT.home, lying.moved_to(robot.object_pose)).max() < 1e-6
     assert robot.object_pose.angle == pytest.approx(angle)

@@ -15,7 +15,7 @@ from isotruss_ros.core import (
     SimulatedRobot,
     tangent_center,
 )
-from isotruss_ros.core.grasping.held_members import member_depths
+from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.simulation import free_object as loose_object
 from isotruss_ros.core.simulation.free_object import grip_module
 import numpy as np

@@ -1,0 +1,162 @@
+"""The equilibrium of a convex object at given contacts, and what stays as it rolls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+import functools
+from typing import TypeVar
+
+from isotruss_ros.core.grasping.balance import ContactForces
+from isotruss_ros.core.grasping.contact_closures import find_anchors, stick, unwrapped
+from isotruss_ros.core.grasping.contact_statics import ContactStatics
+from isotruss_ros.core.grasping.grip_response import grip_response, GripResponse
+from isotruss_ros.core.grasping.pressed_contacts import (
+    contact_statics,
+    moved_statics,
+    PressedContacts,
+    start_at,
+)
+from isotruss_ros.core.grasping.sticking_grasp import StickingGrasp, travel_into
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.statics.pressures import Pressure
+import numpy as np
+
+#: No contacts.
+NOTHING = np.zeros(0, dtype=np.intp)
+NOTHING.flags.writeable = False
+
+GripT = TypeVar('GripT', bound='GripEquilibrium')
+
+
+@dataclass(frozen=True, eq=False)
+class GripEquilibrium(StickingGrasp):
+    """
+    A convex object held by two members or three in one configuration, and what stays as it rolls.
+
+    :ivar config: the configuration.
+    :ivar body: the object, where it is in equilibrium.
+    :ivar contacts: the k contacts.
+    :ivar anchors: (k,) see `find_anchors` [m].
+    :ivar angles: (k,) of the normals in the object's frame, not wrapped [rad].
+    :ivar statics: the equations in this configuration.
+    :ivar state: their solution.
+    :ivar wrench: (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N].
+    :ivar stiffness_scale: stiffness of the robot against that of the model.
+    :ivar flattening: whether the tubes' sections flatten where they are touched.
+    :ivar pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
+    """
+
+    config: Configuration
+    body: ConvexObject
+    contacts: PressedContacts
+    anchors: Array
+    angles: Array
+    statics: ContactStatics
+    state: ContactForces
+    wrench: Array
+    stiffness_scale: float = 1.0
+    flattening: bool = True
+    pressure: Pressure | None = None
+
+    @property
+    def members(self) -> Indices:
+        """Return the numbers of the grasping members, (m,)."""
+        first = np.searchsorted(self.contacts.owners, np.arange(self.contacts.owners[-1] + 1))
+        return self.contacts.members[first]
+
+    @property
+    def contact_members(self) -> Indices:
+        """Return the numbers of the members of all contacts, (k,)."""
+        return self.contacts.members
+
+    @property
+    def presses(self) -> bool:
+        """Tell whether both ends of all faces press."""
+        owners = self.contacts.owners
+        alone = np.bincount(owners)[owners] == 1
+        return bool((alone | (self.state.normal_forces > 0.0)).all())
+
+    @property
+    def pulling(self) -> int | None:
+        """Return which end of a face, or third member, pulls most; None if none does."""
+        owners, normal = self.contacts.owners, self.state.normal_forces
+        more = (np.bincount(owners)[owners] > 1) | (owners[-1] > 1)
+        pulling = np.where(more, normal, np.inf)
+        least = int(pulling.argmin())
+        return least if pulling[least] < 0.0 else None
+
+    @functools.cached_property
+    def response(self) -> GripResponse | None:
+        """Return how pose and forces answer to a wrench; None where that is indifferent."""
+        travel = travel_into(self.config, self.contacts.members)
+        closure = stick(self.statics, self.anchors, travel, self.angles, NOTHING)
+        return grip_response(self.statics, self.state, self.wrench, closure)
+
+    def squeeze_by_opening(self) -> float:
+        """
+        Return by how much the squeeze changes as the members move apart, negative [N/m].
+
+        Of two members by the distance between their contacts, of three by twice what each moves
+        away from the object.
+        """
+        response = self.response
+        return -0.0 if response is None else response.squeeze_by_opening
+
+    def rolled(
+        self: GripT,
+        config: Configuration,
+        contacts: PressedContacts,
+        anchors: Array,
+        angles: Array,
+        wrench: Array,
+        fresh: Indices = NOTHING,
+    ) -> GripT | None:
+        """
+        Return the equilibrium with contacts that stick.
+
+        :param config: near to the present one: the search starts there.
+        :param contacts: the contacts, (k,).
+        :param anchors: (k,) see `find_anchors` [m].
+        :param angles: (k,) of the normals in the object's frame, not wrapped [rad].
+        :param wrench: (fx, fy, m / arm) on the object [N].
+        :param fresh: numbers of the contacts that have only come to touch: they do not rub yet.
+        :return: None where there is no equilibrium.
+        """
+        if contacts is self.contacts:
+            statics = moved_statics(
+                self.statics, config, contacts, self.stiffness_scale, self.pressure
+            )
+            start = self.state.unknowns
+        else:
+            statics = contact_statics(
+                config,
+                self.body,
+                contacts,
+                self.stiffness_scale,
+                self.flattening,
+                self.pressure,
+                self.body.turn * np.exp(1j * angles),
+            )
+            start = start_at(statics, self.body)
+        travel = travel_into(config, contacts.members)
+        closure = stick(statics, anchors, travel, angles, fresh)
+        state = statics.solve(start, wrench, closure)
+        if state is None:
+            return None
+        turned = unwrapped(state.unknowns, state.normals, angles)
+        found = find_anchors(statics, state.unknowns, state.normals, travel, angles)
+        kept = anchors.copy()
+        kept[fresh] = found[fresh]
+        return replace(
+            self,
+            config=config,
+            body=self.body.moved_to(state.unknowns[:3]),
+            contacts=contacts,
+            anchors=kept,
+            angles=turned,
+            statics=statics,
+            state=state,
+            wrench=wrench,
+        )
