@@ -151,6 +151,6 @@ def _foot(u: Array, v: Array, flat: float) -> tuple[Array, Array]:
         s = s + step
         if (np.abs(step) <= LAST_STEP * s).all():
             break
-    x = np.where(deep, np.minimum(u / max(rest, tiny), 1.0), u / (s + rest))
+    x = np.where(deep, u / max(rest, tiny), u / (s + rest))
     y = np.where(deep, flat * np.sqrt(np.maximum(0.0, 1.0 - x**2)), square * v / s)
     return np.minimum(x, 1.0), y

@@ -189,6 +189,7 @@ WRONG = {
         [(np.cos(4 * np.pi * i / 5), np.sin(4 * np.pi * i / 5)) for i in range(5)],
         'cross each other',
     ),
+    'a grain': (((0, 0), (1.2e-9, 0), (0, 1.2e-9)), 'must have an extent'),
     'around twice': (
         [(np.cos(a), np.sin(a)) for a in 2 * np.pi * np.arange(7) * 2 / 7],
         'cross each other',

@@ -14,7 +14,6 @@ from isotruss_ros.core import (
     Polygon,
     settle_grasp,
 )
-from isotruss_ros.core.model.segment_gaps import segment_gaps
 from isotruss_ros.core.planning.export import export_figures
 from isotruss_ros.core.planning.facing import balances, contact_ends, find_facing, friction_angles
 from isotruss_ros.core.planning.grasp_plan import plan_in_words
@@ -86,27 +85,6 @@ def test_three_members_balance_where_they_surround_the_object():
             assert balances(body, normals, 0.4) == cone_closes(body, normals, 0.4)
     assert balances(ConvexObject(Disc(0.3)), around, 0.05)
     assert not balances(ConvexObject(Disc(0.3)), aside, 0.4)
-
-
-@pytest.mark.parametrize('shape', SHAPES)
-def test_gaps_of_segments_are_those_of_their_points(shape):
-    rng = np.random.default_rng(1)
-    share = np.linspace(0.0, 1.0, 4001)
-    for _ in range(40):
-        body = ConvexObject(shape, (*rng.normal(size=2), rng.uniform(0.0, 6.0)))
-        start, end = body.middle + 0.4 * (rng.normal(size=2) + 1j * rng.normal(size=2))
-        found = segment_gaps(body, np.array([start]), np.array([end]))
-        points = body.nearest(start + share * (end - start)).gaps
-        if points.min() > 1e-3:
-            assert found.gaps[0] == pytest.approx(points.min(), abs=1e-4)
-            assert found.normals[0] == pytest.approx(
-                body.nearest(np.array([start + found.shares[0] * (end - start)])).normals[0],
-                abs=1e-6,
-            )
-        else:
-            assert found.gaps[0] < 2e-3
-        point = segment_gaps(body, np.array([start]), np.array([start]))
-        assert point.gaps == pytest.approx(body.nearest(np.array([start])).gaps, abs=1e-12)
 
 
 @pytest.mark.parametrize('shape', SHAPES)

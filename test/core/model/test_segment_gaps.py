@@ -1,0 +1,43 @@
+"""How far straight segments are from an object, against their points and in closed form."""
+
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
+from isotruss_ros.core.model.segment_gaps import segment_gaps
+import numpy as np
+import pytest
+
+BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
+SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+def test_gaps_of_segments_are_those_of_their_points(shape):
+    rng = np.random.default_rng(1)
+    share = np.linspace(0.0, 1.0, 4001)
+    for _ in range(40):
+        body = ConvexObject(shape, (*rng.normal(size=2), rng.uniform(0.0, 6.0)))
+        start, end = body.middle + 0.4 * (rng.normal(size=2) + 1j * rng.normal(size=2))
+        found = segment_gaps(body, np.array([start]), np.array([end]))
+        points = body.nearest(start + share * (end - start)).gaps
+        if points.min() > 1e-3:
+            assert found.gaps[0] == pytest.approx(points.min(), abs=1e-4)
+            place = start + found.shares[0] * (end - start)
+            nearest = body.nearest(np.array([place]))
+            assert nearest.gaps[0] == pytest.approx(found.gaps[0], abs=1e-9)
+            assert found.normals[0] == pytest.approx(nearest.normals[0], abs=1e-6)
+        else:
+            assert found.gaps[0] < 2e-3
+        point = segment_gaps(body, np.array([start]), np.array([start]))
+        assert point.gaps == pytest.approx(body.nearest(np.array([start])).gaps, abs=1e-12)
+
+
+def test_lines_past_and_through_a_disc():
+    """Below its middle, above it, through it, and past the end of a segment."""
+    body = ConvexObject(Disc(0.3), (1.0, 2.0, 0.5))
+    starts = body.center + np.array([-0.3 - 0.2j, -0.3 + 0.05j, -0.4j, 0.23 + 0.1j])
+    ends = body.center + np.array([0.9 - 0.2j, 0.9 + 0.05j, 0.8j, 0.9 + 0.1j])
+    found = segment_gaps(body, starts, ends)
+    beside = abs(0.23 + 0.1j)
+    assert found.gaps == pytest.approx([0.05, -0.1, -0.15, beside - 0.15])
+    assert found.normals[[0, 1, 3]] == pytest.approx([-1j, 1j, (0.23 + 0.1j) / beside])
+    assert abs(found.normals[2].real) == pytest.approx(1.0)
+    assert found.shares == pytest.approx([0.25, 0.25, 1.0 / 3.0, 0.0])

@@ -1,0 +1,76 @@
+"""Discs, ellipses and rounded polygons against formulas of handbooks."""
+
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
+import numpy as np
+import pytest
+import robots
+
+TURN = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 13))
+
+
+def test_a_disc():
+    disc = Disc(0.3)
+    assert disc.area == pytest.approx(np.pi * 0.15**2)
+    assert disc.perimeter == pytest.approx(np.pi * 0.3)
+    assert disc.gyration == pytest.approx(0.15 / np.sqrt(2.0))
+    assert disc.reach == 0.15
+    assert disc.support(TURN) == pytest.approx(0.15)
+    assert disc.support_points(TURN) == pytest.approx(0.15 * TURN)
+    found = disc.nearest(0.4 * TURN)
+    assert found.gaps == pytest.approx(0.25)
+    assert found.radii == pytest.approx(0.15)
+    assert found.normals == pytest.approx(TURN)
+    assert np.abs(disc.outline(0.01)) == pytest.approx(0.15)
+
+
+@pytest.mark.parametrize(('a', 'b'), [(0.3, 0.1), (0.1, 0.3)])
+def test_an_ellipse(a, b):
+    ellipse = Ellipse((a, b))
+    support = np.sqrt((a * TURN.real) ** 2 + (b * TURN.imag) ** 2)
+    foot = (a**2 * TURN.real + 1j * b**2 * TURN.imag) / support
+    assert ellipse.support(TURN) == pytest.approx(support)
+    assert ellipse.support_points(TURN) == pytest.approx(foot)
+    assert ellipse.area == pytest.approx(np.pi * a * b)
+    assert ellipse.gyration == pytest.approx(0.5 * np.sqrt(a**2 + b**2))
+    assert ellipse.reach == max(a, b)
+    # Ramanujan's second formula.
+    h = ((a - b) / (a + b)) ** 2
+    around = np.pi * (a + b) * (1.0 + 3.0 * h / (10.0 + np.sqrt(4.0 - 3.0 * h)))
+    assert ellipse.perimeter == pytest.approx(around, rel=1e-5)
+    found = ellipse.nearest(foot + 0.05 * TURN)
+    assert found.gaps == pytest.approx(0.05)
+    assert found.normals == pytest.approx(TURN)
+    assert found.radii == pytest.approx((a * b) ** 2 / support**3)
+    z = ellipse.outline(0.01)
+    assert (z.real / a) ** 2 + (z.imag / b) ** 2 == pytest.approx(1.0)
+
+
+def test_a_half_disc_on_a_box_away_from_the_origin():
+    """Two corners of a box are rounded off to a half disc of radius r; l is left of the box."""
+    r, length, corner = 0.1, 0.3, 0.7 - 0.4j
+    box = corner + np.array([0.0, length + r, length + r + 2j * r, 2j * r])
+    shape = Polygon([(z.real, z.imag) for z in box], (0.0, r, r, 0.0))
+    half, straight = 0.5 * np.pi * r**2, 2.0 * r * length
+    assert shape.area == pytest.approx(half + straight)
+    assert shape.perimeter == pytest.approx(2.0 * length + 2.0 * r + np.pi * r)
+    # The centroid of the half disc is 4 r / (3 pi) from its straight side.
+    ends = np.array([0.5 * length, length + 4.0 * r / (3.0 * np.pi)])
+    x = (ends @ [straight, half]) / shape.area
+    assert shape.centroid == pytest.approx(corner + x + 1j * r)
+    polar = straight * (length**2 + (2.0 * r) ** 2) / 12.0
+    polar += half * (0.5 * r**2 - (4.0 * r / (3.0 * np.pi)) ** 2)
+    polar += (ends - x) ** 2 @ [straight, half]
+    assert shape.gyration == pytest.approx(np.sqrt(polar / shape.area))
+    assert shape.support(np.array([1.0, 1j])) == pytest.approx(
+        [corner.real + length + r, corner.imag + 2.0 * r]
+    )
+
+
+def test_an_object_is_at_the_origin_and_of_any_positive_mass():
+    assert ConvexObject(Disc(0.2)).pose == (0.0, 0.0, 0.0)
+    assert ConvexObject(Disc(0.2), mass=0.05, friction=0.05).mass == 0.05
+
+
+@pytest.mark.parametrize('name', robots.PRESETS)
+def test_tubes_flatten_by_theory_where_nothing_else_is_said(name):
+    assert load_robot(name).description.local_stiffness == 1.0

@@ -1,0 +1,31 @@
+"""Who follows whom along the tubes, by the names in the robot's file."""
+
+from isotruss_ros.core import GraspError, load_robot
+from isotruss_ros.core.model.topology import check_roller_names
+import numpy as np
+import pytest
+import robots
+
+
+@pytest.mark.parametrize('name', robots.PRESETS)
+def test_a_roller_feeds_the_member_that_leaves_it_and_takes_from_the_one_before(name):
+    topology = load_robot(name).topology
+    wanted = np.zeros((len(topology.member_names), len(topology.roller_names)))
+    for column, roller in enumerate(topology.roller_names):
+        tube, joint = roller.split('/')
+        for row, member in enumerate(topology.member_names):
+            own, ends = member.split('/')
+            start, end = ends.split('-')
+            if own == tube:
+                wanted[row, column] = (start == joint) - (end == joint)
+    assert topology.incidence.tolist() == wanted.tolist()
+    before = (topology.incidence == -1.0).argmax(axis=0)
+    assert topology.before_driven.tolist() == before.tolist()
+    assert topology.following[topology.before_driven].tolist() == topology.driven.tolist()
+
+
+def test_names_of_no_rollers_are_refused():
+    names = load_robot('triangle').roller_names
+    check_roller_names('these', names[:1], names)
+    with pytest.raises(GraspError, match=f'these: .*nobody.* its rollers are {names[0]}'):
+        check_roller_names('these', ['nobody'], names)
