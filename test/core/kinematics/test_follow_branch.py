@@ -1,0 +1,36 @@
+"""How far a step may lead before it counts as having left the branch, where that is known."""
+
+from types import SimpleNamespace
+
+from isotruss_ros.core.kinematics.configuration import follow_branch
+import numpy as np
+import pytest
+
+
+class Bar:
+    """One point that stays on the x axis, at a distance from the origin: one branch each way."""
+
+    def residual(self, points, targets):
+        (z,) = points
+        return np.array([0.5 * (abs(z) ** 2 - targets.length**2), z.imag])
+
+    def matrix(self, points):
+        (z,) = points
+        return np.array([[z.real, z.imag], [0.0, 1.0]])
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+@pytest.mark.parametrize(
+    ('length', 'stays'), [(1.5, True), (0.9, True), (0.34, True), (0.32, False), (0.05, False)]
+)
+def test_corrections_of_more_than_half_the_predictor_are_refused(sign, length, stays):
+    """From 1 to l the predictor is (1 - l^2) / 2, and (1 - l)^2 / 2 too short: half at 1/3."""
+    found = follow_branch(Bar(), np.array([sign + 0j]), SimpleNamespace(length=length))
+    if stays:
+        assert found == pytest.approx(np.array([sign * length]), abs=1e-12)
+    else:
+        assert found is None
+
+
+def test_a_step_to_where_there_is_no_matrix_ends():
+    assert follow_branch(Bar(), np.array([0j]), SimpleNamespace(length=1.0)) is None
