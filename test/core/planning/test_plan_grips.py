@@ -5,7 +5,6 @@ import itertools
 
 from isotruss_ros.core import (
     ConvexObject,
-    Cylinder,
     Disc,
     Ellipse,
     GraspRequirements,
@@ -29,7 +28,6 @@ HOME = ROBOT.home
 HOLE = (0.716, -0.4134)  # between the three tubes
 BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
 SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
-PLAIN = Cylinder((0.0, 0.0), 0.3)
 FEW = dataclasses.replace(DEFAULT, max_grips=1, max_rounds=1)
 
 
@@ -85,29 +83,6 @@ def test_three_members_balance_where_they_surround_the_object():
             assert balances(body, normals, 0.4) == cone_closes(body, normals, 0.4)
     assert balances(ConvexObject(Disc(0.3)), around, 0.05)
     assert not balances(ConvexObject(Disc(0.3)), aside, 0.4)
-
-
-@pytest.mark.parametrize('shape', SHAPES)
-def test_gaps_of_the_robot_change_as_differences_say(shape):
-    body, rng = ConvexObject(shape, (0.72, 0.48, 0.33)), np.random.default_rng(2)
-    gaps, step = object_gaps(HOME, body), 1e-6
-    for _ in range(3):
-        move = rng.normal(size=len(HOME.roller_positions))
-        ahead, behind = (
-            object_gaps(HOME.moved_to(HOME.roller_positions + sign * step * move), body)
-            for sign in (1, -1)
-        )
-        change = np.concatenate(
-            [(a - b) / (2.0 * step) for a, b in zip(ahead[:4], behind[:4], strict=True)]
-        )
-        assert gaps.by_rollers @ move == pytest.approx(change, abs=1e-4)
-
-
-def test_a_disc_has_the_gaps_of_a_cylinder():
-    body = ConvexObject(Disc(0.3), (0.72, 0.48, 0.33))
-    cylinder = object_gaps(HOME, dataclasses.replace(PLAIN, center=(0.72, 0.48)))
-    for one, other in zip(object_gaps(HOME, body), cylinder, strict=True):
-        assert one == pytest.approx(other, abs=1e-12)
 
 
 def test_members_enclose_what_one_cannot_see_out_from():

@@ -1,0 +1,33 @@
+"""Gaps between the robot and a convex object that stands still, and how rollers change them."""
+
+from isotruss_ros.core import ConvexObject, Cylinder, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core.safety.distances import object_gaps
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
+SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+def test_gaps_of_the_robot_change_as_differences_say(shape):
+    body, rng = ConvexObject(shape, (0.72, 0.48, 0.33)), np.random.default_rng(2)
+    gaps, step = object_gaps(HOME, body), 1e-6
+    for _ in range(3):
+        move = rng.normal(size=len(HOME.roller_positions))
+        ahead, behind = (
+            object_gaps(HOME.moved_to(HOME.roller_positions + sign * step * move), body)
+            for sign in (1, -1)
+        )
+        change = np.concatenate(
+            [(a - b) / (2.0 * step) for a, b in zip(ahead[:4], behind[:4], strict=True)]
+        )
+        assert gaps.by_rollers @ move == pytest.approx(change, abs=1e-4)
+
+
+def test_a_disc_has_the_gaps_of_a_cylinder():
+    body = ConvexObject(Disc(0.3), (0.72, 0.48, 0.33))
+    cylinder = object_gaps(HOME, Cylinder((0.72, 0.48), 0.3))
+    for one, other in zip(object_gaps(HOME, body), cylinder, strict=True):
+        assert one == pytest.approx(other, abs=1e-12)
