@@ -1,0 +1,52 @@
+"""Objects that members push out of their way, without friction: as far as they overlap."""
+
+from isotruss_ros.core import ConvexObject, Disc, load_robot, Polygon
+from isotruss_ros.core.model.segment_gaps import segment_gaps
+from isotruss_ros.core.simulation.pushing import push_out, push_out_convex
+import pytest
+
+ROBOT = load_robot('nine_member')
+HOME = ROBOT.home
+TOPOLOGY = ROBOT.topology
+BEGIN, END = HOME.points[TOPOLOGY.b], HOME.points[TOPOLOGY.c[TOPOLOGY.following]]
+TUBE = 0.5 * ROBOT.description.tube_diameter
+SIZE = 0.12
+BOX = Polygon([(-0.05, -0.04), (0.05, -0.04), (0.05, 0.04), (-0.05, 0.04)])
+
+
+@pytest.mark.parametrize('member', range(len(BEGIN)))
+@pytest.mark.parametrize('side', [1.0, -1.0])
+def test_one_member_pushes_along_its_normal_until_the_surfaces_touch(member, side):
+    along = (END[member] - BEGIN[member]) / abs(END[member] - BEGIN[member])
+    middle, normal = 0.5 * (BEGIN[member] + END[member]), side * 1j * along
+    touching = middle + (0.5 * SIZE + TUBE) * normal
+    found = push_out(HOME, touching - 0.03 * normal, SIZE)
+    assert found == pytest.approx(touching, abs=1e-9)
+    away = touching + 0.001 * normal
+    assert push_out(HOME, away, SIZE) == away
+    body = ConvexObject(Disc(SIZE), (touching.real, touching.imag, 0.4))
+    lying = touching - 0.03 * normal
+    moved = push_out_convex(HOME, body.moved_to((lying.real, lying.imag, 0.4)))
+    assert moved.center == pytest.approx(touching, abs=1e-9)
+    box = ConvexObject(BOX, (lying.real, lying.imag, 0.4))
+    moved = push_out_convex(HOME, box)
+    gaps = segment_gaps(moved, BEGIN, END).gaps - TUBE
+    assert gaps[member] == pytest.approx(0.0, abs=2e-9)
+    assert ((moved.center - box.center) * normal.conjugate()).imag == pytest.approx(0.0, abs=1e-9)
+    assert moved.pose.angle == 0.4
+
+
+def test_two_members_push_out_of_their_wedge():
+    """Where two members meet, on the bisector, after many pushes."""
+    one, other = 0, TOPOLOGY.following[0]
+    tip = 0.5 * (END[one] + BEGIN[other])
+    sides = [BEGIN[one] - tip, END[other] - tip]
+    inward = sum(side / abs(side) for side in sides)
+    center = tip + 0.1 * inward / abs(inward)
+    for found in (
+        push_out(HOME, center, SIZE),
+        push_out_convex(HOME, ConvexObject(Disc(SIZE), (center.real, center.imag, 0.0))).center,
+    ):
+        body = ConvexObject(Disc(SIZE), (found.real, found.imag, 0.0))
+        assert segment_gaps(body, BEGIN, END).gaps.min() - TUBE > -2e-9
+        assert 0.0 < ((found - center) * inward.conjugate()).real < 0.5
