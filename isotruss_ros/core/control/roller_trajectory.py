@@ -98,6 +98,8 @@ class RollerTrackingSettings:
     :ivar settling_time: for which the rollers must stay within that tolerance [s].
     :ivar max_lag: trajectory time waits while a roller lags by more than this [m].
     :ivar progress_timeout: after which a trajectory without progress is aborted [s].
+    :ivar max_step: a cycle takes the trajectory on by at most so much: one that comes later than
+        that would cut its corners [s].
     """
 
     gain: float = 5.0
@@ -106,6 +108,7 @@ class RollerTrackingSettings:
     settling_time: float = 0.1
     max_lag: float = 5e-3
     progress_timeout: float = 3.0
+    max_step: float = 0.2
 
 
 DEFAULT = RollerTrackingSettings()
@@ -191,7 +194,8 @@ class RollerTrajectoryServo:
         """
         still = np.zeros(len(self._robot.roller_names))
         # Cycles come late on a busy machine, or seldom by a clock that ticks seldom.
-        elapsed, self._before = min(max(0.0, now - self._before), self.timeout), now
+        longest = min(self.settings.max_step, self.timeout)
+        elapsed, self._before = min(max(0.0, now - self._before), longest), now
         trajectory = self._trajectory
         if trajectory is None:
             return RollerStep(still, True, 'there is no trajectory to follow')

@@ -152,6 +152,24 @@ def test_takes_the_time_that_it_says_however_late_the_cycles_come(longest):
         check_speeds(run.commands)
 
 
+def test_cycles_that_did_not_come_are_not_made_good():
+    """The rollers stand meanwhile, and all of the way from there is gone, however late it is."""
+    run = Run()
+    run.servo.timeout = 10.0
+    run.servo.begin(PATH, run.now)
+    for _ in range(20):
+        run.cycle()
+    before, held = run.servo.time, run.robot.roller_positions
+    run.now += 5.0
+    run.measure()
+    run.cycle()
+    assert before < run.servo.time <= before + DEFAULT.max_step
+    assert np.abs(run.robot.roller_positions - held).max() < 3 * MAX_SPEED * PERIOD
+    while run.servo.busy:
+        run.cycle()
+    assert run.away() <= TOLERANCE
+
+
 def test_a_clock_that_stands_or_runs_back_moves_the_path_no_further():
     run = Run()
     run.servo.begin(PATH, run.now)
