@@ -105,6 +105,10 @@ class MemberNodes(NamedTuple):
     :ivar driven: (2 d,) numbers of these rows.
     :ivar rollers: (d,) numbers of these rollers.
     :ivar numbers: (k,) 0, 1, ...
+    :ivar motion_places: (8 k,) where starts and ends are in four rows by node, flat: of each row
+        start and end of one contact after the other.
+    :ivar motion_rolled: (4 d,) where the rollers are in four rows by roller, flat.
+    :ivar motion_driven: (4 d,) where these are in four rows by contact, flat.
     """
 
     members: Indices
@@ -115,6 +119,9 @@ class MemberNodes(NamedTuple):
     driven: Indices
     rollers: Indices
     numbers: Indices
+    motion_places: Indices
+    motion_rolled: Indices
+    motion_driven: Indices
 
 
 @functools.lru_cache(maxsize=256)
@@ -142,7 +149,21 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
     driven = np.isin(members, topology.driven).repeat(2).nonzero()[0]
     rollers = columns.repeat(2)[driven]
     rolled = driven * len(topology.driven) + rollers
-    found = MemberNodes(members, starts, ends, places, rolled, driven, rollers[::2], numbers)
+    four, ends_of = np.arange(4)[:, None], np.stack([starts, ends], axis=1).ravel()
+    own = driven[::2] // 2
+    found = MemberNodes(
+        members,
+        starts,
+        ends,
+        places,
+        rolled,
+        driven,
+        rollers[::2],
+        numbers,
+        (four * topology.n_nodes + ends_of).ravel(),
+        (four * len(topology.driven) + rollers[::2]).ravel(),
+        (four * len(members) + own).ravel(),
+    )
     for array in found:
         array.flags.writeable = False
     return found

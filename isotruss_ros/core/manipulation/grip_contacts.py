@@ -23,6 +23,7 @@ import numpy as np
 
 #: A face lies on a member that is inclined against it by at most this [rad].
 FACE_ANGLE = 1e-3
+SIN_FACE_ANGLE = math.sin(FACE_ANGLE)
 
 
 class GripContacts(NamedTuple):
@@ -47,6 +48,35 @@ class GripContacts(NamedTuple):
     owners: Indices
 
 
+class Touches(NamedTuple):
+    """
+    `GripContacts` as lists: with a few entries they are quicker than arrays.
+
+    :ivar nodes: numbers of the members, one for each contact, and of their nodes.
+    :ivar starts: (k,) of the members, x + iy [m].
+    :ivar spans: (k,) members from start to end [m].
+    :ivar axes: (k,) their unit vectors.
+    :ivar points: (k,) of the object's surface [m].
+    :ivar normals: (k,) unit vectors out of the object into the member.
+    :ivar sides: (k,) +1 where the object is left of the member, -1 where it is right.
+    :ivar owners: (k,) which member of the grip it is.
+    """
+
+    nodes: MemberNodes
+    starts: list[complex]
+    spans: list[complex]
+    axes: list[complex]
+    points: list[complex]
+    normals: list[complex]
+    sides: list[float]
+    owners: list[int]
+
+    def contacts(self) -> GripContacts:
+        """Return the same as arrays."""
+        found = map(np.array, (self.spans, self.axes, self.points, self.normals, self.sides))
+        return GripContacts(self.nodes, *found, np.array(self.owners))
+
+
 def find_contacts(config: Configuration, grip: Grip) -> GripContacts:
     """
     Find where the members touch the object.
@@ -56,45 +86,54 @@ def find_contacts(config: Configuration, grip: Grip) -> GripContacts:
     :raises GraspError: no such member; or a member does not touch the object between its ends:
         it is off by more than a tube is thick.
     """
+    return find_touches(config, grip).contacts()
+
+
+def find_touches(config: Configuration, grip: Grip) -> Touches:
+    """
+    Find where the members touch the object, as `find_contacts`.
+
+    :param config: configuration of the robot.
+    :param grip: the grip.
+    :raises GraspError: see `find_contacts`.
+    """
     body, nodes = grip.body, find_members(config.robot, grip.members)
-    owners = nodes.numbers
-    # Lists: with a few entries quicker than arrays.
     starts = config.points.take(nodes.starts).tolist()
     ends = config.points.take(nodes.ends).tolist()
     inside = grip.center if isinstance(body, Cylinder) else body.middle
-    radius = _radius(body)
-    members: list[tuple[complex, complex, float, complex]] = []
-    points: list[complex] = []
+    spans, axes, sides, normals = [], [], [], []
     for start, end in zip(starts, ends, strict=True):
         span = end - start
         axis = span / abs(span)
         across = (axis.conjugate() * (inside - start)).imag
         side = math.copysign(1.0, across) if across else 0.0
-        normal = -1j * side * axis
-        members.append((span, axis, side, normal))
-        points.append(inside + radius * normal)
-    if math.isnan(radius):
-        own = np.array([normal for *_, normal in members])
-        owners, touched = touched_points(body, own)
-        points = touched.tolist()
-        if len(owners) > len(members):
+        spans.append(span)
+        axes.append(axis)
+        sides.append(side)
+        normals.append(-1j * side * axis)
+    owners = list(range(len(starts)))
+    radius = _radius(body)
+    if not math.isnan(radius):
+        points = [inside + radius * normal for normal in normals]
+    else:
+        owners, points = _touched(body, normals)
+        if len(owners) > len(starts):
             nodes = find_members(config.robot, tuple(grip.members[i] for i in owners))
-        starts = [starts[i] for i in owners]
-        members = [members[i] for i in owners]
-    spans, axes, sides, normals = zip(*members, strict=True)
+            starts, spans, axes, normals, sides = (
+                [values[i] for i in owners] for values in (starts, spans, axes, normals, sides)
+            )
     tube = config.robot.description.tube_diameter
     gaps: list[float] = []
     shares: list[float] = []
-    for start, (span, axis, side, _), point in zip(starts, members, points, strict=True):
+    for start, span, axis, side, point in zip(starts, spans, axes, sides, points, strict=True):
         local = axis.conjugate() * (point - start)
         gaps.append(side * local.imag - 0.5 * tube)
         shares.append(local.real / abs(span))
     if not (
         -tube <= min(gaps) and max(gaps) <= tube and min(shares) >= 0.0 and max(shares) <= 1.0
     ):
-        _check_touch(grip, owners.tolist(), gaps, shares, tube)
-    found = [np.array(values) for values in (spans, axes, points, normals, sides)]
-    return GripContacts(nodes, *found, owners)
+        _check_touch(grip, owners, gaps, shares, tube)
+    return Touches(nodes, starts, spans, axes, points, normals, sides, owners)
 
 
 def _radius(body: Cylinder | ConvexObject) -> float:
@@ -112,12 +151,24 @@ def touched_points(body: ConvexObject, normals: Points) -> tuple[Indices, Points
     :param normals: (m,) unit vectors out of the object into the members, robot frame.
     :return: (k,) numbers of the members, and (k,) points x + iy in the robot frame [m].
     """
-    own = normals * body.turn.conjugate()
-    if not isinstance(body.shape, Polygon):
-        return np.arange(len(own)), body.center + body.turn * body.shape.support_points(own)
-    owners, corners = touched_corners(body.shape, own)
-    points = body.shape.arc_centers[corners] + body.shape.radii[corners] * own[owners]
-    return owners, body.center + body.turn * points
+    owners, points = _touched(body, normals.tolist())
+    return np.array(owners), np.array(points)
+
+
+def _touched(body: ConvexObject, normals: list[complex]) -> tuple[list[int], list[complex]]:
+    """Return the same as `touched_points`, of and as lists."""
+    shape, center, turn = body.shape, body.center, body.turn
+    own = [normal * turn.conjugate() for normal in normals]
+    if not isinstance(shape, Polygon):
+        points = [center + turn * complex(shape.support_points(normal)) for normal in own]
+        return list(range(len(own))), points
+    owners, points = [], []
+    for number, normal in enumerate(own):
+        for corner in _corners_at(shape, normal, SIN_FACE_ANGLE):
+            middle, radius = shape.arcs[corner]
+            owners.append(number)
+            points.append(center + turn * (middle + radius * normal))
+    return owners, points
 
 
 def touched_corners(
@@ -132,19 +183,27 @@ def touched_corners(
     :return: (k,) numbers of the members, one after the other, and (k,) of the corners: one, or
         both ends of a face that lies on the member.
     """
-    count = len(polygon.vertices)
-    every = np.arange(count)
-    turned = normals[:, None] * polygon.normals.conj()
-    # Faces in their order fall behind a normal; between those before and behind it is its corner.
-    behind = turned.imag <= 0.0
-    corners = (behind & ~behind[:, every - 1]).argmax(axis=1)
-    faces = turned.real.argmax(axis=1)
-    nearest = turned[np.arange(len(normals)), faces]
-    flat = np.abs(nearest.imag) <= math.sin(face_angle)
-    first = np.where(flat, faces, corners)
-    owners = np.arange(len(normals)).repeat(1 + flat)
-    second = np.append(False, owners[1:] == owners[:-1])
-    return owners, (first[owners] + second) % count
+    sine = math.sin(face_angle)
+    found = [_corners_at(polygon, normal, sine) for normal in normals.tolist()]
+    owners = [number for number, corners in enumerate(found) for _ in corners]
+    return np.array(owners), np.array([corner for corners in found for corner in corners])
+
+
+def _corners_at(polygon: Polygon, normal: complex, sine: float) -> tuple[int, ...]:
+    """
+    Return the corner that touches a member, or both ends of the face that lies on it.
+
+    :param sine: of the angle by which a member is inclined against such a face at most.
+    """
+    corner = polygon.corner_at(normal)
+    # The faces that end and begin there are the nearest to the member.
+    facing = polygon.facing
+    before, after = (normal * facing[corner - 1], normal * facing[corner])
+    face, turned = (corner, after) if after.real > before.real else (corner - 1, before)
+    if abs(turned.imag) > sine:
+        return (corner,)
+    count = len(facing)
+    return face % count, (face + 1) % count
 
 
 def _check_touch(

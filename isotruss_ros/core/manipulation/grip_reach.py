@@ -16,7 +16,7 @@ import math
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_contacts import GripContacts
-from isotruss_ros.core.manipulation.grip_rows import contact_rows, motion_rows
+from isotruss_ros.core.manipulation.grip_rows import grip_rows, motion_rows
 from isotruss_ros.core.manipulation.limit_handling import WorkingRollers
 from isotruss_ros.core.manipulation.task import Reach, REACH_TOLERANCE, Task
 from isotruss_ros.core.numerics.arrays import Array
@@ -43,12 +43,13 @@ def find_grip_reach(
     :raises GraspError: see `find_contacts`; or the contacts are all in one point.
     :raises ConfigurationError: the configuration is singular.
     """
-    rows = contact_rows(config, grip)
-    jacobian = motion_rows(rows)
-    places, contacts = working.places, rows.contacts
-    reach = Reach.of(jacobian[:, places], grip.arm, 1.0)
-    if twist is None or len(contacts.owners) == len(grip.members) or not twist.any():
+    jacobian, rows = grip_rows(config, grip)
+    places = working.places
+    reach = Reach.of(jacobian if working.whole else jacobian[:, places], grip.arm, 1.0)
+    faces = rows is not None and len(rows.contacts.owners) > len(grip.members)
+    if twist is None or not faces or not twist.any():
         return jacobian, reach
+    contacts = rows.contacts
     least = _missed(reach, twist)
     if least <= REACH_TOLERANCE:
         return jacobian, reach

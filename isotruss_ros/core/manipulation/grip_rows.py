@@ -11,12 +11,18 @@ moves it just as much, (12): past the passive module of the tube it is the one t
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
+from isotruss_ros.core.manipulation.grip_contacts import (
+    find_contacts,
+    find_touches,
+    GripContacts,
+    Touches,
+)
 from isotruss_ros.core.model.objects import MIN_DIAMETER
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
@@ -88,7 +94,10 @@ def contact_rows(config: Configuration, grip: Grip) -> ContactRows:
     :raises GraspError: see `find_contacts`.
     :raises ConfigurationError: the configuration is singular.
     """
-    contacts = find_contacts(config, grip)
+    return _contact_rows(config, grip, find_contacts(config, grip))
+
+
+def _contact_rows(config: Configuration, grip: Grip, contacts: GripContacts) -> ContactRows:
     hand = hand_jacobian(config, contacts)
     return ContactRows(contacts, hand, grasp_map(grip.center, contacts))
 
@@ -119,17 +128,88 @@ def motion_rows(rows: ContactRows, kept: Indices | None = None) -> Array:
     return np.asarray(lapack.dgesv(square, hand)[2])
 
 
+class GripRows(NamedTuple):
+    """
+    What roller speeds do to an object that keeps all its contacts; not to be written to.
+
+    :ivar jacobian: (2 k, r) of k contacts, see `motion_rows`.
+    :ivar rows: both sides of the constraint; None of two contacts, whose rows are solved by hand.
+    """
+
+    jacobian: Array
+    rows: ContactRows | None
+
+
+@functools.lru_cache(maxsize=8)
+def grip_rows(config: Configuration, grip: Grip) -> GripRows:
+    """
+    Return the map from roller speeds to the motion of an object; the last few are kept.
+
+    :param config: configuration of the robot.
+    :param grip: the grip.
+    :raises GraspError: see `find_contacts`; or the contacts are all in one point.
+    :raises ConfigurationError: the configuration is singular.
+    """
+    touches, rows = find_touches(config, grip), None
+    if len(touches.points) == 2:
+        jacobian = _pair_jacobian(config, grip.center, touches)
+    else:
+        rows = _contact_rows(config, grip, touches.contacts())
+        jacobian = motion_rows(rows)
+    jacobian.flags.writeable = False
+    return GripRows(jacobian, rows)
+
+
 def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     """
     Return the map from roller speeds to the motion of an object that keeps all its contacts.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: (2 k, r) of k contacts, see `motion_rows`.
+    :return: (2 k, r) of k contacts, see `motion_rows`; not to be written to.
     :raises GraspError: see `find_contacts`; or the contacts are all in one point.
     :raises ConfigurationError: the configuration is singular.
     """
-    return motion_rows(contact_rows(config, grip))
+    return grip_rows(config, grip).jacobian
+
+
+def _pair_jacobian(config: Configuration, center: complex, touches: Touches) -> Array:
+    """
+    Return `motion_rows` of two contacts, (4, r): those of `_two_points` before (12) is solved.
+
+    A gradient h stands for the row Re(conj(h) v) on the velocity v of a contact.
+
+    :raises GraspError: the contacts are in one point.
+    """
+    one, other = touches.points
+    apart = other - one
+    distance = abs(apart)
+    if distance < MIN_DIAMETER:
+        raise GraspError(ONE_POINT)
+    along = apart / distance
+    # conj(along) (v2 - v1) = opening + i omega distance; omega moves the middle of both as i arm.
+    around, arm = 1j * along / distance, center - 0.5 * (one + other)
+    x, y = arm.imag * around, arm.real * around
+    gradients = (0.5 + x, 0.5 - x, 0.5j - y, 0.5j + y, -around, around, -along, along)
+    members = [
+        ((point - start).conjugate(), 1j / span.conjugate(), axis)
+        for point, start, span, axis in zip(
+            touches.points, touches.starts, touches.spans, touches.axes, strict=True
+        )
+    ]
+    entries: list[complex] = []
+    rolls: list[float] = []
+    for gradient, (lever, turn, axis) in zip(gradients, 4 * members, strict=True):
+        # The material moves with the member's start, with its turning and along it.
+        by_end = (gradient * lever).imag * turn
+        entries += (gradient - by_end, by_end)
+        rolls.append((gradient.conjugate() * axis).real)
+    nodes, count = touches.nodes, len(config.points)
+    rows = np.zeros(4 * count, dtype=np.complex128)
+    rows[nodes.motion_places] = entries
+    jacobian = config.roller_rows(rows.view(np.float64).reshape(4, -1))
+    jacobian.reshape(-1)[nodes.motion_rolled] += np.array(rolls).take(nodes.motion_driven)
+    return jacobian
 
 
 def _two_points(points: list[complex], rigid: Array) -> Array:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import bisect
+import cmath
 from collections.abc import Sequence
 from dataclasses import dataclass
 import functools
 from functools import cached_property
+import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.objects import MAX_DISTANCE, MIN_DIAMETER
@@ -140,6 +143,29 @@ class Polygon:
         """Return the vertices (c,) in whose normal cones directions (c,) are."""
         angles = np.angle(normals * self.normals[0].conj()) % (2.0 * np.pi)
         return self._directions.searchsorted(angles) % len(self.vertices)
+
+    def corner_at(self, normal: complex) -> int:
+        """
+        Return the vertex in whose normal cone a direction is; of one it is quicker than of many.
+
+        :param normal: unit vector x + iy.
+        """
+        angle = cmath.phase(normal * self.facing[0]) % (2.0 * math.pi)
+        return bisect.bisect_left(self._ordered, angle) % len(self.vertices)
+
+    @cached_property
+    def _ordered(self) -> list[float]:
+        return self._directions.tolist()
+
+    @cached_property
+    def facing(self) -> list[complex]:
+        """Return the conjugates of `normals`, (k,)."""
+        return self.normals.conj().tolist()
+
+    @cached_property
+    def arcs(self) -> list[tuple[complex, float]]:
+        """Return centres, x + iy, and radii of the arcs at the vertices, (k,) [m]."""
+        return list(zip(self.arc_centers.tolist(), self.radii.tolist(), strict=True))
 
     def support(self, normals: Points) -> Array:
         """

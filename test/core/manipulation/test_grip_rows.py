@@ -1,7 +1,10 @@
 """The rows of a grip of any members: against the paper's, and against simulated rolling."""
 
+from dataclasses import replace
+
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
+    Cylinder,
     Grasp,
     Grip,
     grip_jacobian,
@@ -11,7 +14,12 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
-from isotruss_ros.core.manipulation.grip_rows import grasp_map, hand_jacobian
+from isotruss_ros.core.manipulation.grip_rows import (
+    contact_rows,
+    grasp_map,
+    hand_jacobian,
+    motion_rows,
+)
 from isotruss_ros.core.numerics.arrays import as_xy
 import numpy as np
 import pytest
@@ -134,6 +142,34 @@ def test_motions_that_keep_the_contacts_are_those_of_the_constraint(kind, count,
     jacobian = grip_jacobian(config, grip)
     for rollers in null_space(jacobian[3:], rcond=1e-9).T:
         assert found @ np.append(rollers, jacobian[:3] @ rollers) == pytest.approx(0.0, abs=1e-11)
+
+
+@pytest.mark.parametrize(('kind', 'count'), KINDS)
+@pytest.mark.parametrize('flat', [False, True])
+@robots.examples(25)
+@given(strategies.data(), robots.generators())
+def test_rows_of_two_contacts_are_those_of_the_constraint(kind, count, flat, data, rng):
+    robot = data.draw(random_grips.robots_with(kind))
+    config, grip = random_grips.random_convex_grip(robot, rng, kind, count, flat)
+    assume(grip is not None)
+    every = motion_rows(contact_rows(config, grip))
+    scale = np.abs(every).max()
+    assert grip_jacobian(config, grip) == pytest.approx(every, abs=1e-12 * scale)
+
+
+def test_rows_are_kept_for_a_configuration_and_a_grip():
+    config = load_robot('nine_member').home
+    center = tangent_center(config, 'north/Z', 0.15)
+    grip = Grip.at_module(config.robot, Grasp('north/Z', center, 0.15))
+    found = grip_jacobian(config, grip)
+    assert grip_jacobian(config, replace(grip)) is found
+    with pytest.raises(ValueError, match='read-only'):
+        found[0, 0] = 1.0
+    there = config.moved_to(config.roller_positions + 1e-3)
+    assert np.abs(grip_jacobian(there, grip) - found).max() > 1e-6
+    center = tangent_center(config, 'north/Z', 0.16)
+    wider = replace(grip, body=Cylinder(center, 0.16))
+    assert np.abs(grip_jacobian(config, wider) - found).max() > 1e-3
 
 
 @pytest.mark.parametrize('member', load_robot('nine_member').member_names)
