@@ -1,0 +1,50 @@
+"""What is taken where nothing is said: the numbers that the documentation has."""
+
+from isotruss_ros.core.control.path_tracking import TrackingSettings
+from isotruss_ros.core.control.roller_trajectory import RollerTrackingSettings
+from isotruss_ros.core.control.squeeze_control import SqueezeSettings
+
+
+def test_paths_are_followed_with_these_settings():
+    assert vars(TrackingSettings()) == {
+        'position_tolerance': 0.01,
+        'angle_tolerance': 0.2,
+        'position_gain': 2.0,
+        'angle_gain': 2.0,
+        'ramp_time': 0.5,
+        'progress_timeout': 3.0,
+        'free_share': 0.5,
+        'standing_share': 0.9,
+        'reached_share': 0.5,
+        'max_correction': 0.5,
+        'min_rate': 0.1,
+        'standstill_rate': 0.05,
+    }
+
+
+def test_roller_trajectories_are_followed_with_these_settings():
+    assert vars(RollerTrackingSettings()) == {
+        'gain': 5.0,
+        'start_tolerance': 0.01,
+        'tolerance': 2e-5,
+        'settling_time': 0.1,
+        'max_lag': 5e-3,
+        'progress_timeout': 3.0,
+    }
+
+
+def test_the_squeeze_is_controlled_with_these_settings():
+    settings = dict(vars(SqueezeSettings(20.0, 0.5)))
+    assert vars(settings.pop('load')) == {'size': 5.0, 'pose_error': 3e-4, 'time': 0.02}
+    assert settings == {
+        'force': 20.0,
+        'friction': 0.5,
+        'gain': 5.0,
+        'max_force_rate': 10.0,
+        'pose_gain': 20.0,
+        'bias_gain': 2.0,
+        'min_slip_margin': 0.0,
+        'max_utilisation': 1.0,
+        'utilisation_rate': 5.0,
+        'near': 1e-3,
+    }
