@@ -29,6 +29,7 @@ def test_roller_trajectories_are_followed_with_these_settings():
         'tolerance': 2e-5,
         'settling_time': 0.1,
         'max_lag': 5e-3,
+        'max_step': 0.2,
         'progress_timeout': 3.0,
     }
 

@@ -4,7 +4,6 @@ import math
 
 from grips import gripped
 from isotruss_ros.core import Grasp, Hold, RollerCommand, solve_twist, Status
-from isotruss_ros.core.control.held_model import squeeze_by_opening
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 import numpy as np
@@ -60,7 +59,7 @@ def test_errors_of_the_pose_decay_no_quicker_than_half_of_them_in_a_cycle(period
 def test_the_grip_opens_by_what_is_missing_of_the_squeeze(missing, rate):
     """Five times what is missing in a second, at most 10 N/s, by the slope of the model."""
     control = controlled(missing)
-    slope = squeeze_by_opening(control.grasp)
+    slope = control.grasp.squeeze_by_opening()
     _, opening_rate = asked_of(control, np.zeros(3), 0.02)
     assert opening_rate * slope == pytest.approx(rate, rel=1e-6)
 
