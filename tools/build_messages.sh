@@ -7,11 +7,12 @@ set -eu
 venv=$(cd "$1" && pwd)
 build=$venv/build/isotruss_msgs
 log=$venv/messages.log
+installed=$venv/messages.installed
 export PATH="$venv/bin:$PATH"
 
 echo 'Generating isotruss_msgs'
-# A message that is no more must not stay importable.
-[ ! -f "$build/install_manifest.txt" ] || xargs rm -f < "$build/install_manifest.txt"
+# What is installed serves until the new ones are built, which takes minutes on a busy machine.
+[ ! -f "$build/install_manifest.txt" ] || cp "$build/install_manifest.txt" "$installed"
 rm -rf "$build"
 {
     cmake -S msg_defs -B "$build" -G Ninja -Wno-deprecated \
@@ -20,6 +21,8 @@ rm -rf "$build"
         -DPython3_EXECUTABLE="$venv/bin/python" \
         -DPython3_INCLUDE_DIR="$(echo "$venv"/include/python3.*)" &&
         cmake --build "$build" &&
+        # A message that is no more must not stay importable.
+        { [ ! -f "$installed" ] || xargs rm -f < "$installed"; } &&
         cmake --install "$build"
 } > "$log" 2>&1 || {
     tail -n 40 "$log" >&2

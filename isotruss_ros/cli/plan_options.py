@@ -28,6 +28,12 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument('--module', help='the module t/j that is to grip; any if left out')
     group.add_argument(
+        '--members',
+        nargs='+',
+        metavar='T/J-K',
+        help='the two or three members that are to grip, in place of a module',
+    )
+    group.add_argument(
         '--squeeze',
         type=float,
         metavar='N',
@@ -105,6 +111,7 @@ def requirements(options: argparse.Namespace) -> GraspRequirements:
         friction=options.friction,
         external_wrench=tuple(options.external_wrench),
         module=options.module,
+        members=options.members,
         squeeze=options.squeeze,
         min_slip_margin=options.min_slip_margin,
         min_margin=options.min_margin,

@@ -26,6 +26,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
 )
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
 from isotruss_ros.nodes.conversions.messages import (
+    MessageError,
     name_object_frame,
     read_object_center,
     read_object_pose,
@@ -168,9 +169,13 @@ class GraspAnalysisNode(ManagedNode):
         self, request: AnalyzeGrasp.Request, response: AnalyzeGrasp.Response
     ) -> AnalyzeGrasp.Response:
         self._inputs.take()
-        report = self._monitor.analyze_request(
-            read_question(request, self.values[SPACING]), self.now()
-        )
+        now = self.now()
+        try:
+            question = read_question(request, self.values[SPACING])
+        except MessageError as error:
+            report = GraspReport(GraspCode.INVALID_REQUEST, str(error), now)
+        else:
+            report = self._monitor.analyze_request(question, now)
         response.success = report.grasp is not None
         response.message = report.message
         response.state = to_state_message(report, self._robot.frame)

@@ -27,6 +27,7 @@ PRINTED = {
     'pick_box': 'turned     ',
     'plan_grasp': 'margin',
     'roll_in_grip': 'back within 1 um',
+    'ros_analyze_box': 'held: True',
     'ros_grasp_state': 'held: ',
     'ros_twist': 'the object moved up by',
     'settle_grasp': 'friction 0.8: held',

@@ -3,7 +3,8 @@
 from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.core import Pose, StampedInput
+from isotruss_msgs.action import PickObject, PlanGrasp
+from isotruss_ros.core import ConvexObject, Cylinder, Ellipse, Pose, StampedInput
 from isotruss_ros.core.control.path_tracking import RETURN
 from isotruss_ros.nodes.components import action_steps
 from isotruss_ros.nodes.components.action_steps import (
@@ -14,6 +15,8 @@ from isotruss_ros.nodes.components.action_steps import (
     StepError,
 )
 from isotruss_ros.nodes.components.grasp_sequences import _run_while, GraspSequences, grip_of
+from isotruss_ros.nodes.conversions.plan_messages import read_goal
+from isotruss_ros.nodes.framework import parameters as params
 from probe import ROBOT
 import pytest
 from rclpy.task import Future
@@ -222,8 +225,11 @@ def test_the_grip_is_the_module_whose_members_hold():
         pair = [ROBOT.member_names[i], ROBOT.member_names[int(ROBOT.topology.previous[i])]]
         assert grip_of(ROBOT, pair) == module
         assert grip_of(ROBOT, pair[::-1]) == module
-    for members in ([], [ROBOT.member_names[0]], [ROBOT.member_names[0], ROBOT.member_names[4]]):
-        with pytest.raises(StepError, match='must be the two of a module'):
+    others = [ROBOT.member_names[0], ROBOT.member_names[4]]
+    assert grip_of(ROBOT, others) == others
+    assert grip_of(ROBOT, ROBOT.member_names[:3]) == list(ROBOT.member_names[:3])
+    for members in ([], ROBOT.member_names[:1], ROBOT.member_names[:4]):
+        with pytest.raises(StepError, match='must be 2 or 3 to open'):
             grip_of(ROBOT, members)
 
 
@@ -281,6 +287,38 @@ def test_an_object_that_a_closing_grip_moved_is_brought_back(moved, left, ends, 
     else:
         assert follower.goal.path.poses == [LAY]
         assert follower.goal.position_tolerance == RETURN.position_tolerance
+
+
+class Planner:
+    """Stands for the planner: it finds nothing, and keeps the goal."""
+
+    def run(self, goal, _progress):
+        """Search."""
+        self.goal = goal
+        yield 0.5
+        return PlanGrasp.Result(code=PlanGrasp.Result.NONE_FOUND, message='nothing')
+
+
+@pytest.mark.parametrize('described', [None, ConvexObject(Ellipse((0.2, 0.1)), mass=2.0)])
+def test_object_and_members_are_those_that_are_planned_with(described):
+    sequences, planner = GraspSequences.__new__(GraspSequences), Planner()
+    values = {params.OBJECT_DIAMETER: 0.25, params.FRICTION: 0.6}
+    sequences._node = SimpleNamespace(now=lambda: 10.0, values=values)
+    sequences._robot, sequences._planner, sequences._described = ROBOT, planner, described
+    sequences.timeout = 0.2
+    sequences.rollers = StampedInput(None, 10.0)
+    sequences.pose = StampedInput(Pose(0.6, 0.3, 0.1), 10.0)
+    with pytest.raises(StepError, match='nothing'):
+        list(sequences.pick(PickObject.Goal(members=['south/P-Q', 'north/R-P'], squeeze=9.0)))
+    arguments = read_goal(planner.goal, ROBOT)
+    if described is None:
+        assert arguments.body == Cylinder((0.6, 0.3), 0.25)
+    else:
+        assert arguments.body.moved_to((0.0, 0.0, 0.0)) == described
+        assert arguments.body.pose == pytest.approx((0.6, 0.3, 0.1))
+    needs = arguments.requirements
+    assert needs.members == ('south/P-Q', 'north/R-P')
+    assert (needs.module, needs.squeeze, needs.friction) == (None, 9.0, 0.6)
 
 
 @pytest.mark.parametrize(

@@ -1,21 +1,26 @@
 """The grasp analysis node, under an executor in this process, with the rest of the world faked."""
 
 import math
+import re
 
 from comparison.wedge import pressed_into
-from geometry_msgs.msg import Wrench
+from geometry_msgs.msg import Point, Pose, Wrench
+from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import (
     analyze_grasp,
+    ConvexObject,
     Cylinder,
+    Disc,
     GraspCode,
     read_object,
     settle_grasp,
     tangent_center,
 )
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
-from isotruss_ros.nodes.conversions.messages import read_stamp
+from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
+from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from manual_world import check_refused, world
 import numpy as np
@@ -528,6 +533,71 @@ def test_an_object_of_any_shape_is_analysed_and_shown(tmp_path):
         gaps = read_object(BOX).moved_to(pose).nearest(corners).gaps
         assert gaps.max() == pytest.approx(0.0, abs=1e-9)
         assert len(thing.points) % 9 == 0
+
+
+def ask_about(w, body, **fields):
+    """Ask the service about an object in its place."""
+    request = AnalyzeGrasp.Request(
+        object=to_object_message(body), object_pose=to_pose_message(body.pose), **fields
+    )
+    return w.call('analyze_grasp', request)
+
+
+@pytest.mark.parametrize('friction', [None, 0.9])
+def test_the_service_analyses_any_object_in_its_pose(friction):
+    box = ConvexObject(read_object(BOX).shape, box_pose(), friction=friction)
+    load = (1.0, -2.0, 0.1)
+    own = {'friction': 0.7, 'external_wrench': to_wrench_message(load)}
+    expected = analyze_grasp(ROBOT.home, box, friction or 0.7, load)
+    settled = settle_grasp(ROBOT.home, box, friction or 0.7, load)
+    with world(node()) as w:
+        answer = ask_about(w, box, roller_positions=[0.0] * N, **own)
+        assert answer.success, answer.message
+        state = answer.state
+        wrench = state.normal_wrench
+        assert (wrench.force.x, wrench.force.y, wrench.torque.z) == pytest.approx(
+            expected.normal_wrench, rel=1e-6
+        )
+        touching = expected.normal_forces > 0.0
+        forces = [contact.normal_force for contact in state.contacts]
+        assert forces == pytest.approx(expected.normal_forces[touching], rel=1e-6)
+        for name in ('closure_residual', 'closure_margin', 'required_friction'):
+            assert getattr(state, name) == pytest.approx(getattr(expected, name), rel=1e-6)
+        assert (state.held, state.hold_message) == (settled.held, settled.reason)
+        assert state.slip_margin == pytest.approx(settled.slip_margin, rel=1e-6)
+
+
+def test_a_disc_that_is_described_is_the_disc_of_a_diameter():
+    with world(node()) as w:
+        until_ok(w)
+        disc = ConvexObject(Disc(DIAMETER), (*SQUEEZED, 0.3))
+        long, short = ask_about(w, disc, friction=0.5).state, ask(w).state
+        assert long.closure_residual == pytest.approx(short.closure_residual, rel=1e-6)
+        assert len(long.contacts) == len(short.contacts) > 0
+        assert long.slip_margin == pytest.approx(short.slip_margin, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('fields', 'words'),
+    [
+        ({'diameter': 0.3}, 'diameter 0.3 m, beside an `object`: must be 0'),
+        ({'diameter': math.nan}, 'diameter nan m, beside an `object`: must be 0'),
+        ({'center': Point(x=0.7)}, r'center \(0.7, 0.0\), beside an `object`: must be left out'),
+        ({'object': ObjectMessage(shape=7)}, 'object: shape 7: must be one of'),
+        ({'object': ObjectMessage(), 'diameter': 0.3}, 'object_pose: must be left out where'),
+        ({'object': ObjectMessage()}, 'diameter 0.0 m: must be positive'),
+        ({'object_pose': Pose(position=Point(x=math.nan))}, r'object_pose at \(nan, 0.0\): must'),
+    ],
+)
+def test_the_service_refuses_two_objects_or_none(fields, words):
+    disc = ObjectMessage(shape=ObjectMessage.DISC, diameter=0.3)
+    usual = {'object': disc, 'object_pose': Pose(position=Point(x=0.7, y=0.4)), 'friction': 0.5}
+    with world(node()) as w:
+        until_ok(w)
+        answer = w.call('analyze_grasp', AnalyzeGrasp.Request(**usual | fields))
+        assert not answer.success
+        assert answer.state.code == GraspState.INVALID_REQUEST
+        assert re.search(words, answer.message)
 
 
 @pytest.mark.parametrize(

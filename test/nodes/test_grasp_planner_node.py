@@ -5,10 +5,13 @@ import re
 
 from action_msgs.msg import GoalStatus
 from boxes import BOX
-from geometry_msgs.msg import PoseStamped, Wrench
+from geometry_msgs.msg import Point, PoseStamped, Wrench
 from isotruss_msgs.action import PlanGrasp
+from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_ros.core import (
+    ConvexObject,
     Cylinder,
+    Disc,
     GraspRequirements,
     IsotrussError,
     plan_grasps,
@@ -20,6 +23,7 @@ from isotruss_ros.core.planning.grasp_plan import NEAR_SHARE
 from isotruss_ros.core.planning.searcher import Answer, Outcome
 from isotruss_ros.nodes import grasp_planner
 from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.conversions.plan_messages import read_goal, to_result_message
 from isotruss_ros.nodes.conversions.trajectory_messages import read_roller_trajectory
 from lifecycle_msgs.msg import Transition
@@ -46,20 +50,38 @@ def test_a_described_object_is_searched_for_where_the_goal_has_it():
     described = read_object(BOX)
     lying = PoseStamped(pose=to_pose_message(Pose(0.5, -0.3, -0.5)))
     lying.header.frame_id = 'truss'
-    wanted = goal(object_pose=lying, object_diameter=math.nan)
+    wanted = goal(object_pose=lying, object_diameter=0.0)
     arguments = read_goal(wanted, ROBOT, described)
     assert arguments.body.shape == described.shape
     assert arguments.body.friction == described.friction
     assert arguments.body.pose == pytest.approx((0.5, -0.3, -0.5))
-    with pytest.raises(IsotrussError, match='must be empty for an object that is described'):
-        read_goal(goal(object_pose=lying, module='north/Z'), ROBOT, described)
+    wanted.module = 'north/Z'
+    assert read_goal(wanted, ROBOT, described).requirements.module == 'north/Z'
+
+
+def test_the_object_of_a_goal_goes_before_that_of_the_parameter():
+    lying = PoseStamped(pose=to_pose_message(Pose(0.5, -0.3, -0.5)))
+    box = read_object(BOX).moved_to((0.5, -0.3, -0.5))
+    wanted = goal(object_pose=lying, object_diameter=0.0, object=to_object_message(box))
+    for described in (None, ConvexObject(Disc(0.1))):
+        body = read_goal(wanted, ROBOT, described).body
+        assert body.moved_to(box.pose) == box
+        assert body.pose == pytest.approx(box.pose)
+        assert read_goal(goal(), ROBOT, described).body == Cylinder(CENTER, DIAMETER)
+
+
+def test_members_are_named_beside_a_module():
+    names = ('south/P-Q', 'north/R-P')
+    needs = read_goal(goal(members=names), ROBOT).requirements
+    assert needs == GraspRequirements(members=names)
+    assert needs.module is None
 
 
 def test_the_parameter_describes_the_object(monkeypatch):
     monkeypatch.setattr(grasp_planner, 'Searcher', StandIn)
     with world(node(workers=2, object=BOX)) as w:
         w.spin(0.05, w.probe.send_joints)
-        w.send_goal(goal())
+        w.send_goal(goal(object_diameter=0.0))
         assert w.nodes[1]._searcher.begun[1].shape == read_object(BOX).shape
     check_refused(node(object='{shape: star}'), 'must be one of')
 
@@ -73,6 +95,15 @@ def test_a_found_grip_names_its_members():
     assert message.module == ''
     assert message.members == list(plan.grasps[0].grip.members)
     assert len(message.members) in (2, 3)
+
+
+#: An object that is none, and a pose that turns nothing.
+BENT = ObjectMessage(
+    shape=ObjectMessage.POLYGON,
+    vertices=[Point(x=x, y=y) for x, y in ((0.1, 0.0), (0.0, 0.1), (0.0, 0.0), (-0.1, -0.1))],
+)
+UNTURNED = PoseStamped()
+UNTURNED.pose.orientation.w = 0.0
 
 
 def torque(z):
@@ -100,6 +131,26 @@ def torque(z):
         ({'min_slip_margin': math.nan}, 'min_slip_margin: nan'),
         ({'module': 'north/Q'}, "module 'north/Q': robot nine_member has no such module"),
         ({'module': 'x' * 10_000}, 'module .{1,90}: robot nine_member has no such module'),
+        ({'object': BENT}, 'object: vertex 3 .0, 0. m?: the polygon is concave there'),
+        (
+            {'object': BENT, 'object_diameter': 0.3},
+            'object_diameter 0.3 m, beside an `object`: must be 0',
+        ),
+        (
+            {'object': ObjectMessage(shape=1, diameter=0.3), 'object_pose': UNTURNED},
+            'the quaternion has norm 0.0; must be 1',
+        ),
+        ({'members': ['north/Z-R']}, "members: .*'north/Z-R'.*: must be the names .* of 2 or 3"),
+        ({'members': ['north/Z-R'] * 2}, 'must be the names t/j-k of 2 or 3 different members'),
+        ({'members': ['x' * 500] * 999}, 'must be the names t/j-k of 2 or 3 different members'),
+        (
+            {'members': ['north/Z-R', 'north/Q']},
+            "members 'north/Q': robot nine_member has no such",
+        ),
+        (
+            {'members': ['north/Z-R', 'north/R-P'], 'module': 'north/R'},
+            "module: 'north/R', beside members .*: must be one or the other",
+        ),
         ({'min_margin': math.nan}, 'min_margin: nan'),
         ({'max_contact_force': -1.0}, 'max_contact_force: -1.0'),
         ({'max_total_force': math.nan}, 'max_total_force: nan'),
@@ -114,6 +165,8 @@ def torque(z):
     ],
 )
 def test_rejects_goals(fields, words):
+    if 'object' in fields:
+        fields = {'object_diameter': 0.0} | fields
     with pytest.raises(IsotrussError, match=words) as error:
         read_goal(goal(**fields), ROBOT)
     assert len(str(error.value)) < 1000

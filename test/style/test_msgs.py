@@ -2,7 +2,7 @@
 
 import math
 
-from isotruss_msgs.msg import Contact, GraspState, ManipulationStatus
+from isotruss_msgs.msg import Contact, ConvexObject, GraspState, ManipulationStatus
 from isotruss_msgs.srv import AnalyzeGrasp
 from rclpy.serialization import deserialize_message, serialize_message
 
@@ -51,6 +51,8 @@ GRASP_CODES = {
 
 
 def test_codes_keep_their_numbers():
+    shapes = {'NONE': 0, 'DISC': 1, 'POLYGON': 2, 'ELLIPSE': 3}
+    assert {name: getattr(ConvexObject, name) for name in shapes} == shapes
     assert {name: getattr(ManipulationStatus, name) for name in CODES} == CODES
     assert {name: getattr(GraspState, name) for name in GRASP_CODES} == GRASP_CODES
 
@@ -104,9 +106,21 @@ def test_fields_are_those_that_clients_read():
         'friction_force': 'double',
         'gap': 'double',
     }
+    assert ConvexObject.get_fields_and_field_types() == {
+        'shape': 'uint8',
+        'diameter': 'double',
+        'vertices': 'sequence<geometry_msgs/Point>',
+        'corner_radii': 'sequence<double>',
+        'semi_axes': 'double[2]',
+        'mass': 'sequence<double, 1>',
+        'center_of_mass': 'sequence<geometry_msgs/Point, 1>',
+        'friction': 'sequence<double, 1>',
+    }
     assert AnalyzeGrasp.Request.get_fields_and_field_types() == {
         'center': 'geometry_msgs/Point',
         'diameter': 'double',
+        'object': 'isotruss_msgs/ConvexObject',
+        'object_pose': 'geometry_msgs/Pose',
         'friction': 'double',
         'external_wrench': 'geometry_msgs/Wrench',
         'roller_positions': 'sequence<double>',

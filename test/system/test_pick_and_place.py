@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 from action_msgs.msg import GoalStatus
-from boxes import BOX
+from boxes import BOX, SIDES
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_ros.nodes.conversions.messages import read_stamp
@@ -99,15 +99,16 @@ def path_to(x, y):
     return PathMessage(poses=[pose])
 
 
-def test_a_box_is_picked_up_and_placed_by_any_members(tmp_path):
+def test_a_box_is_picked_up_and_placed_by_the_members_named(tmp_path):
     lies = (0.542, -0.31, -0.5)
     file = tmp_path / 'box.yaml'
     file.write_text(BOX, encoding='utf-8')
     with robot(tmp_path) as r:
         client = Client(r, lies, object=str(file))
-        status, result = client.execute(PickObject.Goal(squeeze=12.0))
+        status, result = client.execute(PickObject.Goal(squeeze=12.0, members=SIDES))
         assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), result.message
         assert result.module == ''
+        assert {*result.members} == {*SIDES}
         assert 5.0 < result.squeeze < 20.0
         status, result = client.execute(PlaceObject.Goal(clearance=0.03))
         assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), result.message

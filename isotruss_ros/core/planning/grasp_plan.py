@@ -160,6 +160,8 @@ def path_times(path: Array, max_speed: float, near: Array, min_duration: float =
 SENTENCES = {
     'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
     'enclosed': 'no loop of the robot that may grip goes around the object',
+    'members': '{value:.0f} of the {bound:.0f} members asked for are seen from within the object',
+    'opposed': 'forces of the members, within their friction cones, balance at no angle near',
     'reach': 'a member stays {value:.4g} m short of the object',
     'opening': 'the members open by {value:.3g} rad; must be at most {bound:.3g}',
     'facing': 'members stay {value:.3g} rad from where friction holds the object between them',

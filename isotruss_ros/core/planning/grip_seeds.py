@@ -7,6 +7,7 @@ import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import module_index
+from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.manipulation.limits import Limit, MemberLengthLimit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.segment_gaps import segment_gaps
@@ -19,6 +20,8 @@ import numpy as np
 
 #: Lines of sight from the object's middle.
 SIGHTS = 180
+#: Random postures in a round for members that are named.
+NAMED_SEEDS = 4
 
 
 def find_grip_seeds(
@@ -34,11 +37,12 @@ def find_grip_seeds(
 
     :param config: configuration of the robot.
     :param body: the object.
-    :param requirements: what a grasp must fulfil; of a required module only its two members grip.
+    :param requirements: what a grasp must fulfil; of a required module only its two members grip,
+        and of required members only these.
     :param seed: of the random numbers.
     :param number: of the round; the first is 0. In the others directions and postures are random.
     :param settings: of the search.
-    :raises GraspError: the robot has no such module as the one required.
+    :raises GraspError: the robot has no such module or members as those required.
     """
     around = enclosing_members(config, body.middle)
     groups = [group for count in (2, 3) for group in itertools.combinations(around, count)]
@@ -46,6 +50,11 @@ def find_grip_seeds(
         i = module_index(config.robot, requirements.module)
         pair = {i, int(config.robot.topology.previous[i])}
         groups = [group for group in groups if set(group) == pair]
+    if requirements.members is not None:
+        wanted = set(find_members(config.robot, requirements.members).members.tolist())
+        groups = [group for group in groups if set(group) == wanted]
+        if number > 0:
+            groups *= NAMED_SEEDS
     cone = math.atan(requirements.friction)
     rng = np.random.default_rng((seed, number))
     found: list[tuple[float, Closing]] = []
@@ -114,6 +123,19 @@ def _closing(
     return Closing(
         body, None, members, cone, limits, needs.min_rigidity, posture, settings, facing
     )
+
+
+def count_seen(config: Configuration, point: complex, names: tuple[str, ...]) -> tuple[int, bool]:
+    """
+    Return how many of some members are seen from a point, and whether members enclose it.
+
+    :param config: configuration of the robot.
+    :param point: x + iy in the robot frame [m].
+    :param names: of the members.
+    :raises GraspError: the robot has no such members.
+    """
+    around = enclosing_members(config, point)
+    return int(np.isin(find_members(config.robot, names).members, around).sum()), bool(around)
 
 
 def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:

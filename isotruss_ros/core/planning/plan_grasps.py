@@ -17,8 +17,8 @@ import time
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grasp import Grasp
-from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
+from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.planning.approach import Approach, approach
 from isotruss_ros.core.planning.closing_qp import Closing
@@ -28,7 +28,7 @@ from isotruss_ros.core.planning.grasp_candidate import (
     Squeezed,
 )
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, Violation
-from isotruss_ros.core.planning.grip_seeds import find_grip_seeds
+from isotruss_ros.core.planning.grip_seeds import count_seen, find_grip_seeds
 from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.settings import DEFAULT, SearchSettings
@@ -54,7 +54,8 @@ def plan_grasps(
 
     A cylinder is grasped by the two members that meet at a module. Of a `ConvexObject` grips are
     tried of any two members and any three around it, whatever tubes these are of; they are ranked
-    by slip margin, unless another measure is asked for.
+    by slip margin, unless another measure is asked for. Where the requirements name members, a
+    cylinder is such an object too.
 
     The same seed gives the same plan on any number of cores: candidates are evaluated in their
     order, wherever they are computed.
@@ -71,10 +72,13 @@ def plan_grasps(
     :param thorough: whether all candidates of a round are computed before the best are chosen,
         or only until there are enough grasps.
     :param settings: of the search.
-    :raises GraspError: the robot has no such module, or the seed is not usable.
+    :raises GraspError: the robot has no such module or members, or the seed is not usable.
     :raises StructureError: the robot cannot be analysed.
     """
     needs = requirements or GraspRequirements()
+    if needs.members is not None:
+        find_members(config.robot, needs.members)  # names are checked here, once
+        body = as_convex_object(body)
     if isinstance(body, ConvexObject) and body.friction is not None:
         needs = replace(needs, friction=body.friction)
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
@@ -145,7 +149,7 @@ class _Search:
             name, value = reached.unmet
             self._record(Violation(name, float(value), closing.bound(name), 100.0))
         if not closings:
-            self._record(Violation('enclosed', 0.0, 1.0, 1000.0))
+            self._record(self._explain_no_seeds())
         self._known += len(opened)
         self._on_progress(self.progress())
         return sorted(opened, key=lambda reached: reached.travel)
@@ -253,6 +257,18 @@ class _Search:
             path=path,
             touch=len(opened),
         )
+
+    def _explain_no_seeds(self) -> Violation:
+        """Return why there is not even a seed: no members around the object, or not those."""
+        wanted, body = self._needs.members, self._body
+        if self._needs.module is not None and isinstance(body, ConvexObject):
+            wanted = members_at(self._config.robot, self._needs.module)
+        if wanted is not None:
+            seen, around = count_seen(self._config, as_convex_object(body).middle, wanted)
+            if around:
+                name = 'members' if seen < len(wanted) else 'opposed'
+                return Violation(name, float(seen), float(len(wanted)), 1000.0)
+        return Violation('enclosed', 0.0, 1.0, 1000.0)
 
     def _check_stop(self) -> bool:
         self.stopped = self.stopped or self._should_stop()

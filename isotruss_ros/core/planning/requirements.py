@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
 import math
 
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
+from isotruss_ros.core.manipulation.grip import FEWEST, MOST
 from isotruss_ros.core.numerics.arrays import finite_array
 import numpy as np
 
@@ -34,6 +36,8 @@ class GraspRequirements:
     :ivar friction: coefficient between tube and object, not negative.
     :ivar external_wrench: (fx, fy, m) on the object about its centre [N, N m].
     :ivar module: the module `t/j` whose two members are to grip; any if None.
+    :ivar members: names `t/j-k` of the two members or three that are to grip, wherever they are,
+        in place of a module; any if None.
     :ivar squeeze: normal force of each grasping member, positive [N]; the one that is best by
         `measure` if None.
     :ivar min_slip_margin: see `SettledGrasp.slip_margin`, not negative [N].
@@ -56,6 +60,7 @@ class GraspRequirements:
     friction: float = 0.5
     external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)
     module: str | None = None
+    members: tuple[str, ...] | None = None
     squeeze: float | None = None
     min_slip_margin: float = 0.0
     min_margin: float | None = None
@@ -70,7 +75,7 @@ class GraspRequirements:
     count: int = 3
 
     def __post_init__(self) -> None:
-        """Check the values; the module is checked against a robot when the search begins."""
+        """Check the values; names are checked against a robot when the search begins."""
         for name in ('external_wrench', 'direction'):
             values = finite_array(getattr(self, name), 3, f'requirement {name}', GraspError)
             object.__setattr__(self, name, tuple(values.tolist()))
@@ -78,6 +83,8 @@ class GraspRequirements:
             value = getattr(self, field.name)
             if field.type in ('float', 'float | None') and value is not None:
                 self._check_number(field.name, value)
+        if self.members is not None:
+            self._check_members()
         if self.squeeze == 0.0:
             raise GraspError('requirement squeeze: 0: must be positive, or None for the best')
         if isinstance(self.count, bool) or not isinstance(self.count, int) or self.count < 1:
@@ -98,6 +105,22 @@ class GraspRequirements:
     def object_is_free(self) -> bool:
         """Return whether nothing but the members holds the object while they close."""
         return self.min_margin is None or self.squeeze is not None or self.min_slip_margin > 0.0
+
+    def _check_members(self) -> None:
+        names = self.members
+        listed = isinstance(names, Sequence) and not isinstance(names, str)
+        fits = listed and all(isinstance(name, str) for name in names)
+        if not fits or len(set(names)) != len(names) or not FEWEST <= len(names) <= MOST:
+            raise GraspError(
+                f'requirement members: {quote(repr(names))}: must be the names t/j-k of '
+                f'{FEWEST} or {MOST} different members, or None for any'
+            )
+        if self.module is not None:
+            raise GraspError(
+                f'requirement module: {quote(self.module)}, beside members {quote(repr(names))}: '
+                'must be one or the other'
+            )
+        object.__setattr__(self, 'members', tuple(names))
 
     def _check_number(self, name: str, value: float) -> None:
         bounded = not name.startswith('max_') or name == 'max_length'

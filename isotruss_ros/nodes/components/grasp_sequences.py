@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
@@ -28,6 +28,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.control.path_tracking import RETURN, RETURN_SPEED, RETURN_TURN_RATE
+from isotruss_ros.core.manipulation.grip import FEWEST, members_at, MOST
 from isotruss_ros.core.planning.export import export_violation
 from isotruss_ros.core.planning.grasp_plan import path_times, violation_in_words
 from isotruss_ros.nodes.components.action_steps import (
@@ -40,6 +41,7 @@ from isotruss_ros.nodes.components.action_steps import (
 )
 from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.conversions.trajectory_messages import (
     read_duration,
     to_trajectory_message,
@@ -117,14 +119,18 @@ class GraspSequences:
         self._require_inputs()
         wanted = PlanGrasp.Goal(
             object_pose=self.measured_pose(),
-            object_diameter=values[params.OBJECT_DIAMETER],
             friction=values[params.FRICTION],
             module=goal.module,
+            members=goal.members,
             squeeze=goal.squeeze,
             min_slip_margin=goal.min_slip_margin,
             time_limit=goal.time_limit,
             count=1,
         )
+        if self._described is None:
+            wanted.object_diameter = values[params.OBJECT_DIAMETER]
+        else:
+            wanted.object = to_object_message(self._described)
         plan = yield from self._planner.run(wanted, lambda feedback: feedback.progress)
         if plan.code != PlanGrasp.Result.FOUND:
             raise _plan_error(plan)
@@ -147,6 +153,7 @@ class GraspSequences:
         return PickObject.Result(
             message=f'held at {where} by {squeeze:.3g} N{note}',
             module=grasp.module,
+            members=state.grasping_members,
             squeeze=squeeze,
             slip_margin=state.slip_margin,
         )
@@ -163,13 +170,12 @@ class GraspSequences:
         self._require_inputs()
         state, pose = self._require_held(Outcome.NOT_READY), self.pose.value
         config = self._shape.configuration(self._node.now(), self.timeout, self.rollers)
+        held_by = grip_of(self._robot, state.grasping_members)
         body: Cylinder | ConvexObject
-        held_by: str | list[str]
         if self._described is None:
             body = Cylinder(pose[:2], self._node.values[params.OBJECT_DIAMETER])
-            held_by = grip_of(self._robot, state.grasping_members)
         else:
-            body, held_by = self._described.moved_to(pose), list(state.grasping_members)
+            body = self._described.moved_to(pose)
         planned: Future[Release] = self._thread.submit(
             plan_release, config, body, held_by, goal.clearance, pose.angle
         )
@@ -316,23 +322,23 @@ class GraspSequences:
         return f'the object is not held: {state.message or state.hold_message}'
 
 
-def grip_of(robot: Robot, members: list[str]) -> str:
+def grip_of(robot: Robot, members: Sequence[str]) -> str | list[str]:
     """
-    Return the module whose two members hold the object.
+    Return the module whose two members hold the object, or the members where they are others.
 
     :param robot: the robot.
     :param members: names of the grasping members.
-    :raises StepError: they are not the two of a module.
+    :raises StepError: they are not two or three.
     """
-    following = robot.topology.following
-    names = robot.member_names
-    for i, name in enumerate(names):
-        if {name, names[int(following[i])]} == set(members):
-            return robot.module_names[int(following[i])]
-    held = ', '.join(members) or 'none'
-    raise StepError(
-        Outcome.NOT_READY, f'grasping members {held}: must be the two of a module to open'
-    )
+    if not FEWEST <= len(members) <= MOST:
+        held = ', '.join(members) or 'none'
+        raise StepError(
+            Outcome.NOT_READY, f'grasping members {held}: must be {FEWEST} or {MOST} to open'
+        )
+    for module in robot.module_names:
+        if set(members_at(robot, module)) == set(members):
+            return module
+    return list(members)
 
 
 def _plan_error(plan: PlanGrasp.Result) -> StepError:

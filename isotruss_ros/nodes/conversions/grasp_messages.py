@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from geometry_msgs.msg import Point, Vector3, Wrench, WrenchStamped
+from geometry_msgs.msg import Point, Pose, Vector3, Wrench, WrenchStamped
 from isotruss_msgs.msg import Contact, GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import GraspAnalysis, GraspReport, Question
+from isotruss_ros.core import ConvexObject, GraspAnalysis, GraspReport, Question
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     MessageError,
     name_object_frame,
     stamp_header,
     to_time,
+)
+from isotruss_ros.nodes.conversions.object_messages import (
+    describes_object,
+    read_object_message,
 )
 import numpy as np
 
@@ -61,19 +65,48 @@ def to_wrench_message(wrench: Sequence[float]) -> Wrench:
 
 def read_question(request: AnalyzeGrasp.Request, spacing: float) -> Question:
     """
-    Return the question of a request; the analysis checks its values.
+    Return the question of a request; the analysis checks the other values.
 
     :param request: of the service `analyze_grasp`.
     :param spacing: of the contact points along the tubes [m].
+    :raises MessageError: no object, two of them, or one that is not usable.
     """
-    return Question(
-        tuple(request.roller_positions),
-        (request.center.x, request.center.y),
-        request.diameter,
-        request.friction,
-        read_wrench(request.external_wrench),
-        spacing,
-    )
+    body = _read_described(request)
+    place, friction = (request.center.x, request.center.y), request.friction
+    if body is not None:
+        place = body.pose[:2]
+        friction = friction if body.friction is None else body.friction
+    wrench = read_wrench(request.external_wrench)
+    rollers = tuple(request.roller_positions)
+    return Question(rollers, place, request.diameter, friction, wrench, spacing, body)
+
+
+def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
+    """Return the object that is described; None where there is a disc in its place."""
+    if not describes_object(request.object):
+        if request.diameter == 0.0:
+            raise MessageError(
+                'diameter 0.0 m: must be positive, that of a disc at `center`; or `object` must '
+                'describe what is at `object_pose`'
+            )
+        if request.object_pose != Pose():
+            raise MessageError(
+                'object_pose: must be left out where there is no `object`; the place of a disc '
+                'is `center`'
+            )
+        return None
+    if request.diameter != 0.0:
+        raise MessageError(
+            f'diameter {request.diameter} m, beside an `object`: must be 0, as the object is '
+            'described; or leave `object` out for a disc'
+        )
+    if request.center != Point():
+        center = request.center
+        raise MessageError(
+            f'center ({center.x}, {center.y}), beside an `object`: must be left out; the place of '
+            'an object is `object_pose`'
+        )
+    return read_object_message(request.object, request.object_pose)
 
 
 def to_state_message(report: GraspReport, frame: str) -> GraspState:

@@ -115,16 +115,27 @@ def read_object_center(message: PoseStamped, frame: str) -> tuple[float, float]:
         raise MessageError(
             f'object pose in frame {quote(message.header.frame_id)}: must be {frame!r}'
         )
-    position, q = message.pose.position, message.pose.orientation
+    return read_pose('object pose', message.pose)[:2]
+
+
+def read_pose(what: str, message: PoseMessage) -> Pose:
+    """
+    Return a pose in the plane; its height, and tilts about x and y, are ignored.
+
+    :param what: the pose, for the error.
+    :param message: the pose.
+    :raises MessageError: not finite, too far away, or no rotation in the quaternion.
+    """
+    position, q = message.position, message.orientation
     if not all(abs(coordinate) <= MAX_DISTANCE for coordinate in (position.x, position.y)):
         raise MessageError(
-            f'object pose at ({position.x}, {position.y}): must be finite, '
+            f'{what} at ({position.x}, {position.y}): must be finite, '
             f'at most {MAX_DISTANCE:g} m away'
         )
     norm = math.hypot(q.x, q.y, q.z, q.w)
     if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:
-        raise MessageError(f'object pose: the quaternion has norm {norm}; must be 1')
-    return position.x, position.y
+        raise MessageError(f'{what}: the quaternion has norm {norm}; must be 1')
+    return Pose(position.x, position.y, read_angle(message))
 
 
 def read_angle(message: PoseMessage) -> float:

@@ -18,6 +18,7 @@ from isotruss_ros.core import (
     Robot,
 )
 from isotruss_ros.core.errors import quote
+from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.planning.export import export_figures, export_path, export_violation
 from isotruss_ros.core.planning.searcher import Answer
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
@@ -25,7 +26,11 @@ from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     MAX_DISTANCE,
     MessageError,
-    read_angle,
+    read_pose,
+)
+from isotruss_ros.nodes.conversions.object_messages import (
+    describes_object,
+    read_object_message,
 )
 from isotruss_ros.nodes.conversions.trajectory_messages import to_duration, to_trajectory_message
 
@@ -57,9 +62,10 @@ def read_goal(
 
     :param goal: of the action.
     :param robot: the robot.
-    :param described: the object, anywhere; a disc of the goal's diameter if None.
-    :raises MessageError: no pose, another frame, or a number that is not finite or out of range.
-    :raises GraspError: an unusable requirement.
+    :param described: the object, anywhere, of a goal that describes none.
+    :raises MessageError: no pose, another frame, no object or two of them, or a number that is not
+        finite or out of range.
+    :raises GraspError: an unusable requirement, or members that the robot does not have.
     """
     if goal.object_pose == PoseStamped():
         raise MessageError(
@@ -67,15 +73,7 @@ def read_goal(
             f'its frame {robot.frame!r}'
         )
     check_frame('object pose', goal.object_pose.header, robot.frame)
-    position = goal.object_pose.pose.position
-    sizes = [('x', position.x), ('y', position.y)]
-    if described is None:
-        sizes.append(('diameter', goal.object_diameter))
-    for name, value in sizes:
-        if not abs(value) <= MAX_DISTANCE:
-            raise MessageError(
-                f'object: {name} {value} m: must be finite, at most {MAX_DISTANCE:g} m'
-            )
+    body = _read_body(goal, described)
     if not 0.0 <= goal.time_limit < math.inf:
         raise MessageError(
             f'time_limit {goal.time_limit} s: must be a number, not negative; 0 for no limit'
@@ -106,6 +104,7 @@ def read_goal(
             WrenchStamped(wrench=goal.external_wrench), robot.frame
         ),
         module=goal.module or None,
+        members=tuple(goal.members) or None,
         squeeze=goal.squeeze or None,
         min_slip_margin=goal.min_slip_margin,
         min_margin=goal.min_margin or None,
@@ -113,18 +112,35 @@ def read_goal(
         count=goal.count,
         **bounds,
     )
-    body: Cylinder | ConvexObject
-    if described is None:
-        body = Cylinder((position.x, position.y), goal.object_diameter)
-    else:
-        if goal.module:
-            raise MessageError(
-                f'module {quote(goal.module)}: must be empty for an object that is described by '
-                'the parameter object: any two members or three may hold it'
-            )
-        angle = read_angle(goal.object_pose.pose)
-        body = described.moved_to((position.x, position.y, angle))
+    if requirements.members is not None:
+        find_members(robot, requirements.members)
     return SearchGoal(body, requirements, goal.seed, goal.time_limit)
+
+
+def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> Cylinder | ConvexObject:
+    """Return the object where it lies: as the goal has it, or as it is described elsewhere."""
+    pose, diameter = goal.object_pose.pose, goal.object_diameter
+    if describes_object(goal.object):
+        if diameter != 0.0:
+            raise MessageError(
+                f'object_diameter {diameter} m, beside an `object`: must be 0, as the object is '
+                'described; or leave `object` out for a disc'
+            )
+        return read_object_message(goal.object, pose)
+    if diameter == 0.0 and described is not None:
+        return described.moved_to(read_pose('object pose', pose))
+    position = pose.position
+    for name, value in (('x', position.x), ('y', position.y), ('diameter', diameter)):
+        if not abs(value) <= MAX_DISTANCE:
+            raise MessageError(
+                f'object: {name} {value} m: must be finite, at most {MAX_DISTANCE:g} m'
+            )
+    if diameter == 0.0:
+        raise MessageError(
+            'object_diameter 0.0 m: must be positive, that of a disc; or `object` must describe '
+            'what lies there, as may the parameter object'
+        )
+    return Cylinder((position.x, position.y), diameter)
 
 
 def to_feedback_message(progress: Progress) -> PlanGrasp.Feedback:

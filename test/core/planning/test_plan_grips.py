@@ -2,11 +2,13 @@
 
 import dataclasses
 import itertools
+import re
 
 from isotruss_ros.core import (
     ConvexObject,
     Disc,
     Ellipse,
+    GraspError,
     GraspRequirements,
     load_robot,
     plan_grasps,
@@ -146,3 +148,78 @@ def test_an_object_that_nothing_encloses_is_not_gripped():
     found = plan_grasps(HOME, ConvexObject(BOX, (4.0, 1.0, 0.0)), settings=FEW)
     assert not found.grasps
     assert 'enclosed' in plan_in_words(found)
+
+
+SIDES = ('south/P-Q', 'north/R-P')  # of two tubes, that meet at no module
+
+
+def test_only_the_members_that_are_named_grip():
+    body = ConvexObject(Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], 0.02))
+    body = body.moved_to((0.54, -0.31, -0.5))
+    numbers = {ROBOT.member_names.index(name) for name in SIDES}
+    for number in range(3):
+        needs = GraspRequirements(friction=0.9, members=SIDES)
+        seeds = find_grip_seeds(HOME, body, needs, 0, number)
+        assert seeds
+        assert all(set(seed.members) == numbers for seed in seeds)
+    needs = GraspRequirements(friction=0.9, squeeze=12.0, members=SIDES[::-1], count=1)
+    (grasp,) = plan_grasps(HOME, body, needs, thorough=False)
+    assert set(grasp.grip.members) == set(SIDES)
+    assert settle_grasp(grasp.config, grasp.grip.body, 0.9, members=SIDES).held
+
+
+def test_a_cylinder_is_gripped_by_members_too():
+    three = ('south/P-Q', 'east/Q-R', 'north/R-P')
+    needs = GraspRequirements(members=three, squeeze=12.0, count=1)
+    (grasp,) = plan_grasps(HOME, Cylinder(HOLE, 0.6), needs, settings=FEW)
+    assert grasp.grasp is None
+    assert set(grasp.grip.members) == set(three)
+    settled = settle_grasp(grasp.config, grasp.grip.body, members=three)
+    assert settled.held
+
+
+@pytest.mark.parametrize(
+    ('fields', 'words'),
+    [
+        ({'members': 'north/Z-R'}, 'members: .*north/Z-R.*: must be the names t/j-k of 2 or 3'),
+        ({'members': ('north/Z-R',)}, 'must be the names t/j-k of 2 or 3 different members'),
+        ({'members': ('a', 'a')}, 'must be the names'),
+        ({'members': ('a', 'b', 'c', 'd')}, 'must be the names'),
+        ({'members': (1, 2)}, 'must be the names'),
+        ({'members': 2}, 'must be the names'),
+        ({'members': SIDES, 'module': 'north/Z'}, "module: 'north/Z', beside members .*: must be"),
+    ],
+)
+def test_what_cannot_grip_is_refused(fields, words):
+    with pytest.raises(GraspError, match=words):
+        GraspRequirements(**fields)
+
+
+def test_members_that_the_robot_does_not_have_are_refused():
+    needs = GraspRequirements(members=('north/Z-R', 'north/X-Y'))
+    with pytest.raises(GraspError, match="'north/X-Y': robot nine_member has no such members"):
+        plan_grasps(HOME, PLAIN, needs)
+
+
+@pytest.mark.parametrize(
+    ('place', 'members', 'words'),
+    [
+        ((4.0, 1.0), SIDES, 'enclosed: no loop'),
+        ((0.716, 0.5), SIDES, 'members: [01] of the 2 members asked for are seen from within'),
+        (HOLE, (*SIDES, 'east/Q-R'), 'opposed: forces of the members, within their friction'),
+    ],
+)
+def test_why_named_members_find_nothing_is_told(place, members, words):
+    needs = GraspRequirements(members=members, friction=0.01)
+    body = ConvexObject(BOX, (*place, 0.3))
+    found = plan_grasps(HOME, body, needs, settings=FEW)
+    assert not found.grasps
+    assert re.search(words, plan_in_words(found))
+
+
+def test_the_members_of_a_module_that_are_not_around_the_object_are_told():
+    body = ConvexObject(BOX, (0.716, 0.5, 0.3))
+    found = plan_grasps(HOME, body, GraspRequirements(module='south/P'), settings=FEW)
+    assert plan_in_words(found).endswith(
+        'members: 0 of the 2 members asked for are seen from within the object'
+    )

@@ -1,0 +1,33 @@
+"""Ask how a box would be held between two sides that meet at no module.
+
+First: `ros2 launch isotruss_ros simulation.launch.py`, or your robot and `grasp_analysis`.
+"""
+
+import math
+
+from geometry_msgs.msg import Point
+from isotruss_msgs.msg import ConvexObject
+from isotruss_msgs.srv import AnalyzeGrasp
+import rclpy
+
+rclpy.init()
+node = rclpy.create_node('ros_analyze_box')
+corners = ((-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2))  # in the box's own frame [m]
+request = AnalyzeGrasp.Request(friction=0.9, roller_positions=[0.0] * 6)  # the robot at home
+request.object.shape = ConvexObject.POLYGON
+request.object.vertices = [Point(x=x, y=y) for x, y in corners]
+request.object.corner_radii = [0.02]
+pose, angle = request.object_pose, -0.5  # [rad]
+pose.position.x, pose.position.y = 0.49, -0.28
+pose.orientation.z, pose.orientation.w = math.sin(0.5 * angle), math.cos(0.5 * angle)
+
+client = node.create_client(AnalyzeGrasp, 'analyze_grasp')
+client.wait_for_service()
+asked = client.call_async(request)
+rclpy.spin_until_future_complete(node, asked)
+answer = asked.result()
+for member, force in zip(answer.state.grasping_members, answer.state.squeeze, strict=True):
+    print(f'{member} would press with {force:.1f} N')
+print('held:', answer.state.held, answer.message, answer.state.hold_message)
+node.destroy_node()
+rclpy.shutdown()

@@ -1,0 +1,113 @@
+"""Objects of any convex shape from messages, and to messages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from geometry_msgs.msg import Point
+from geometry_msgs.msg import Pose as PoseMessage
+from isotruss_msgs.msg import ConvexObject as ObjectMessage
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, GraspError, Polygon
+from isotruss_ros.nodes.conversions.messages import MessageError, read_pose
+import numpy as np
+
+#: The name of each shape, and the fields of the message that it has.
+SHAPES: dict[int, tuple[str, tuple[str, ...]]] = {
+    ObjectMessage.DISC: ('a disc', ('diameter',)),
+    ObjectMessage.POLYGON: ('a polygon', ('vertices', 'corner_radii')),
+    ObjectMessage.ELLIPSE: ('an ellipse', ('semi_axes',)),
+}
+#: The fields of the message that only some shapes have.
+FIELDS = tuple(name for _, names in SHAPES.values() for name in names)
+NO_OBJECT = ObjectMessage()
+
+
+def describes_object(message: ObjectMessage) -> bool:
+    """
+    Return whether a message describes an object, be it a bad one; a new message does not.
+
+    :param message: of an object.
+    """
+    return message != NO_OBJECT
+
+
+def read_object_message(message: ObjectMessage, pose: PoseMessage) -> ConvexObject:
+    """
+    Return the object that a message describes, in its place.
+
+    :param message: of the object.
+    :param pose: of its frame in the robot frame.
+    :raises MessageError: it describes no object, has a field that its shape does not have, or the
+        pose is not usable; names the field, and the vertex or the side of a polygon.
+    """
+    place = read_pose('object_pose', pose)
+    if message.shape not in SHAPES:
+        known = ', '.join(f'{number} ({name})' for number, (name, _) in SHAPES.items())
+        raise MessageError(f'object: shape {message.shape}: must be one of {known}')
+    kind, own = SHAPES[message.shape]
+    for name in FIELDS:
+        if name not in own and _is_given(getattr(message, name)):
+            raise MessageError(
+                f'object: {name}: {kind} has none; must be left out, the fields of {kind} are '
+                + ', '.join(own)
+            )
+    try:
+        return ConvexObject(
+            _read_shape(message),
+            place,
+            message.mass[0] if message.mass else None,
+            _planar(message.center_of_mass[0]) if message.center_of_mass else None,
+            message.friction[0] if message.friction else None,
+        )
+    except GraspError as error:
+        raise MessageError(f'object: {error}') from error
+
+
+def to_object_message(body: ConvexObject) -> ObjectMessage:
+    """
+    Return an object as a message, without its pose.
+
+    :param body: the object, anywhere.
+    """
+    message, shape = ObjectMessage(), body.shape
+    if isinstance(shape, Disc):
+        message.shape, message.diameter = ObjectMessage.DISC, shape.diameter
+    elif isinstance(shape, Ellipse):
+        message.shape, message.semi_axes = ObjectMessage.ELLIPSE, shape.semi_axes
+    elif isinstance(shape, Polygon):
+        message.shape = ObjectMessage.POLYGON
+        message.vertices = [Point(x=x, y=y) for x, y in shape.vertices]
+        radii = shape.corner_radius
+        message.corner_radii = radii if isinstance(radii, tuple) else [radii]
+    else:
+        raise GraspError(f'shape {shape!r}: must be a Disc, a Polygon or an Ellipse')
+    if body.mass is not None:
+        message.mass = [body.mass]
+    if body.center_of_mass is not None:
+        x, y = body.center_of_mass
+        message.center_of_mass = [Point(x=x, y=y)]
+    if body.friction is not None:
+        message.friction = [body.friction]
+    return message
+
+
+def _read_shape(message: ObjectMessage) -> Disc | Ellipse | Polygon:
+    if message.shape == ObjectMessage.DISC:
+        return Disc(message.diameter)
+    if message.shape == ObjectMessage.ELLIPSE:
+        return Ellipse(tuple(message.semi_axes.tolist()))
+    radii = tuple(message.corner_radii)
+    if len(radii) < 2:
+        return Polygon([_planar(v) for v in message.vertices], radii[0] if radii else 0.0)
+    return Polygon([_planar(v) for v in message.vertices], radii)
+
+
+def _planar(point: Point) -> tuple[float, float]:
+    return point.x, point.y
+
+
+def _is_given(value: Any) -> bool:
+    """Return whether a field is not as in a new message; what is not a number is given, too."""
+    if isinstance(value, float):
+        return value != 0.0
+    return bool((value != 0.0).any()) if isinstance(value, np.ndarray) else len(value) > 0

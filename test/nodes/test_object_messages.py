@@ -1,0 +1,182 @@
+"""Objects in messages: what is read is what was written, and a table of what is refused."""
+
+import math
+
+from geometry_msgs.msg import Point, Pose, Quaternion
+from hypothesis import given
+from hypothesis import strategies as st
+from isotruss_msgs.msg import ConvexObject as ObjectMessage
+from isotruss_ros.core import ConvexObject, Disc, GraspError, read_object
+from isotruss_ros.core import Pose as PlanarPose
+from isotruss_ros.nodes.conversions.messages import MessageError, to_pose_message
+from isotruss_ros.nodes.conversions.object_messages import (
+    describes_object,
+    read_object_message,
+    SHAPES,
+    to_object_message,
+)
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from shapes import random_shape
+
+CORNERS = [(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)]
+BOX = (
+    '{shape: polygon, vertices: [[-0.15, -0.1], [0.15, -0.1], [0.15, 0.1], [-0.15, 0.1]], '
+    'corner_radius: 0.02, mass: 1.5, center_of_mass: [0.01, -0.02], friction: 0.9}'
+)
+
+
+def points(corners):
+    """Return points as messages, at any height."""
+    return [Point(x=float(x), y=float(y), z=7.0) for x, y in corners]
+
+
+def box(**fields):
+    """Return a box as a message, changed as given."""
+    usual = {'shape': ObjectMessage.POLYGON, 'vertices': points(CORNERS)}
+    return ObjectMessage(**(usual | fields))
+
+
+def read(message, pose=None):
+    """Return the object of a message."""
+    return read_object_message(message, Pose() if pose is None else pose)
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-3.0, 3.0)),
+    st.none() | st.floats(1e-3, 1e3),
+    st.booleans(),
+    st.none() | st.floats(0.0, 10.0),
+)
+def test_objects_there_and_back(seed, place, mass, weighted, friction):
+    shape = random_shape(np.random.default_rng(seed))
+    inside = (shape.centroid.real, shape.centroid.imag) if weighted else None
+    body = ConvexObject(shape, place, mass, inside, friction)
+    sent = deserialize_message(serialize_message(to_object_message(body)), ObjectMessage)
+    assert describes_object(sent)
+    found = read(sent, to_pose_message(body.pose))
+    assert found.moved_to(place) == body  # to the last digit
+    assert found.pose == pytest.approx(body.pose, abs=1e-12)
+
+
+def test_a_message_says_what_a_file_says():
+    message = box(
+        corner_radii=[0.02], mass=[1.5], center_of_mass=points([(0.01, -0.02)]), friction=[0.9]
+    )
+    assert read(message) == read_object(BOX)
+    assert to_object_message(read_object(BOX)).corner_radii.tolist() == [0.02]
+
+
+def test_what_is_not_known_stays_unknown():
+    found = read(ObjectMessage(shape=ObjectMessage.ELLIPSE, semi_axes=[0.2, 0.1]))
+    assert (found.mass, found.center_of_mass, found.friction) == (None, None, None)
+    assert read(box(friction=[0.0])).friction == 0.0  # known, and none
+
+
+def test_vertices_go_around_either_way_and_radii_with_them():
+    radii = [0.0, 0.01, 0.02, 0.03]
+    one = read(box(corner_radii=radii))
+    other = read(box(vertices=points(CORNERS[::-1]), corner_radii=radii[::-1]))
+    assert one == other
+    assert one.shape.corner_radius == (0.0, 0.01, 0.02, 0.03)
+
+
+def test_the_object_turns_with_its_pose():
+    pose = to_pose_message(PlanarPose(0.5, -0.2, 0.5 * math.pi))
+    corners = read(box(), pose).outline(1.0)
+    assert np.ptp(corners.real) == pytest.approx(0.2)
+    assert np.ptp(corners.imag) == pytest.approx(0.3)
+    assert corners.mean() == pytest.approx(0.5 - 0.2j)
+
+
+def test_a_new_message_describes_no_object():
+    assert not describes_object(ObjectMessage())
+    for fields in ({'shape': 1}, {'diameter': 0.3}, {'diameter': math.nan}, {'friction': [0.5]}):
+        assert describes_object(ObjectMessage(**fields))
+    assert sorted(SHAPES) == [1, 2, 3]
+
+
+DISC = {'shape': ObjectMessage.DISC, 'diameter': 0.3}
+CROSSED = [CORNERS[0], CORNERS[1], CORNERS[3], CORNERS[2]]
+DENTED = [*CORNERS[:2], (0.0, 0.0), *CORNERS[2:]]
+REFUSED = {
+    'no shape': (ObjectMessage(diameter=0.3), r'object: shape 0: must be one of 1 \(a disc\), 2'),
+    'unknown shape': (ObjectMessage(shape=9), 'object: shape 9: must be one of'),
+    'a disc with vertices': (
+        ObjectMessage(**DISC, vertices=points(CORNERS)),
+        'object: vertices: a disc has none; must be left out, .* of a disc are diameter',
+    ),
+    'a disc with radii': (ObjectMessage(**DISC, corner_radii=[0.0]), 'corner_radii: a disc has'),
+    'a disc with axes': (ObjectMessage(**DISC, semi_axes=[0.0, math.nan]), 'semi_axes: a disc'),
+    'a polygon with a diameter': (box(diameter=math.nan), 'diameter: a polygon has none'),
+    'an ellipse with a diameter': (
+        ObjectMessage(shape=3, semi_axes=[0.1, 0.1], diameter=0.2),
+        'diameter: an ellipse has none',
+    ),
+    'a disc of no size': (ObjectMessage(shape=1), "object: the object's diameter 0.0 m: must be"),
+    'a disc of any size': (ObjectMessage(shape=1, diameter=math.inf), 'diameter.*finite'),
+    'an ellipse of no size': (ObjectMessage(shape=3), r'semi_axes \(0, 0\) m: must be from'),
+    'no vertices': (ObjectMessage(shape=2), 'a polygon of 0 vertices: must have at least 3'),
+    'two vertices': (box(vertices=points(CORNERS[:2])), 'a polygon of 2 vertices'),
+    'many vertices': (box(vertices=points([(0, 0)] * 1001)), 'at most 1000'),
+    'concave': (
+        box(vertices=points(DENTED)),
+        r'vertex 3 \(0, 0\) m?: the polygon is concave there; must be convex',
+    ),
+    'crossed': (box(vertices=points(CROSSED)), 'sides that begin at vertex .* cross each other'),
+    'flat': (box(vertices=points([(0, 0), (0.1, 0), (0.2, 0)])), 'vertex .*'),
+    'one point': (box(vertices=points([(0.1, 0.1)] * 4)), 'vertex .*'),
+    'not a number': (
+        box(vertices=points([*CORNERS[:3], (math.nan, 0)])),
+        r'vertex 4 \(x, y\) \[m\]: .*must be 2 finite numbers',
+    ),
+    'far away': (box(vertices=points([*CORNERS[:3], (1e300, 0)])), 'vertex 4 .*must be within'),
+    'a radius too many': (box(corner_radii=[0.01] * 5), 'corner_radius'),
+    'a large radius': (box(corner_radii=[0.2]), 'corner_radius 0.2 m does not fit: the side of'),
+    'a negative radius': (box(corner_radii=[-0.1]), 'corner_radius'),
+    'no mass': (box(mass=[0.0]), "the object's mass 0.0 kg: must be positive"),
+    'mass elsewhere': (
+        box(center_of_mass=points([(1.0, 0.0)])),
+        r'center_of_mass \(1, 0\) m: must be within the object',
+    ),
+    'negative friction': (
+        box(friction=[-1.0]),
+        "the object's friction -1.0: must not be",
+    ),
+    'friction not a number': (box(friction=[math.nan]), "the object's friction: .*finite"),
+}
+
+
+@pytest.mark.parametrize('case', REFUSED)
+def test_what_is_no_object_is_refused_with_the_place(case):
+    message, words = REFUSED[case]
+    with pytest.raises(MessageError, match=words) as error:
+        read(message)
+    assert len(str(error.value)) < 300
+
+
+@pytest.mark.parametrize(
+    ('pose', 'words'),
+    [
+        (Pose(position=Point(x=math.nan)), r'object_pose at \(nan, 0.0\): must be finite'),
+        (Pose(position=Point(y=-1e300)), 'object_pose at .*at most 1e[+]06 m away'),
+        (Pose(orientation=Quaternion(w=0.0)), 'object_pose: the quaternion has norm 0.0; must be'),
+        (Pose(orientation=Quaternion(w=math.nan)), 'the quaternion has norm nan'),
+    ],
+)
+def test_what_is_no_pose_is_refused(pose, words):
+    with pytest.raises(MessageError, match=words):
+        read(box(), pose)
+
+
+def test_a_shape_without_a_message_is_refused():
+    class Other(Disc):
+        pass
+
+    assert to_object_message(ConvexObject(Other(0.3))).shape == ObjectMessage.DISC
+    body = ConvexObject(Disc(0.3))
+    object.__setattr__(body, 'shape', 'round')
+    with pytest.raises(GraspError, match="shape 'round': must be a Disc"):
+        to_object_message(body)
