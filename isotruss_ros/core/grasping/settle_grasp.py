@@ -91,7 +91,7 @@ def settle_grasp(
         a cylinder [N, N m].
     :param pressure: gauge, measured [Pa], see `tube_pressures`; that of the robot file if None.
     :param members: names `t/j-k` of the two members or three that hold it, as of a `Grip`. If None
-        those that it presses into; two, where it is a cylinder.
+        those that it presses into, and of a disc in fewer than two the nearest.
     :raises GraspError: an argument is not usable.
     :raises StructureError: a pressure is not usable, the robot is a mechanism, or its stiffness
         laws are contradictory.
@@ -104,13 +104,12 @@ def settle_grasp(
         raise GraspError(f'friction {friction!r}: must not be negative')
     wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
     held = as_convex_object(body)
-    if members is not None or not isinstance(held.shape, Disc):
+    round_pair = isinstance(held.shape, Disc) and members is None
+    if not round_pair or np.count_nonzero(member_depths(config, held) > 0.0) > 2:
         numbers = None if members is None else _numbers(config, members)
         grip = HeldGrip.attach(config, held, numbers, wrench, pressure=pressure)
         return settle_grip(held, grip, float(mu))
     cylinder = Cylinder(held.pose[:2], held.shape.diameter)
-    if np.count_nonzero(member_depths(config, cylinder) > 0.0) > 2:
-        return _not_settled(cylinder, Hold.OTHER_CONTACT)
     found = RollingGrasp.attach(config, cylinder, external_wrench=wrench, pressure=pressure)
     if isinstance(found, Hold):
         return _not_settled(cylinder, found)

@@ -73,7 +73,7 @@ class FreeObject:
                 return
             settled = settle_grasp(config, lying, self._friction)
             held, forces, center = settled.held, settled.normal_forces, settled.pose[:2]
-            if settled.hold is Hold.OTHER_CONTACT:
+            if settled.hold is Hold.OTHER_CONTACT or len(forces) > 2:
                 # Three members and more fix its place: it is held where it is, by (10).
                 analysis = analyze_grasp(config, lying, self._friction)
                 held, forces = analysis.force_closure, analysis.contact_forces

@@ -13,6 +13,7 @@ from isotruss_ros.core import (
     settle_grasp,
     tangent_center,
 )
+from isotruss_ros.core.grasping import held_grip
 from isotruss_ros.core.grasping.contact import solve_contact
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.depths import member_depths
@@ -214,7 +215,18 @@ def test_what_lies_deep_in_one_tube_and_far_from_the_other_is_not_in_the_grip():
     assert not settled.held
 
 
-def test_three_members_are_named_as_what_it_does_not_settle():
+def test_a_cylinder_that_three_members_press_on_is_held_by_these():
+    cylinder, names = Cylinder((0.0, -0.8267), 0.65), ('south/P-Q', 'south/Q-X', 'south/X-P')
+    settled = settle_grasp(HOME, cylinder, FRICTION)
+    assert settled.held
+    assert {*settled.normal_forces} == {*names}
+    assert np.ptp([*settled.normal_forces.values()]) < 1e-6  # in the middle of the triangle
+    again = settle_grasp(HOME, cylinder, FRICTION, members=names)
+    assert settled.slip_margin == again.slip_margin > 1.0
+
+
+def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatch):
+    monkeypatch.setattr(held_grip, 'MOST', 2)
     settled = settle_grasp(HOME, Cylinder((0.0, -0.8267), 0.65), FRICTION)
     assert settled.hold is Hold.OTHER_CONTACT
     assert not settled.held
