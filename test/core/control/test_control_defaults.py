@@ -1,6 +1,11 @@
 """What is taken where nothing is said: the numbers that the documentation has."""
 
-from isotruss_ros.core.control.path_tracking import TrackingSettings
+from isotruss_ros.core.control.path_tracking import (
+    RETURN,
+    RETURN_SPEED,
+    RETURN_TURN_RATE,
+    TrackingSettings,
+)
 from isotruss_ros.core.control.roller_trajectory import RollerTrackingSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeSettings
 
@@ -20,6 +25,11 @@ def test_paths_are_followed_with_these_settings():
         'min_rate': 0.1,
         'standstill_rate': 0.05,
     }
+
+
+def test_objects_are_brought_back_slowly_and_to_a_quarter_of_a_centimetre():
+    assert RETURN.position_tolerance == 0.0025
+    assert (RETURN_SPEED, RETURN_TURN_RATE) == (0.002, 0.02)
 
 
 def test_roller_trajectories_are_followed_with_these_settings():
