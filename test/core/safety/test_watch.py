@@ -1,0 +1,78 @@
+"""How far commands are scaled down where limits object, and which bounds are the default."""
+
+from types import SimpleNamespace
+
+from isotruss_ros.core import load_robot, RollerCommand, ShapeBounds, Status
+from isotruss_ros.core.safety.barrier_limit import BarrierViolation
+from isotruss_ros.core.safety.distances import nearest_on_segment
+from isotruss_ros.core.safety.shape_guard import Watch
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+PERIOD = 0.01
+
+
+def kept(speed, share_of):
+    """Return what is kept of a command of a speed; a share of each travel is admissible."""
+
+    def violation(end, grasp, travel, velocities, duration):
+        assert duration == PERIOD
+        assert end.roller_positions == pytest.approx(travel - 0.5 * PERIOD * velocities)
+        share = share_of(travel[0])
+        return None if share is None else BarrierViolation(share, Status.SLOWED_OBJECT, ('it',))
+
+    law = SimpleNamespace(safety_margin=0.1)
+    limit = SimpleNamespace(
+        margins=np.zeros(1), barrier=SimpleNamespace(law=law), violation=violation
+    )
+    velocities = np.zeros(len(HOME.roller_positions))
+    velocities[0] = speed
+    before = np.linspace(-0.01, 0.02, len(velocities))
+    command = RollerCommand(velocities, np.array([0.1, 0.2, 0.3]), 0.9, Status.OK)
+    found = Watch(HOME, None, (), (limit,)).keep(command, before, PERIOD)
+    share = found.roller_velocities[0] / speed
+    assert found.achieved_twist == pytest.approx(share * command.achieved_twist)
+    assert found.scale == pytest.approx(share * command.scale)
+    assert (found is command) == (share == 1.0)
+    if share < 1.0:
+        assert (found.status, found.limiting) == (Status.SLOWED_OBJECT, ('it',))
+    return share
+
+
+@pytest.mark.parametrize(
+    ('speed', 'share'), [(0.02, 1.0), (0.049, 1.0), (0.051, 0.8 / 1.02), (0.1, 0.4)]
+)
+def test_a_fifth_less_than_what_is_admissible_is_kept(speed, share):
+    """As long as the travel in a cycle of 10 ms is 0.5 mm or less, it is admissible."""
+    room = 5e-4
+    found = kept(speed, lambda travel: room / travel if travel > room else None)
+    assert found == pytest.approx(share)
+
+
+@pytest.mark.parametrize(('most', 'share'), [(0.9, 0.8), (0.55, 0.512), (0.45, 0.0)])
+def test_the_robot_stands_still_after_four_attempts(most, share):
+    found = kept(0.05, lambda travel: 1.0 if travel > 5e-4 * most else None)
+    assert found == pytest.approx(share)
+
+
+def test_shapes_keep_these_bounds():
+    assert vars(ShapeBounds()) == {
+        'min_rigidity': 0.2,
+        'min_clearance': 0.02,
+        'min_object_clearance': 0.02,
+        'rigidity_band': 0.2,
+        'clearance_band': 0.1,
+        'rate': 5.0,
+    }
+
+
+def test_points_on_segments_and_segments_of_next_to_no_length_have_a_direction():
+    start = np.array([1.0 + 1.0j, 1.0 + 1.0j])
+    end = start + np.array([0.3 + 0.4j, 1e-7j])
+    found = nearest_on_segment(0.5 * (start + end), start, end)
+    assert found.normal[0] == pytest.approx(1j * (0.6 + 0.8j), abs=1e-6)
+    assert np.abs(found.normal) == pytest.approx(1.0)
+    found = nearest_on_segment(np.array([1.5 + 1.0j, 1.0 + 2.0j]), start, end)
+    assert found.share == pytest.approx([0.6, 1.0])
+    assert found.distance == pytest.approx([0.4, 1.0])
