@@ -105,10 +105,11 @@ class MemberNodes(NamedTuple):
     :ivar driven: (2 d,) numbers of these rows.
     :ivar rollers: (d,) numbers of these rollers.
     :ivar numbers: (k,) 0, 1, ...
-    :ivar motion_places: (8 k,) where starts and ends are in four rows by node, flat: of each row
-        start and end of one contact after the other.
+    :ivar both: (2 k,) starts and ends, of one member after the other.
+    :ivar motion_places: (8 k,) where starts and ends are in four rows by node, flat: of each
+        member its start and its end in the first row, in the second and so on.
     :ivar motion_rolled: (4 d,) where the rollers are in four rows by roller, flat.
-    :ivar motion_driven: (4 d,) where these are in four rows by contact, flat.
+    :ivar motion_driven: (4 d,) numbers of these among the four rows of each member.
     """
 
     members: Indices
@@ -119,6 +120,7 @@ class MemberNodes(NamedTuple):
     driven: Indices
     rollers: Indices
     numbers: Indices
+    both: Indices
     motion_places: Indices
     motion_rolled: Indices
     motion_driven: Indices
@@ -149,8 +151,7 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
     driven = np.isin(members, topology.driven).repeat(2).nonzero()[0]
     rollers = columns.repeat(2)[driven]
     rolled = driven * len(topology.driven) + rollers
-    four, ends_of = np.arange(4)[:, None], np.stack([starts, ends], axis=1).ravel()
-    own = driven[::2] // 2
+    both, own, four = np.stack([starts, ends], axis=1), driven[::2] // 2, np.arange(4)
     found = MemberNodes(
         members,
         starts,
@@ -160,9 +161,10 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
         driven,
         rollers[::2],
         numbers,
-        (four * topology.n_nodes + ends_of).ravel(),
-        (four * len(topology.driven) + rollers[::2]).ravel(),
-        (four * len(members) + own).ravel(),
+        both.ravel(),
+        (four[:, None] * topology.n_nodes + both[:, None]).ravel(),
+        (four * len(topology.driven) + rollers[::2, None]).ravel(),
+        (4 * own[:, None] + four).ravel(),
     )
     for array in found:
         array.flags.writeable = False

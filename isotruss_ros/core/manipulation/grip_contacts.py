@@ -98,8 +98,8 @@ def find_touches(config: Configuration, grip: Grip) -> Touches:
     :raises GraspError: see `find_contacts`.
     """
     body, nodes = grip.body, find_members(config.robot, grip.members)
-    starts = config.points.take(nodes.starts).tolist()
-    ends = config.points.take(nodes.ends).tolist()
+    both = config.points.take(nodes.both).tolist()
+    starts, ends = both[::2], both[1::2]
     inside = grip.center if isinstance(body, Cylinder) else body.middle
     spans, axes, sides, normals = [], [], [], []
     for start, end in zip(starts, ends, strict=True):

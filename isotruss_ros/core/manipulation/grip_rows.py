@@ -189,21 +189,29 @@ def _pair_jacobian(config: Configuration, center: complex, touches: Touches) -> 
     along = apart / distance
     # conj(along) (v2 - v1) = opening + i omega distance; omega moves the middle of both as i arm.
     around, arm = 1j * along / distance, center - 0.5 * (one + other)
-    x, y = arm.imag * around, arm.real * around
-    gradients = (0.5 + x, 0.5 - x, 0.5j - y, 0.5j + y, -around, around, -along, along)
-    members = [
-        ((point - start).conjugate(), 1j / span.conjugate(), axis)
-        for point, start, span, axis in zip(
-            touches.points, touches.starts, touches.spans, touches.axes, strict=True
-        )
-    ]
     entries: list[complex] = []
     rolls: list[float] = []
-    for gradient, (lever, turn, axis) in zip(gradients, 4 * members, strict=True):
+    _, starts, spans, axes, points, *_ = touches
+    for sign, start, span, axis, point in zip(
+        (-1.0, 1.0), starts, spans, axes, points, strict=True
+    ):
         # The material moves with the member's start, with its turning and along it.
-        by_end = (gradient * lever).imag * turn
-        entries += (gradient - by_end, by_end)
-        rolls.append((gradient.conjugate() * axis).real)
+        lever, turn, back = (point - start).conjugate(), 1j / span.conjugate(), axis.conjugate()
+        by_omega, by_opening = sign * around, sign * along
+        x, y = arm.imag * by_omega, arm.real * by_omega
+        turned, opened = (by_omega * lever).imag, (by_opening * lever).imag
+        end_x = (0.5 * lever.imag - arm.imag * turned) * turn
+        end_y = (0.5 * lever.real + arm.real * turned) * turn
+        end_omega, end_opening = turned * turn, opened * turn
+        entries += (0.5 - x - end_x, end_x, 0.5j + y - end_y, end_y)
+        entries += (by_omega - end_omega, end_omega, by_opening - end_opening, end_opening)
+        rolled, opens = (by_omega * back).real, (by_opening * back).real
+        rolls += (
+            0.5 * axis.real - arm.imag * rolled,
+            0.5 * axis.imag + arm.real * rolled,
+            rolled,
+            opens,
+        )
     nodes, count = touches.nodes, len(config.points)
     rows = np.zeros(4 * count, dtype=np.complex128)
     rows[nodes.motion_places] = entries
@@ -248,14 +256,22 @@ def _misfits(rigid: Array, points: Points, owners: Indices, normals: Points) -> 
 
     :raises GraspError: the contacts are all in one point.
     """
-    if max(map(abs, (points[1:] - points[0]).tolist())) < MIN_DIAMETER:
+    places, count = points.tolist(), len(points)
+    if max(abs(place - places[0]) for place in places) < MIN_DIAMETER:
         raise GraspError(ONE_POINT)
     if owners[-1] > 1:
         opening = 0.5 * normals
     else:
-        second = owners == 1
-        apart = points[second].mean() - points[~second].mean()
-        opening = np.where(second, 0.5, -0.5) * apart / abs(apart)
-    basis, sizes = np.linalg.qr(np.column_stack([rigid, opening.view(float)]), mode='complete')
-    basis[:, 3] *= sizes[3, 3]
+        first = int(owners.searchsorted(1))
+        apart = sum(places[first:]) / (count - first) - sum(places[:first]) / first
+        half = 0.5 * apart / abs(apart)
+        opening = np.array([-half] * first + [half] * (count - first))
+    # QR factorization, all columns of the first factor.
+    tall = np.zeros((len(rigid), len(rigid)), order='F')
+    tall[:, :3], tall[:, 3] = rigid, opening.view(float)
+    factored, scales, _, _ = lapack.dgeqrf(tall[:, :4])
+    size = factored[3, 3]
+    tall[:, :4] = factored
+    basis = lapack.dorgqr(tall, scales)[0]
+    basis[:, 3] *= size
     return basis[:, 3:]

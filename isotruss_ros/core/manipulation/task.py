@@ -154,12 +154,13 @@ class Reach:
     @classmethod
     def _of_many(cls, task: Array, grip: Array, weights: Array) -> Reach:
         """Compute which twists are reachable with several rows (g, w) that keep the grip."""
-        mixed, gains, basis = np.linalg.svd(grip, full_matrices=False)
+        mixed, gains, basis, _ = lapack.dgesdd(grip, full_matrices=0)
         held = gains > RANK_TOLERANCE
         kept = basis[held]
-        directions, sizes, _ = np.linalg.svd(task - (task @ kept.T) @ kept, full_matrices=False)
+        left = task - task.dot(kept.T).dot(kept)
+        directions, sizes, _, _ = lapack.dgesdd(left, full_matrices=0)
         reachable = directions[:, sizes > RANK_TOLERANCE].T
-        rows = np.vstack([reachable @ task, kept])
+        rows = np.concatenate([reachable.dot(task), kept])
         return cls(rows, reachable, weights, mixed[0, held] / gains[held])
 
     @classmethod
