@@ -200,7 +200,7 @@ def test_what_cannot_grip_is_refused(fields, words):
 def test_members_that_the_robot_does_not_have_are_refused():
     needs = GraspRequirements(members=('north/Z-R', 'north/X-Y'))
     with pytest.raises(GraspError, match="'north/X-Y': robot nine_member has no such members"):
-        plan_grasps(HOME, PLAIN, needs)
+        plan_grasps(HOME, ConvexObject(BOX), needs)
 
 
 @pytest.mark.parametrize(
