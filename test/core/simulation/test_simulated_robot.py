@@ -103,6 +103,7 @@ def test_slip_is_as_large_as_asked_for_over_many_robots():
         lost.append(1.0 - robot.config.roller_positions / robot.roller_positions)
     # 1200 draws, even from 0.03 to 0.09: their mean is known to 0.0005; five of these.
     assert np.mean(lost) == pytest.approx(0.06, abs=0.0025)
+    assert (np.min(lost), np.max(lost)) == pytest.approx((0.03, 0.09), rel=0.02)
 
 
 def test_noise_of_a_seed_does_not_depend_on_the_slip():

@@ -1,0 +1,54 @@
+"""Simulated objects where they lie, and what is taken where nothing is said."""
+
+import math
+
+from grips import gripped
+from isotruss_ros.core import ConvexObject, Disc, ElasticObject, GraspError, RollerFaults
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.simulation.free_convex_object import FreeConvexObject
+from isotruss_ros.core.simulation.free_object import FreeObject
+import pytest
+
+CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
+
+
+@pytest.mark.parametrize(
+    ('angle', 'kept'),
+    [(0.0, 0.0), (-3.0, -3.0), (4.0, 4.0 - 2.0 * math.pi), (13.0, 13.0 - 4 * math.pi)],
+)
+def test_angles_are_kept_within_half_a_turn(angle, kept):
+    body = ConvexObject(Disc(0.3), (*CYLINDER.center, angle))
+    for lying in (
+        FreeObject(CYLINDER, 0.5, angle),
+        FreeConvexObject(body, 0.5),
+        ElasticObject(CYLINDER, 0.5, angle),
+        ElasticObject(body, 0.5),
+    ):
+        assert lying.pose(CONFIG) == pytest.approx((*CYLINDER.center, kept), abs=1e-12)
+
+
+def test_an_elastic_object_is_as_stiff_as_its_model():
+    simulated, soft = ElasticObject(CYLINDER, 0.5), ElasticObject(CYLINDER, 0.5, 0.0, 0.05)
+    for one in (simulated, soft):
+        one.follow(CONFIG)
+    model = RollingGrasp.attach(CONFIG, CYLINDER)
+    assert simulated.grasp.squeeze == pytest.approx(model.squeeze, rel=1e-6)
+    # What of it there is comes from softer tubes.
+    assert soft.grasp is None or soft.grasp.squeeze < 0.2 * model.squeeze
+
+
+def test_any_friction_and_stiffness_but_none_are_taken():
+    ElasticObject(CYLINDER, 0.0, 0.0, 1e-6)
+    ElasticObject(CYLINDER, 0.05, 0.0, 0.05)
+    for friction, scale in ((-1e-9, 1.0), (0.5, 0.0), (0.5, -0.1)):
+        with pytest.raises(GraspError, match='must not be negative'):
+            ElasticObject(CYLINDER, friction, 0.0, scale)
+
+
+def test_rollers_without_faults_are_perfect():
+    assert vars(RollerFaults()) == {
+        'speed_limit': math.inf,
+        'noise': 0.0,
+        'stuck': frozenset(),
+        'slip': 0.0,
+    }
