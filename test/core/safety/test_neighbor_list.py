@@ -3,10 +3,19 @@
 from types import SimpleNamespace
 
 from hypothesis import given, strategies
-from isotruss_ros.core import ConfigurationError, Grasp, load_robot, tangent_center
+from isotruss_ros.core import (
+    ConfigurationError,
+    ConvexObject,
+    Grasp,
+    Grip,
+    load_robot,
+    Polygon,
+    tangent_center,
+)
 from isotruss_ros.core.safety.distances import collision_model
 from isotruss_ros.core.safety.neighbor_list import NeighborList
 import numpy as np
+import pytest
 import robots
 
 ROBOT = load_robot('nine_member')
@@ -70,6 +79,32 @@ def test_measures_nothing_again_before_it_may_be_close():
     for distance in (0.0, 0.0199, 0.0201):
         assert find(moved(distance)) == []
     assert count == [1, 0, 1]
+
+
+@pytest.mark.parametrize('kind', ['a grasp', 'a grip', 'a grip that turns'])
+def test_measures_again_where_the_object_may_have_come_close(kind):
+    shape = Polygon([(-0.3, -0.4), (0.3, -0.4), (0.3, 0.4), (-0.3, 0.4)])
+
+    def held(distance):
+        if kind == 'a grasp':
+            return Grasp('east/Q', (0.6 * distance, 0.8 * distance), 0.3)
+        # No point is farther than 0.5 m from the origin, about which it turns.
+        turn = 2.0 * np.arcsin(0.25 * distance / 0.5) if kind.endswith('turns') else 0.0
+        pose = (0.5 * distance if turn else distance, 0.0, turn)
+        return Grip(('south/P-Q', 'north/R-P'), ConvexObject(shape, pose))
+
+    # 0.4 m are spare: object and part may come nearer by what both of them move.
+    for own, part, again in ((0.39, 0.0, 0), (0.41, 0.0, 1), (0.3, 0.09, 0), (0.3, 0.11, 1)):
+        list_, measured = NeighborList(0.1), []
+
+        def measure(pairs, measured=measured):
+            measured.append(pairs)
+            return np.array([0.5, 0.9])[pairs]
+
+        list_.find_close(ROBOT.home, held(0.0), measure)
+        moved = SimpleNamespace(points=ROBOT.home.points + part)
+        list_.find_close(moved, held(own), measure)
+        assert len(measured) == 1 + again
 
 
 def test_measures_another_object_again():
