@@ -24,6 +24,9 @@ MAX_MOVE = 0.5
 #: ... and tubes incline at most by this [rad]. A tube that inclines by more than the other has
 #: folded long before: there the linear structure has balances that mean nothing.
 MAX_TURN, MAX_INCLINATION = 0.2, 0.5
+#: Rows that settle what statics leaves open: residual (k,) and derivative (k, 3 + 4k) in a state.
+Closure = Callable[[Array, Points], tuple[Array, Array]]
+
 #: Places of the pose among the unknowns.
 CENTER, ANGLE, POSE = slice(0, 2), 2, 3
 
@@ -72,10 +75,12 @@ class ContactForces:
         beta_i [rad], normal forces N_i [N], friction forces on the tubes T_i [N],
         counter-clockwise around the object.
     :ivar normals: (k,) from the object toward the tubes.
+    :ivar jacobian: (3 + 4k, 3 + 4k) of the equations there.
     """
 
     unknowns: Array
     normals: Points
+    jacobian: Array
 
     @property
     def places(self) -> Places:
@@ -102,9 +107,16 @@ class ContactForces:
         """Return (k,) on the tubes, counter-clockwise around the object [N]."""
         return self.unknowns[self.places.friction]
 
+    def jacobian_with(self, closure: Closure) -> Array:
+        """
+        Return the Jacobian of the equations with another closure, (3 + 4k, 3 + 4k).
 
-#: Rows that settle what statics leaves open: residual (k,) and derivative (k, 3 + 4k) in a state.
-Closure = Callable[[Array, Points], tuple[Array, Array]]
+        :param closure: what settles the equations that statics leaves open.
+        """
+        jacobian = self.jacobian.copy()
+        jacobian[self.places.closure] = closure(self.unknowns, self.normals)[1]
+        return jacobian
+
 
 #: Residual (3 + 4k,), its derivative and the normals (k,) in a state.
 Equations = Callable[[Array], tuple[Array, Array, Points]]
@@ -134,7 +146,7 @@ def solve_balance(
         apart = max(apart, float(np.abs(residual[places.closure]).max()))
         if unbalanced <= FORCE_TOLERANCE * squeeze and apart <= LENGTH_TOLERANCE:
             folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
-            return None if folded else ContactForces(unknowns, normals)
+            return None if folded else ContactForces(unknowns, normals, jacobian)
         try:
             step = np.linalg.solve(jacobian, -residual)
         except np.linalg.LinAlgError:

@@ -125,16 +125,12 @@ class ContactStatics:
         total = pushed.sum()
         residual[places.balance] = wrench - (total.real, total.imag, (lever * pushed).imag.sum())
 
-        by_loads = (
-            (places.inclinations, 1j * force, np.zeros(count)),
-            (places.normal, local, soft * friction),
-            (places.friction, 1j * local, -skin),
-        )
+        # Loads by inclinations, normal forces and friction forces, which follow each other.
+        forces = np.concatenate([1j * force, local, 1j * local])
+        moments = np.concatenate([np.zeros(count), soft * friction, -skin])
         rows = jacobian[: 3 * count].reshape(3, count, -1).transpose(1, 0, 2)  # contact, response
         rows[:, :, places.feet] = contact.rates(loads)
-        for place, forces, moments in by_loads:
-            change = np.stack([forces.real, forces.imag, moments])
-            rows[:, :, place] = np.einsum('iajb,bj->iaj', contact.matrix, change)
+        rows[:, :, slice(places.inclinations.start, None)] = contact.respond_each(forces, moments)
         own = np.arange(count)
         # As the object turns under a tube, the point that touches moves back on its surface.
         swung = 1j * (arms - radii * normals)

@@ -116,18 +116,12 @@ class HeldObjectStatics:
         residual[7] = wrench[1] - pushed.imag.sum()
         residual[8] = wrench[2] - friction.sum()
 
-        # Loads by inclination, normal force and friction force: (3, 2) each.
-        by_turn = 1j * force
-        by_loads = (
-            (INCLINATIONS, by_turn, np.zeros(2)),
-            (NORMAL, local, soft * friction),
-            (FRICTION, 1j * local, -skin),
-        )
+        # Loads by inclinations, normal forces and friction forces, which follow each other.
+        forces = np.concatenate([1j * force, local, 1j * local])
+        moments = np.concatenate([np.zeros(2), soft * friction, -skin])
         rows = jacobian[:6].reshape(3, 2, SIZE).transpose(1, 0, 2)  # contact, response
         rows[:, :, FEET] = contact.rates(loads)
-        for place, forces, moments in by_loads:
-            change = np.stack([forces.real, forces.imag, moments])
-            rows[:, :, place] = np.einsum('iajb,bj->iaj', contact.matrix, change)
+        rows[:, :, slice(INCLINATIONS.start, None)] = contact.respond_each(forces, moments)
         own = np.arange(2)
         jacobian[own, 0], jacobian[own, 1] = -axis.real, -axis.imag
         jacobian[own + 2, 0], jacobian[own + 2, 1] = axis.imag, -axis.real

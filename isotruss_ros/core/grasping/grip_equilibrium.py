@@ -92,7 +92,7 @@ class GripEquilibrium(StickingGrasp):
         """Return how pose and forces answer to a wrench; None where that is indifferent."""
         travel = travel_into(self.config, self.contacts.members)
         closure = stick(self.statics, self.anchors, travel, self.angles, NOTHING)
-        return grip_response(self.statics, self.state, self.wrench, closure)
+        return grip_response(self.statics, self.state, closure)
 
     def squeeze_by_opening(self) -> float:
         """

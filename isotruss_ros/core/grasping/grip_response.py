@@ -31,19 +31,17 @@ class GripResponse(WrenchResponse):
 
 
 def grip_response(
-    statics: ContactStatics, state: ContactForces, wrench: Array, closure: Closure
+    statics: ContactStatics, state: ContactForces, closure: Closure
 ) -> GripResponse | None:
     """
     Return how pose and forces of a held object answer while the contacts stick.
 
     :param statics: the equations.
     :param state: the equilibrium.
-    :param wrench: (fx, fy, m / arm) in it [N].
     :param closure: `stick` for its anchors.
     :return: None where the equilibrium is indifferent: its Jacobian is singular.
     """
     places, count = statics.places, len(statics.owners)
-    _, jacobian, _ = statics.equations(state.unknowns, wrench, closure)
     members = int(statics.owners[-1]) + 1
     right = np.zeros((places.size, 4 + members))
     right[places.balance, :3] = -np.eye(3)
@@ -51,7 +49,7 @@ def grip_response(
     moving = np.column_stack([_opening(statics, state), own * state.normals[:, None]])
     moved = statics.compliance.axis.conj()[:, None] * moving
     right[: 2 * count, 3:] = -np.concatenate([moved.real, moved.imag])
-    change = solve_change(jacobian, right)
+    change = solve_change(state.jacobian_with(closure), right)
     if change is None:
         return None
     normal, friction = change[places.normal], change[places.friction]

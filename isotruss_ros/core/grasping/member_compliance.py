@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import itertools
 
 from isotruss_ros.core.grasping.beam_between import beam_between, BeamPiece
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np
 
@@ -56,6 +56,18 @@ class ContactCompliance:
         """
         size = loads.size
         return (self.matrix.reshape(size, size) @ loads.ravel()).reshape(-1, 3)
+
+    def respond_each(self, forces: Points, moments: Array) -> Array:
+        """
+        Return the responses of all members to each of some loads, (k, 3, n k).
+
+        :param forces: (n k,) on one member after the other, n times, along and across it [N].
+        :param moments: (n k,) with them [N m].
+        """
+        count = len(self.matrix)
+        loads = np.stack([forces.real, forces.imag, moments]).reshape(3, -1, count)
+        found = self.matrix.transpose(2, 0, 1, 3).reshape(count, -1, 3) @ loads.transpose(2, 0, 1)
+        return found.transpose(1, 2, 0).reshape(count, 3, -1)
 
     def rates(self, loads: Array) -> Array:
         """

@@ -145,7 +145,7 @@ class RollingGrasp(StickingGrasp):
     @functools.cached_property
     def response(self) -> WrenchResponse | None:
         """Return how pose and forces answer to a wrench; None where that is indifferent."""
-        return wrench_response(self.statics, self.state, self.wrench)
+        return wrench_response(self.statics, self.state)
 
     def squeeze_by_opening(self) -> float:
         """

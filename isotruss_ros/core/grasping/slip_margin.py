@@ -54,22 +54,18 @@ class WrenchResponse:
         return self.normal.sum(axis=0) / (int(self.owners[-1]) + 1)
 
 
-def wrench_response(
-    statics: HeldObjectStatics, state: ContactForces, wrench: Array
-) -> WrenchResponse | None:
+def wrench_response(statics: HeldObjectStatics, state: ContactForces) -> WrenchResponse | None:
     """
     Return how pose and forces of a held object answer to a wrench while the contacts stick.
 
     :param statics: the equations.
     :param state: the equilibrium.
-    :param wrench: (fx, fy, m / radius) in it [N].
     :return: None where the equilibrium is indifferent: its Jacobian is singular.
     """
     closure = roll(np.zeros(2), np.zeros(2), statics)
-    _, jacobian, _ = statics.equations(state.unknowns, wrench, closure)
     right = np.zeros((SIZE, 3))
     right[BALANCE] = -np.eye(3)
-    change = solve_change(jacobian, right)
+    change = solve_change(state.jacobian_with(closure), right)
     if change is None:
         return None
     pose, normal, friction = change[:3], change[NORMAL], change[FRICTION]

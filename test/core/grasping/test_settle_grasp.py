@@ -145,7 +145,7 @@ def first_slip(statics, state, direction):
 @pytest.mark.parametrize('number', range(8))
 def test_first_slip_is_where_it_was_predicted(number):
     statics, state = balance(*gripped(35.0, squeeze=0.06))
-    response = wrench_response(statics, state, NOTHING)
+    response = wrench_response(statics, state)
     turn = np.exp(0.25j * np.pi * number)
     direction = np.array([turn.real, turn.imag, 0.0])
     slope = np.concatenate(
@@ -163,7 +163,7 @@ def test_first_slip_is_where_it_was_predicted(number):
 
 def test_the_margin_is_the_smallest_wrench_of_all_directions():
     statics, state = balance(CONFIG, CYLINDER)
-    response = wrench_response(statics, state, NOTHING)
+    response = wrench_response(statics, state)
     margin = slip_margin(state, response, FRICTION)
     rng = np.random.default_rng(0)
     for _ in range(200):
