@@ -67,16 +67,16 @@ def test_of_four_places_between_crossing_members_it_is_the_one_nearest_to_their_
     ('point', 'distance'),
     [
         (1.0 + 2.0j, 0.0),
-        (1.6 + 2.8j, 0.0),
-        (2.2 + 3.6j, 0.0),
+        (1.45 + 2.6j, 0.0),
+        (1.9 + 3.2j, 0.0),
         (0.4 + 1.2j, 1.0),
-        (2.8 + 4.4j, 1.0),
-        (1.6 - 0.4 + 1j * (2.8 + 0.3), 0.5),
-        (2.2 + 0.4 + 1j * (3.6 - 0.3), 0.5),
+        (2.5 + 4.0j, 1.0),
+        (1.45 - 0.4 + 1j * (2.6 + 0.3), 0.5),
+        (1.9 + 0.4 + 1j * (3.2 - 0.3), 0.5),
     ],
 )
-def test_distances_from_a_segment_of_two_metres(point, distance):
-    assert _distance(point, 1.0 + 2.0j, 1.2 + 1.6j) == pytest.approx(distance, abs=1e-12)
+def test_distances_from_a_segment(point, distance):
+    assert _distance(point, 1.0 + 2.0j, 0.9 + 1.2j) == pytest.approx(distance, abs=1e-12)
 
 
 def test_what_is_held_begins_at_angle_zero_and_without_a_misfit():
