@@ -65,6 +65,9 @@ def test_shapes_keep_these_bounds():
         'clearance_band': 0.1,
         'rate': 5.0,
     }
+    # Any that are not negative are taken, the smallest ones too.
+    least = ShapeBounds(0.0, 0.0, 0.0, 1e-6, 1e-6, 1e-6)
+    assert (least.min_rigidity, least.clearance_band) == (0.0, 1e-6)
 
 
 def test_points_on_segments_and_segments_of_next_to_no_length_have_a_direction():
@@ -73,6 +76,7 @@ def test_points_on_segments_and_segments_of_next_to_no_length_have_a_direction()
     found = nearest_on_segment(0.5 * (start + end), start, end)
     assert found.normal[0] == pytest.approx(1j * (0.6 + 0.8j), abs=1e-6)
     assert np.abs(found.normal) == pytest.approx(1.0)
+    assert found.share == pytest.approx(0.5)
     found = nearest_on_segment(np.array([1.5 + 1.0j, 1.0 + 2.0j]), start, end)
     assert found.share == pytest.approx([0.6, 1.0])
     assert found.distance == pytest.approx([0.4, 1.0])
