@@ -17,6 +17,7 @@ import cmath
 from dataclasses import dataclass, replace
 import itertools
 import math
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -118,10 +119,11 @@ class RollingGrip:
         rolled = self._rolled(config)
         if rolled.misfit <= MISFIT or not isinstance(self._body.shape, Polygon):
             return rolled
-        before = self._touch(self.config, self._body.center, self._body.pose.angle)
-        if len(before.owners) == len(self.sides):
+        owners, _ = touched_corners(self._body.shape, np.exp(1j * self.angles), FLAT)
+        if len(owners) == len(self.sides):
             return rolled
         # A face lay on a member, and may have lifted at one of its ends.
+        before = self._touch(self.config, self._body.center, self._body.pose.angle)
         ends = [np.flatnonzero(before.owners == i).tolist() for i in range(len(self.sides))]
         for chosen in itertools.product(*([own, *([k] for k in own)] for own in ends)):
             kept = np.array([k for own in chosen for k in own])
@@ -159,7 +161,8 @@ class RollingGrip:
             if settled or (isinstance(body.shape, Disc) and size <= body.arm):
                 # What rolling keeps is linear for a disc.
                 off += rows.dot(change)
-                return self._settled(config, center, angle, float(np.abs(off).max()), lines[2])
+                misfit = float(np.abs(off).max())
+                return self._settled(config, center, angle, misfit, lines.normals)
             if not size <= body.arm:
                 break
             kept = (touch.owners, touch.corners) if step >= FREE_STEPS else fixed
@@ -189,11 +192,11 @@ class RollingGrip:
         center: complex,
         angle: float,
         kept: tuple[Indices, Indices] | None = None,
-        lines: tuple[Points, Points, Points] | None = None,
+        lines: _Lines | None = None,
     ) -> _Touch:
         """Return what rolling keeps, of an object in a place, and its derivative by the place."""
         shape, turn = self._body.shape, cmath.rect(1.0, angle)
-        starts, axes, normals = lines or _lines(config, self.grip, self.sides)
+        starts, axes, normals, travel = lines or _lines(config, self.grip, self.sides)
         own = normals * turn.conjugate()
         owners = corners = np.arange(len(own))
         if isinstance(shape, Polygon):
@@ -212,7 +215,7 @@ class RollingGrip:
         rows[k:, 0], rows[k:, 1], rows[k:, 2] = axes.real, axes.imag, -turned.imag
         rows[:k, 0], rows[:k, 1], rows[:k, 2] = -axes.imag, axes.real, turned.real
         rows[:k] *= sides[:, None]
-        anchors = local.real - _travel(config, self.grip)[owners] - sides * arcs
+        anchors = local.real - travel[owners] - sides * arcs
         return _Touch(owners, corners, sides * local.imag, anchors, rows)
 
 
@@ -235,13 +238,31 @@ class _Touch:
     rows: Array
 
 
-def _lines(config: Configuration, grip: Grip, sides: Array) -> tuple[Points, Points, Points]:
-    """Return starts, directions and normals (m,) of the members, the latter out of the object."""
+class _Lines(NamedTuple):
+    """
+    The members of a grip in one configuration.
+
+    :ivar starts: (m,) x + iy [m].
+    :ivar axes: (m,) their directions.
+    :ivar normals: (m,) unit vectors out of the object.
+    :ivar travel: (m,) of the tubes into the members at their starts [m].
+    """
+
+    starts: Points
+    axes: Points
+    normals: Points
+    travel: Array
+
+
+def _lines(config: Configuration, grip: Grip, sides: Array) -> _Lines:
+    """Return the members of a grip."""
     nodes = find_members(config.robot, grip.members)
     starts = config.points[nodes.starts]
     spans = config.points[nodes.ends] - starts
     axes = spans / np.abs(spans)
-    return starts, axes, axes * (-1j * sides)
+    travel = np.zeros(len(nodes.members))
+    travel[nodes.driven[::2] // 2] = config.roller_positions[nodes.rollers]
+    return _Lines(starts, axes, axes * (-1j * sides), travel)
 
 
 def _least_squares(rows: Array, right: Array) -> Array:
@@ -250,11 +271,3 @@ def _least_squares(rows: Array, right: Array) -> Array:
     work = 16 * len(rows)
     solution = lapack.dgelsy(rows, right[:, None], pivots, RANK, work)[1]
     return np.asarray(solution[:count, 0])
-
-
-def _travel(config: Configuration, grip: Grip) -> Array:
-    """Return the travel of the tubes into the members at their starts (m,) [m]."""
-    nodes = find_members(config.robot, grip.members)
-    travel = np.zeros(len(nodes.members))
-    travel[nodes.driven[::2] // 2] = config.roller_positions[nodes.rollers]
-    return travel
