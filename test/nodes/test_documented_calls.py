@@ -27,13 +27,14 @@ def calls():
         text = path.read_text(encoding='utf-8').replace('--feedback ', '').replace('\\\n', ' ')
         for block in re.findall(r'^```sh\n(.*?)^```', text, re.M | re.S):
             words = shlex.split(block, comments=True)
-            for i, word in enumerate(words[:-5]):
-                command = ' '.join(words[i + 1 : i + 3])
-                if word == 'ros2' and command in COMMANDS and '/' in words[i + 4]:
-                    package, folder, kind = words[i + 4].split('/')
+            following = (words[place:] for place in range(6))
+            for ros, verb, noun, _, kind, content in zip(*following, strict=False):
+                message_name = COMMANDS.get(f'{verb} {noun}')
+                if ros == 'ros2' and message_name is not None:
+                    package, folder, name = kind.split('/')
                     module = importlib.import_module(f'{package}.{folder}')
-                    message = getattr(getattr(module, kind), COMMANDS[command])()
-                    found.append((path.name, message, yaml.safe_load(words[i + 5])))
+                    message = getattr(getattr(module, name), message_name)()
+                    found.append((path.name, message, yaml.safe_load(content)))
     return found
 
 

@@ -51,7 +51,8 @@ class ConvexObject:
             x, y = finite_array(
                 self.center_of_mass, 2, 'center_of_mass (x, y) in the object [m]', GraspError
             )
-            if self.shape.nearest(np.array([complex(x, y)])).gaps[0] > 0.0:
+            away = max(abs(x), abs(y)) > MAX_DISTANCE  # squares of more may overflow
+            if away or self.shape.nearest(np.array([complex(x, y)])).gaps[0] > 0.0:
                 raise GraspError(f'center_of_mass ({x:g}, {y:g}) m: must be within the object')
             object.__setattr__(self, 'center_of_mass', (float(x), float(y)))
         if self.friction is not None:

@@ -294,8 +294,11 @@ def _validate_radii(radius: object, count: int) -> Array:
         radii = finite_array(radius, count, 'corner_radius [m], one for each vertex', GraspError)
     else:
         radii = np.repeat(finite_array([radius], 1, 'corner_radius [m]', GraspError), count)
-    if (radii < 0.0).any():
-        raise GraspError(f'corner_radius {radius!r} m: must not be negative')
+    for value in (radii.min(), radii.max()):
+        if not 0.0 <= value <= MAX_DISTANCE:
+            raise GraspError(
+                f'corner_radius {value:g} m: must not be negative, nor above {MAX_DISTANCE:g} m'
+            )
     return radii
 
 

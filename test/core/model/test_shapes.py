@@ -231,6 +231,7 @@ def test_refuses_arcs_that_do_not_fit(radius, words):
         (lambda: ConvexObject(Disc(0.1), (1e10, 0.0, 0.0)), 'within'),
         (lambda: ConvexObject(Disc(0.1), mass=0.0), 'mass'),
         (lambda: ConvexObject(Disc(0.1), center_of_mass=(0.06, 0.0)), 'within the object'),
+        (lambda: ConvexObject(Ellipse((0.2, 0.1)), center_of_mass=(1e308, 0.0)), 'within the'),
         (lambda: ConvexObject(Disc(0.1), friction=-0.1), 'friction'),
     ],
 )
