@@ -57,8 +57,8 @@ def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[A
     starts, ends = model.part_ends(config, parts)
     near = segment_gaps(body, starts, ends)
     rows = model.part_rows(config, parts, near.shares, -near.normals)
-    points = starts + near.shares * (ends - starts)
-    arms = points - near.gaps * near.normals - body.center
+    # To the segment: the surface is along the normal from there, which turns with the same speed.
+    arms = starts + near.shares * (ends - starts) - body.center
     turning = (near.normals.conj() * 1j * arms).real
     surface = np.column_stack([as_xy(near.normals), turning])
     return rows.view(np.float64), -surface @ grip_jacobian(config, grip)[:3]
