@@ -116,6 +116,19 @@ def test_a_box_is_picked_up_and_placed_by_the_members_named(tmp_path):
         assert np.hypot(*(client.place() - lies[:2])) < 5e-2
 
 
+def test_a_wide_disc_is_picked_up_and_placed_by_three_members_of_three_tubes(tmp_path):
+    members = ('south/P-Q', 'east/Q-R', 'north/R-P')
+    with robot(tmp_path) as r:
+        client = Client(r, (0.716, -0.4134, 0.0), object_diameter=0.6)
+        status, result = client.execute(PickObject.Goal(squeeze=12.0, members=members))
+        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), result.message
+        assert (result.module, {*result.members}) == ('', {*members})
+        assert 5.0 < result.squeeze < 20.0
+        status, result = client.execute(PlaceObject.Goal(clearance=0.03))
+        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), result.message
+        assert result.displacement < 1e-2
+
+
 def test_an_object_is_picked_up_moved_and_placed(tmp_path):
     with robot(tmp_path) as r:
         client = Client(r)
