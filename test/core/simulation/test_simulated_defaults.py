@@ -3,10 +3,20 @@
 import math
 
 from grips import gripped
-from isotruss_ros.core import ConvexObject, Disc, ElasticObject, GraspError, RollerFaults
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    ElasticObject,
+    Grasp,
+    GraspError,
+    Hold,
+    RollerFaults,
+)
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.manipulation.task import task_jacobian
 from isotruss_ros.core.simulation.free_convex_object import FreeConvexObject
 from isotruss_ros.core.simulation.free_object import FreeObject
+import numpy as np
 import pytest
 
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
@@ -35,6 +45,25 @@ def test_an_elastic_object_is_as_stiff_as_its_model():
     assert simulated.grasp.squeeze == pytest.approx(model.squeeze, rel=1e-6)
     # What of it there is comes from softer tubes.
     assert soft.grasp is None or soft.grasp.squeeze < 0.2 * model.squeeze
+
+
+def test_in_one_long_step_an_object_slips_where_it_does_in_many():
+    rows = task_jacobian(CONFIG, Grasp('north/Z', CYLINDER.center, CYLINDER.diameter))
+    travel = np.linalg.pinv(rows) @ [0.03, 0.04, 0.0, -0.225]
+    angles = []
+    for steps in (1, 64):
+        simulated = ElasticObject(CYLINDER, 0.4)
+        simulated.follow(CONFIG)
+        for part in range(1, steps + 1):
+            there = CONFIG.moved_to(CONFIG.roller_positions + part / steps * travel)
+            simulated.follow(there)
+            if simulated.grasp is None:
+                break
+        assert simulated.dropped is Hold.SLIPS
+        # Members push what slips, and do not turn it.
+        angles.append(simulated.pose(there).angle)
+    assert angles[1] == pytest.approx(-0.057, abs=1e-3)
+    assert angles[0] == pytest.approx(angles[1], abs=2e-3)
 
 
 def test_any_friction_and_stiffness_but_none_are_taken():

@@ -116,7 +116,7 @@ def test_noise_of_a_seed_does_not_depend_on_the_slip():
 
 @pytest.mark.parametrize('slip', [-0.1, 0.6, np.nan])
 def test_slip_that_cannot_be_is_refused(slip):
-    with pytest.raises(ConfigurationError, match=r'must be from 0 to 0\.5'):
+    with pytest.raises(ConfigurationError, match=r'must be from 0 to 0\.5$'):
         simulated(slip=slip)
 
 
