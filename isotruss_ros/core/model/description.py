@@ -78,4 +78,4 @@ class RobotDescription:
     max_speed: float
     min_length: float
     max_length: float
-    local_stiffness: float
+    local_stiffness: float = 1.0
