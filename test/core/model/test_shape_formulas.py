@@ -1,6 +1,7 @@
 """Discs, ellipses and rounded polygons against formulas of handbooks."""
 
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core.model.description import RobotDescription
 import numpy as np
 import pytest
 import robots
@@ -73,4 +74,8 @@ def test_an_object_is_at_the_origin_and_of_any_positive_mass():
 
 @pytest.mark.parametrize('name', robots.PRESETS)
 def test_tubes_flatten_by_theory_where_nothing_else_is_said(name):
-    assert load_robot(name).description.local_stiffness == 1.0
+    described = load_robot(name).description
+    assert described.local_stiffness == 1.0
+    stated = dict(vars(described))
+    del stated['local_stiffness']
+    assert RobotDescription(**stated) == described
