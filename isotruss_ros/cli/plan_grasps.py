@@ -23,12 +23,14 @@ from isotruss_ros.cli.plan_report import as_json, table
 from isotruss_ros.cli.progress_bar import ProgressBar
 from isotruss_ros.core import (
     Configuration,
+    ConvexObject,
     Cylinder,
     GraspPlan,
     GraspRequirements,
     IsotrussError,
     load_robot,
     plan_grasps,
+    read_object,
 )
 from isotruss_ros.core.planning.grasp_plan import plan_in_words
 from isotruss_ros.core.planning.searcher import Stop
@@ -63,11 +65,10 @@ def _run(options: argparse.Namespace) -> int:
     config = robot.home
     if options.rollers is not None:
         config = robot.configuration(options.rollers)
-    cylinder = Cylinder(tuple(options.center), options.diameter)
-    needs = requirements(options)
+    body, needs = _read_object(options), requirements(options)
     if options.json is not None:
         options.json.touch()  # better known before the search than after it
-    plan = _search(config, cylinder, needs, options)
+    plan = _search(config, body, needs, options)
     _tell(plan, needs)
     if options.json is not None:
         text = json.dumps(as_json(plan, robot), indent=2, allow_nan=False)
@@ -75,9 +76,16 @@ def _run(options: argparse.Namespace) -> int:
     return FOUND if plan.grasps else NONE_FOUND
 
 
+def _read_object(options: argparse.Namespace) -> Cylinder | ConvexObject:
+    """Return the object where it lies."""
+    if options.object is None:
+        return Cylinder(tuple(options.center), options.diameter)
+    return read_object(options.object).moved_to((*options.center, options.angle))
+
+
 def _search(
     config: Configuration,
-    cylinder: Cylinder,
+    body: Cylinder | ConvexObject,
     needs: GraspRequirements,
     options: argparse.Namespace,
 ) -> GraspPlan:
@@ -85,7 +93,7 @@ def _search(
     stop = Stop(options.time_limit)
     # One worker is a process of its own too: with other BLAS threads the last digits differ.
     with WorkerPool(options.workers) as pool, ProgressBar() as bar, _interruptible(stop):
-        return plan_grasps(config, cylinder, needs, options.seed, pool.executor, bar.show, stop)
+        return plan_grasps(config, body, needs, options.seed, pool.executor, bar.show, stop)
 
 
 @contextlib.contextmanager
@@ -120,7 +128,7 @@ def _tell(plan: GraspPlan, needs: GraspRequirements) -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='plan_grasps',
-        description='Find grasps of a cylinder that lies free inside a loop of the robot.',
+        description='Find grasps of an object that lies free inside a loop of the robot.',
         epilog='exit codes: 0 found, 1 none found, 2 bad arguments, 3 the search failed',
     )
     parser.add_argument(
@@ -143,7 +151,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar=('X', 'Y'),
         help='of the object [m]',
     )
-    parser.add_argument('--diameter', type=float, required=True, help='of it [m]')
+    shape = parser.add_mutually_exclusive_group(required=True)
+    shape.add_argument('--diameter', type=float, help='of a disc [m]')
+    shape.add_argument('--object', metavar='YAML', help='any convex object: a file, or `{...}`')
+    parser.add_argument(
+        '--angle', type=float, default=0.0, help='at which that one lies [rad] (default 0)'
+    )
     add_requirements(parser)
     group = parser.add_argument_group('search')
     group.add_argument('--seed', type=seed, default=0, help='the same seed, the same answer')

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 
+from boxes import BOX, SIDES
 from isotruss_ros.cli import plan_grasps as command
 from isotruss_ros.core import (
     Cylinder,
@@ -16,6 +17,7 @@ from isotruss_ros.core import (
     GraspRequirements,
     load_robot,
     plan_grasps,
+    read_object,
     SolverError,
     StructureError,
     Violation,
@@ -72,6 +74,30 @@ def test_finds_what_the_core_finds_on_one_process_or_two(tmp_path, capsys):
         assert f'{other.total_force:.2f}' in printed
         assert other.members[0] in printed
     assert not workers()
+
+
+def test_finds_what_the_core_finds_for_any_object_and_members(tmp_path, capsys):
+    lies = read_object(BOX).moved_to((0.54, -0.31, -0.5))
+    needs = GraspRequirements(members=SIDES, squeeze=12.0, count=1)
+    (expected,) = plan_grasps(ROBOT.home, lies, needs)
+    file, answer = tmp_path / 'box.yaml', tmp_path / 'plan.json'
+    file.write_text(BOX, encoding='utf-8')
+    where = ['--center', '0.54', '-0.31', '--angle', '-0.5', '--object', str(file)]
+    options = ['--members', *SIDES, '--squeeze', '12', '--count', '1', '--json', str(answer)]
+    assert command.main([*where, *options]) == 0
+    (found,) = written(answer)['grasps']
+    assert found['path'] == expected.path.tolist()
+    assert expected.members[1] in capsys.readouterr().out
+
+
+def test_an_object_is_a_disc_or_described(capsys):
+    where = ['--center', '0.54', '-0.31']
+    for shape in ([], ['--diameter', '0.3', '--object', BOX]):
+        with pytest.raises(SystemExit) as ended:
+            command.main([*where, *shape])
+        assert ended.value.code == 2
+    assert command.main([*where, '--object', '{shape: disc}']) == 2
+    assert "key 'diameter' is missing" in capsys.readouterr().err
 
 
 def test_says_what_the_nearest_candidate_misses(capsys):
