@@ -12,7 +12,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import read_question
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
 from probe import ROBOT
 import pytest
-import yaml
+from ruamel.yaml import YAML
 
 TOP = Path(__file__).parents[2]
 COMMANDS = {'service call': 'Request', 'action send_goal': 'Goal'}
@@ -34,7 +34,7 @@ def calls():
                     package, folder, name = kind.split('/')
                     module = importlib.import_module(f'{package}.{folder}')
                     message = getattr(getattr(module, name), message_name)()
-                    found.append((path.name, message, yaml.safe_load(content)))
+                    found.append((path.name, message, YAML(typ='safe').load(content)))
     return found
 
 
