@@ -111,11 +111,7 @@ def read_object_center(message: PoseStamped, frame: str) -> tuple[float, float]:
     :param frame: the robot's frame.
     :raises MessageError: another frame, not finite, or no rotation in the quaternion.
     """
-    if message.header.frame_id != frame:
-        raise MessageError(
-            f'object pose in frame {quote(message.header.frame_id)}: must be {frame!r}'
-        )
-    return read_pose('object pose', message.pose)[:2]
+    return read_object_pose(message, frame)[:2]
 
 
 def read_pose(what: str, message: PoseMessage) -> Pose:
@@ -156,7 +152,11 @@ def read_object_pose(message: PoseStamped, frame: str) -> Pose:
     :param frame: the robot's frame.
     :raises MessageError: another frame, not finite, or no rotation in the quaternion.
     """
-    return Pose(*read_object_center(message, frame), read_angle(message.pose))
+    if message.header.frame_id != frame:
+        raise MessageError(
+            f'object pose in frame {quote(message.header.frame_id)}: must be {frame!r}'
+        )
+    return read_pose('object pose', message.pose)
 
 
 def to_pose_message(pose: Pose) -> PoseMessage:
