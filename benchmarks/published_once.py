@@ -21,6 +21,7 @@ import subprocess
 import sys
 import time
 
+from button import MESSAGES
 from isotruss_ros.demo.processes import NodeProcess
 from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
 from isotruss_ros.nodes.manipulation import Manipulation
@@ -104,9 +105,7 @@ def main() -> None:
     """Print how many messages were received."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--trials', type=int, default=1000)
-    parser.add_argument(
-        '--topic', choices=('emergency_stop', 'failed_rollers'), default='emergency_stop'
-    )
+    parser.add_argument('--topic', choices=MESSAGES, default='emergency_stop')
     parser.add_argument('--latched', action='store_true')
     parser.add_argument('--busy', action='store_true', help='keep a core busy meanwhile')
     parser.add_argument('--beside', action='store_true', help='run the other nodes beside')

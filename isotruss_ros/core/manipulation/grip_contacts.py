@@ -116,7 +116,7 @@ def find_touches(config: Configuration, grip: Grip) -> Touches:
     if not math.isnan(radius):
         points = [inside + radius * normal for normal in normals]
     else:
-        owners, points = _touched(body, normals)
+        owners, points = touched_points(body, normals)
         if len(owners) > len(starts):
             nodes = find_members(config.robot, tuple(grip.members[i] for i in owners))
             starts, spans, axes, normals, sides = (
@@ -143,7 +143,7 @@ def _radius(body: Cylinder | ConvexObject) -> float:
     return 0.5 * body.shape.diameter if isinstance(body.shape, Disc) else math.nan
 
 
-def touched_points(body: ConvexObject, normals: Points) -> tuple[Indices, Points]:
+def touched_points(body: ConvexObject, normals: list[complex]) -> tuple[list[int], list[complex]]:
     """
     Return where straight members touch an object.
 
@@ -151,12 +151,6 @@ def touched_points(body: ConvexObject, normals: Points) -> tuple[Indices, Points
     :param normals: (m,) unit vectors out of the object into the members, robot frame.
     :return: (k,) numbers of the members, and (k,) points x + iy in the robot frame [m].
     """
-    owners, points = _touched(body, normals.tolist())
-    return np.array(owners), np.array(points)
-
-
-def _touched(body: ConvexObject, normals: list[complex]) -> tuple[list[int], list[complex]]:
-    """Return the same as `touched_points`, of and as lists."""
     shape, center, turn = body.shape, body.center, body.turn
     own = [normal * turn.conjugate() for normal in normals]
     if not isinstance(shape, Polygon):

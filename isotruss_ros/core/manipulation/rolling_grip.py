@@ -22,7 +22,11 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts, touched_corners
+from isotruss_ros.core.manipulation.grip_contacts import (
+    find_contacts,
+    find_touches,
+    touched_corners,
+)
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Pose
 from isotruss_ros.core.model.polygon import Polygon
@@ -177,7 +181,7 @@ class RollingGrip:
         """Return the grip with the object in its new place."""
         body = self._body.moved_to((center.real, center.imag, angle))
         grip = replace(self.grip, body=body)
-        find_contacts(config, grip)
+        find_touches(config, grip)  # raises where it left a member
         angles = self._unwrapped(normals, angle)
         return RollingGrip(config, grip, angles, self.gaps, self.anchors, self.sides, misfit)
 

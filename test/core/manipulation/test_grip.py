@@ -159,7 +159,7 @@ def test_a_face_on_a_member_is_touched_at_its_ends(inclined, corners, radius):
     box = Polygon([(-0.2, -0.1), (0.2, -0.1), (0.2, 0.1), (-0.2, 0.1)], radius)
     body = ConvexObject(box, Pose(1.0, 2.0, 0.3 + inclined))
     down, right = -1j * np.exp(0.3j), np.exp(0.3j + 0.5j)
-    owners, points = touched_points(body, np.array([down, right]))
+    owners, points = map(np.array, touched_points(body, [down, right]))
     assert owners.tolist() == [0] * corners + [1]
     own = (points - (1.0 + 2.0j)) * np.exp(-0.3j - 1j * inclined)
     wanted = [-0.2 + radius - 0.1j, 0.2 - radius - 0.1j][:corners]
