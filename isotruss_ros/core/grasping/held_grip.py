@@ -56,7 +56,7 @@ class HeldGrip(GripEquilibrium):
         """
         depths = member_depths(config, body)
         if members is None:
-            count = int(np.clip(np.count_nonzero(depths > 0.0), 2, MOST + 1))
+            count = max(int(np.count_nonzero(depths > 0.0)), 2)
             if count > MOST:
                 return Hold.OTHER_CONTACT
             members = np.argsort(depths, kind='stable')[-count:]

@@ -66,7 +66,7 @@ class Indentation:
     :param scale: stiffness of the tubes against that of the tables.
     """
 
-    def __init__(self, tables: Sequence[SkinIndentation], scale: float = 1.0) -> None:
+    def __init__(self, tables: Sequence[SkinIndentation], scale: float) -> None:
         self._tables, self._scale = tables, scale
 
     def __call__(self, forces: Array) -> tuple[Array, Array]:

@@ -5,7 +5,12 @@ from dataclasses import fields
 from isotruss_ros.core import analyze_grasp, analyze_grasps, Cylinder, GraspAnalyses, load_robot
 from isotruss_ros.core.errors import GraspError, StructureError
 from isotruss_ros.core.grasping import contact_stack
+from isotruss_ros.core.grasping.contact_points import find_contact_points
+from isotruss_ros.core.grasping.point_stack import stack_points
+from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.statics import frame_stack
+from isotruss_ros.core.statics.pressures import tube_pressures
+from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 import robots
@@ -114,6 +119,23 @@ def test_numbers_of_random_robots_are_those_of_one_by_one(seed):
             config, cylinder, mu, wrenches[i], 'exact', 0.01, False, pressure=pressure
         )
         assert_same(found, i, analysis, robot)
+
+
+def test_points_are_those_of_one_by_one():
+    robot = load_robot('nine_member')
+    configs, centers, diameters = some_grasps(robot, np.random.default_rng(6))
+    nodes = np.stack([config.points for config in configs]).T
+    stack = frame_stack.FrameStack(robot, nodes, tube_pressures(robot.description, None))
+    middle = centers @ np.array([1.0, 1.0j])
+    radius = 0.5 * (diameters + robot.description.tube_diameter)
+    found = stack_points(stack, middle, radius, 0.01)
+    for i, config in enumerate(configs):
+        one = find_contact_points(structure_of(config), RoundSurface(middle[i], radius[i]), 0.01)
+        own = found.grasp == i
+        assert found.counts[i] == own.sum() == len(one.points)
+        assert (found.member[own] == one.member).all()
+        assert found.place[own] == pytest.approx(one.place)
+        assert middle[i] + found.points[own] == pytest.approx(one.points)
 
 
 @pytest.mark.parametrize(

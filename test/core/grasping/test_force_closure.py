@@ -3,6 +3,7 @@
 import itertools
 
 from hypothesis import given, strategies
+from isotruss_ros.core.grasping.closure_stack import check_closure_stack
 from isotruss_ros.core.grasping.force_closure import check_force_closure
 import numpy as np
 import pytest
@@ -333,3 +334,24 @@ def test_no_direction_is_shorter_than_the_margin_with_levers(rng, count, frictio
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     reached = [reach_along(tangents, forces, load, friction, way, levers) for way in directions]
     assert -1e-9 <= margin <= min(reached) * (1.0 + 1e-6) + 1e-6
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.5, 1.0])
+def test_numbers_of_many_are_those_of_one_by_one(friction):
+    rng, shape = np.random.default_rng(0), (400, 4)
+    normals = np.exp(1j * rng.uniform(0.0, 2.0 * np.pi, shape))
+    forces = rng.uniform(0.1, 10.0, shape) * 10.0 ** rng.uniform(-4.0, 0.0, shape)
+    forces *= np.arange(4) < rng.integers(0, 5, (400, 1))
+    shares = rng.uniform(-1.0, 1.0, shape)
+    tangents = [tangents_at(np.angle(own)) for own in normals]
+    load = np.stack(
+        [wrenches(*one).T @ own for *one, own in zip(tangents, forces, shares, strict=True)]
+    )
+    found = check_closure_stack(1j * normals, forces, load, friction)
+    for i in range(len(load)):
+        one = check_force_closure(tangents[i], forces[i], load[i], friction)
+        assert found.closed[i] == one.closed
+        assert found.tolerance[i] == pytest.approx(one.tolerance)
+        assert found.residual[i] == pytest.approx(one.residual, abs=0.1 * one.tolerance)
+        assert found.required_friction[i] == pytest.approx(one.required_friction)
+        assert found.margin[i] == pytest.approx(one.margin, abs=one.tolerance)

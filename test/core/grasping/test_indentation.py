@@ -1,7 +1,7 @@
-"""Dents of the skin by a cylinder: the table against the contact it was made from."""
+"""Dents of the skin: the table against the contact it was made from, and what does not count."""
 
 from isotruss_ros.core import load_robot
-from isotruss_ros.core.grasping import indentation
+from isotruss_ros.core.grasping import corner_dents, indentation
 from isotruss_ros.core.grasping.indentation import Indentation, skin_indentation
 import numpy as np
 import pytest
@@ -45,3 +45,15 @@ def test_softer_tubes_dent_as_under_more_force():
     expected = np.array([table(2.0 * force) for table, force in zip(tables, forces, strict=True)])
     assert depth == pytest.approx(expected[:, 0])
     assert slope == pytest.approx(2.0 * expected[:, 1])
+
+
+def test_how_many_points_a_face_has_does_not_count():
+    # Faces fall away from the point, each more steeply than the one before.
+    places = np.array([-0.2, -0.02, 0.0, 0.03, 0.2])
+    heights = np.array([0.2, 0.005, 0.0, 0.004, 0.1])
+    fine = np.unique(np.append(places, np.linspace(-0.2, 0.2, 2000)))
+    forces = [
+        corner_dents._pressing_force(ROBOT, 0, *profile, np.array([np.inf, np.inf]), 0.01, None)
+        for profile in ((places, heights), (fine, np.interp(fine, places, heights)))
+    ]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-9)

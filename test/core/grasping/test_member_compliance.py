@@ -98,9 +98,12 @@ def test_rates_are_the_derivatives_by_the_places(members):
             assert found[:, :, j] == pytest.approx(expected, abs=1e-7 * np.abs(found).max())
 
 
-def test_a_softer_structure_gives_more_in_proportion(members):
-    at, loads = 0.4 * members.length, np.array([[1.0, 2.0, 0.3], [-1.0, 0.5, 0.1]])
-    softer = MemberCompliance(STRUCTURE, MEMBERS, scale=0.5).at(at)
+@pytest.mark.parametrize('numbers', [MEMBERS, MEMBERS[:1] * 2])
+def test_a_softer_structure_gives_more_in_proportion(numbers):
+    members = MemberCompliance(STRUCTURE, numbers)
+    at = np.array([0.4, 0.6]) * members.length
+    loads = np.array([[1.0, 2.0, 0.3], [-1.0, 0.5, 0.1]])
+    softer = MemberCompliance(STRUCTURE, numbers, scale=0.5).at(at)
     assert softer.respond(loads) == pytest.approx(2.0 * members.at(at).respond(loads))
     assert softer.rates(loads) == pytest.approx(2.0 * members.at(at).rates(loads))
 
