@@ -11,13 +11,21 @@ import os
 import sys
 import time
 
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool, String
+from trajectory_msgs.msg import JointTrajectory
 
 LEAVE = 0.1
 #: What is published; the name of a roller that there is not halts until another message comes.
-MESSAGES = {'emergency_stop': Bool(data=True), 'failed_rollers': String(data='nobody')}
+MESSAGES = {
+    'emergency_stop': Bool(data=True),
+    'failed_rollers': String(data='nobody'),
+    'joint_trajectory_controller/joint_trajectory': JointTrajectory(),
+    'place_object': PoseStamped(),
+    'external_wrench': WrenchStamped(),
+}
 
 
 def publish_once(topic: str, durability: DurabilityPolicy) -> None:

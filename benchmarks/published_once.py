@@ -3,7 +3,7 @@ How often a message that is published once is received.
 
 A process publishes once, as soon as it has one match, and exits 0.1 s later, as
 `ros2 topic pub --once` does; the message counts if a running node halts for it, or for its loss, a
-moment after.
+moment after, or where it halts nothing, if the node's function for it, or for its loss, is called.
 
     python benchmarks/published_once.py --trials 1000 [--topic failed_rollers] [--latched] [--busy]
 """
@@ -11,7 +11,9 @@ moment after.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 import contextlib
+from functools import partial
 import math
 import multiprocessing
 import os
@@ -20,11 +22,16 @@ import select
 import subprocess
 import sys
 import time
+from typing import Protocol
 
 from button import MESSAGES
 from isotruss_ros.demo.processes import NodeProcess
+from isotruss_ros.nodes.components.trajectory_following import TOPIC as TRAJECTORIES
+from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
+from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
 from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.simulator import Simulator
 import rclpy
 from rclpy.logging import LoggingSeverity, set_logger_level
 from std_msgs.msg import Bool, String
@@ -41,28 +48,88 @@ def turn_in_circles() -> None:
         pass
 
 
-def forget(node: Manipulation, topic: str) -> None:
-    """
-    Go on as if nothing had been received.
+class Listener(Protocol):
+    """A running node that listens."""
 
-    :param node: received a message.
+    node: ManagedNode
+
+    def heard(self) -> str | None:
+        """Return what the node says of the message, None where it has not received it."""
+
+    def forget(self) -> None:
+        """Go on as if nothing had been received."""
+
+
+class Halting:
+    """
+    Manipulation, which halts for a message or for its loss.
+
     :param topic: of the message.
     """
-    if topic == 'failed_rollers':
-        owner = node._failed_rollers
-        owner._receive([String()])
-    else:
-        # The service asks for a false first.
-        owner = node._stop
-        owner._receive([Bool(data=False)])
-        owner._release(Trigger.Request(), Trigger.Response())
-    # That a publisher left is not noticed within a second of a message.
-    owner._messages._received = -math.inf
+
+    def __init__(self, topic: str) -> None:
+        self.node = Manipulation()
+        self._topic = topic
+
+    def heard(self) -> str | None:
+        """Return why the rollers are halted."""
+        halt = self.node._halt()
+        return None if halt is None else halt[1]
+
+    def forget(self) -> None:
+        """Receive what ends the halt."""
+        if self._topic == 'failed_rollers':
+            owner = self.node._failed_rollers
+            owner._receive([String()])
+        else:
+            # The service asks for a false first.
+            owner = self.node._stop
+            owner._receive([Bool(data=False)])
+            owner._release(Trigger.Request(), Trigger.Response())
+        # That a publisher left is not noticed within a second of a message.
+        owner._messages._publishers._received = -math.inf
+
+
+class Called:
+    """
+    A node with functions that are called for each message, and for the loss of one.
+
+    :param kind: of the node.
+    :param owner: class of the functions.
+    :param receive: name of the function for messages.
+    """
+
+    def __init__(self, kind: type[ManagedNode], owner: type, receive: str) -> None:
+        self._heard: str | None = None
+        # Before the node subscribes with them.
+        setattr(owner, receive, lambda *_: self._note('received'))
+        owner._report_missing = lambda _, why: self._note(why)
+        self.node = kind()
+
+    def _note(self, what: str) -> None:
+        self._heard = what
+
+    def heard(self) -> str | None:
+        """Return what a function was called for."""
+        return self._heard
+
+    def forget(self) -> None:
+        """Wait for the next call."""
+        self._heard = None
+
+
+LISTENERS: dict[str, Callable[[], Listener]] = {
+    'emergency_stop': partial(Halting, 'emergency_stop'),
+    'failed_rollers': partial(Halting, 'failed_rollers'),
+    TRAJECTORIES: partial(Called, Manipulation, TrajectoryFollowing, '_receive'),
+    'place_object': partial(Called, Simulator, Simulator, '_place_object'),
+    'external_wrench': partial(Called, Simulator, Simulator, '_receive_wrench'),
+}
 
 
 def count_received(trials: int, topic: str, kind: str) -> tuple[int, int]:
     """
-    Return how often a node halted, and how often of these for a message that was lost.
+    Return how often a node heard a message, and how often of these only that one was lost.
 
     :param trials: number of processes that publish, one after the other.
     :param topic: on which they publish.
@@ -75,30 +142,31 @@ def count_received(trials: int, topic: str, kind: str) -> tuple[int, int]:
         text=True,
     )
     rclpy.init()
-    node = Manipulation()
+    listener = LISTENERS[topic]()
+    node = listener.node
     set_logger_level(node.get_logger().name, LoggingSeverity.ERROR)
     executor = PacedExecutor(node)
-    halted = lost = 0
+    heard = lost = 0
     for trial in range(trials):
         if trial and trial % 100 == 0:
-            print(f'{halted} of {trial}', flush=True)
+            print(f'{heard} of {trial}', flush=True)
         buttons.stdin.write(f'{topic} {kind}\n')
         buttons.stdin.flush()
         while not select.select([buttons.stdout], [], [], 0.0)[0]:
             executor.spin_once()
         buttons.stdout.readline()
         deadline = time.monotonic() + WAIT
-        while node._halt() is None and time.monotonic() < deadline:
+        while listener.heard() is None and time.monotonic() < deadline:
             executor.spin_once()
-        halt = node._halt()
-        halted += halt is not None
-        lost += halt is not None and 'left before' in halt[1]
-        forget(node, topic)
+        reason = listener.heard()
+        heard += reason is not None
+        lost += reason is not None and 'left before' in reason
+        listener.forget()
     buttons.communicate()
     node.stop()
     node.destroy_node()
     rclpy.shutdown()
-    return halted, lost
+    return heard, lost
 
 
 def main() -> None:
@@ -119,10 +187,10 @@ def main() -> None:
             burner = multiprocessing.Process(target=turn_in_circles, daemon=True)
             burner.start()
             meanwhile.callback(burner.terminate)
-        halted, lost = count_received(given.trials, given.topic, kind)
+        heard, lost = count_received(given.trials, given.topic, kind)
     print(
-        f'{given.topic} {kind}: halted {halted} of {given.trials}, '
-        f'{lost} of them for the loss of the message'
+        f'{given.topic} {kind}: received {heard} of {given.trials}, '
+        f'{lost} of them as the loss of the message'
     )
 
 

@@ -39,6 +39,7 @@ from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
+from isotruss_ros.nodes.framework.subscriptions import subscribe_once
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
@@ -142,8 +143,11 @@ class Simulator(ManagedNode):
             RELIABLE,
             callback_group=inputs,
         )
-        self.create_subscription(PoseStamped, 'place_object', self._place_object, RELIABLE)
-        self.create_subscription(WrenchStamped, 'external_wrench', self._receive_wrench, RELIABLE)
+        for kind, topic, receive in (
+            (PoseStamped, 'place_object', self._place_object),
+            (WrenchStamped, 'external_wrench', self._receive_wrench),
+        ):
+            subscribe_once(self, kind, topic, receive, self._report_missing)
         rate = self.values[params.RATE]
         self.cycle = Cycle(self, rate, self._step, inputs.take, self._stop_on_clock_jump)
 
@@ -228,6 +232,9 @@ class Simulator(ManagedNode):
             return
         self._simulated.replace_object(self._put_object(pose))
         self._simulated.advance(0.0)
+
+    def _report_missing(self, why: str) -> None:
+        self.get_logger().warning(f'{why}: if it sent one, publish it again')
 
     def _receive_wrench(self, message: WrenchStamped) -> None:
         try:

@@ -5,6 +5,7 @@ from isotruss_ros.core import Status
 from isotruss_ros.nodes.manipulation import Manipulation
 from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
+from matches import follow
 import numpy as np
 from probe import overrides
 import pytest
@@ -181,24 +182,11 @@ def test_the_service_stops_and_responds_with_the_reason():
         w.until_code(Status.OK, w.probe.send_all)
 
 
-class Match:
-    """Event of a subscription: publishers came and left."""
-
-    def __init__(self, came, left):
-        self.total_count_change, self.current_count_change = came, came - left
-
-
-def follow(w, *events):
-    """Call the node back with matches of its publishers."""
-    for event in events:
-        w.nodes[1]._stop._messages._follow_publishers(Match(*event))
-
-
 @pytest.mark.parametrize('events', [[(1, 0), (0, 1)], [(1, 1)]], ids=['in two', 'in one'])
 def test_a_publisher_that_left_before_its_message_counts_as_a_stop(events):
     with world(node()) as w:
         w.until_code(Status.OK, w.probe.send_all)
-        follow(w, *events)
+        follow(w.nodes[1], 'emergency_stop', *events)
         status = w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
         assert 'left before a message was received' in status.message
 
@@ -209,12 +197,12 @@ def test_a_publisher_that_left_after_its_message_is_no_stop(message_first):
     with world(node()) as w:
         w.until_code(Status.OK, w.probe.send_all)
         if not message_first:
-            follow(w, (1, 0))
+            follow(w.nodes[1], 'emergency_stop', (1, 0))
         press(w, False)
         w.deliver()
         if message_first:
-            follow(w, (1, 0))
-        follow(w, (0, 1))
+            follow(w.nodes[1], 'emergency_stop', (1, 0))
+        follow(w.nodes[1], 'emergency_stop', (0, 1))
         w.spin(0.1, w.probe.send_all)
         assert w.code() == Status.OK
 

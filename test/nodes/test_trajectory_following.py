@@ -8,10 +8,12 @@ from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.core.control.roller_trajectory import DEFAULT
 from isotruss_ros.nodes.conversions.trajectory_messages import MAX_POINTS
+from isotruss_ros.nodes.framework import silent_publishers
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import check_refused, Manager, world
+from matches import follow
 import numpy as np
 from probe import N, overrides, ROBOT
 import pytest
@@ -205,6 +207,30 @@ def test_an_empty_trajectory_ends_it():
 
 
 # What ends it
+
+
+@pytest.mark.parametrize('events', [[(1, 0), (0, 1)], [(1, 1)]], ids=['in two', 'in one'])
+def test_a_publisher_that_left_before_its_trajectory_was_received_ends_the_active_one(
+    events, monkeypatch, capfd
+):
+    """It may have been another one, or the end."""
+    monkeypatch.setattr(silent_publishers, 'MATCH_DELAY', 0.0)
+    lost = f'a publisher of {TOPIC} left before a message was received'
+    with world(node(), simulator()) as w:
+        manipulation = w.nodes[1]
+        follow(manipulation, TOPIC, *events)
+        assert lost in capfd.readouterr().err
+        rollers = Rollers(w)
+        rollers.until_moving(trajectory(HOME, 5.0 * AWAY, times=[0.0, 20.0]))
+        follow(manipulation, TOPIC, *events)
+        rollers.until_still()
+        assert rollers.said().startswith(f'trajectory aborted: {lost}')
+        # One that was received is no longer waited for.
+        follow(manipulation, TOPIC, (1, 0))
+        rollers.until_moving(trajectory(rollers.places()[-1], HOME, times=[0.0, 20.0]))
+        follow(manipulation, TOPIC, (0, 1))
+        rollers.listen()
+        assert rollers.follows()
 
 
 def test_twists_do_not_count_while_a_trajectory_is_followed():

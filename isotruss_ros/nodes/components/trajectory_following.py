@@ -28,8 +28,8 @@ from isotruss_ros.nodes.conversions.trajectory_messages import (
     read_roller_trajectory,
 )
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.framework.subscriptions import subscribe_once
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory
 
@@ -73,7 +73,7 @@ class TrajectoryFollowing:
     def subscribe(self) -> None:
         """Accept trajectories from now on."""
         self._outcome = None
-        self._node.create_subscription(JointTrajectory, TOPIC, self._receive, RELIABLE)
+        subscribe_once(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
 
     def decide(self, now: float) -> Decision:
         """
@@ -119,6 +119,11 @@ class TrajectoryFollowing:
             self.abort('an empty trajectory was received')
             return
         self._begin(message)
+
+    def _report_missing(self, why: str) -> None:
+        """Stop: what was lost may have been a trajectory in place of this one, or its end."""
+        if not self.abort(f'{why}: publish again what is to be followed'):
+            self._node.get_logger().warning(f'{why}: if it was a trajectory, publish it again')
 
     def _begin(self, message: JointTrajectory, goal: SingleGoal | None = None) -> None:
         """Follow a trajectory from now on, or report why not."""

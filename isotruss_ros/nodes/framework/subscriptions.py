@@ -1,5 +1,5 @@
 """
-Subscriptions to the newest message, to every message, and to what was published before.
+Subscriptions to the newest message, to what is published once, and to every message.
 
 rclpy takes one message of a queue in every turn of the executor; these take what is there at once.
 """
@@ -7,11 +7,10 @@ rclpy takes one message of a queue in every turn of the executor; these take wha
 from __future__ import annotations
 
 from collections.abc import Callable
-import math
-import time
 from typing import Any
 
-from isotruss_ros.nodes.framework.qos import EVERY, NEWEST
+from isotruss_ros.nodes.framework.qos import EVERY, NEWEST, RELIABLE
+from isotruss_ros.nodes.framework.silent_publishers import SilentPublishers
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -22,8 +21,6 @@ from rclpy.subscription import Subscription
 MAX_BATCH = 200
 #: So many messages may wait; Fast DDS keeps 5000, and drops more than that without an event.
 MAX_BACKLOG = 1000
-#: Between the callbacks with a message and with the match of its publisher, at most [s].
-MATCH_DELAY = 1.0
 
 
 def subscribe_newest(
@@ -66,6 +63,42 @@ def subscribe_newest(
     )
 
 
+def subscribe_once(
+    node: Node,
+    kind: type,
+    topic: str,
+    callback: Callable[[Any], None],
+    missing: Callable[[str], None],
+) -> None:
+    """
+    Call back with the newest message of what may be published only once, and now.
+
+    Nothing is kept for late joiners; of publishers that do not wait for a match, a message that is
+    lost is reported.
+
+    :param node: subscribes, reliable.
+    :param kind: type of the messages.
+    :param topic: relative name of the topic.
+    :param callback: called with a message.
+    :param missing: called with the reason when a message may have been lost.
+    """
+
+    def pass_on(taken: list[Any]) -> None:
+        messages = _take_waiting(taken, subscription, 1 + RELIABLE.depth)
+        if messages:
+            publishers.note_message()
+            callback(messages[-1])
+
+    publishers = SilentPublishers(topic, lambda: pass_on([]), missing)
+    subscription = node.create_subscription(
+        kind,
+        topic,
+        lambda message: pass_on([message]),
+        RELIABLE,
+        event_callbacks=SubscriptionEventCallbacks(matched=publishers.follow),
+    )
+
+
 class EveryMessage:
     """
     Call back with every message of every reliable publisher, or report that some may be missing.
@@ -91,9 +124,7 @@ class EveryMessage:
         missing: Callable[[str], None],
     ) -> None:
         self._topic, self._callback, self._missing = topic, callback, missing
-        #: Publishers that came after the last message.
-        self._silent = 0
-        self._received = -math.inf
+        self._publishers = SilentPublishers(topic, self.read, missing)
         #: How many each subscription has received since its queue was empty.
         self._backlogs = [0] * len(EVERY)
         self._subscriptions = [
@@ -106,7 +137,7 @@ class EveryMessage:
         volatile = profile.durability == DurabilityPolicy.VOLATILE
         events = SubscriptionEventCallbacks(
             incompatible_qos=self._report_best_effort if volatile else None,
-            matched=self._follow_publishers if volatile else None,
+            matched=self._publishers.follow if volatile else None,
             message_lost=lambda _: self._report_loss(),
             use_default_callbacks=False,
         )
@@ -125,7 +156,7 @@ class EveryMessage:
         """Call back with messages of a subscription and those that wait behind them."""
         messages = _take_waiting(taken, self._subscriptions[index], MAX_BATCH)
         if messages:
-            self._silent, self._received = 0, time.monotonic()
+            self._publishers.note_message()
             self._callback(messages)
         full = len(messages) == MAX_BATCH
         self._backlogs[index] = self._backlogs[index] + MAX_BATCH if full else 0
@@ -141,23 +172,6 @@ class EveryMessage:
             f'a publisher of {self._topic} is best-effort, and its messages are not received: it '
             'must publish with the reliability RELIABLE'
         )
-
-    def _follow_publishers(self, event: Any) -> None:
-        """
-        Report a publisher that left before any message was received.
-
-        One that is discovered, publishes and exits at once may be gone before this side has
-        matched it: then its message is lost, and nothing else tells so.
-        """
-        # The executor may call back with a message before it does so with the match.
-        if time.monotonic() - self._received > MATCH_DELAY:
-            self._silent += event.total_count_change
-        if event.current_count_change == event.total_count_change:
-            return
-        self.read()
-        if self._silent > 0:
-            self._silent = 0
-            self._missing(f'a publisher of {self._topic} left before a message was received')
 
 
 def _take_waiting(taken: list[Any], subscription: Subscription, most: int) -> list[Any]:

@@ -1,0 +1,35 @@
+"""Matches of a subscription, by which the middleware tells that publishers came and left."""
+
+from typing import NamedTuple
+
+from rclpy.event_handler import QoSSubscriptionEventType
+from rclpy.node import Node
+
+MATCHED = QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED
+
+
+class Match(NamedTuple):
+    """What the middleware reports."""
+
+    total_count_change: int
+    current_count_change: int
+
+
+def follow(node: Node, topic: str, *events: tuple[int, int]) -> None:
+    """
+    Call a node back with matches of its subscriptions.
+
+    :param node: the node.
+    :param topic: of the subscriptions.
+    :param events: how many publishers came, and how many left.
+    """
+    handlers = [
+        handler
+        for subscription in node.subscriptions
+        if subscription.topic_name == f'/{topic}'
+        for handler in subscription.event_handlers
+        if handler.event_type == MATCHED
+    ]
+    assert len(handlers) == 1
+    for came, left in events:
+        handlers[0].callback(Match(came, came - left))
