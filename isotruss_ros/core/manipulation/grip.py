@@ -106,10 +106,10 @@ class MemberNodes(NamedTuple):
     :ivar rollers: (d,) numbers of these rollers.
     :ivar numbers: (k,) 0, 1, ...
     :ivar both: (2 k,) starts and ends, of one member after the other.
-    :ivar motion_places: (8 k,) where starts and ends are in four rows by node, flat: of each
-        member its start and its end in the first row, in the second and so on.
-    :ivar motion_rolled: (4 d,) where the rollers are in four rows by roller, flat.
-    :ivar motion_driven: (4 d,) numbers of these among the four rows of each member.
+    :ivar motion_places: (12 k,) where starts and ends are in six rows by node, flat: in the first
+        row those of one member after the other, then in the second and so on.
+    :ivar motion_rolled: (6 d,) where the rollers are in six rows by roller, flat.
+    :ivar motion_driven: (6 d,) numbers of these among all members in six rows.
     """
 
     members: Indices
@@ -151,7 +151,8 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
     driven = np.isin(members, topology.driven).repeat(2).nonzero()[0]
     rollers = columns.repeat(2)[driven]
     rolled = driven * len(topology.driven) + rollers
-    both, own, four = np.stack([starts, ends], axis=1), driven[::2] // 2, np.arange(4)
+    both, own = np.stack([starts, ends], axis=1), driven[::2] // 2
+    six = np.arange(6)[:, None]
     found = MemberNodes(
         members,
         starts,
@@ -162,9 +163,9 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
         rollers[::2],
         numbers,
         both.ravel(),
-        (four[:, None] * topology.n_nodes + both[:, None]).ravel(),
-        (four * len(topology.driven) + rollers[::2, None]).ravel(),
-        (4 * own[:, None] + four).ravel(),
+        (six * topology.n_nodes + both.ravel()).ravel(),
+        (six * len(topology.driven) + rollers[::2]).ravel(),
+        (six * len(members) + own).ravel(),
     )
     for array in found:
         array.flags.writeable = False

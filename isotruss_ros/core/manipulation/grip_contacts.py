@@ -8,11 +8,13 @@ so it can neither lift nor turn. Points of the plane are complex numbers, as in 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip, MemberNodes
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
@@ -52,7 +54,6 @@ class Touches(NamedTuple):
     """
     `GripContacts` as lists: with a few entries they are quicker than arrays.
 
-    :ivar nodes: numbers of the members, one for each contact, and of their nodes.
     :ivar starts: (k,) of the members, x + iy [m].
     :ivar spans: (k,) members from start to end [m].
     :ivar axes: (k,) their unit vectors.
@@ -62,7 +63,6 @@ class Touches(NamedTuple):
     :ivar owners: (k,) which member of the grip it is.
     """
 
-    nodes: MemberNodes
     starts: list[complex]
     spans: list[complex]
     axes: list[complex]
@@ -71,10 +71,15 @@ class Touches(NamedTuple):
     sides: list[float]
     owners: list[int]
 
-    def contacts(self) -> GripContacts:
+    def kept(self, numbers: Sequence[int]) -> Touches:
+        """Return some of the contacts."""
+        return Touches(*([values[k] for k in numbers] for values in self))
+
+    def contacts(self, robot: Robot, grip: Grip) -> GripContacts:
         """Return the same as arrays."""
+        nodes = find_members(robot, tuple(grip.members[i] for i in self.owners))
         found = map(np.array, (self.spans, self.axes, self.points, self.normals, self.sides))
-        return GripContacts(self.nodes, *found, np.array(self.owners))
+        return GripContacts(nodes, *found, np.array(self.owners))
 
 
 def find_contacts(config: Configuration, grip: Grip) -> GripContacts:
@@ -86,7 +91,7 @@ def find_contacts(config: Configuration, grip: Grip) -> GripContacts:
     :raises GraspError: no such member; or a member does not touch the object between its ends:
         it is off by more than a tube is thick.
     """
-    return find_touches(config, grip).contacts()
+    return find_touches(config, grip).contacts(config.robot, grip)
 
 
 def find_touches(config: Configuration, grip: Grip) -> Touches:
@@ -118,7 +123,6 @@ def find_touches(config: Configuration, grip: Grip) -> Touches:
     else:
         owners, points = touched_points(body, normals)
         if len(owners) > len(starts):
-            nodes = find_members(config.robot, tuple(grip.members[i] for i in owners))
             starts, spans, axes, normals, sides = (
                 [values[i] for i in owners] for values in (starts, spans, axes, normals, sides)
             )
@@ -133,7 +137,7 @@ def find_touches(config: Configuration, grip: Grip) -> Touches:
         -tube <= min(gaps) and max(gaps) <= tube and min(shares) >= 0.0 and max(shares) <= 1.0
     ):
         _check_touch(grip, owners, gaps, shares, tube)
-    return Touches(nodes, starts, spans, axes, points, normals, sides, owners)
+    return Touches(starts, spans, axes, points, normals, sides, owners)
 
 
 def _radius(body: Cylinder | ConvexObject) -> float:

@@ -15,10 +15,10 @@ import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.grip_contacts import GripContacts
-from isotruss_ros.core.manipulation.grip_rows import grip_rows, motion_rows
+from isotruss_ros.core.manipulation.grip_contacts import find_touches, GripContacts
+from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian, rows_of_two
 from isotruss_ros.core.manipulation.limit_handling import WorkingRollers
-from isotruss_ros.core.manipulation.task import Reach, REACH_TOLERANCE, Task
+from isotruss_ros.core.manipulation.task import EVERYWHERE, Reach, REACH_TOLERANCE, Task
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -32,7 +32,7 @@ def find_grip_reach(
     config: Configuration, grip: Grip, working: WorkingRollers, twist: Array | None = None
 ) -> tuple[Array, Reach]:
     """
-    Return the rows of a grip, see `motion_rows`, and the twists that keep its contacts.
+    Return the rows of a grip, see `grip_jacobian`, and the twists that keep its contacts.
 
     :param config: configuration of the robot.
     :param grip: the grip.
@@ -43,25 +43,24 @@ def find_grip_reach(
     :raises GraspError: see `find_contacts`; or the contacts are all in one point.
     :raises ConfigurationError: the configuration is singular.
     """
-    jacobian, rows = grip_rows(config, grip)
-    places = working.places
+    jacobian, places = grip_jacobian(config, grip), working.places
     reach = Reach.of(jacobian if working.whole else jacobian[:, places], grip.arm, 1.0)
-    faces = rows is not None and len(rows.contacts.owners) > len(grip.members)
-    if twist is None or not faces or not twist.any():
+    faces = len(grip.members) == 2 and len(jacobian) > 4
+    if not faces or reach.directions is EVERYWHERE or twist is None or not twist.any():
         return jacobian, reach
-    contacts = rows.contacts
     least = _missed(reach, twist)
     if least <= REACH_TOLERANCE:
         return jacobian, reach
+    touches, (contacts, hand, rigid) = find_touches(config, grip), contact_rows(config, grip)
     inward = np.repeat(-contacts.normals, 2).view(np.float64).reshape(-1, 2, 2)[:, 0]
     for kept in rolled_corners(contacts, grip.friction):
-        tried = motion_rows(rows, np.array(kept))
+        tried = rows_of_two(config, grip, touches.kept(kept))
         found = Reach.of(tried[:, places], grip.arm, 1.0)
         missed = _missed(found, twist)
         task = Task(found, twist, working.even)
         if missed >= least * (1.0 - LEAST_GAIN) or task.speed == 0.0:
             continue
-        moved = rows.rigid @ (tried[:3, places] @ task.free) - rows.hand[:, places] @ task.free
+        moved = rigid @ (tried[:3, places] @ task.free) - hand[:, places] @ task.free
         lifting = (moved.reshape(-1, 2) * inward).sum(axis=1)
         if lifting.min() >= -LIFT_TOLERANCE * np.abs(task.free).max():
             jacobian, reach, least = tried, found, missed

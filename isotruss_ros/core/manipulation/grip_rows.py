@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.grip_contacts import (
     find_contacts,
     find_touches,
@@ -24,7 +24,7 @@ from isotruss_ros.core.manipulation.grip_contacts import (
     Touches,
 )
 from isotruss_ros.core.model.objects import MIN_DIAMETER
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
 from scipy.linalg import lapack
 
@@ -94,181 +94,145 @@ def contact_rows(config: Configuration, grip: Grip) -> ContactRows:
     :raises GraspError: see `find_contacts`.
     :raises ConfigurationError: the configuration is singular.
     """
-    return _contact_rows(config, grip, find_contacts(config, grip))
-
-
-def _contact_rows(config: Configuration, grip: Grip, contacts: GripContacts) -> ContactRows:
-    hand = hand_jacobian(config, contacts)
-    return ContactRows(contacts, hand, grasp_map(grip.center, contacts))
-
-
-def motion_rows(rows: ContactRows, kept: Indices | None = None) -> Array:
-    """
-    Return the map from roller speeds to the motion of an object that keeps contacts.
-
-    The first three rows solve J_h(q) qdot = G^T nu for the twist, the others are what is left of
-    it: a motion keeps the contacts where they are zero.
-
-    :param rows: of all contacts.
-    :param kept: (k,) numbers of the contacts that are kept, all if None.
-    :return: (2 k, r) for 1 m/s at each roller, robot frame: rows vx, vy [m/s] and omega [rad/s]
-        of the object, then 2 k - 3 rows [m/s]; the first of these is the rate of the distance
-        between two members, or twice that with which each of three moves away from the object.
-    :raises GraspError: the contacts are all in one point.
-    """
-    contacts, hand, rigid = rows
-    points, owners, normals = contacts.points, contacts.owners, contacts.normals
-    if kept is not None:
-        points, owners, normals = points[kept], owners[kept], normals[kept]
-        both = (2 * kept[:, None] + (0, 1)).ravel()
-        hand, rigid = hand[both], rigid[both]
-    if len(points) == 2:
-        return _two_points(points.tolist(), rigid).dot(hand)
-    square = np.concatenate([rigid, _misfits(rigid, points, owners, normals)], axis=1)
-    return np.asarray(lapack.dgesv(square, hand)[2])
-
-
-class GripRows(NamedTuple):
-    """
-    What roller speeds do to an object that keeps all its contacts; not to be written to.
-
-    :ivar jacobian: (2 k, r) of k contacts, see `motion_rows`.
-    :ivar rows: both sides of the constraint; None of two contacts, whose rows are solved by hand.
-    """
-
-    jacobian: Array
-    rows: ContactRows | None
+    contacts = find_contacts(config, grip)
+    return ContactRows(contacts, hand_jacobian(config, contacts), grasp_map(grip.center, contacts))
 
 
 @functools.lru_cache(maxsize=8)
-def grip_rows(config: Configuration, grip: Grip) -> GripRows:
-    """
-    Return the map from roller speeds to the motion of an object; the last few are kept.
-
-    :param config: configuration of the robot.
-    :param grip: the grip.
-    :raises GraspError: see `find_contacts`; or the contacts are all in one point.
-    :raises ConfigurationError: the configuration is singular.
-    """
-    touches, rows = find_touches(config, grip), None
-    if len(touches.points) == 2:
-        jacobian = _pair_jacobian(config, grip.center, touches)
-    else:
-        rows = _contact_rows(config, grip, touches.contacts())
-        jacobian = motion_rows(rows)
-    jacobian.flags.writeable = False
-    return GripRows(jacobian, rows)
-
-
 def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     """
     Return the map from roller speeds to the motion of an object that keeps all its contacts.
 
+    The first three rows solve J_h(q) qdot = G^T nu for the twist, the others are what is left of
+    it: a motion keeps the contacts where they are zero. The last few maps are kept.
+
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: (2 k, r) of k contacts, see `motion_rows`; not to be written to.
+    :return: (3 + g, r) for 1 m/s at each roller, robot frame: rows vx, vy [m/s] and omega [rad/s]
+        of the object, then the rate of the distance between two members where they touch, or twice
+        that with which each of three moves away from the object, and g - 1 other rows, all [m/s];
+        not to be written to. Two points of contact have one row that is zero, a face on one of two
+        members makes it two, on both three; k contacts of three members have 2 k - 3.
     :raises GraspError: see `find_contacts`; or the contacts are all in one point.
     :raises ConfigurationError: the configuration is singular.
     """
-    return grip_rows(config, grip).jacobian
-
-
-def _pair_jacobian(config: Configuration, center: complex, touches: Touches) -> Array:
-    """
-    Return `motion_rows` of two contacts, (4, r): those of `_two_points` before (12) is solved.
-
-    A gradient h stands for the row Re(conj(h) v) on the velocity v of a contact.
-
-    :raises GraspError: the contacts are in one point.
-    """
-    one, other = touches.points
-    apart = other - one
-    distance = abs(apart)
-    if distance < MIN_DIAMETER:
-        raise GraspError(ONE_POINT)
-    along = apart / distance
-    # conj(along) (v2 - v1) = opening + i omega distance; omega moves the middle of both as i arm.
-    around, arm = 1j * along / distance, center - 0.5 * (one + other)
-    entries: list[complex] = []
-    rolls: list[float] = []
-    _, starts, spans, axes, points, *_ = touches
-    for sign, start, span, axis, point in zip(
-        (-1.0, 1.0), starts, spans, axes, points, strict=True
-    ):
-        # The material moves with the member's start, with its turning and along it.
-        lever, turn, back = (point - start).conjugate(), 1j / span.conjugate(), axis.conjugate()
-        by_omega, by_opening = sign * around, sign * along
-        x, y = arm.imag * by_omega, arm.real * by_omega
-        turned, opened = (by_omega * lever).imag, (by_opening * lever).imag
-        end_x = (0.5 * lever.imag - arm.imag * turned) * turn
-        end_y = (0.5 * lever.real + arm.real * turned) * turn
-        end_omega, end_opening = turned * turn, opened * turn
-        entries += (0.5 - x - end_x, end_x, 0.5j + y - end_y, end_y)
-        entries += (by_omega - end_omega, end_omega, by_opening - end_opening, end_opening)
-        rolled, opens = (by_omega * back).real, (by_opening * back).real
-        rolls += (
-            0.5 * axis.real - arm.imag * rolled,
-            0.5 * axis.imag + arm.real * rolled,
-            rolled,
-            opens,
-        )
-    nodes, count = touches.nodes, len(config.points)
-    rows = np.zeros(4 * count, dtype=np.complex128)
-    rows[nodes.motion_places] = entries
-    jacobian = config.roller_rows(rows.view(np.float64).reshape(4, -1))
-    jacobian.reshape(-1)[nodes.motion_rolled] += np.array(rolls).take(nodes.motion_driven)
+    touches = find_touches(config, grip)
+    if len(grip.members) == 2:
+        jacobian = rows_of_two(config, grip, touches)
+    else:
+        jacobian = _rows_of_three(config, grip, touches)
+    jacobian.flags.writeable = False
     return jacobian
 
 
-def _two_points(points: list[complex], rigid: Array) -> Array:
+def rows_of_two(config: Configuration, grip: Grip, touches: Touches) -> Array:
     """
-    Return the rates of the object and of the distance by the velocities of two contacts, (4, 4).
+    Return `grip_jacobian` of two members, some contacts of which may have been left out.
 
-    With D from one to the other and e = D/|D|, conj(e) (v2 - v1) = opening + i omega |D|.
-
+    :param config: configuration of the robot.
+    :param grip: of two members.
+    :param touches: where they touch the object.
     :raises GraspError: the contacts are in one point.
+    :raises ConfigurationError: the configuration is singular.
+    """
+    second, touched = touches.owners.index(1), touches.points
+    points = _middle(touched[:second]), _middle(touched[second:])
+    rates = _rates_of_two(grip, points, (second > 1, len(touched) > second + 1))
+    # The material moves with the member's start, with its turning and along it.
+    (lever, turn, back), (other_lever, other_turn, other_back) = (
+        (
+            (point - touches.starts[k]).conjugate(),
+            1j / touches.spans[k].conjugate(),
+            touches.axes[k].conjugate(),
+        )
+        for k, point in zip((0, second), points, strict=True)
+    )
+    entries: list[complex] = []
+    rolls: list[float] = []
+    for h, other_h, k, other_k in rates:
+        turned = ((h * lever).imag + k) * turn
+        other_turned = ((other_h * other_lever).imag + other_k) * other_turn
+        entries += (h - turned, turned, other_h - other_turned, other_turned)
+        rolls += ((h * back).real, (other_h * other_back).real)
+    count, nodes = len(rates), find_members(config.robot, grip.members)
+    rolled = count * len(nodes.rollers)
+    by_node = np.zeros(count * len(config.points), dtype=np.complex128)
+    by_node[nodes.motion_places[: len(entries)]] = entries
+    jacobian = config.roller_rows(by_node.view(np.float64).reshape(count, -1))
+    driven = nodes.motion_driven[:rolled]
+    jacobian.reshape(-1)[nodes.motion_rolled[:rolled]] += np.array(rolls).take(driven)
+    return jacobian
+
+
+def _rates_of_two(
+    grip: Grip, points: tuple[complex, complex], faces: tuple[bool, bool]
+) -> list[tuple[complex, complex, float, float]]:
+    """
+    Return the rows of `grip_jacobian` on the motion of two members.
+
+    Where a face lies on a member the object turns with that member, else with the line through the
+    two points. The middle of both moves with both.
+
+    :param grip: of two members.
+    :param points: where they touch the object, the middle of a face, x + iy [m].
+    :param faces: on which of them a face lies.
+    :return: h1, h2, k1, k2 for each row Re(conj(h1) v1 + conj(h2) v2) + k1 w1 + k2 w2 on the
+        velocities v of the material at these points and the turning rates w of the members.
+    :raises GraspError: the points are one.
     """
     apart = points[1] - points[0]
     distance = abs(apart)
     if distance < MIN_DIAMETER:
         raise GraspError(ONE_POINT)
-    x, y = apart.real / distance, apart.imag / distance
-    wx, wy = x / distance, y / distance
-    # The middle of both, seen from the object's origin; omega moves it as i times this arm.
-    up = 0.5 * (rigid.item(0, 2) + rigid.item(2, 2))
-    right = 0.5 * (rigid.item(1, 2) + rigid.item(3, 2))
-    return np.array(
-        [
-            [0.5 - up * wy, up * wx, 0.5 + up * wy, -up * wx],
-            [-right * wy, 0.5 + right * wx, right * wy, 0.5 - right * wx],
-            [wy, -wx, -wy, wx],
-            [-x, -y, x, y],
-        ]
-    )
+    along = apart / distance
+    across, around, one, other = 1j * along, 0j, 0.0, 0.0
+    kept: list[tuple[complex, complex, float, float]] = [(-along, along, 0.0, 0.0)]
+    if any(faces):
+        one, other = (1.0, 0.0) if faces[0] else (0.0, 1.0)
+        kept.append((-across, across, -distance * one, -distance * other))
+        if all(faces):
+            kept.append((0j, 0j, -grip.arm, grip.arm))
+    else:
+        around = across / distance
+    # From the middle of both to the object's origin.
+    arm = grip.center - 0.5 * (points[0] + points[1])
+    up, right = arm.imag, arm.real
+    return [
+        (0.5 + up * around, 0.5 - up * around, -up * one, -up * other),
+        (0.5j - right * around, 0.5j + right * around, right * one, right * other),
+        (-around, around, one, other),
+        *kept,
+    ]
 
 
-def _misfits(rigid: Array, points: Points, owners: Indices, normals: Points) -> Array:
+def _middle(points: list[complex]) -> complex:
+    return points[0] if len(points) == 1 else 0.5 * (points[0] + points[1])
+
+
+def _rows_of_three(config: Configuration, grip: Grip, touches: Touches) -> Array:
     """
-    Return what no twist does to the contacts: (2 k, 2 k - 3), at right angles to G^T.
-
-    With two members the first is that these move apart by 1 m/s, with three that each moves away
-    from the object by half of that, without the part of it that would carry the object along.
+    Return `grip_jacobian` of three members: the least squares of what is left of the constraint.
 
     :raises GraspError: the contacts are all in one point.
     """
-    places, count = points.tolist(), len(points)
-    if max(abs(place - places[0]) for place in places) < MIN_DIAMETER:
+    contacts = touches.contacts(config.robot, grip)
+    hand, rigid = hand_jacobian(config, contacts), grasp_map(grip.center, contacts)
+    if max(abs(point - touches.points[0]) for point in touches.points) < MIN_DIAMETER:
         raise GraspError(ONE_POINT)
-    if owners[-1] > 1:
-        opening = 0.5 * normals
-    else:
-        first = int(owners.searchsorted(1))
-        apart = sum(places[first:]) / (count - first) - sum(places[:first]) / first
-        half = 0.5 * apart / abs(apart)
-        opening = np.array([-half] * first + [half] * (count - first))
+    square = np.concatenate([rigid, _misfits(rigid, contacts.normals)], axis=1)
+    return np.asarray(lapack.dgesv(square, hand)[2])
+
+
+def _misfits(rigid: Array, normals: Points) -> Array:
+    """
+    Return what no twist does to the contacts: (2 k, 2 k - 3), at right angles to G^T.
+
+    The first is that each member moves away from the object by 0.5 m/s, without the part of it
+    that would carry the object along.
+    """
     # QR factorization, all columns of the first factor.
     tall = np.zeros((len(rigid), len(rigid)), order='F')
-    tall[:, :3], tall[:, 3] = rigid, opening.view(float)
+    tall[:, :3], tall[:, 3] = rigid, 0.5 * normals.view(float)
     factored, scales, _, _ = lapack.dgeqrf(tall[:, :4])
     size = factored[3, 3]
     tall[:, :4] = factored

@@ -134,13 +134,12 @@ class Reach:
         :param opening: what turns the g rows of the grip into speeds [-] or [m]; the first of
             them is the opening rate.
         """
-        if len(active) > 4:
-            weights = np.array([1.0, 1.0, radius])
-            return cls._of_many(weights[:, None] * active[:3], opening * active[3:], weights)
-        sizes, weights, opened = _sizes(radius, opening)
+        sizes, weights, opened = _sizes(radius, opening, len(active))
         rows = sizes * active
         if _moves_freely(rows):
             return cls(rows, EVERYWHERE, weights, opened)
+        if len(active) > 4:
+            return cls._of_many(rows[:3], rows[3:], weights)
         task, grip = rows[:3], rows[3]
         square = float(grip @ grip)
         held = square > RANK_TOLERANCE**2
@@ -176,22 +175,38 @@ class Reach:
 
 
 @functools.lru_cache(maxsize=64)
-def _sizes(radius: float, opening: float) -> tuple[Array, Array, Array]:
-    """Return the weights of four rows (4, 1), and those of the twist and of the grip alone."""
-    sizes = np.array([1.0, 1.0, radius, opening])
-    sizes.flags.writeable = False
-    return sizes[:, None], sizes[:3], sizes[3:]
+def _sizes(radius: float, opening: float, count: int) -> tuple[Array, Array, Array]:
+    """Return the weights of all rows (count, 1), those of the twist, and `Reach.opening`."""
+    sizes = np.array([1.0, 1.0, radius] + [opening] * (count - 3))
+    opened = np.array([opening] + [0.0] * (count - 4))
+    sizes.flags.writeable = opened.flags.writeable = False
+    return sizes[:, None], sizes[:3], opened
 
 
 def _moves_freely(rows: Array) -> bool:
     """
     Tell whether all twists are reachable, and the grip can be kept: surely so, or not surely.
 
-    The least eigenvalue of the Gram matrix of three rows, less their parts along the fourth, is at
-    least 4 det / trace^2, since the other two add up to at most the trace.
+    The least eigenvalue of the Gram matrix of three rows, less their parts along the others, is at
+    least 4 det / trace^2, since the other two add up to at most the trace. That of the g rows of
+    the grip is at least det / trace^(g - 1).
     """
-    (xx, xy, xz, xg), (_, yy, yz, yg), (_, _, zz, zg), (_, _, _, gg) = rows.dot(rows.T).tolist()
-    if not gg > FREE_SHARE:
+    gram = rows.dot(rows.T).tolist()
+    needed = FREE_SHARE
+    if len(gram) > 4:
+        size = 1.0 + sum(row[k] for k, row in enumerate(gram[3:], 3))
+        while len(gram) > 4:
+            *last, pivot = gram.pop()
+            if not pivot > FREE_SHARE:
+                return False
+            needed *= size / pivot
+            shares = [value / pivot for value in last]
+            gram = [
+                [value - row[-1] * share for value, share in zip(row, shares, strict=False)]
+                for row in gram
+            ]
+    (xx, xy, xz, xg), (_, yy, yz, yg), (_, _, zz, zg), (_, _, _, gg) = gram
+    if not gg > needed:
         return False
     x, y, z = xg / gg, yg / gg, zg / gg
     xx, yy, zz = xx - x * xg, yy - y * yg, zz - z * zg
@@ -248,7 +263,8 @@ class Task:
             vx, vy, turning = (reach.weights * (twist / size)).tolist()
             length = math.hypot(vx, vy, turning)
             self.speed = size * length
-            self.direction = np.array([vx / length, vy / length, turning / length, 0.0])
+            self.direction = np.zeros(len(self.equality))
+            self.direction[:3] = vx / length, vy / length, turning / length
         else:
             self._find_direction(reach, twist, size, opening_rate)
         if self.speed > 0.0:

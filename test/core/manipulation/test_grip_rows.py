@@ -15,10 +15,8 @@ from isotruss_ros.core import (
 from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
 from isotruss_ros.core.manipulation.grip_rows import (
-    contact_rows,
     grasp_map,
     hand_jacobian,
-    motion_rows,
 )
 from isotruss_ros.core.numerics.arrays import as_xy
 import numpy as np
@@ -131,30 +129,54 @@ def test_rows_are_the_differences_of_rolling_shapes(flat, kind, count, data, rng
     assert along(contacts) @ -found == pytest.approx(kept, abs=1e-7)
 
 
-@pytest.mark.parametrize(('kind', 'count'), KINDS)
-@robots.examples(25)
-@given(strategies.data(), robots.generators())
-def test_motions_that_keep_the_contacts_are_those_of_the_constraint(kind, count, data, rng):
-    robot = data.draw(random_grips.robots_with(kind))
-    config, grip = random_grips.random_grip(robot, rng, kind, count)
-    assume(grip is not None)
-    found, _ = constraint_of(config, grip)
-    jacobian = grip_jacobian(config, grip)
-    for rollers in null_space(jacobian[3:], rcond=1e-9).T:
-        assert found @ np.append(rollers, jacobian[:3] @ rollers) == pytest.approx(0.0, abs=1e-11)
-
-
-@pytest.mark.parametrize(('kind', 'count'), KINDS)
 @pytest.mark.parametrize('flat', [False, True])
+@pytest.mark.parametrize(('kind', 'count'), KINDS)
 @robots.examples(25)
 @given(strategies.data(), robots.generators())
-def test_rows_of_two_contacts_are_those_of_the_constraint(kind, count, flat, data, rng):
+def test_motions_that_keep_the_contacts_are_those_of_the_constraint(kind, count, flat, data, rng):
     robot = data.draw(random_grips.robots_with(kind))
     config, grip = random_grips.random_convex_grip(robot, rng, kind, count, flat)
     assume(grip is not None)
-    every = motion_rows(contact_rows(config, grip))
-    scale = np.abs(every).max()
-    assert grip_jacobian(config, grip) == pytest.approx(every, abs=1e-12 * scale)
+    found, contacts = constraint_of(config, grip)
+    jacobian = grip_jacobian(config, grip)
+    kept = null_space(jacobian[3:], rcond=1e-9).T
+    scale = np.abs(jacobian).max()
+    for rollers in kept:
+        motion = np.append(rollers, jacobian[:3] @ rollers)
+        assert found @ motion == pytest.approx(0.0, abs=1e-11 * scale)
+    # And no others: these are as many as the constraint leaves.
+    assert len(kept) == null_space(found, rcond=1e-9).shape[1]
+    faces = len(contacts.owners) - count
+    assert len(jacobian) == (4 + faces if count == 2 else 2 * len(contacts.owners))
+
+
+@pytest.mark.parametrize('flat', [False, True])
+@pytest.mark.parametrize('kind', ['module', 'tube', 'tubes'])
+@robots.examples(25)
+@given(strategies.data(), robots.generators())
+def test_an_object_moves_with_the_middle_of_two_contacts(kind, flat, data, rng):
+    """Whatever the rollers do, and it turns with a member on which a face lies."""
+    robot = data.draw(random_grips.robots_with(kind))
+    config, grip = random_grips.random_convex_grip(robot, rng, kind, 2, flat)
+    assume(grip is not None)
+    contacts, jacobian = find_contacts(config, grip), grip_jacobian(config, grip)
+    rollers = rng.standard_normal((jacobian.shape[1], 5))
+    scale = 1e-10 * np.abs(jacobian).max()
+    speeds = np.ascontiguousarray((hand_jacobian(config, contacts) @ rollers).T).view(complex).T
+    own = [contacts.owners == member for member in (0, 1)]
+    points = [contacts.points[k].mean() for k in own]
+    moved = [speeds[k].mean(0) for k in own]
+    turning = jacobian[2] @ rollers
+    middle = jacobian[0] @ rollers + 1j * (jacobian[1] @ rollers)
+    middle += 1j * turning * (sum(points) / 2.0 - grip.center)
+    assert middle == pytest.approx(sum(moved) / 2.0, abs=scale)
+    apart = points[1] - points[0]
+    opening = ((moved[1] - moved[0]) * apart.conjugate()).real / abs(apart)
+    assert jacobian[3] @ rollers == pytest.approx(opening, abs=scale)
+    turned = [k for k in own if k.sum() == 2][:1] or [slice(None)]
+    ends = contacts.points[turned[0]]
+    by_ends = (speeds[turned[0]][1] - speeds[turned[0]][0]) / (ends[1] - ends[0])
+    assert turning == pytest.approx(by_ends.imag, abs=100.0 * scale)
 
 
 def test_rows_are_kept_for_a_configuration_and_a_grip():
