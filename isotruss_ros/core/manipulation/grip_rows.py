@@ -111,8 +111,8 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     :return: (3 + g, r) for 1 m/s at each roller, robot frame: rows vx, vy [m/s] and omega [rad/s]
         of the object, then the rate of the distance between two members where they touch, or twice
         that with which each of three moves away from the object, and g - 1 other rows, all [m/s];
-        not to be written to. Two points of contact have one row that is zero, a face on one of two
-        members makes it two, on both three; k contacts of three members have 2 k - 3.
+        g is 1 for two members that touch in a point, 2 where a face lies on one of them, 3 where
+        faces lie on both, and 2 k - 3 for k contacts of three members. Not to be written to.
     :raises GraspError: see `find_contacts`; or the contacts are all in one point.
     :raises ConfigurationError: the configuration is singular.
     """
