@@ -20,10 +20,9 @@ from isotruss_ros.core import (
     read_object,
     SolverError,
     StructureError,
-    Violation,
 )
 from isotruss_ros.core.planning import searcher as searchers
-from isotruss_ros.core.planning.grasp_plan import path_times, SENTENCES, violation_in_words
+from isotruss_ros.core.planning.grasp_plan import path_times
 from isotruss_ros.core.planning.searcher import Outcome, Searcher, Stop
 from isotruss_ros.core.planning.workers import core_count, NICENESS, WorkerPool
 import numpy as np
@@ -267,22 +266,3 @@ def test_stops_when_asked_or_when_the_time_is_up():
     assert stop()
     assert Stop(1e-9)()
     assert not Stop(1000.0)()
-
-
-def test_the_way_takes_as_long_as_the_roller_that_goes_furthest():
-    path = np.array([[0.0, 0.0], [0.3, -0.1], [0.3, -0.1], [0.2, 0.1]])
-    assert path_times(path, 0.1, [False] * 3) == pytest.approx([0.0, 3.0, 3.01, 5.01])
-    assert path_times(path, 0.1, [False, False, True]) == pytest.approx([0.0, 3.0, 3.01, 11.01])
-    assert path_times(path[:1], 0.1, []).tolist() == [0.0]
-
-
-def test_every_miss_has_words():
-    for name in SENTENCES:
-        words = violation_in_words(Violation(name, 0.125, 0.25, 1.0))
-        assert words.startswith(f'{name}: ')
-        assert '{' not in words
-    assert 'do not press' in violation_in_words(Violation('force_closure', 0.0, 1.0, 30.0))
-    assert 'cannot be computed: it is so' in violation_in_words(
-        Violation('it is so', 0.0, 0.0, 1.0)
-    )
-    assert violation_in_words(None) == 'there was no grasp candidate'

@@ -225,7 +225,8 @@ class ClosingInPlace:
         """Return the object where it is: where it lay, if it stayed there."""
         lay = self._closing.body
         if isinstance(lay, ConvexObject):
-            moved = np.subtract(grasp.pose, lay.pose) * (1.0, 1.0, lay.arm)
+            moved = np.subtract(grasp.pose, lay.pose)
+            moved[2] = lay.arm * math.remainder(moved[2], 2.0 * math.pi)
             return lay if np.abs(moved).max() < SAME_PLACE else lay.moved_to(grasp.pose)
         (x, y), center = grasp.pose[:2], lay.center
         near = np.hypot(x - center[0], y - center[1]) < SAME_PLACE

@@ -143,5 +143,5 @@ def encloses(config: Configuration, tube: int, point: complex) -> bool:
         [config.points[topology.c[modules]], config.points[topology.b[modules]]], axis=1
     )
     around = corners.ravel() - point
-    winding = np.angle(np.roll(around, -1) / around).sum() / (2.0 * np.pi)
-    return bool(abs(winding) > 0.5)
+    # Seen from inside the loop is a whole turn, from outside none.
+    return bool(abs(np.angle(np.roll(around, -1) / around).sum()) > np.pi)

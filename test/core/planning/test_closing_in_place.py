@@ -1,10 +1,12 @@
 """Closing in place: on the elastic plant the planned path leaves a free object where it lies."""
 
+import dataclasses
 import functools
 import itertools
 import math
 
 from isotruss_ros.core import (
+    analyze_grasp,
     Cylinder,
     ElasticObject,
     GraspRequirements,
@@ -14,6 +16,10 @@ from isotruss_ros.core import (
     settle_grasp,
     SimulatedRobot,
 )
+from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.planning import closing_in_place
 from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing_in_place import ClosingInPlace
 from isotruss_ros.core.planning.seeds import find_seeds
@@ -132,6 +138,7 @@ def test_members_touch_only_where_friction_holds_the_wedge(share):
         ),
         ({'max_contact_force': 1e-3}, 'max_contact_force'),
         ({'external_wrench': (0.0, 60.0, 0.0)}, None),
+        ({'external_wrench': (0.0, 1e4, 0.0), 'max_utilisation': math.inf}, 'held'),
     ],
 )
 def test_what_cannot_be_reached_says_what_is_violated(values, name):
@@ -142,6 +149,58 @@ def test_what_cannot_be_reached_says_what_is_violated(values, name):
     if name is not None:
         assert violation.requirement == name
         assert violation.bound == values.get(name, violation.bound)
+    if name == 'held':
+        assert (violation.value, violation.bound) == (0.0, 1.0)
+    if name in ('min_slip_margin', 'min_margin'):
+        assert violation.distance == pytest.approx(1.0 - violation.value / violation.bound)
+
+
+@pytest.mark.parametrize(
+    ('margin', 'least', 'distance'),
+    [(-1.0, 0.5, 1.0), (0.02, 0.5, 0.96), (0.2, 0.5, 0.6), (-1.0, 0.0, 1.0)],
+)
+def test_margins_that_are_too_small_are_compared_by_their_shares(
+    margin, least, distance, monkeypatch
+):
+    def held(*arguments):
+        return dataclasses.replace(analyze_grasp(*arguments), closure_margin=margin)
+
+    monkeypatch.setattr(closing_in_place, 'analyze_grasp', held)
+    search = closing(squeeze=8.0, min_margin=least)
+    assert search.close() is None
+    violation = search.closest_violation
+    assert (violation.requirement, violation.value, violation.bound) == (
+        'min_margin',
+        margin,
+        least,
+    )
+    assert violation.distance == pytest.approx(distance)
+
+
+@pytest.mark.parametrize(
+    ('owner', 'name', 'found'),
+    [(closing_in_place, 'attach', Hold.NO_BALANCE), (RollingGrasp, 'hold', Hold.UNSTABLE)],
+)
+def test_what_has_no_equilibrium_or_an_unstable_one_is_not_held(owner, name, found, monkeypatch):
+    monkeypatch.setattr(owner, name, lambda *_: found)
+    search = closing()
+    assert search.close() is None
+    violation = search.closest_violation
+    assert (violation.requirement, violation.value, violation.bound) == ('held', 0.0, 1.0)
+
+
+def test_work_is_counted(monkeypatch):
+    counted, move = [], Configuration.moved_to
+
+    def moved_to(config, positions):
+        counted.append(positions)
+        return move(config, positions)
+
+    search = closing(squeeze=8.0)
+    monkeypatch.setattr(Configuration, 'moved_to', moved_to)
+    grip = search.close()
+    assert search.evaluations == len(counted) > 10
+    assert 1 <= search.analyses < len(grip.path)
 
 
 def test_a_load_is_held_and_costs_margin():

@@ -353,6 +353,15 @@ def test_the_longest_step_is_not_made_longer(monkeypatch):
     assert shares == [0.4, 1.0, 1.0, 1.0]
 
 
+@pytest.mark.parametrize('seed', range(40))
+def test_who_stands_still_is_not_blocked_wherever_that_is(seed, monkeypatch):
+    config, closing, _ = crowded(seed)
+    still = np.zeros(len(config.roller_positions))
+    monkeypatch.setattr(closing_motion, 'solve_step', lambda *_: still)
+    place, targets = evaluate_state(config, closing.body), np.full(len(closing.members), STANDOFF)
+    assert take_closing_step(place, closing, targets).blocked is None
+
+
 @pytest.mark.parametrize('seed', SEEDS)
 def test_who_is_beyond_a_bound_goes_no_further(seed):
     config, (closing, _), _ = tasks(seed)

@@ -4,6 +4,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 import itertools
 import multiprocessing
+from types import SimpleNamespace
 
 from isotruss_ros.cli.plan_report import table
 from isotruss_ros.core import (
@@ -16,7 +17,10 @@ from isotruss_ros.core import (
     plan_grasps,
     settle_grasp,
 )
-from isotruss_ros.core.planning.grasp_plan import plan_in_words
+from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.planning import plan_grasps as search
+from isotruss_ros.core.planning.grasp_plan import plan_in_words, violation_in_words
+from isotruss_ros.core.planning.settings import DEFAULT
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 import pytest
@@ -218,6 +222,45 @@ def test_none_found_comes_with_what_is_missed(cylinder, needs, missed):
     assert miss.distance > 0.0
     if missed in ('max_total_force', 'min_margin', 'max_utilisation'):
         assert miss.bound == getattr(needs, missed)
+    if missed == 'enclosed':
+        assert (miss.value, miss.bound) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize(('count', 'rounds'), [(1, [0]), (99, [0, 1])])
+def test_rounds_follow_until_there_are_enough_grasps(count, rounds, monkeypatch):
+    begun, find = [], search.find_seeds
+
+    def find_seeds(config, cylinder, needs, seed, number, settings):
+        begun.append(number)
+        return find(config, cylinder, needs, seed, number, settings)[:1]
+
+    monkeypatch.setattr(search, 'find_seeds', find_seeds)
+    needs = GraspRequirements(module='north/Z', squeeze=10.0, count=count)
+    plan = plan_grasps(
+        ROBOT.home, OBJECTS['north'], needs, settings=replace(DEFAULT, max_rounds=2)
+    )
+    assert len(plan) > 0
+    assert begun == rounds
+
+
+@pytest.mark.parametrize(('number', 'found'), [(1, 0), (2, 1)])
+def test_a_seed_that_cannot_be_computed_is_skipped(number, found, monkeypatch):
+    seeds, approach = [], search.approach
+
+    def fail_last(config, closing, stop):
+        seeds.append(closing)
+        if len(seeds) == number:
+            raise SolverError('no solution')
+        return approach(config, closing, stop)
+
+    monkeypatch.setattr(search, 'approach', fail_last)
+    settings = replace(DEFAULT, max_rounds=1, openings=DEFAULT.openings[:number])
+    needs = GraspRequirements(module='north/Z', squeeze=10.0, count=1)
+    plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs, settings=settings)
+    assert (len(plan), len(seeds)) == (found, number)
+    if not found:
+        why = violation_in_words(plan.closest_violation)
+        assert why == 'the closest grasp candidate cannot be computed: no solution'
 
 
 def test_grasps_outside_of_the_model_say_so(plans):
@@ -254,6 +297,23 @@ def test_stops_when_asked_with_what_it_has():
     assert len(told) == 3
     assert [one.evaluations for one in told] == sorted(one.evaluations for one in told)
     assert all(0.0 <= one.share <= 1.0 for one in told)
+
+
+def test_time_left_is_that_of_the_candidates_so_far(monkeypatch):
+    told, ticks = [], itertools.count()
+    monkeypatch.setattr(search, 'time', SimpleNamespace(perf_counter=lambda: float(next(ticks))))
+    plan_grasps(
+        ROBOT.home,
+        OBJECTS['north'],
+        GraspRequirements(squeeze=10.0),
+        on_progress=told.append,
+        should_stop=lambda: len(told) >= 3,
+    )
+    # A tick with each report: first of open grips alone.
+    assert (told[0].share, told[0].time_left) == (0.0, None)
+    assert told[2].share == 2.0 * told[1].share < 1.0
+    for spent, one in enumerate(told[1:], 2):
+        assert one.time_left == pytest.approx(spent * (1.0 - one.share) / one.share)
 
 
 @pytest.mark.parametrize(

@@ -125,6 +125,15 @@ def test_the_grip_that_is_found_holds_the_object(plan):
     assert export_figures(grasp)['module'] == ''
 
 
+def test_an_angle_may_be_off_by_a_whole_turn(plan):
+    body, needs, (grasp,) = plan
+    turned = ConvexObject(Disc(0.6), (*HOLE, 0.2 + 2.0 * np.pi))
+    (found,) = plan_grasps(HOME, turned, needs, settings=FEW)
+    assert found.path == pytest.approx(grasp.path, abs=1e-6)
+    # It stays where it lay.
+    assert (found.grip.body, grasp.grip.body) == (turned, body)
+
+
 def test_nothing_touches_the_object_before_its_members_do(plan):
     body, _, (grasp,) = plan
     config, members = HOME, [ROBOT.member_names.index(name) for name in grasp.grip.members]

@@ -65,6 +65,12 @@ def test_first_round_opens_every_module_around_the_object_twice(seed, friction):
         assert all(math.tan(0.5 * one.opening) < friction for one in pairs)
 
 
+def test_grips_open_by_shares_of_what_friction_holds():
+    needs = GraspRequirements(module='north/Z', friction=0.5, squeeze=10.0)
+    openings = [seed.opening for seed in find_seeds(NINE.home, INSIDE, needs, 0, 0)]
+    assert np.tan(0.5 * np.array(openings) / (0.8, 0.56)) == pytest.approx(0.5)
+
+
 @robots.examples(20)
 @given(seed=SCENES)
 def test_first_round_has_one_grip_by_three_sides_for_each_loop(seed):

@@ -340,6 +340,15 @@ def test_open_grips_are_none_by_whichever_sign(fields, monkeypatch):
     assert search.closest_violation.requirement == 'force_closure'
 
 
+def test_no_margin_is_enough_where_none_is_asked_for(monkeypatch):
+    def barely(*arguments, **options):
+        return dataclasses.replace(analyze_grasp(*arguments, **options), closure_margin=1e-9)
+
+    monkeypatch.setattr(squeeze, 'analyze_grasp', barely)
+    for needs in (UNBOUNDED, dataclasses.replace(UNBOUNDED, min_margin=0.0)):
+        assert Squeeze(*opened('top'), needs).search() is not None
+
+
 def test_what_blocks_a_step_is_told_with_its_bound(monkeypatch):
     start, closing = opened('top')
     search, make = Squeeze(start, closing, NEEDS), closing_motion.take_closing_step
@@ -374,6 +383,23 @@ def test_depths_stay_within_bounds_and_so_do_shares(monkeypatch):
     assert means.max() <= 0.8 * tube
     assert means.max() > 1.5 * 0.33 * tube > 3.0 * means.min()
     assert all(0.1 <= depth / depths.mean() <= 10.0 for depths in tried for depth in depths)
+
+
+@pytest.mark.parametrize(('factor', 'last'), [(1e9, 0.8), (0.0, 0.03)])
+def test_nine_tenths_of_what_remains_are_tried_at_most(factor, last, monkeypatch):
+    tried, tube = [], load_robot('triangle').description.tube_diameter
+
+    def balance(search, depth, shares):
+        tried.append(depth)
+        return factor
+
+    monkeypatch.setattr(Squeeze, '_balance', balance)
+    start, closing = opened('top')
+    closing = dataclasses.replace(closing, settings=SearchSettings(max_depths=3))
+    assert Squeeze(start, closing, NEEDS).search() is None
+    left = (0.33 - last) * 0.1 ** np.arange(len(tried))
+    assert np.array(tried) == pytest.approx((last + left) * tube)
+    assert len(tried) >= 2
 
 
 def symmetric():

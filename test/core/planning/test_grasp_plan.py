@@ -1,0 +1,112 @@
+"""What a plan says of its grasps: in words, in numbers, and when the path is where."""
+
+from dataclasses import replace
+
+from isotruss_ros.core import Cylinder, GraspRequirements, load_robot, plan_grasps
+from isotruss_ros.core.planning.export import export_figures, export_path, export_violation
+from isotruss_ros.core.planning.grasp_plan import (
+    GraspPlan,
+    path_times,
+    plan_in_words,
+    SENTENCES,
+    Violation,
+    violation_in_words,
+)
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+
+
+@pytest.fixture(scope='module')
+def grasp():
+    """Plan one grasp."""
+    needs = GraspRequirements(module='north/Z', squeeze=10.0, count=1)
+    return plan_grasps(HOME, Cylinder((0.6, 0.3), 0.3), needs, thorough=False)[0]
+
+
+def test_pieces_take_as_long_as_the_roller_that_travels_furthest():
+    path = np.array([[0.0, 0.0], [0.1, -0.2], [0.1, -0.1], [0.1, -0.1], [0.5, 0.2]])
+    near = np.array([False, True, True, False])
+    times = path_times(path, 0.5, near, min_duration=0.3)
+    assert times == pytest.approx(np.cumsum([0.0, 0.4, 0.8, 0.3, 0.8]))
+    assert path_times(path[:1], 0.5, near[:0]) == pytest.approx([0.0])
+
+
+def test_a_path_is_slow_from_two_waypoints_before_the_touch_on(grasp):
+    exported = export_path(grasp)
+    assert exported['touch'] == grasp.touch > 2
+    assert np.array(exported['path']) == pytest.approx(grasp.path)
+    longest = np.abs(np.diff(grasp.path, axis=0)).max(axis=1)
+    speeds = longest / np.diff(exported['times'])
+    full = HOME.robot.description.max_speed
+    fast = np.arange(len(speeds)) < grasp.touch - 2
+    assert speeds == pytest.approx(np.minimum(np.where(fast, full, 0.25 * full), longest / 0.01))
+
+
+def test_a_violation_has_a_name_a_value_and_a_bound():
+    assert export_violation(None) == {}
+    assert export_violation(Violation('min_margin', 0.2, 0.5, 0.6)) == {
+        'violated_requirement': 'min_margin',
+        'violation_value': 0.2,
+        'violation_bound': 0.5,
+    }
+
+
+@pytest.mark.parametrize(
+    ('violation', 'words'),
+    [
+        (None, 'there was no grasp candidate'),
+        (
+            Violation('min_margin', 0.2, 0.5, 0.6),
+            'min_margin: the closure margin is 0.2 N, and must be 0.5 N',
+        ),
+        (
+            Violation('force_closure', 0.0, 0.5, 30.0),
+            'force_closure: the members do not press on the object',
+        ),
+        (
+            Violation('force_closure', 0.7, 0.5, 0.3),
+            'force_closure: it takes a friction coefficient of 0.7, there is 0.5',
+        ),
+        (
+            Violation('no step', 0.0, 0.0, 100.0),
+            'the closest grasp candidate cannot be computed: no step',
+        ),
+    ],
+)
+def test_a_plan_without_grasps_says_what_is_violated(violation, words):
+    assert violation_in_words(violation) == words
+    plan = GraspPlan((), True, violation, 12, 3, 0.1)
+    assert plan_in_words(plan) == f'no grasp found in 12 evaluations; {words}'
+
+
+def test_every_violation_has_words():
+    for name in SENTENCES:
+        words = violation_in_words(Violation(name, 0.125, 0.25, 1.0))
+        assert words.startswith(f'{name}: ')
+        assert '{' not in words
+
+
+def test_tubes_wrinkle_from_where_they_bear_more_than_their_moment(grasp):
+    even, beyond = replace(grasp, utilisation=1.0), replace(grasp, utilisation=1.001)
+    assert (even.outside_model, beyond.outside_model) == (False, True)
+    outside = 'outside of the model'
+    for grasps, words in (
+        ((even,), 'one grasp at north/Z'),
+        ((beyond, even), '2 grasps, the best at north/Z'),
+        ((beyond, beyond), f'these numbers are {outside}; so it is in 1 of the others'),
+        ((even, beyond, beyond), f'in 2 of the others a tube wrinkles: {outside}'),
+    ):
+        said = plan_in_words(GraspPlan(grasps, True, None, 12, 3, 0.1))
+        assert words in said
+        assert (outside in said) == (beyond in grasps)
+    assert f'{1e3 * grasp.closure_margin:.3g} mN' in said
+
+
+def test_figures_are_those_of_the_grasp(grasp):
+    figures = export_figures(grasp)
+    assert figures['module'] == 'north/Z'
+    assert figures['roller_positions'] == grasp.path[-1].tolist()
+    for name in ('score', 'squeeze', 'travel', 'rigidity', 'utilisation', 'total_force'):
+        assert figures[name] == getattr(grasp, name)

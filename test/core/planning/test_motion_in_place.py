@@ -1,0 +1,169 @@
+"""What ends the motion of a held object in place, and what is said of it."""
+
+from dataclasses import replace
+import functools
+import math
+
+from isotruss_ros.core import (
+    ConfigurationError,
+    ConvexObject,
+    Cylinder,
+    Disc,
+    GraspRequirements,
+    load_robot,
+    plan_grasps,
+    tangent_center,
+)
+from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
+from isotruss_ros.core.planning import motion_in_place, surrounding
+from isotruss_ros.core.planning.closing_in_place import attach
+from isotruss_ros.core.planning.closing_qp import Closing
+from isotruss_ros.core.planning.motion_in_place import MotionInPlace
+from isotruss_ros.core.planning.release import plan_release
+from isotruss_ros.core.planning.settings import DEFAULT
+from isotruss_ros.core.planning.surrounding import squeeze_around
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+MODULE = 'north/Z'
+CYLINDER = Cylinder(tangent_center(HOME, MODULE, 0.3, 0.01), 0.3)
+SLOW = RollerSpeedLimit(1e-6)
+
+
+def pair(**fields):
+    """Return a motion of a cylinder between two members, and how these hold it."""
+    number = HOME.robot.module_names.index(MODULE)
+    members = (number, int(HOME.robot.topology.previous[number]))
+    closing = replace(Closing(CYLINDER, number, members, 2.8, (), 0.15), **fields)
+    grasp = attach(HOME, closing)
+    assert isinstance(grasp, RollingGrasp)
+    x, y, angle = grasp.pose
+    return MotionInPlace(replace(closing, body=Cylinder((x, y), 0.3)), angle), grasp
+
+
+@functools.cache
+def planned():
+    """Plan a grip of a disc by three members of different tubes."""
+    body = ConvexObject(Disc(0.6), (0.716, -0.4134, 0.2))
+    needs = GraspRequirements(count=1, squeeze=12.0)
+    few = replace(DEFAULT, max_grips=1, max_rounds=1)
+    return plan_grasps(HOME, body, needs, settings=few)[0]
+
+
+def three(**fields):
+    """Return a motion of a disc between three members, and how these hold it."""
+    names, body = planned().grip.members, planned().grip.body
+    members = tuple(HOME.robot.member_names.index(name) for name in names)
+    closing = replace(Closing(body, None, members, 2.8, (), 0.15), **fields)
+    grasp = attach(planned().config, closing)
+    assert isinstance(grasp, HeldGrip)
+    return MotionInPlace(replace(closing, body=grasp.body)), grasp
+
+
+def said(motion):
+    """Return requirement, value and bound of what ended a motion."""
+    violation = motion.closest_violation
+    return violation.requirement, violation.value, violation.bound
+
+
+def squeeze_pair(motion, grasp, force):
+    """Change the squeeze of two members."""
+    return motion.squeeze(grasp, force)
+
+
+BOTH = pytest.mark.parametrize(
+    ('held', 'squeeze'), [(pair, squeeze_pair), (three, squeeze_around)]
+)
+
+
+@BOTH
+def test_the_squeeze_becomes_what_is_wanted_in_place(held, squeeze):
+    motion, grasp = held()
+    force = 1.1 * grasp.squeeze
+    found = squeeze(motion, grasp, force)
+    assert found.squeeze == pytest.approx(force, rel=1e-3)
+    assert math.dist(found.pose[:2], grasp.pose[:2]) < 2e-5
+    assert motion.evaluations > 0
+    assert motion.closest_violation is None
+
+
+@BOTH
+def test_limits_end_the_squeeze(held, squeeze):
+    motion, grasp = held(limits=(SLOW,))
+    force = 1.1 * grasp.squeeze
+    assert squeeze(motion, grasp, force) is None
+    assert said(motion) == ('squeeze', pytest.approx(grasp.squeeze), force)
+    assert motion.evaluations == 0
+
+
+@BOTH
+def test_a_squeeze_that_is_not_reached_is_told(held, squeeze, monkeypatch):
+    motion, grasp = held()
+    for module in (motion_in_place, surrounding):
+        monkeypatch.setattr(module, 'MAX_CORRECTIONS', 1)
+    force = 0.7 * grasp.squeeze
+    assert squeeze(motion, grasp, force) is None
+    name, value, bound = said(motion)
+    assert (name, bound) == ('squeeze', force)
+    assert value < grasp.squeeze
+    assert abs(value - force) > 1e-3 * force
+
+
+def test_a_place_that_is_not_reached_is_told(monkeypatch):
+    motion, grasp = pair()
+    monkeypatch.setattr(motion_in_place, 'MAX_CORRECTIONS', 0)
+    x, y, _ = grasp.pose
+    for away, found in ((1e-3, None), (1e-5, grasp)):
+        motion.closing = replace(motion.closing, body=Cylinder((x + away, y), 0.3))
+        assert motion.squeeze(grasp, grasp.squeeze) is found
+        assert said(motion) == ('in_place', pytest.approx(1e-3), 2e-5)
+
+
+def fail(*arguments):
+    """Stand for what has no configuration."""
+    raise ConfigurationError('no configuration')
+
+
+def test_what_is_beyond_a_bound_ends_the_motion(monkeypatch):
+    motion, grasp = pair()
+    still = np.zeros(len(HOME.roller_positions))
+    assert motion.move(grasp, still).squeeze == pytest.approx(grasp.squeeze)
+    assert motion.open_grip(grasp, 1e-3) is not None
+    assert motion.evaluations == 2
+    slow, _ = pair(limits=(SLOW,))
+    assert slow.open_grip(grasp, 0.1) is None
+    assert said(slow) == ('squeeze', grasp.squeeze, 0.0)
+    assert slow.evaluations == 1
+    stiff, _ = pair(min_rigidity=100.0)
+    assert stiff.move(grasp, still) is None
+    assert said(stiff) == ('rigidity', pytest.approx(1.0), 100.0)
+    with monkeypatch.context() as patched:
+        patched.setattr(RollingGrasp, 'moved_to', lambda *_: None)
+        motion, _ = pair()
+        assert motion.move(grasp, still) is None
+        assert said(motion) == ('held', 0.0, 1.0)
+    monkeypatch.setattr(Configuration, 'moved_to', fail)
+    for act in (lambda one: one.move(grasp, still), lambda one: one.open_grip(grasp, 1e-3)):
+        motion, _ = pair()
+        assert act(motion) is None
+        assert said(motion) == ('rigidity', 0.0, 0.15)
+
+
+@pytest.mark.parametrize('name', ['squeeze', 'open_grip'])
+def test_a_release_that_cannot_be_moved_says_so(name, monkeypatch):
+    monkeypatch.setattr(MotionInPlace, name, lambda *_: None)
+    found = plan_release(HOME, CYLINDER, MODULE, 0.05)
+    violation = found.violation
+    assert (violation.requirement, violation.value, violation.bound) == ('held', 0.0, 1.0)
+    assert found.path.shape == (0, len(HOME.roller_positions))
+
+
+def test_what_is_not_held_cannot_be_let_go(monkeypatch):
+    deep = ConvexObject(Disc(0.3), (*tangent_center(HOME, MODULE, 0.3, 0.01), 0.0))
+    aside = plan_release(HOME, deep, ('south/P-Q', 'south/Q-X'), 0.05)
+    assert aside.violation.requirement == 'held'
+    assert (aside.violation.value, aside.violation.bound) == (0.0, 1.0)
