@@ -153,6 +153,7 @@ class Manipulation(ManagedNode):
         self._commands = self.create_lifecycle_publisher(
             Float64MultiArray, 'roller_velocity_controller/commands', RELIABLE
         )
+        self._command = Float64MultiArray()
         self._inputs = PolledGroup()
         subscribe_joint_states(self, self._robot, self._servo, self._inputs)
         subscribe_object_pose(self, self._robot, self._servo, self._inputs)
@@ -373,7 +374,9 @@ class Manipulation(ManagedNode):
     def _step(self, now: Time) -> None:
         began = time.perf_counter()
         decision = self._trajectory.decide(1e-9 * now.nanoseconds)
-        self._commands.publish(to_command_message(decision.command.roller_velocities))
+        self._commands.publish(
+            to_command_message(decision.command.roller_velocities, self._command)
+        )
         self._report.publish(decision, now)
         self._report.add_cycle_time(time.perf_counter() - began)
 

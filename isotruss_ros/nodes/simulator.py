@@ -127,6 +127,9 @@ class Simulator(ManagedNode):
         self.values.on_change(lambda _new: None, self._apply)
         self._joint_states = self.create_lifecycle_publisher(JointState, 'joint_states', RELIABLE)
         self._object_pose = self.create_lifecycle_publisher(PoseStamped, 'object_pose', RELIABLE)
+        # Made once: a message with its parts takes longer to make than to fill in.
+        self._joints = JointState(name=list(self._robot.roller_names))
+        self._pose = PoseStamped()
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
@@ -271,14 +274,12 @@ class Simulator(ManagedNode):
             self._report_contact(self._driven)
         if self._recorder is not None:
             self._recorder.record(1e-9 * now.nanoseconds)
-        joints = JointState(
-            name=list(self._robot.roller_names),
-            position=self._simulated.roller_positions.tolist(),
-            velocity=self._simulated.roller_velocities.tolist(),
-        )
+        joints, pose = self._joints, self._pose
+        joints.position = self._simulated.roller_positions.tolist()
+        joints.velocity = self._simulated.roller_velocities.tolist()
         stamp_header(joints.header, now)
         self._joint_states.publish(joints)
-        pose = PoseStamped(pose=to_pose_message(self._simulated.object_pose))
+        to_pose_message(self._simulated.object_pose, pose.pose)
         stamp_header(pose.header, now, self._robot.frame)
         self._object_pose.publish(pose)
 

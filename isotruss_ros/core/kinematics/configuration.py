@@ -21,6 +21,8 @@ MAX_ITERATIONS = 12
 KEEP_FACTOR_BELOW = 0.1
 #: A corrector longer than this share of the predictor may have left the branch.
 MAX_CORRECTION = 0.5
+#: Of a residual, as a share of the coordinates that it is computed from.
+ROUNDING = 64 * float(np.finfo(float).eps)
 
 
 class Configuration:
@@ -221,7 +223,7 @@ def follow_branch(
     :param tolerance: to which constraints hold, [m] and [rad]; rounding is 1e-15, hardware 1e-4.
     :return: (n,) nodes, or None where the step is too long, or leads to no configuration.
     """
-    tolerance = max(tolerance, 64 * np.finfo(float).eps * float(np.abs(points).max()))
+    tolerance = max(tolerance, ROUNDING * float(np.abs(points).max()))
     residual = constraints.residual(points, targets)
     error = np.abs(residual).max()
     start, predictor = points, None

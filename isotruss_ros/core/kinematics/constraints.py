@@ -101,7 +101,8 @@ class Constraints:
         """Return the difference of the two angles of (3), rod to one side and to the other."""
         side, to_b, to_c, _ = stretched.reshape(4, -1)
         rod = (to_b + to_c).conj()
-        return np.angle(-side * side[self._topology.previous] * rod * rod)
+        turned = -side * side[self._topology.previous] * rod * rod
+        return np.arctan2(turned.imag, turned.real)
 
     def spans(self, points: Points) -> Points:
         """

@@ -7,7 +7,7 @@ in that frame, except for rolling. Points of the plane are complex numbers, as i
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import functools
 import math
 from typing import NamedTuple
@@ -237,7 +237,7 @@ class HeldObject:
 
         :param config: configuration of the robot.
         """
-        return replace(self.grasp, center=self.pose(config)[:2])
+        return Grasp(self.grasp.module, self.pose(config)[:2], self.grasp.diameter)
 
 
 def predict_grasp(
@@ -260,7 +260,7 @@ def predict_grasp(
     held = HeldObject.attach(measured, grasp, angle)
     predicted = config.predict(travel)
     *center, angle = held.pose(predicted)
-    return predicted, replace(grasp, center=tuple(center)), angle
+    return predicted, Grasp(grasp.module, tuple(center), grasp.diameter), angle
 
 
 def _rolled(config: Configuration, members: GraspingMembers, grasp: Grasp) -> float:

@@ -107,11 +107,10 @@ class FailureDetector:
         """
         if time == self._time:
             return
-        all_rollers = np.ones(len(self._names), dtype=bool)
         elapsed = time - self._time if self._time is not None else -1.0
         self._time = time
         if not 0.0 < elapsed <= self.criterion.max_gap:
-            self._begin(all_rollers, positions)
+            self._begin(np.ones(len(self._names), dtype=bool), positions)
             return
         counts = np.abs(commanded) >= self.criterion.min_speed
         step = elapsed * np.where(counts, commanded, 0.0)
@@ -125,7 +124,16 @@ class FailureDetector:
     def _judge(self, time: float, positions: Array) -> None:
         """Flag the rollers that have failed, and time again those that work."""
         criterion, sent, moved = self.criterion, self._sent_range.size, self._moved_range.size
+        timed = (sent >= criterion.evident) & (moved >= criterion.min_share * sent)
         long = self._commanded >= max(criterion.time - criterion.settling, 0.0)
+        if long.any():
+            timed |= self._flag(long, sent, moved, time)
+        if timed.any():
+            self._begin(timed, positions)
+
+    def _flag(self, long: Flags, sent: Array, moved: Array, time: float) -> Flags:
+        """Flag those that have failed, of the rollers with a long command; return who is due."""
+        criterion = self.criterion
         swing = criterion.min_swing * self._path
         far = (sent >= criterion.min_travel) & (sent * self._commanded >= swing)
         ready = long & far & np.isnan(self._asked)
@@ -135,9 +143,7 @@ class FailureDetector:
         stuck = due & (moved < criterion.min_share * self._asked)
         if stuck.any():
             self.failed |= {self._names[i] for i in np.flatnonzero(stuck)}
-        works = (sent >= criterion.evident) & (moved >= criterion.min_share * sent)
-        if due.any() or works.any():
-            self._begin(due | works, positions)
+        return due
 
     def _begin(self, which: Flags, positions: Array) -> None:
         self._commanded[which] = self._path[which] = 0.0

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import math
 
 from geometry_msgs.msg import Pose as PoseMessage
-from geometry_msgs.msg import PoseStamped, Quaternion, Twist
+from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_ros.core import IsotrussError, Pose, RollerState
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.numerics.arrays import Array, Indices
@@ -53,7 +53,7 @@ def stamp_header(header: Header, time: Time, frame: str = '') -> Header:
     :param time: its stamp.
     :param frame: its frame.
     """
-    header.stamp = time.to_msg()
+    header.stamp.sec, header.stamp.nanosec = time.seconds_nanoseconds()
     header.frame_id = frame
     return header
 
@@ -159,15 +159,17 @@ def read_object_pose(message: PoseStamped, frame: str) -> Pose:
     return read_pose('object pose', message.pose)
 
 
-def to_pose_message(pose: Pose) -> PoseMessage:
+def to_pose_message(pose: Pose, message: PoseMessage | None = None) -> PoseMessage:
     """
     Return a planar pose as a message.
 
     :param pose: (x, y, angle) [m, rad].
+    :param message: filled in and returned; a new one where left out.
     """
-    message = PoseMessage()
+    message = PoseMessage() if message is None else message
     message.position.x, message.position.y = pose.x, pose.y
-    message.orientation = Quaternion(z=math.sin(0.5 * pose.angle), w=math.cos(0.5 * pose.angle))
+    message.orientation.z = math.sin(0.5 * pose.angle)
+    message.orientation.w = math.cos(0.5 * pose.angle)
     return message
 
 
@@ -184,13 +186,18 @@ def to_twist_message(twist: Sequence[float] | Array, message: Twist | None = Non
     return message
 
 
-def to_command_message(velocities: Array) -> Float64MultiArray:
+def to_command_message(
+    velocities: Array, message: Float64MultiArray | None = None
+) -> Float64MultiArray:
     """
     Return roller velocities as a velocity group controller takes them.
 
     :param velocities: (r,) [m/s].
+    :param message: filled in and returned; a new one where left out.
     """
-    return Float64MultiArray(data=velocities.tolist())
+    message = Float64MultiArray() if message is None else message
+    message.data = velocities.tolist()
+    return message
 
 
 class RollerStateReader:
@@ -227,7 +234,8 @@ class RollerStateReader:
             )
         if not message.velocity:
             return RollerState(positions, np.zeros_like(positions))
-        velocities = np.nan_to_num(self._select('velocities', message.velocity), nan=0.0)
+        velocities = self._select('velocities', message.velocity)
+        velocities[np.isnan(velocities)] = 0.0
         if np.abs(velocities).max() > MAX_SPEED:
             raise MessageError(
                 f'joint states: roller velocities {velocities.tolist()} m/s: '
