@@ -160,7 +160,7 @@ class SqueezeControl:
         longest = max(period, self._elapsed)
         wanted = twist + min(settings.pose_gain, 0.5 / longest) * error
         missing = settings.gain * (settings.force - self._squeeze)
-        rate = float(np.clip(missing, -settings.max_force_rate, settings.max_force_rate))
+        rate = max(-settings.max_force_rate, min(missing, settings.max_force_rate))
         slope = self._slope
         command = solve(wanted, rate / slope)
         if command.scale < MIN_SCALE or not command.roller_velocities.any():

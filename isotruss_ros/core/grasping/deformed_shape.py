@@ -113,7 +113,7 @@ def _on_pieces(config: Configuration, member: Indices, place: Array) -> tuple[In
 def _line(frame: Frame, pieces: Indices, count: int, tubes: LoadedTubes) -> Points:
     """Return points (p, count) of bent pieces [m]."""
     start, span = spans(frame, pieces)
-    ends = tubes.state.displacements
+    ends = tubes.displacements
     axis, part = span / np.abs(span), np.linspace(0.0, 1.0, count)
     place = np.abs(span)[:, None] * part
     member = np.repeat(np.arange(len(pieces)), count)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import tan
 
 from isotruss_ros.core.grasping.balance import (
     ANGLE,
@@ -92,50 +93,51 @@ class HeldObjectStatics:
         :param wrench: (fx, fy, m / radius) on the object [N].
         :param closure: the remaining two equations, of friction or of rolling.
         """
-        center = complex(unknowns[0], unknowns[1])
-        feet, turned = unknowns[FEET], unknowns[INCLINATIONS]
         normal, friction = unknowns[NORMAL], unknowns[FRICTION]
-        axis = self.compliance.axis
-        local = 1j * self.sides * np.exp(1j * turned)  # normals along and across the members
-        normals = axis * local
+        # Normals along and across the members.
+        local = 1j * self.sides * np.exp(1j * unknowns[INCLINATIONS])
         depth, soft = self.indentation(normal)
         skin = self.tube_radius - depth
         force = (normal + 1j * friction) * local
-        loads = np.column_stack([force.real, force.imag, -skin * friction])
-        contact = self.compliance.at(feet)
-        give = contact.respond(loads)
+        loads = np.empty((2, 3))
+        loads[:, 0], loads[:, 1], loads[:, 2] = force.real, force.imag, -skin * friction
+        contact = self.compliance.at(unknowns[FEET])
 
         residual, jacobian = np.zeros(SIZE), np.zeros((SIZE, SIZE))
-        reach = self.radius + skin
-        gap = axis.conj() * (self.compliance.start - center) + feet - reach * local
-        gap += give[:, 0] + 1j * give[:, 1]
-        residual[0:2], residual[2:4] = gap.real, gap.imag
-        residual[4:6] = give[:, 2] - np.tan(turned)
-        pushed = (normal + 1j * friction) * normals
-        residual[6] = wrench[0] - pushed.real.sum()
-        residual[7] = wrench[1] - pushed.imag.sum()
-        residual[8] = wrench[2] - friction.sum()
-
         # Loads by inclinations, normal forces and friction forces, which follow each other.
         forces = np.concatenate([1j * force, local, 1j * local])
         moments = np.concatenate([np.zeros(2), soft * friction, -skin])
         rows = jacobian[:6].reshape(3, 2, SIZE).transpose(1, 0, 2)  # contact, response
         rows[:, :, FEET] = contact.rates(loads)
         rows[:, :, slice(INCLINATIONS.start, None)] = contact.respond_each(forces, moments)
-        own = np.arange(2)
-        jacobian[own, 0], jacobian[own, 1] = -axis.real, -axis.imag
-        jacobian[own + 2, 0], jacobian[own + 2, 1] = axis.imag, -axis.real
-        jacobian[own, 3 + own] += 1.0
-        turn = -reach * 1j * local
-        jacobian[own, 5 + own] += turn.real
-        jacobian[own + 2, 5 + own] += turn.imag
-        jacobian[own + 4, 5 + own] -= 1.0 + np.tan(turned) ** 2
-        dent = soft * local
-        jacobian[own, 7 + own] += dent.real
-        jacobian[own + 2, 7 + own] += dent.imag
-        for place, change in ((5, 1j * pushed), (7, normals), (9, 1j * normals)):
-            jacobian[6, place + own], jacobian[7, place + own] = -change.real, -change.imag
-        jacobian[8, FRICTION] = -1.0
+        x, y, _, *each = unknowns.tolist()
+        center, pushed = complex(x, y), 0j
+        given = (self.compliance.axis, self.compliance.start, local, skin, soft)
+        axes, starts, locals_, skins, softness = [values.tolist() for values in given]
+        # One by one: two numbers of Python are quicker than an array of them.
+        for i, (along, across, slope) in enumerate(contact.respond(loads).tolist()):
+            foot, turned, pressed, rubbed = each[i::2]
+            axis, own, reach, tangent = axes[i], locals_[i], self.radius + skins[i], tan(turned)
+            gap = axis.conjugate() * (starts[i] - center) + foot - reach * own
+            residual[i], residual[2 + i] = gap.real + along, gap.imag + across
+            residual[4 + i] = slope - tangent
+            jacobian[i, 0], jacobian[i, 1] = -axis.real, -axis.imag
+            jacobian[2 + i, 0], jacobian[2 + i, 1] = axis.imag, -axis.real
+            jacobian[i, 3 + i] += 1.0
+            turn, dent = -reach * 1j * own, softness[i] * own
+            jacobian[i, 5 + i] += turn.real
+            jacobian[2 + i, 5 + i] += turn.imag
+            jacobian[4 + i, 5 + i] -= 1.0 + tangent**2
+            jacobian[i, 7 + i] += dent.real
+            jacobian[2 + i, 7 + i] += dent.imag
+            push = complex(pressed, rubbed) * axis * own
+            pushed += push
+            for place, change in ((5, 1j * push), (7, axis * own), (9, 1j * axis * own)):
+                jacobian[6, place + i], jacobian[7, place + i] = -change.real, -change.imag
+            jacobian[8, 9 + i] = -1.0
+        residual[6], residual[7] = wrench[0] - pushed.real, wrench[1] - pushed.imag
+        residual[8] = wrench[2] - each[6] - each[7]
+        normals = self.compliance.axis * local
         residual[CLOSURE], jacobian[CLOSURE] = closure(unknowns, normals)
         return residual, jacobian, normals
 
@@ -193,15 +195,14 @@ def roll(anchors: Array, travel: Array, statics: HeldObjectStatics) -> Closure:
     :param travel: (2,) phi_i of the modules at the members' starts [m].
     :param statics: the equations of the held object.
     """
+    derivative = np.zeros((2, SIZE))
+    derivative[:, ANGLE] = statics.radius
+    derivative[:, FEET] = np.diag(-statics.sides)
+    derivative[:, INCLINATIONS] = -statics.radius * np.eye(2)
+    # The direction of a member, and with it all of this, is known up to whole turns.
+    around = 2.0 * np.pi * statics.radius
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
-        derivative = np.zeros((2, SIZE))
-        sense, radius = -statics.sides, statics.radius
-        derivative[:, ANGLE] = radius
-        derivative[:, FEET] = np.diag(sense)
-        derivative[:, INCLINATIONS] = -radius * np.eye(2)
-        # The direction of a member, and with it all of this, is known up to whole turns.
-        around = 2.0 * np.pi * radius
         left = find_anchors(unknowns, travel, statics) - anchors
         return left - around * np.round(left / around), derivative
 

@@ -8,8 +8,10 @@ grasp; in the 2/3 power of the force, as of a point contact, it is close to stra
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 import functools
+import math
 
 from isotruss_ros.core.grasping.contact import solve_contact
 from isotruss_ros.core.grasping.contact_points import ContactPoints
@@ -36,9 +38,11 @@ class SkinIndentation:
     """
 
     def __init__(self, depths: Array, forces: Array) -> None:
-        self._places = np.append(0.0, forces**POWER)
-        spline = CubicSpline(self._places, np.append(0.0, depths), bc_type='natural')
-        self._coefficients = spline.c
+        places = np.append(0.0, forces**POWER)
+        spline = CubicSpline(places, np.append(0.0, depths), bc_type='natural')
+        # Numbers of Python: single ones are several times quicker than those of NumPy.
+        self._places: list[float] = places.tolist()
+        self._pieces: list[list[float]] = spline.c.T.tolist()
 
     def __call__(self, force: float) -> tuple[float, float]:
         """
@@ -50,12 +54,12 @@ class SkinIndentation:
         place = size**POWER
         last = self._places[-1]
         inside = min(place, last)
-        piece = min(int(self._places.searchsorted(inside, 'right')), len(self._places) - 1) - 1
-        a, b, c, d = self._coefficients[:, piece]
+        piece = min(bisect_right(self._places, inside), len(self._pieces)) - 1
+        a, b, c, d = self._pieces[piece]
         x = inside - self._places[piece]
         slope = (3.0 * a * x + 2.0 * b) * x + c
         depth = ((a * x + b) * x + c) * x + d + slope * (place - inside)
-        return float(np.copysign(depth, force)), float(slope * POWER * place / size)
+        return math.copysign(depth, force), slope * POWER * place / size
 
 
 class Indentation:
@@ -72,7 +76,10 @@ class Indentation:
     def __call__(self, forces: Array) -> tuple[Array, Array]:
         """Return depths (k,) [m] and their derivatives by the normal forces (k,) [m/N]."""
         found = np.array(
-            [table(force / self._scale) for table, force in zip(self._tables, forces, strict=True)]
+            [
+                table(force / self._scale)
+                for table, force in zip(self._tables, forces.tolist(), strict=True)
+            ]
         )
         return found[:, 0], found[:, 1] / self._scale
 

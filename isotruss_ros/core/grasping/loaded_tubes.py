@@ -5,14 +5,14 @@ from __future__ import annotations
 from functools import cached_property
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.frame import Frame, FrameState
+from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.interior import InteriorPoints
 import numpy as np
 
 
 class LoadedTubes:
     """
-    A frame with forces at points inside its members; solved once.
+    A frame with forces at points inside its members.
 
     :ivar piece: (c,) number of the member of the frame that each force acts on.
     :ivar place: (c,) distance from that member's start [m].
@@ -42,24 +42,33 @@ class LoadedTubes:
         return local.real[:, None] * shapes[:, 0] + local.imag[:, None] * shapes[:, 1]
 
     @cached_property
-    def state(self) -> FrameState:
-        """
-        Return how the frame carries the forces; its end forces leave out the forces inside.
-
-        :raises StructureError: the robot is a mechanism.
-        """
+    def _loads(self) -> Array:
+        """Return the loads (n, 3) on the nodes that move them as the forces do."""
         frame = self._frame
         turn = frame.to_member_frame(self.piece)
         loads = np.zeros((len(frame.points), 3))
         pushed = np.einsum('cji,cj->ci', turn, self._carried)
         np.add.at(loads, frame.members.start[self.piece], pushed[:, :3])
         np.add.at(loads, frame.members.end[self.piece], pushed[:, 3:])
-        return frame.solve(loads)
+        return loads
+
+    @cached_property
+    def displacements(self) -> Array:
+        """
+        Return the displacements of the nodes, as `FrameState.displacements`, (n, 3).
+
+        :raises StructureError: the robot is a mechanism.
+        """
+        return self._frame.solve(self._loads).displacements
 
     @cached_property
     def end_forces(self) -> Array:
-        """Return forces of the nodes on all members, as `FrameState.end_forces`, (k, 6)."""
-        forces = self.state.end_forces.copy()
+        """
+        Return forces of the nodes on all members, as `FrameState.end_forces`, (k, 6).
+
+        :raises StructureError: the robot is a mechanism.
+        """
+        forces = self._frame.end_forces(self._loads)
         np.subtract.at(forces, self.piece, self._carried)
         return forces
 

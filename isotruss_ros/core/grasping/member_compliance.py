@@ -23,8 +23,8 @@ DEGREE = 6
 NODES = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
 TO_COEFFICIENTS = np.linalg.inv(np.vander(NODES, increasing=True))
 POWERS = np.arange(DEGREE + 1)
-#: Rows of shape functions that are responses (displacement, slope) and loads (force, moment).
-RESPONSES, LOADS = [0, 1, 2], [0, 1, 3]
+#: Rows of shape functions that are responses (displacement, slope), and loads (force, moment).
+ROWS = [0, 1, 2, 0, 1, 3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,10 +142,18 @@ class MemberCompliance:
         turn[2, :2] = -1.0
         shapes *= turn[:, None, :, None]
         inside *= (turn[:, :3, None] * turn[:, None, :3])[:, None] / scale
+        # Of shape functions those that are responses, then those that are loads, then inside.
         values = np.concatenate(
-            [shapes.reshape(count, 3, -1, 24), inside.reshape(count, 3, -1, 9)], axis=3
+            [shapes[..., ROWS, :].reshape(count, 3, -1, 36), inside.reshape(count, 3, -1, 9)],
+            axis=3,
         )
-        self._coefficients = values.swapaxes(2, 3) @ TO_COEFFICIENTS.T
+        coefficients = values.swapaxes(2, 3) @ TO_COEFFICIENTS.T
+        self._coefficients = np.zeros((count, 3, 2, 45, DEGREE + 1))
+        self._coefficients[:, :, 0] = coefficients
+        # Their derivatives by the place on the member.
+        zoom = self._zoom[:, :, None, None]
+        self._coefficients[:, :, 1, :, :-1] = zoom * POWERS[1:] * coefficients[..., 1:]
+        self._own = np.arange(count)
         ends = frame.compliance(pieces.ravel()).reshape(count, 3, 6, count, 3, 6)
         self._ends = ends.transpose(0, 1, 3, 4, 2, 5) / scale
 
@@ -165,26 +173,20 @@ class MemberCompliance:
 
         :param places: (k,) distances from the members' starts [m].
         """
-        count = len(places)
-        own = np.arange(count)
+        count, own = len(places), self._own
         piece = (places[:, None] >= self._joints).sum(axis=1)
-        zoom = self._zoom[own, piece]
-        powers = (zoom * (places - self._middle[own, piece]))[:, None] ** POWERS
-        slopes = np.zeros_like(powers)
-        slopes[:, 1:] = zoom[:, None] * POWERS[1:] * powers[:, :-1]
-        both = self._coefficients[own, piece] @ np.stack([powers, slopes], axis=2)
+        x = self._zoom[own, piece] * (places - self._middle[own, piece])
+        powers = (x[:, None] ** POWERS)[:, None, :, None]
+        both = (self._coefficients[own, piece] @ powers)[..., 0]
         shapes = np.zeros((4, count, 3, count, 6))
-        rows = both[:, :24].reshape(count, 4, 6, 2)
-        for i in range(count):
-            shapes[:2, i, :, i] = rows[i, RESPONSES].transpose(2, 0, 1)
-            shapes[2:, i, :, i] = rows[i, LOADS].transpose(2, 0, 1)
-        by_ends, rows_rate, loads, loads_rate = shapes.reshape(4, 3 * count, 6 * count)
-        inside = both[:, 24:].reshape(count, 3, 3, 2)
+        shapes[:, own, :, own] = both[..., :36].reshape(count, 4, 3, 6)
+        by_ends, loads, rows_rate, loads_rate = shapes.reshape(4, 3 * count, 6 * count)
+        inside = both[..., 36:].reshape(count, 2, 3, 3)
         ends = self._ends[own[:, None], piece[:, None], own, piece]
         ends = ends.transpose(0, 2, 1, 3).reshape(6 * count, 6 * count)
         to_ends = ends @ loads.T
         matrix = (by_ends @ to_ends).reshape(count, 3, count, 3)
-        matrix[own, :, own] += inside[..., 0]
+        matrix[own, :, own] += inside[:, 0]
         between = tuple(self._between(places, piece))
         for (i, j, _, _), found in between:
             matrix[i, :, j] += found
@@ -194,7 +196,7 @@ class MemberCompliance:
             loads_rate,
             by_ends @ ends,
             to_ends,
-            inside[..., 1],
+            inside[:, 1],
             tuple(rates for rates, _ in between),
         )
 
@@ -245,7 +247,8 @@ def _clamped_beams(
             [0.5 * length**2 * ei, length * ei],
         ]
     )
-    bend = basis @ np.linalg.inv(tip)  # by deflection and rotation of the tip
+    stiffness = np.linalg.inv(tip)
+    bend = basis @ stiffness  # by deflection and rotation of the tip
     relative = _matrices([[-one, -length * one, one, zero], [zero, -one, zero, one]])
     shapes = bend @ relative
     shapes[..., 0, 0] += 1.0
@@ -259,7 +262,7 @@ def _clamped_beams(
     )
     own = own - bend[..., :2, :] @ basis[..., ::2, :].swapaxes(-1, -2)
     # The rotation of a pinned start follows from no moment there.
-    pin = (relative.swapaxes(-1, -2) @ np.linalg.inv(tip) @ relative)[..., 1, :]
+    pin = (relative.swapaxes(-1, -2) @ stiffness @ relative)[..., 1, :]
     free = pinned[..., None, None, None]
     start = shapes[..., 1:2].copy()
     shapes -= np.where(free, start * (pin / pin[..., 1:2])[..., None, :], 0.0)
@@ -277,8 +280,7 @@ def _clamped_beams(
 
 def _matrices(rows: Sequence[Sequence[Array]]) -> Array:
     """Return matrices of entries that are arrays of one shape."""
-    shape = np.broadcast_shapes(*(entry.shape for row in rows for entry in row))
-    matrices = np.empty((*shape, len(rows), len(rows[0])))
+    matrices = np.empty((*rows[0][0].shape, len(rows), len(rows[0])))
     for i, row in enumerate(rows):
         for j, entry in enumerate(row):
             matrices[..., i, j] = entry
