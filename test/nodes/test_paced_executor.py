@@ -1,5 +1,7 @@
 """Cycles that run by the clock: they read their inputs, and other callbacks get their turn."""
 
+import subprocess
+import sys
 import time
 
 from geometry_msgs.msg import Twist
@@ -13,6 +15,21 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 
+START = """
+import sys
+
+from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.framework.runner import run, USED_LATE
+
+assert not set(USED_LATE) & set(sys.modules)
+
+def make_node():
+    assert set(USED_LATE) <= set(sys.modules)
+    raise IsotrussError('as expected')
+
+assert run(make_node) == 1
+"""
+
 
 @pytest.fixture
 def nodes():
@@ -25,6 +42,10 @@ def nodes():
     node.destroy_node()
     probe.destroy_node()
     rclpy.shutdown()
+
+
+def test_no_cycle_waits_for_an_import():
+    subprocess.run([sys.executable, '-c', START], check=True, timeout=300)
 
 
 def until(executor, probe, what, each=lambda: None):

@@ -17,7 +17,7 @@ from isotruss_ros.core.model.objects import MAX_DISTANCE
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicHermiteSpline
+import scipy
 
 #: More poses, or a longer path, are a mistake; so are greater speeds [m/s, rad/s].
 MAX_POSES = 10_000
@@ -185,4 +185,4 @@ def _smoothed(poses: Array, durations: Array, piece: float, piece_turn: float) -
     span = np.repeat(np.arange(len(counts)), counts)
     share = (np.arange(len(span)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[span]
     cut = np.append(knots[span] + share * spans[span], knots[-1])
-    return CubicHermiteSpline(knots, poses, tangents)(cut)
+    return scipy.interpolate.CubicHermiteSpline(knots, poses, tangents)(cut)

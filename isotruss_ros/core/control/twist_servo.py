@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+import importlib
 
 from isotruss_ros.core.control.held_prediction import predict_grip
 from isotruss_ros.core.control.inputs import (
@@ -147,6 +148,8 @@ class TwistServo:
         self._regulated: float | None = None  # the time of the last cycle of the squeeze control
         self._detected: float | None = None  # the time of the rollers that were compared last
         self._tracker = ConfigurationTracker(robot.home)
+        # SciPy loads its solver when that is first used: not in the cycle in which a limit binds.
+        importlib.import_module('scipy.optimize')
 
     @property
     def failed(self) -> frozenset[str]:

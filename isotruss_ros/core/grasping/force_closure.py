@@ -16,8 +16,8 @@ import functools
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
+import scipy
 from scipy.linalg import lapack
-from scipy.optimize import lsq_linear
 
 #: Closed when what is left is this small, against the forces involved.
 CLOSURE_TOLERANCE = 1e-6
@@ -170,7 +170,7 @@ def _balance_by_qp(segments: Array, load: Array, friction: float, shares: Array)
     )
     if found is None:
         # Loads far beyond all friction: the digits of the small term above are lost in them.
-        found = lsq_linear(segments.T, -load, (-bound, bound), method='bvls').x
+        found = scipy.optimize.lsq_linear(segments.T, -load, (-bound, bound), method='bvls').x
     return np.clip(found, -bound, bound)
 
 

@@ -20,7 +20,7 @@ from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 #: Depths of the table as shares of the tube's or the object's radius, whichever is smaller ...
 DEPTHS = 0.8 * np.linspace(0.0, 1.0, 15)[1:] ** 2
@@ -39,7 +39,8 @@ class SkinIndentation:
 
     def __init__(self, depths: Array, forces: Array) -> None:
         places = np.append(0.0, forces**POWER)
-        spline = CubicSpline(places, np.append(0.0, depths), bc_type='natural')
+        skin = np.append(0.0, depths)
+        spline = scipy.interpolate.CubicSpline(places, skin, bc_type='natural')
         # Numbers of Python: single ones are several times quicker than those of NumPy.
         self._places: list[float] = places.tolist()
         self._pieces: list[list[float]] = spline.c.T.tolist()

@@ -5,8 +5,8 @@ from __future__ import annotations
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
+import scipy
 from scipy.linalg import cholesky, lapack, solve_triangular
-from scipy.optimize import nnls
 
 #: Gaps and complementarity hold to this [m]; forces to this over the stiffest point's compliance.
 GAP_TOLERANCE = 1e-9
@@ -50,7 +50,7 @@ def _by_least_squares(compliance: Array, gaps: Array) -> tuple[Array, Flags]:
     try:
         root = cholesky(compliance)
         target = solve_triangular(root, -gaps, trans='T')
-        active = nnls(root, target, maxiter=100 + 20 * len(gaps))[0] > 0.0
+        active = scipy.optimize.nnls(root, target, maxiter=100 + 20 * len(gaps))[0] > 0.0
     except (np.linalg.LinAlgError, RuntimeError) as error:
         raise SolverError('the complementarity problem was not solved') from error
     forces = np.zeros(len(gaps))

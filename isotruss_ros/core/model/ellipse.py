@@ -9,7 +9,7 @@ from isotruss_ros.core.model.objects import MAX_DISTANCE, MIN_DIAMETER
 from isotruss_ros.core.model.shapes import normalize, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
 import numpy as np
-from scipy.special import ellipe
+import scipy
 
 #: Semi-axes differ by at most this factor; beyond it an ellipse is a sheet.
 MAX_ASPECT = 1e3
@@ -50,7 +50,7 @@ class Ellipse:
     def perimeter(self) -> float:
         """Return the length of the outline [m]."""
         long, short = max(self.semi_axes), min(self.semi_axes)
-        return float(4.0 * long * ellipe(1.0 - (short / long) ** 2))
+        return float(4.0 * long * scipy.special.ellipe(1.0 - (short / long) ** 2))
 
     @property
     def centroid(self) -> complex:

@@ -15,7 +15,7 @@ from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.shapes import Disc, Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
-from scipy.special import ellipeinc
+import scipy
 
 
 def unrolled_arc(shape: Shape, angles: Array, corners: Indices) -> Array:
@@ -33,7 +33,7 @@ def unrolled_arc(shape: Shape, angles: Array, corners: Indices) -> Array:
         # The parameter of the point: its normal is along (cos t / a, sin t / b).
         parameter = np.angle(a * np.cos(angles) + 1j * b * np.sin(angles))
         parameter += 2.0 * np.pi * np.round((angles - parameter) / (2.0 * np.pi))
-        return np.asarray(b * ellipeinc(parameter, 1.0 - (a / b) ** 2))
+        return np.asarray(b * scipy.special.ellipeinc(parameter, 1.0 - (a / b) ** 2))
     assert isinstance(shape, Disc)
     return 0.5 * shape.diameter * angles
 

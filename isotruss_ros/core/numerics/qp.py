@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
+import scipy
 from scipy.linalg import lapack
-from scipy.optimize import nnls
 
 #: Inequalities hold to this, against the largest of their coefficients times 1 + |x|.
 TOLERANCE = 1e-9
@@ -143,7 +143,7 @@ def _least_distance(turned: Array, room: Array, size: float, relaxation: float) 
     corner = np.zeros(len(matrix))
     corner[-1] = 1.0
     try:
-        weights, _ = nnls(matrix, corner, maxiter=MAX_EXCHANGES)
+        weights, _ = scipy.optimize.nnls(matrix, corner, maxiter=MAX_EXCHANGES)
     except RuntimeError:
         return None
     active = weights > 0.0

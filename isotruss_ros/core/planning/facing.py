@@ -14,7 +14,7 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 #: Corners that are within this of the farthest one are touched too: tubes give [m].
 SINK = 0.001
@@ -85,7 +85,7 @@ def balances(body: ConvexObject, normals: Points, angle: float) -> bool:
     moments = (arms.conj() * turned).imag / body.arm
     wrenches = np.vstack([turned.real, turned.imag, moments])
     # Each member presses, and what it presses with in any case is balanced by more of all.
-    return bool(nnls(wrenches, -wrenches.sum(axis=1))[1] <= BALANCED)
+    return bool(scipy.optimize.nnls(wrenches, -wrenches.sum(axis=1))[1] <= BALANCED)
 
 
 def find_facing(

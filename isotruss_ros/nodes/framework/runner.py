@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 import gc
+import importlib
 import signal
 import sys
 import traceback
@@ -19,6 +20,8 @@ from rclpy.signals import SignalHandlerOptions
 
 #: Ctrl-C, `kill`, and a terminal that is closed.
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+#: What the core would load when it first uses it: not in a cycle.
+USED_LATE = ('scipy.optimize', 'scipy.interpolate')
 
 
 class StoppableNode(Node):
@@ -72,6 +75,8 @@ def run(
     :param args: command line, that of the process when left out.
     :return: exit code: 0 when interrupted, 1 when the node could not start.
     """
+    for name in USED_LATE:
+        importlib.import_module(name)
     # Our own handlers: rclpy's would close the context before the last command is sent.
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     interruption = Interruption()

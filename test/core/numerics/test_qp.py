@@ -1,11 +1,11 @@
 """The quadratic program: solutions known by hand, conditions of optimality, other solvers."""
 
 from hypothesis import given, strategies
-from isotruss_ros.core.numerics import qp
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
 import pytest
 import robots
+from scipy import optimize
 from scipy.optimize import lsq_linear, nnls
 
 PEERS = ('daqp', 'quadprog', 'proxqp')
@@ -151,7 +151,7 @@ def test_a_search_that_goes_wrong_at_a_corner_starts_again(rng, n):
         return (weights + 1.0 if len(calls) == 1 else weights), left
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(qp, 'nnls', wrong)
+        patch.setattr(optimize, 'nnls', wrong)
         found = solve_qp(program)
     assert found == pytest.approx(expected, abs=1e-6)
 
@@ -160,7 +160,7 @@ def test_exchanges_without_end_are_no_solution(monkeypatch):
     def endless(matrix, target, maxiter):
         raise RuntimeError('too many iterations')
 
-    monkeypatch.setattr(qp, 'nnls', endless)
+    monkeypatch.setattr(optimize, 'nnls', endless)
     assert solve_qp(random_program(np.random.default_rng(3), 6)) is None
 
 
