@@ -75,14 +75,6 @@ class HeldObjectStatics:
         """Return to which member of the grip each contact belongs, (2,)."""
         return OWNERS
 
-    def normals(self, unknowns: Array) -> Points:
-        """
-        Return the normals of the bent tubes, from the object toward them.
-
-        :param unknowns: (11,), see `ContactForces`.
-        """
-        return 1j * self.sides * self.compliance.axis * np.exp(1j * unknowns[INCLINATIONS])
-
     def equations(
         self, unknowns: Array, wrench: Array, closure: Closure
     ) -> tuple[Array, Array, Points]:

@@ -138,19 +138,25 @@ def _exchange(segments: Array, load: Array, friction: float, shares: Array) -> A
             if count >= before:
                 return None
             before = count
-            continue
-        free |= wrong
+        else:
+            free |= wrong
         places = np.flatnonzero(free)
         if len(places) > 3:
             return None
-        found[places] = 0.0
-        rows, rest = segments[places], segments.T @ found + load
-        inner = rows @ rows.T + REGULARIZATION * EYE[: len(places), : len(places)]
-        _, inside, failed = lapack.dposv(inner, REGULARIZATION * shares[places] - rows @ rest)
-        if failed:
-            return None
-        found[places] = np.clip(inside, -friction, friction)
-        free[places] = np.abs(inside) < friction
+        # One that comes to its bound changes what is best for the others.
+        while len(places):
+            found[places] = 0.0
+            rows, rest = segments[places], segments.T @ found + load
+            inner = rows @ rows.T + REGULARIZATION * EYE[: len(places), : len(places)]
+            _, inside, failed = lapack.dposv(inner, REGULARIZATION * shares[places] - rows @ rest)
+            if failed:
+                return None
+            found[places] = np.clip(inside, -friction, friction)
+            within = np.abs(inside) < friction
+            free[places] = within
+            if within.all():
+                break
+            places = places[within]
     return None
 
 

@@ -3,6 +3,7 @@
 import itertools
 
 from hypothesis import given, strategies
+from isotruss_ros.core.grasping import force_closure
 from isotruss_ros.core.grasping.closure_stack import check_closure_stack
 from isotruss_ros.core.grasping.force_closure import check_force_closure
 import numpy as np
@@ -283,6 +284,23 @@ def test_loads_of_any_size_are_answered(size):
     assert closure.required_friction == pytest.approx(expected, rel=1e-6)
     huge = check_force_closure(tangents, size * np.ones(5), load, 0.5)
     assert huge.required_friction == pytest.approx(expected / size, rel=1e-6)
+
+
+@pytest.mark.parametrize('way', ['exchanges', 'quadratic program', 'least squares'])
+def test_an_open_grasp_is_left_with_the_least_whichever_way_it_is_found(way, monkeypatch):
+    if way != 'exchanges':
+        monkeypatch.setattr(force_closure, '_exchange', lambda *_: None)
+    if way == 'least squares':
+        monkeypatch.setattr(force_closure, 'solve_qp', lambda _: None)
+    rng = np.random.default_rng(0)
+    for friction in (0.05, 0.1, 0.2, 0.3) * 50:
+        tangents, forces, load = random_contacts(rng, 8)
+        closure = check_force_closure(tangents, forces, load, friction)
+        matrix, bound = wrenches(tangents, forces).T, np.full(8, friction)
+        least = lsq_linear(matrix, -load, (-bound, bound), method='bvls', tol=1e-14).x
+        assert closure.residual == pytest.approx(
+            np.linalg.norm(matrix @ least + load), abs=closure.tolerance
+        )
 
 
 def test_hundreds_of_contacts_are_answered():

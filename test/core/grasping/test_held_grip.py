@@ -1,5 +1,7 @@
 """Convex objects at two members or three: equilibrium, slip margin, and how they roll."""
 
+import math
+
 from grips import gripped
 from isotruss_ros.core import (
     analyze_grasp,
@@ -111,10 +113,8 @@ def test_the_jacobian_is_that_of_differences(shape, angle, members, count):
             assert jacobian[:, i] == pytest.approx((ahead - behind) / 2e-6, rel=1e-6, abs=1e-7)
 
 
-@pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
-def test_forces_on_the_object_balance_the_wrench(shape, angle, members, count):
-    wrench = np.array([0.5, -0.3, 0.05])
-    grip = held(shape, angle, members, external_wrench=wrench)
+def assert_balanced(grip, wrench):
+    """Check that the tubes touch the object, and that forces there balance a wrench on it."""
     state, statics = grip.state, grip.statics
     push = (state.normal_forces + 1j * state.friction_forces) * state.normals
     # Where the forces act: a tube's skin, dented, off the bent centre line.
@@ -126,11 +126,43 @@ def test_forces_on_the_object_balance_the_wrench(shape, angle, members, count):
     line = compliance.start + compliance.axis * (state.feet + give[:, 0] + 1j * give[:, 1])
     points = line - skin * state.normals
     gaps = grip.body.nearest(points).gaps
-    assert gaps == pytest.approx(np.zeros(count), abs=2e-5)
+    assert gaps == pytest.approx(np.zeros(len(gaps)), abs=2e-5)
     arms = points - grip.body.center
     total = push.sum()
     assert (total.real, total.imag) == pytest.approx(wrench[:2], abs=1e-8)
     assert (arms.conj() * push).imag.sum() == pytest.approx(wrench[2], abs=1e-7)
+
+
+@pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
+def test_forces_on_the_object_balance_the_wrench(shape, angle, members, count):
+    wrench = np.array([0.5, -0.3, 0.05])
+    grip = held(shape, angle, members, external_wrench=wrench)
+    assert len(grip.anchors) == count
+    assert_balanced(grip, wrench)
+
+
+def test_a_face_comes_to_lie_on_a_member_and_lifts_at_its_other_end_and_back():
+    grip, configs = held(SHARP, 0.65, CORNER), [HOME]
+    ahead = [(3, 1), (3, 1, 2), (3, 2)]
+    for turn, corners in ((-0.01, ahead), (0.01, ahead[::-1])):
+        seen = [tuple(grip.contacts.corners.tolist())]
+        for number in range(14):
+            if turn < 0.0:
+                command = solve_twist(configs[-1], Grip(CORNER, grip.body), [0, 0, turn])
+                travel = configs[-1].roller_positions + command.roller_velocities
+                configs.append(configs[-1].moved_to(travel))
+            before = grip
+            grip = grip.moved_to(configs[number + 1 if turn < 0.0 else -number - 2])
+            assert_balanced(grip, np.zeros(3))
+            assert math.dist(grip.pose[:2], before.pose[:2]) < 2e-3
+            assert 0.0 < (grip.pose.angle - before.pose.angle) / turn < 2.0
+            touched = tuple(grip.contacts.corners.tolist())
+            if len(touched) > len(before.anchors):
+                # What has only come to touch does not rub yet.
+                fresh = [corner not in before.contacts.corners for corner in touched]
+                assert grip.state.friction_forces[fresh] == pytest.approx(0.0, abs=1e-9)
+            seen += [touched] if touched != seen[-1] else []
+        assert seen == corners
 
 
 def test_a_polygon_of_many_sides_rolls_as_a_disc():

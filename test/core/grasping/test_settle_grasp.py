@@ -7,10 +7,12 @@ from grips import gripped
 from isotruss_ros.core import (
     analyze_grasp,
     Cylinder,
+    Grasp,
     GraspError,
     Hold,
     load_robot,
     settle_grasp,
+    solve_twist,
     tangent_center,
 )
 from isotruss_ros.core.grasping import held_grip
@@ -24,7 +26,7 @@ from isotruss_ros.core.grasping.held_members import (
     static_start,
 )
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
-from isotruss_ros.core.grasping.slip_margin import slip_margin, wrench_response
+from isotruss_ros.core.grasping.slip_margin import slip_margin, weakest_direction, wrench_response
 from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.numerics.arrays import as_xy
 from isotruss_ros.core.statics.structure import structure_of
@@ -174,6 +176,25 @@ def test_the_margin_is_the_smallest_wrench_of_all_directions():
         assert (np.abs(friction) <= FRICTION * normal + 1e-9).all()
     settled = settle_grasp(CONFIG, CYLINDER, FRICTION)
     assert settled.slip_margin == pytest.approx(margin)
+    # Along the weakest direction it is used up.
+    along = weakest_direction(state, response, FRICTION)
+    assert np.linalg.norm(along) == pytest.approx(1.0)
+    normal = state.normal_forces + response.normal @ along * margin
+    friction = state.friction_forces + response.friction @ along * margin
+    left = np.append(FRICTION * normal - np.abs(friction), normal)
+    assert left.min() == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize('degrees', [30.0, 35.0])
+def test_the_squeeze_falls_by_the_opening_as_rolling_says(degrees):
+    config, cylinder = gripped(degrees, squeeze=0.08)
+    grasp = RollingGrasp.attach(config, cylinder)
+    held = Grasp('north/Z', grasp.pose[:2], cylinder.diameter)
+    command = solve_twist(config, held, np.zeros(3), opening_rate=1e-4, limits=())
+    opened = grasp.moved_to(config.moved_to(config.roller_positions + command.roller_velocities))
+    found = (opened.squeeze - grasp.squeeze) / 1e-4
+    # Its members also turn.
+    assert grasp.squeeze_by_opening() == pytest.approx(found, rel=0.02)
 
 
 def test_stiffness_is_what_a_small_wrench_meets():
