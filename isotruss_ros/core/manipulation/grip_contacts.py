@@ -72,11 +72,20 @@ class Touches(NamedTuple):
     owners: list[int]
 
     def kept(self, numbers: Sequence[int]) -> Touches:
-        """Return some of the contacts."""
+        """
+        Return some of the contacts.
+
+        :param numbers: of these.
+        """
         return Touches(*([values[k] for k in numbers] for values in self))
 
     def contacts(self, robot: Robot, grip: Grip) -> GripContacts:
-        """Return the same as arrays."""
+        """
+        Return the same as arrays.
+
+        :param robot: the robot.
+        :param grip: the grip.
+        """
         nodes = find_members(robot, tuple(grip.members[i] for i in self.owners))
         found = map(np.array, (self.spans, self.axes, self.points, self.normals, self.sides))
         return GripContacts(nodes, *found, np.array(self.owners))

@@ -123,7 +123,9 @@ def test_members_touch_only_where_friction_holds_the_wedge(share):
     assert found is None
     assert search.closest_violation.requirement == 'force_closure'
     assert search.closest_violation.bound == pytest.approx(0.1 + 0.2 * share)
-    assert search.closest_violation.value > search.closest_violation.bound
+    needed, friction = search.closest_violation.value, search.closest_violation.bound
+    assert needed > friction
+    assert search.closest_violation.distance == pytest.approx(1.0 - friction / needed)
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from isotruss_ros.core import (
     Polygon,
     settle_grasp,
 )
+from isotruss_ros.core.grasping.deformed_shape import member_lines
 from isotruss_ros.core.planning.export import export_figures
 from isotruss_ros.core.planning.facing import balances, contact_ends, find_facing, friction_angles
 from isotruss_ros.core.planning.grasp_plan import plan_in_words
@@ -95,6 +96,12 @@ def test_members_enclose_what_one_cannot_see_out_from():
     assert {names[i] for i in inside} == {'south/P-Q', 'east/Q-R', 'north/R-P'}
     assert {names[i].split('/')[0] for i in enclosing_members(HOME, 0.716 + 0.5j)} == {'north'}
     assert enclosing_members(HOME, 4.0 + 1.0j) == ()
+    # However near the point is to one of them.
+    starts, ends = member_lines(HOME).T
+    for i in inside:
+        foot = 0.5 * (starts[i] + ends[i])
+        near = foot + 0.03 * (complex(*HOLE) - foot) / abs(complex(*HOLE) - foot)
+        assert enclosing_members(HOME, near) == inside
     body = ConvexObject(Disc(0.3), (0.716, 0.5, 0.0))
     pair = find_grip_seeds(HOME, body, GraspRequirements(module='north/Z'), 0, 0)
     assert [{names[i] for i in seed.members} for seed in pair] == [{'north/P-Z', 'north/Z-R'}]
