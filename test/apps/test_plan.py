@@ -2,7 +2,6 @@
 
 from concurrent.futures.process import BrokenProcessPool
 import json
-import math
 import os
 import signal
 import subprocess
@@ -13,17 +12,12 @@ from boxes import BOX, SIDES
 from isotruss_ros.cli import plan_grasps as command
 from isotruss_ros.core import (
     Cylinder,
-    GraspError,
     GraspRequirements,
     load_robot,
     plan_grasps,
     read_object,
-    SolverError,
-    StructureError,
 )
-from isotruss_ros.core.planning import searcher as searchers
 from isotruss_ros.core.planning.grasp_plan import path_times
-from isotruss_ros.core.planning.searcher import Outcome, Searcher, Stop
 from isotruss_ros.core.planning.workers import core_count, NICENESS, WorkerPool
 import numpy as np
 from planning import begun_workers, workers
@@ -228,41 +222,3 @@ def test_workers_are_gone_when_the_pool_is_closed():
     assert all(isinstance(future.exception(0.0), BrokenProcessPool) for future in busy)
     WorkerPool().close()  # one that was never used
     assert 1 <= core_count() <= os.cpu_count()
-
-
-@pytest.mark.parametrize(
-    ('ended_by', 'outcome', 'words'),
-    [
-        (GraspError('no such module'), Outcome.BAD_GOAL, 'no such module'),
-        (StructureError('two laws'), Outcome.FAILED, 'two laws'),
-        (SolverError('no step'), Outcome.FAILED, 'no step'),
-        (ZeroDivisionError('an accident'), Outcome.FAILED, 'ZeroDivisionError: an accident'),
-        (BrokenProcessPool('gone'), Outcome.FAILED, 'a process of the search died'),
-    ],
-)
-def test_every_end_of_a_search_is_an_answer(ended_by, outcome, words, monkeypatch):
-    def plan(*_arguments):
-        raise ended_by
-
-    monkeypatch.setattr(searchers, 'plan_grasps', plan)
-    searcher = Searcher(1)
-    assert searcher.answer() is None
-    searcher.begin(ROBOT.home, Cylinder((0.716, 0.43), 0.3), GraspRequirements(), 0, 0.0)
-    deadline = time.monotonic() + DEADLINE
-    while (answer := searcher.answer()) is None:
-        assert time.monotonic() < deadline
-    assert (answer.outcome, answer.plan) == (outcome, None)
-    assert words in answer.message
-    assert searcher.answer() is None
-    assert searcher.progress() is None
-    searcher.close()
-
-
-def test_stops_when_asked_or_when_the_time_is_up():
-    stop = Stop()
-    assert not stop()
-    assert stop.time_left == math.inf
-    stop.requested = True
-    assert stop()
-    assert Stop(1e-9)()
-    assert not Stop(1000.0)()

@@ -1,0 +1,125 @@
+"""Searches in the background: how each ends, and how far it says that it is."""
+
+from concurrent.futures.process import BrokenProcessPool
+import math
+import time
+from types import SimpleNamespace
+
+from isotruss_ros.core import (
+    Cylinder,
+    GraspError,
+    GraspPlan,
+    GraspRequirements,
+    load_robot,
+    Progress,
+    SolverError,
+    StructureError,
+)
+from isotruss_ros.core.planning import searcher as searchers
+from isotruss_ros.core.planning.searcher import BackgroundSearch, Outcome, Searcher, Stop
+import pytest
+
+#: What is searched for; no search of these tests computes anything.
+SEARCH = (load_robot('nine_member').home, Cylinder((0.716, 0.43), 0.3), GraspRequirements(), 0)
+DEADLINE = 240.0
+
+
+@pytest.mark.parametrize(
+    ('ended_by', 'outcome', 'words'),
+    [
+        (GraspError('no such module'), Outcome.BAD_GOAL, 'no such module'),
+        (StructureError('two laws'), Outcome.FAILED, 'two laws'),
+        (SolverError('no step'), Outcome.FAILED, 'no step'),
+        (ZeroDivisionError('an accident'), Outcome.FAILED, 'ZeroDivisionError: an accident'),
+        (BrokenProcessPool('gone'), Outcome.FAILED, 'a process of the search died'),
+    ],
+)
+def test_every_end_of_a_search_is_an_answer(ended_by, outcome, words, monkeypatch):
+    def plan(*_arguments):
+        raise ended_by
+
+    monkeypatch.setattr(searchers, 'plan_grasps', plan)
+    searcher = Searcher(1)
+    assert searcher.answer() is None
+    searcher.begin(*SEARCH, 0.0)
+    deadline = time.monotonic() + DEADLINE
+    while (answer := searcher.answer()) is None:
+        assert time.monotonic() < deadline
+    assert (answer.outcome, answer.plan) == (outcome, None)
+    assert words in answer.message
+    assert searcher.answer() is None
+    assert searcher.progress() is None
+    searcher.close()
+
+
+class Clock:
+    """
+    Stands for the module `time`; the time passes when it is told to.
+
+    :ivar now: [s].
+    """
+
+    def __init__(self, monkeypatch):
+        self.now = 100.0
+        monkeypatch.setattr(searchers, 'time', SimpleNamespace(monotonic=lambda: self.now))
+
+
+def test_stops_when_asked_or_when_the_time_is_up(monkeypatch):
+    clock = Clock(monkeypatch)
+    stop, limited = Stop(), Stop(2.0)
+    assert not stop()
+    assert stop.time_left == math.inf
+    stop.requested = True
+    assert stop()
+    for passed, left in ((0.0, 2.0), (1.5, 0.5), (2.0, 0.0), (9.0, 0.0)):
+        clock.now = 100.0 + passed
+        assert limited.time_left == pytest.approx(left)
+        assert limited() == (left == 0.0)
+
+
+@pytest.mark.parametrize(
+    ('told', 'limit', 'passed', 'left'),
+    [
+        (10.0, 0.0, 3.0, 7.0),
+        (10.0, 0.0, 11.0, 0.0),
+        (50.0, 20.0, 3.0, 17.0),
+        (None, 20.0, 3.0, None),
+    ],
+)
+def test_the_time_left_passes_and_ends_at_the_limit(told, limit, passed, left, monkeypatch):
+    clock = Clock(monkeypatch)
+
+    def plan(config, body, needs, seed, executor, on_progress, stop):
+        on_progress(Progress(5, 1, 2.0, 0.5, told))
+
+    monkeypatch.setattr(searchers, 'plan_grasps', plan)
+    search = BackgroundSearch(*SEARCH, None, limit)
+    search.wait()
+    clock.now += passed
+    found = search.progress()
+    assert (found.evaluations, found.found, found.best, found.share) == (5, 1, 2.0, 0.5)
+    assert found.time_left == (left if left is None else pytest.approx(left))
+
+
+@pytest.mark.parametrize(
+    ('complete', 'requested', 'outcome'),
+    [
+        (True, False, Outcome.NONE_FOUND),
+        (False, False, Outcome.TIME_OUT),
+        (False, True, Outcome.CANCELLED),
+    ],
+)
+def test_a_plan_without_grasps_says_why(complete, requested, outcome, monkeypatch):
+    plan = GraspPlan((), complete, None, 7, 2, 0.1)
+    monkeypatch.setattr(searchers, 'plan_grasps', lambda *_: plan)
+    searcher = Searcher(1)
+    searcher.begin(*SEARCH, 0.0)
+    assert searcher.progress() == Progress(0, 0, None, 0.0, None)
+    if requested:
+        searcher.cancel()
+    deadline = time.monotonic() + DEADLINE
+    while (answer := searcher.answer()) is None:
+        assert time.monotonic() < deadline
+    assert (answer.outcome, answer.plan) == (outcome, plan)
+    assert 'in 7 evaluations' in answer.message
+    searcher.close()
