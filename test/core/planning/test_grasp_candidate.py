@@ -99,9 +99,9 @@ def test_what_cannot_be_computed_is_no_grasp_and_ends_nothing(known, monkeypatch
     assert there.analysis is None
     assert there.analysed == 3
     # What was found out before is still the nearest.
-    assert there.violation.requirement == (
-        known.requirement if known else 'no solver found anything'
-    )
+    expected = known or Violation('no solver found anything', 0.0, 0.0, 0.0)
+    for name in ('requirement', 'value', 'bound'):
+        assert getattr(there.violation, name) == getattr(expected, name)
 
 
 def test_a_grasp_without_a_path_is_none(monkeypatch):

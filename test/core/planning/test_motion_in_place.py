@@ -3,6 +3,7 @@
 from dataclasses import replace
 import functools
 import math
+from types import SimpleNamespace
 
 from isotruss_ros.core import (
     ConfigurationError,
@@ -12,6 +13,7 @@ from isotruss_ros.core import (
     GraspRequirements,
     load_robot,
     plan_grasps,
+    Status,
     tangent_center,
 )
 from isotruss_ros.core.grasping.held_grip import HeldGrip
@@ -121,6 +123,27 @@ def test_a_place_that_is_not_reached_is_told(monkeypatch):
         motion.closing = replace(motion.closing, body=Cylinder((x + away, y), 0.3))
         assert motion.squeeze(grasp, grasp.squeeze) is found
         assert said(motion) == ('in_place', pytest.approx(1e-3), 2e-5)
+
+
+@pytest.mark.parametrize('share', [0.2, 0.3])
+def test_a_grip_of_few_rollers_takes_the_object_along_a_little(share, monkeypatch):
+    motion, grasp = pair()
+    still = np.zeros(len(HOME.roller_positions))
+    unreachable = SimpleNamespace(status=Status.UNREACHABLE, scale=1.0, roller_velocities=still)
+    monkeypatch.setattr(MotionInPlace, '_command', lambda *_: unreachable)
+    x, y, _ = grasp.pose
+    tube = HOME.robot.description.tube_diameter
+    motion.closing = replace(motion.closing, body=Cylinder((x + share * tube, y), 0.3))
+    found = motion.squeeze(grasp, grasp.squeeze)
+    if share < 0.25:
+        assert found.pose == pytest.approx(grasp.pose)
+    else:
+        assert found is None
+        assert said(motion) == (
+            'in_place',
+            pytest.approx(share * tube),
+            pytest.approx(0.25 * tube),
+        )
 
 
 def fail(*arguments):
