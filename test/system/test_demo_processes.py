@@ -1,6 +1,7 @@
 """The demonstration as a process: interrupted, and beside another simulation."""
 
 import contextlib
+from functools import partial
 import os
 import signal
 import subprocess
@@ -24,6 +25,8 @@ def begin(folder):
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=True,
+        # As in a terminal: what runs in the background of a script ignores it.
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
     )
 
 
