@@ -104,7 +104,6 @@ class MemberNodes(NamedTuple):
         flat; members that start at a passive module have none.
     :ivar driven: (2 d,) numbers of these rows.
     :ivar rollers: (d,) numbers of these rollers.
-    :ivar numbers: (k,) 0, 1, ...
     :ivar both: (2 k,) starts and ends, of one member after the other.
     :ivar motion_places: (12 k,) where starts and ends are in six rows by node, flat: in the first
         row those of one member after the other, then in the second and so on.
@@ -119,7 +118,6 @@ class MemberNodes(NamedTuple):
     rolled: Indices
     driven: Indices
     rollers: Indices
-    numbers: Indices
     both: Indices
     motion_places: Indices
     motion_rolled: Indices
@@ -143,7 +141,6 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
         )
     topology = robot.topology
     members = np.array([robot.member_names.index(name) for name in names])
-    numbers = np.arange(len(members))
     starts, ends = topology.b[members], topology.c[topology.following[members]]
     rows = np.arange(2 * len(members)).reshape(-1, 2) * topology.n_nodes
     places = np.stack([starts[:, None] + rows, ends[:, None] + rows], axis=1).ravel()
@@ -161,7 +158,6 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
         rolled,
         driven,
         rollers[::2],
-        numbers,
         both.ravel(),
         (six * topology.n_nodes + both.ravel()).ravel(),
         (six * len(topology.driven) + rollers[::2]).ravel(),
