@@ -105,11 +105,12 @@ class HeldObjectStatics:
         x, y, _, *each = unknowns.tolist()
         center, pushed = complex(x, y), 0j
         given = (self.compliance.axis, self.compliance.start, local, skin, soft)
-        axes, starts, locals_, skins, softness = [values.tolist() for values in given]
+        axes, starts, normals_within, skins, softness = [values.tolist() for values in given]
         # One by one: two numbers of Python are quicker than an array of them.
         for i, (along, across, slope) in enumerate(contact.respond(loads).tolist()):
             foot, turned, pressed, rubbed = each[i::2]
-            axis, own, reach, tangent = axes[i], locals_[i], self.radius + skins[i], tan(turned)
+            axis, own = axes[i], normals_within[i]
+            reach, tangent = self.radius + skins[i], tan(turned)
             gap = axis.conjugate() * (starts[i] - center) + foot - reach * own
             residual[i], residual[2 + i] = gap.real + along, gap.imag + across
             residual[4 + i] = slope - tangent
