@@ -46,6 +46,10 @@ from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
 import numpy as np
 
 
+#: The travel of the rollers is compared with what was commanded this often [s].
+DETECTION_PERIOD = 0.02
+
+
 @dataclass(frozen=True)
 class Decision:
     """
@@ -264,6 +268,8 @@ class TwistServo:
             return
         state, time = self.rollers
         commanded, before = np.zeros(len(state.positions)), self._detected
+        if before is not None and 0.0 <= time - before < DETECTION_PERIOD:
+            return
         if before is not None and time > before:
             commanded = self._history.travel(before, time, commanded) / (time - before)
         self._detected = time
@@ -297,6 +303,7 @@ class TwistServo:
                         config, grasp, angle = predict_grasp(config, grasp, angle, before, travel)
             elif moving:
                 config = config.predict(travel)
+            self._tracker.ahead = config
             watch = None if self.guard is None else self.guard.watch(config, grasp)
             limits = self._limits if watch is None else (*self._limits, *watch.limits)
 

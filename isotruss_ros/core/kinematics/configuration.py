@@ -17,8 +17,12 @@ MAX_STEP = 0.25
 #: Where a step in which no member changes by more than this fails, the branch ends [m].
 MIN_STEP = 1e-9
 MAX_ITERATIONS = 12
+#: Travel of any roller up to which shapes are predicted to first order [m].
+FIRST_ORDER = 3e-3
 #: A factor is kept while each step with it shrinks the residual at least this much.
 KEEP_FACTOR_BELOW = 0.1
+#: What a step is expected to leave is not computed below this share of the tolerance.
+SURE_BELOW = 0.01
 #: A corrector longer than this share of the predictor may have left the branch.
 MAX_CORRECTION = 0.5
 #: Of a residual, as a share of the coordinates that it is computed from.
@@ -35,12 +39,21 @@ class Configuration:
     :param robot: the robot.
     :param roller_positions: (r,) travel of the tube through each roller since home [m].
     :param points: (n,) node positions x + iy that fulfil the constraints [m].
+    :param nearby: factored matrix of a shape nearby, to predict and to move with; None for that
+        of this shape.
     """
 
-    def __init__(self, robot: Mechanism, roller_positions: Array, points: Points) -> None:
+    def __init__(
+        self,
+        robot: Mechanism,
+        roller_positions: Array,
+        points: Points,
+        nearby: Factor | None = None,
+    ) -> None:
         self.robot = robot
         self.roller_positions = roller_positions
         self.points = points
+        self._nearby = nearby
         roller_positions.flags.writeable = False
         points.flags.writeable = False
 
@@ -112,11 +125,15 @@ class Configuration:
         right[: topology.n_modules] = topology.incidence
         return np.asarray(self.factor.solve(right))
 
-    def moved_to(self, roller_positions: ArrayLike) -> Configuration:
+    def moved_to(
+        self, roller_positions: ArrayLike, nearby: Factor | None = None
+    ) -> Configuration:
         """
         Return the configuration at other roller travel, reached without leaving the branch.
 
         :param roller_positions: (r,) travel since home [m].
+        :param nearby: factored matrix of a shape nearby, to begin with, and for the
+            configuration that is returned.
         :raises ConfigurationError: wrong shape or not finite; a member would have no length; or
             the straight line there in roller travel passes a singular configuration.
         """
@@ -128,16 +145,17 @@ class Configuration:
         m = robot.topology.n_modules
         goal_targets = _targets(robot, goal)
         goal_lengths = goal_targets.lengths[:m]
-        if goal_lengths.min() <= 0.0:
+        shortest = float(goal_lengths.min())
+        if shortest <= 0.0:
             worst = int(goal_lengths.argmin())
             raise ConfigurationError(
                 f'robot {robot.name}: roller positions {goal.tolist()} m make member '
-                f'{robot.member_names[worst]} {goal_lengths[worst]:.6g} m long; must be positive'
+                f'{robot.member_names[worst]} {shortest:.6g} m long; must be positive'
             )
         lengths = self.member_lengths
         change = float(np.abs(goal_lengths - lengths).max())
-        longest = MAX_STEP * float(min(lengths.min(), goal_lengths.min()))
-        points, factor = self.points, self.__dict__.get('factor')
+        longest = MAX_STEP * min(float(lengths.min()), shortest)
+        points, factor = self.points, nearby or self.__dict__.get('factor', self._nearby)
         done, step = 0.0, min(change, longest)
         while done < change:
             end = change if done + step > change * (1.0 - 1e-9) else done + step
@@ -154,9 +172,9 @@ class Configuration:
                 )
             else:
                 step *= 0.5
-        return Configuration(robot, goal, points)
+        return Configuration(robot, goal, points, nearby)
 
-    def predict(self, travel: Array, first_order: float = 3e-3) -> Configuration:
+    def predict(self, travel: Array, first_order: float = FIRST_ORDER) -> Configuration:
         """
         Return the configuration after some roller travel, to first order where that is short.
 
@@ -174,7 +192,7 @@ class Configuration:
         # (12): xdot = R^-1 (Ldot, 0), with Ldot = C phidot.
         right = np.zeros(self.robot.constraints.n_rows)
         right[: self.robot.topology.n_modules] = self.robot.topology.incidence @ travel
-        points = self.points + self.factor.solve(right).view(np.complex128)
+        points = self.points + (self._nearby or self.factor).solve(right).view(np.complex128)
         return Configuration(self.robot, self.roller_positions + travel, points)
 
     def module_rows(self, node_rows: Array) -> Array:
@@ -242,14 +260,18 @@ def follow_branch(
             return None
         if predictor is None:
             predictor = moved
+        else:
             reach = MAX_CORRECTION * np.abs(predictor - start).max()
-        elif np.abs(moved - predictor).max() > reach + tolerance:
-            return None
+            if np.abs(moved - predictor).max() > reach + tolerance:
+                return None
         if fresh and error > previous and error > tolerance:
             return None
         points = moved
         if error > KEEP_FACTOR_BELOW * previous:
             factor = None
+        elif error * error < SURE_BELOW * tolerance * previous:
+            # Steps with one factor shrink the residual alike: the next one leaves next to nothing.
+            return points - factor.solve(residual).view(np.complex128)
     return points if error <= tolerance else None
 
 
@@ -261,13 +283,16 @@ def _targets(robot: Mechanism, roller_positions: Array) -> Targets:
 
 class ConfigurationTracker:
     """
-    Computes configurations from measured roller travel; the last one shortens the search.
+    Computes configurations from measured roller travel; the last ones shorten the search.
 
+    :ivar ahead: the shape in which the matrix of (12) was factored last, as the loop expected the
+        robot to be; it serves for the next one, so that a cycle factors once. None without one.
     :param home: the configuration to begin with, at zero roller travel.
     """
 
     def __init__(self, home: Configuration) -> None:
         self._home = self._last = home
+        self.ahead: Configuration | None = None
 
     def configuration(self, roller_positions: Array) -> Configuration:
         """
@@ -277,8 +302,18 @@ class ConfigurationTracker:
         :raises ConfigurationError: there is no such configuration.
         """
         if not np.array_equal(roller_positions, self._last.roller_positions):
+            start, nearby = self._last, None
+            if self._is_near(roller_positions):
+                start, nearby = self.ahead, self.ahead.factor
             try:
-                self._last = self._last.moved_to(roller_positions)
+                self._last = start.moved_to(roller_positions, nearby)
             except ConfigurationError:
                 self._last = self._home.moved_to(roller_positions)
         return self._last
+
+    def _is_near(self, roller_positions: Array) -> bool:
+        """Return whether the shape ahead is as near as one that is predicted to first order."""
+        ahead = self.ahead
+        if ahead is None or 'factor' not in ahead.__dict__:
+            return False
+        return bool(np.abs(roller_positions - ahead.roller_positions).max() < FIRST_ORDER)

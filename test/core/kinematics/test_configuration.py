@@ -321,9 +321,37 @@ def test_tracker_starts_again_at_home_where_the_last_configuration_leads_nowhere
     tracker = ConfigurationTracker(robot.home)
     last = tracker.configuration(np.array([0.1, -0.05]))
 
-    def lost(roller_positions):
+    def lost(*_):
         raise ConfigurationError('no way from here')
 
     monkeypatch.setattr(last, 'moved_to', lost)
     found = tracker.configuration(np.array([0.05, 0.0]))
     np.testing.assert_allclose(found.points, robot.configuration([0.05, 0.0]).points, atol=1e-11)
+
+
+@robots.examples(20)
+@given(robots.robots(), robots.generators())
+def test_tracker_follows_by_the_factor_of_the_shape_that_was_expected(robot, rng):
+    config = robots.random_state(robot, rng)
+    tracker = ConfigurationTracker(config)
+    tracker.ahead = config.predict(1e-3 * rng.uniform(-1.0, 1.0, len(robot.roller_names)))
+    tracker.ahead.factor  # noqa: B018 - as a cycle that has solved for it
+    step = 1e-3 * rng.uniform(-1.0, 1.0, len(robot.roller_names))
+    found = tracker.configuration(config.roller_positions + step)
+    exact = config.moved_to(config.roller_positions + step)
+    np.testing.assert_allclose(found.points, exact.points, atol=1e-11)
+    # What follows is off by the travel times the distance of the two shapes: 1e-6 m^2.
+    travel = 1e-3 * rng.uniform(-1.0, 1.0, len(robot.roller_names))
+    close, wanted = found.predict(travel), exact.moved_to(exact.roller_positions + travel)
+    assert np.abs(close.points - wanted.points).max() < 0.05 * np.abs(travel).max()
+    assert 'factor' not in found.__dict__
+
+
+def test_tracker_does_not_begin_from_a_shape_far_ahead(monkeypatch):
+    robot = load_robot('triangle')
+    tracker = ConfigurationTracker(robot.home)
+    tracker.ahead = robot.configuration([0.01, 0.0])
+    tracker.ahead.factor  # noqa: B018 - as a cycle that has solved for it
+    monkeypatch.setattr(tracker.ahead, 'moved_to', lambda *_: pytest.fail('begins far ahead'))
+    found = tracker.configuration(np.array([0.006, 0.0]))
+    np.testing.assert_allclose(found.points, robot.configuration([0.006, 0.0]).points, atol=1e-11)
