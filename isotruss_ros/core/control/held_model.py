@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import functools
 
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_members import Hold
@@ -87,6 +88,7 @@ def motion_of(config: Configuration, held: Grasp | Grip, travel: Array) -> tuple
     return rows[:3], float(members_at_module(config, held.module).side * rows[3])
 
 
+@functools.lru_cache(maxsize=2)  # several cycles ask for the same equilibrium
 def sensitivity(grasp: HeldModel, friction: float) -> Sensitivity | None:
     """
     Return how a held object answers; None where its equilibrium is indifferent.

@@ -4,8 +4,8 @@ How hard the robot squeezes: the model of the held object in the loop of the twi
 The squeeze and the opening angle of the grip are one thing: each degree less presses by some
 newtons more. The fourth row of (19), which keeps the angle, gets a right-hand side, and what the
 elastic tubes do to the object's pose is predicted by the model and corrected in the same cycle.
-The model is evaluated once a cycle, where the command leads; from there to where the robot comes
-to be in the next cycle it goes on by the rows of (19).
+The model is evaluated where the command leads, in every few cycles; from there to where the robot
+comes to be it goes on by the rows of (19), and by what the model does beyond them.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from isotruss_ros.core.control.held_model import (
     sensitivity,
 )
 from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
+from isotruss_ros.core.control.model_trend import ModelTrend
 from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -36,6 +37,8 @@ import numpy as np
 
 #: Below this share of the twist the limits decide where the object goes, not the model.
 MIN_SCALE = 0.05
+#: From this share of the largest utilisation on, the model is evaluated in every cycle.
+CAREFUL_FROM = 0.8
 
 #: Solves the program for a twist (3,) and a rate of the grip's opening [rad/s] or [m/s].
 Solve = Callable[[Array, float], RollerCommand]
@@ -58,7 +61,8 @@ class SqueezeSettings:
     :ivar max_utilisation: of the moment at which tubes wrinkle; commands that lead toward it are
         slowed, and beyond it only those that lead away are carried out [-].
     :ivar utilisation_rate: share of what is left to that bound that is used in a second [1/s].
-    :ivar near: farther from where the last command led the model is evaluated again [m].
+    :ivar model_period: the model is evaluated this often while the motion stays alike [s].
+    :ivar near: farther from where it was evaluated last the model is evaluated again [m].
     :ivar load: what loads and errors are expected.
     """
 
@@ -71,6 +75,7 @@ class SqueezeSettings:
     min_slip_margin: float = 0.0
     max_utilisation: float = 1.0
     utilisation_rate: float = 5.0
+    model_period: float = 0.02
     near: float = 1e-3
     load: LoadSettings = field(default_factory=LoadSettings)
 
@@ -79,7 +84,7 @@ class SqueezeControl:
     """
     Regulates squeeze and pose of an object that the robot holds.
 
-    :ivar grasp: the model of how it is held where the last command led; None before the first one.
+    :ivar grasp: the model of how it is held where it was evaluated last; None before that.
     :ivar load: the wrench on the object that follows from its measured pose.
     :ivar reference: (x, y, angle) where the object is to be [m, rad]: where it was at first, moved
         by the twists carried out since; None before the first one.
@@ -98,6 +103,8 @@ class SqueezeControl:
         self.reference: Array | None = None
         self.slip_margin = 0.0
         self._velocity, self._elapsed = np.zeros(3), 0.0
+        self._trend: ModelTrend | None = None
+        self._rollers, self._age = np.zeros(0), 0.0  # last command; time since the evaluation
         self._pose, self._squeeze = np.zeros(3), 0.0
         self._slope = self._utilisation = 0.0
 
@@ -127,6 +134,7 @@ class SqueezeControl:
         :raises StructureError: see `structure_of`.
         """
         friction, grasp, self._elapsed = self.settings.friction, self.grasp, elapsed
+        self._age += elapsed
         if self.reference is not None:
             self.reference = self.reference + elapsed * self._velocity
         if grasp is not None:
@@ -161,23 +169,62 @@ class SqueezeControl:
         wanted = twist + min(settings.pose_gain, 0.5 / longest) * error
         missing = settings.gain * (settings.force - self._squeeze)
         rate = max(-settings.max_force_rate, min(missing, settings.max_force_rate))
-        slope = self._slope
-        command = solve(wanted, rate / slope)
+        command = self._command(wanted, rate, solve)
         if command.scale < MIN_SCALE or not command.roller_velocities.any():
             return command
-        start = self._config.roller_positions
-        there = self._config.moved_to(start + period * command.roller_velocities)
-        ahead = grasp.moved_to(there, self._wrench(grasp))
+        self._rollers = command.roller_velocities / command.scale
+        there = self._config.roller_positions + period * command.roller_velocities
+        if not self._is_due(there, period):
+            return command
+        ahead = grasp.moved_to(self._config.moved_to(there), self._wrench(grasp))
         if ahead is None:
             return command
-        share = period * command.scale
-        opening_rate = (2.0 * rate - (ahead.squeeze - self._squeeze) / share) / slope
-        if command.status is not Status.SLIDING:
-            moved = _difference(np.array(ahead.pose), self._pose)
-            # Of the program's own twist, where the wanted one is out of reach.
-            reached = command.achieved_twist / command.scale
-            wanted = wanted + reached - moved / share
-        return self._limit_utilisation(solve(wanted, opening_rate), ahead, period)
+        self._trend, self._age = self._find_trend(grasp, ahead), 0.0
+        keeps_direction = command.status is not Status.SLIDING
+        command = self._command(wanted, rate, solve, keeps_direction)
+        return self._limit_utilisation(command, ahead, period)
+
+    def _command(
+        self, wanted: Array, rate: float, solve: Solve, keeps_direction: bool = True
+    ) -> RollerCommand:
+        """
+        Return the command for a twist and a change of the squeeze, less what comes by itself.
+
+        :param wanted: (3,) twist of the object [m/s, rad/s].
+        :param rate: change of the squeeze [N/s].
+        :param solve: the twist program.
+        :param keeps_direction: whether the limits admit the twist in its direction.
+        """
+        trend, slope = self._trend, self._slope
+        if trend is None or not len(self._rollers):
+            return solve(wanted, rate / slope)
+        along = trend.along(self._rollers)
+        if keeps_direction:
+            wanted = wanted - along * trend.pose
+        return solve(wanted, (rate - along * trend.squeeze) / slope)
+
+    def _find_trend(self, grasp: HeldModel, ahead: HeldModel) -> ModelTrend:
+        """Return what lies between two evaluations beyond the rows of (19), and the load."""
+        given = sensitivity(grasp, self.settings.friction)
+        travel = ahead.config.roller_positions - grasp.config.roller_positions
+        moved, opened = motion_of(self._config, self._held, travel)
+        loaded = ahead.wrench - grasp.wrench
+        pose = _difference(np.array(ahead.pose), np.array(grasp.pose))
+        return ModelTrend.over(
+            travel,
+            pose - moved - given.pose @ loaded,
+            ahead.squeeze - grasp.squeeze - given.slope * opened - float(given.squeeze @ loaded),
+        )
+
+    def _is_due(self, there: Array, period: float) -> bool:
+        """Return whether the model must be evaluated where the command leads."""
+        settings, trend = self.settings, self._trend
+        if trend is None or self._age + 0.5 * period >= settings.model_period:
+            return True
+        if self._utilisation > CAREFUL_FROM * settings.max_utilisation:
+            return True
+        away = float(np.abs(there - self.grasp.config.roller_positions).max())
+        return away > settings.near or not trend.fits(self._rollers)
 
     def advance(self, twist: Array, command: RollerCommand) -> None:
         """
@@ -221,12 +268,13 @@ class SqueezeControl:
     def _start(self, config: Configuration, held: Grasp | Grip, angle: float) -> Hold:
         """Begin with the equilibrium near the measured pose."""
         self.load = LoadEstimate(self.settings.load)
+        self._trend = None
         found = attach_model(config, held, angle)
         if isinstance(found, Hold):
             self.grasp = None
             return found
         grasp = self._explain(found, measured_pose(held, angle))
-        self.grasp, self._config = grasp, config
+        self.grasp, self._config, self._held = grasp, config, held
         self._pose, self._squeeze = np.array(grasp.pose), grasp.squeeze
         given = sensitivity(grasp, self.settings.friction)
         if given is None:
@@ -262,14 +310,19 @@ class SqueezeControl:
     ) -> None:
         """Take the model on by the rows of (19), and the load from what is left."""
         moved, opened = motion_of(config, held, travel)
-        pose = np.array(grasp.pose) + moved
-        offset = _difference(np.array(measured_pose(held, angle)), pose)
-        change = self.load.update(offset, given.pose, grasp.arm, elapsed, self.settings.bias_gain)
-        self.grasp, self._config = grasp, config
-        self._pose = pose + given.pose @ change
-        pressed = float(given.squeeze @ change)
+        pose, squeeze = np.array(grasp.pose) + moved, grasp.squeeze + given.slope * opened
+        if self._trend is not None:
+            along = self._trend.along(travel)
+            pose, squeeze = pose + along * self._trend.pose, squeeze + along * self._trend.squeeze
+        loaded = self.load.wrench - grasp.wrench  # since the model was evaluated
+        offset = _difference(np.array(measured_pose(held, angle)), pose + given.pose @ loaded)
+        loaded = loaded + self.load.update(
+            offset, given.pose, grasp.arm, elapsed, self.settings.bias_gain
+        )
+        self.grasp, self._config, self._held = grasp, config, held
+        self._pose = pose + given.pose @ loaded
+        self._squeeze = squeeze + float(given.squeeze @ loaded)
         self._slope = given.slope
-        self._squeeze = grasp.squeeze + self._slope * opened + pressed
         self.slip_margin = given.slip_margin
 
     def _wrench(self, grasp: HeldModel) -> Array:

@@ -45,7 +45,6 @@ from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
 import numpy as np
 
-
 #: The travel of the rollers is compared with what was commanded this often [s].
 DETECTION_PERIOD = 0.02
 

@@ -125,9 +125,7 @@ class Configuration:
         right[: topology.n_modules] = topology.incidence
         return np.asarray(self.factor.solve(right))
 
-    def moved_to(
-        self, roller_positions: ArrayLike, nearby: Factor | None = None
-    ) -> Configuration:
+    def moved_to(self, roller_positions: ArrayLike, nearby: Factor | None = None) -> Configuration:
         """
         Return the configuration at other roller travel, reached without leaving the branch.
 

@@ -100,6 +100,7 @@ def find_roller(robot: Robot, name: str) -> int | None:
     return robot.roller_names.index(name) if name in robot.roller_names else None
 
 
+@functools.lru_cache(maxsize=4)  # a cycle asks several times for the same two shapes
 def members_at_module(config: Configuration, module: str) -> GraspingMembers:
     """
     Find the two members that meet at a module.

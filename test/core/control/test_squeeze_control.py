@@ -34,8 +34,16 @@ class Loop:
     """A controller and a plant, in step."""
 
     def __init__(
-        self, force=None, scale=1.0, regulated=True, max_utilisation=math.inf, noise=0.0, **gains
+        self,
+        force=None,
+        scale=1.0,
+        regulated=True,
+        max_utilisation=math.inf,
+        noise=0.0,
+        period=PERIOD,
+        **gains,
     ):
+        self.period, self.models = period, []
         self.object = ElasticObject(CYLINDER, FRICTION, stiffness_scale=scale)
         self.plant = SimulatedRobot(CONFIG, self.object, RollerFaults())
         self.plant.advance(0.0)
@@ -57,7 +65,7 @@ class Loop:
 
     def run(self, twist, duration):
         """Follow a twist that begins and ends at rest."""
-        count = round(duration / PERIOD)
+        count = round(duration / self.period)
         for k in range(count):
             rate = 1.0 - np.cos(2.0 * np.pi * (k + 0.5) / count)
             wanted = rate * np.array(twist) + GAIN * self.error()
@@ -70,14 +78,15 @@ class Loop:
 
             command = solve(wanted, 0.0)
             if self.regulated:
-                held = self.control.follow(config, grasp, pose.angle, PERIOD)
+                held = self.control.follow(config, grasp, pose.angle, self.period)
                 assert held is Hold.HELD
-                command = self.control.solve(rate * np.array(twist), PERIOD, solve)
+                command = self.control.solve(rate * np.array(twist), self.period, solve)
                 self.control.advance(rate * np.array(twist), command)
             self.statuses.append(command.status)
+            self.models.append(self.control.grasp)
             self.plant.command(command.roller_velocities)
-            self.plant.advance(PERIOD)
-            self.reference = self.reference + PERIOD * rate * np.array(twist)
+            self.plant.advance(self.period)
+            self.reference = self.reference + self.period * rate * np.array(twist)
             assert self.object.grasp is not None
             self.errors.append(np.hypot(*self.error()[:2]))
 
@@ -96,6 +105,23 @@ def test_pose_and_squeeze_stay_as_they_should(twist):
     assert max(loop.errors) < 0.1 * max(rigid.errors)
     assert loop.squeeze == pytest.approx(loop.target, rel=1e-3)
     assert np.degrees(abs(loop.error()[2])) < 0.02
+
+
+@pytest.mark.parametrize('twist', [(0.04, -0.03, 0.0), (0.02, 0.02, -0.2), (0.0, 0.0, 0.0)])
+def test_a_quick_loop_evaluates_the_model_every_20_ms_and_stays_as_exact(twist):
+    loop = Loop(period=0.005)
+    loop.run(twist, 1.0)
+    evaluated = len(set(map(id, loop.models)))
+    assert evaluated < 0.4 * len(loop.models)
+    assert max(loop.errors) < 1e-5
+    assert loop.squeeze == pytest.approx(loop.target, rel=1e-4)
+
+
+def test_a_quick_loop_evaluates_the_model_in_every_cycle_near_the_bound_of_the_tubes():
+    used = held_utilisation(RollingGrasp.attach(CONFIG, CYLINDER)).max()
+    loop = Loop(period=0.005, max_utilisation=used / 0.9)
+    loop.run((0.0, 0.0, 0.1), 0.1)
+    assert len(set(map(id, loop.models))) == len(loop.models)
 
 
 def test_a_rising_target_closes_in_place():
