@@ -83,6 +83,7 @@ def _places(count: int, nodes: tuple[int, int, int, int]) -> Indices:
     return np.concatenate([first + b_next, first + b, [first[3] + c_prev, first[3] + c]])
 
 
+@functools.lru_cache(maxsize=2)  # the squeeze control asks again for what was just solved
 def task_jacobian(config: Configuration, grasp: Grasp) -> Array:
     """
     Return the map from roller speeds to the motion of the grasped object: (19) after (12).
@@ -90,7 +91,7 @@ def task_jacobian(config: Configuration, grasp: Grasp) -> Array:
     :param config: configuration of the robot.
     :param grasp: the grasp.
     :return: (4, r): rows vx, vy [m/s], omega [rad/s] and opening rate of the grip [rad/s], robot
-        frame, for 1 m/s at each roller.
+        frame, for 1 m/s at each roller; read-only.
     :raises GraspError: see `grasp_rows`.
     :raises ConfigurationError: the configuration is singular.
     """
@@ -100,6 +101,7 @@ def task_jacobian(config: Configuration, grasp: Grasp) -> Array:
     if roller is not None:
         # (18): omega = omega_frame + omega_roll.
         jacobian[:, roller] += rows.rolling
+    jacobian.flags.writeable = False
     return jacobian
 
 
