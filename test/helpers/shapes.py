@@ -26,11 +26,18 @@ def random_polygon(generator, size=0.2, corners=None, rounded=True):
 def random_shape(generator, size=0.2):
     """Return a disc, an ellipse or a polygon."""
     kind = generator.integers(4)
-    if kind == 0:
-        return Disc(2.0 * size * generator.uniform(0.3, 1.0))
-    if kind == 1:
-        return Ellipse(tuple(size * generator.uniform(0.2, 1.0, 2)))
+    if kind < 2:
+        return random_shape_of((Disc, Ellipse)[kind], generator, size)
     return random_polygon(generator, size, rounded=kind == 2)
+
+
+def random_shape_of(kind, generator, size=0.2):
+    """Return a shape of a class: a disc, an ellipse or a polygon."""
+    if kind is Disc:
+        return Disc(2.0 * size * generator.uniform(0.3, 1.0))
+    if kind is Ellipse:
+        return Ellipse(tuple(size * generator.uniform(0.2, 1.0, 2)))
+    return random_polygon(generator, size)
 
 
 def dense_outline(shape, count=20_000):

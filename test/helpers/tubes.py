@@ -40,7 +40,9 @@ def bare(starts, ends, axial, flexural, shear, held=None):
         np.zeros(6 * m, dtype=bool),
     )
     frame = Frame(points, members, fixed, [str(i) for i in range(len(points))])
-    topology = SimpleNamespace(n_modules=m, previous=np.roll(np.arange(m), 1))
+    topology = SimpleNamespace(
+        n_modules=m, previous=np.roll(np.arange(m), 1), tube=np.zeros(m, dtype=int)
+    )
     return SimpleNamespace(
         frame=frame, config=SimpleNamespace(robot=SimpleNamespace(topology=topology))
     )

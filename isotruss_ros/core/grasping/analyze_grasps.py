@@ -86,7 +86,7 @@ def analyze_grasps(
         raise GraspError(f'friction {friction!r}: must not be negative')
     if not SPACINGS[0] <= gap <= SPACINGS[1]:
         raise GraspError(f'spacing {spacing!r} m: must be from {SPACINGS[0]} to {SPACINGS[1]} m')
-    far = np.maximum(size, np.abs(middle).max(axis=1, initial=0.0)) > MAX_DISTANCE
+    far = np.maximum(size, np.abs(middle).max(axis=1)) > MAX_DISTANCE
     wrong = np.flatnonzero(far | (size < MIN_DIAMETER))
     if len(wrong):
         i = int(wrong[0])
@@ -132,7 +132,7 @@ def _check_rods(grasps: _Grasps) -> None:
     robot, m = grasps.robot, grasps.robot.topology.n_modules
     lengths = robot.constraints.lengths(grasps.nodes.T)[m:]
     off = np.abs(lengths - robot.home_targets.lengths[m:, None])
-    if off.max(initial=0.0) > ROD_TOLERANCE:
+    if (off > ROD_TOLERANCE).any():
         row, i = np.unravel_index(int(off.argmax()), off.shape)
         module = robot.module_names[row % m]
         raise GraspError(

@@ -129,13 +129,13 @@ def _extremes(
     need = np.abs((normals @ wanted[:, :, None])[:, :, 0])
     # A flat zonotope, as of two contacts, reaches nothing across its plane.
     flat = valid & (support == 0.0)
-    across = np.where(flat, need, 0.0).max(axis=1, initial=0.0)
+    across = np.where(flat, need, 0.0).max(axis=1)
     out = across > tolerance
     usual = valid & ~flat
     ratio = np.where(usual, need / np.where(usual, support, 1.0), 0.0)
-    margin = np.where(usual, friction * support - need, np.inf).min(axis=1, initial=np.inf)
+    margin = np.where(usual, friction * support - need, np.inf).min(axis=1)
     margin = np.where(flat.any(axis=1), np.minimum(margin, 0.0), margin)
-    required = np.where(out, np.inf, ratio.max(axis=1, initial=0.0))
+    required = np.where(out, np.inf, ratio.max(axis=1))
     return required, np.where(out, -across, margin), plain
 
 
@@ -181,10 +181,9 @@ def _facets(segments: Array, tangents: Points) -> tuple[Array, Array, Flags, Fla
         within = np.cross(thin, axis[:, None])
         size = np.linalg.norm(within, axis=2)
         within /= np.where(size > 0.0, size, 1.0)[:, :, None]
-        width = count + 1
-        extra[flat, 0], extra[flat, 1:width] = axis, within
-        extent[flat, 1:width] = np.abs(within @ thin.transpose(0, 2, 1)).sum(axis=2)
-        exists[flat, 0], exists[flat, 1:width] = True, size > 0.0
+        extra[flat, 0], extra[flat, 1:] = axis, within
+        extent[flat, 1:] = np.abs(within @ thin.transpose(0, 2, 1)).sum(axis=2)
+        exists[flat, 0], exists[flat, 1:] = True, size > 0.0
     return (
         np.concatenate([normals, extra], axis=1),
         np.concatenate([support, extent], axis=1),

@@ -82,7 +82,7 @@ def solve_contact(
         if start.normals is not None:
             normals = start.normals
     elif len(away) <= MANY:
-        gaps = (away * normals.conj()).real - surface.support(normals)
+        gaps = _open_gaps(away, normals, surface)
         active = guess_contact(contact_points, gaps)
     else:
         few = np.arange(0, len(away), 4)
@@ -96,7 +96,7 @@ def solve_contact(
     # for some normals is admissible for the next ones, which can but take less energy. These steps
     # settle therefore, if slowly; following the normals of those in contact makes them few.
     for _ in range(MAX_STEPS):
-        gaps = (away * normals.conj()).real - surface.support(normals)
+        gaps = _open_gaps(away, normals, surface)
         forces, active = solve_complementarity(
             contact_points.normal_compliance(normals), gaps, active
         )
@@ -109,10 +109,10 @@ def solve_contact(
             # (6), (7): no force pulls, and none is tangential.
             pressing, sizes = push * turned.conj(), np.abs(push)
             if (
-                pressing.real.min(initial=0.0) >= 0.0
-                and np.abs(pressing.imag).max(initial=0.0) <= SMOOTH * sizes.max(initial=0.0)
-                and gaps.min(initial=0.0) >= -GAP_TOLERANCE
-                and gaps[places].max(initial=0.0) <= GAP_TOLERANCE
+                (pressing.real >= 0.0).all()
+                and (np.abs(pressing.imag) <= SMOOTH * sizes.max(initial=0.0)).all()
+                and (gaps >= -GAP_TOLERANCE).all()
+                and (gaps[places] <= GAP_TOLERANCE).all()
             ):
                 normal = pressing.real * turned
                 return ContactState(pressing.real, gaps, turned, displacements, radii, normal)
@@ -132,7 +132,7 @@ def estimate_contact(contact_points: ContactPoints, surface: Surface) -> Contact
     """
     away = contact_points.skin - surface.center
     normals = surface.facing(contact_points.points - surface.center, contact_points.axis)
-    gaps = (away * normals.conj()).real - surface.support(normals)
+    gaps = _open_gaps(away, normals, surface)
     compliance = contact_points.normal_compliance(normals)
     forces, _ = solve_complementarity(compliance, gaps, guess_contact(contact_points, gaps))
     displacements = contact_points.displacements(forces * normals)
@@ -154,6 +154,11 @@ def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
     if contact_points.dents.any():
         deepest = np.where(deepest < 0.0, WIDE * deepest, deepest)
     return gaps <= deepest[member]
+
+
+def _open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
+    """Return the gaps (c,) [m] along normals that there are without forces."""
+    return (away * normals.conj()).real - surface.support(normals)
 
 
 def _settle_normals(
@@ -181,7 +186,7 @@ def _settle_normals(
         moved = moving @ pressing
         turned = surface.normals_of(away + moved[:count] + 1j * moved[count:], axis)
         forces = pressing * local
-        change = float(np.abs(turned - local).max(initial=0.0))
+        change = float(np.abs(turned - local).max())
         local = turned
         if change < 0.01 * SMOOTH:
             break

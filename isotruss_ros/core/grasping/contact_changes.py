@@ -12,7 +12,6 @@ from isotruss_ros.core.grasping.pressed_contacts import (
     find_pressed,
     LEAST_FACE,
     PressedContacts,
-    start_at,
 )
 from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.segment_gaps import segment_gaps
@@ -99,7 +98,7 @@ def join(grip: GripT) -> GripT:
     fresh = np.flatnonzero(order >= len(grip.anchors))
     count = len(others.members)
     statics = contact_statics(grip.config, grip.body, others, flattening=False)
-    facing = statics.normals(start_at(statics, grip.body)) * grip.body.turn.conjugate()
+    facing = statics.straight_normals * grip.body.turn.conjugate()
     anchors = np.append(grip.anchors, np.zeros(count))[order]
     angles = np.append(grip.angles, np.angle(facing))[order]
     found = grip.rolled(grip.config, contacts, anchors, angles, grip.wrench, fresh)

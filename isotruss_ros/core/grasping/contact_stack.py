@@ -13,7 +13,7 @@ from isotruss_ros.core.statics.frame_stack import LoadedStack
 import numpy as np
 
 #: Grasps that do not settle in so many steps are left to `solve_contact`.
-MAX_STEPS = 8
+MAX_STEPS = 9
 
 
 class ContactStack(NamedTuple):
@@ -45,7 +45,7 @@ def solve_contact_stack(points: PointStack, loaded: LoadedStack, radius: Array) 
     normals = normalize(points.points)
     gaps = (points.points * normals.conj()).real - radius[points.grasp]
     active = gaps <= _deepest(points, gaps)
-    for number in range(1 + MAX_STEPS):
+    for number in range(MAX_STEPS):
         if not len(grasps):
             break
         # Most settle at once: at first, those that do not are only left for the next step.

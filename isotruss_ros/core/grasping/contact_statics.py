@@ -68,14 +68,10 @@ class ContactStatics:
         """Return the arm by which moments compare with forces, see `ConvexObject.arm` [m]."""
         return self.body.arm
 
-    def normals(self, unknowns: Array) -> Points:
-        """
-        Return the normals of the bent tubes, from the object toward them.
-
-        :param unknowns: see `ContactForces`.
-        """
-        turned = unknowns[self.places.inclinations]
-        return 1j * self.sides * self.compliance.axis * np.exp(1j * turned)
+    @property
+    def straight_normals(self) -> Points:
+        """Return the normals of the tubes as long as they are straight, from the object (k,)."""
+        return 1j * self.sides * self.compliance.axis
 
     def loads(self, unknowns: Array) -> Array:
         """

@@ -183,7 +183,7 @@ def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
     places, compliance = statics.places, statics.compliance
     start = np.zeros(places.size)
     start[:3] = body.center.real, body.center.imag, body.pose.angle
-    normals = 1j * statics.sides * compliance.axis
+    normals = statics.straight_normals
     points, _ = surface_points(body.shape, normals * body.turn.conjugate(), statics.corners)
     touched = body.center + body.turn * points
     local = compliance.axis.conj() * (touched - compliance.start)

@@ -50,11 +50,12 @@ def relax_contact(
         part = np.flatnonzero((forces > 0.0) | (gaps + compliance @ forces < 0.0))
         if len(part):
             forces[part] = _steps(gaps[part], compliance[np.ix_(part, part)], forces[part])
-        forces = np.where(forces > NEGLIGIBLE * forces.max(initial=0.0), forces, 0.0)
+        largest = forces.max(initial=TINY)
+        forces = np.where(forces > NEGLIGIBLE * largest, forces, 0.0)
         displacements = contact_points.displacements(forces * normals)
         gap, normals, radii = surface.nearest(away + displacements)
-        left = np.maximum(gap, 0.0) * forces / max(forces.max(initial=0.0), TINY)
-        if gap.min(initial=0.0) > -TOLERANCE and left.max(initial=0.0) < TOLERANCE:
+        left = np.maximum(gap, 0.0) * forces / largest
+        if (gap > -TOLERANCE).all() and (left < TOLERANCE).all():
             touching = np.where(gap < TOUCHING, forces, 0.0)
             push = touching * normals
             return ContactState(touching, gap, normals, displacements, radii, push)
@@ -66,6 +67,6 @@ def _steps(gaps: Array, compliance: Array, forces: Array) -> Array:
     grow = GAIN * 2.0 / np.linalg.eigvalsh(compliance)[-1]
     for _ in range(STEPS_BETWEEN_LOOKS):
         gap = gaps + compliance @ forces
-        fade = grow / max(forces.max(initial=0.0), SMALL_FORCE)
+        fade = grow / max(forces.max(), SMALL_FORCE)
         forces = forces + grow * np.maximum(-gap, 0.0) - fade * np.maximum(gap, 0.0) * forces
     return forces

@@ -85,8 +85,8 @@ def solve_sliding_contact(
             at = np.flatnonzero(steep)
             gaps[at] = (moved[at] * normals[at].conj()).real - surface.support(normals[at])
         # Where no other point has come to touch, the same ones do.
-        settled = gaps.min(initial=0.0) >= -GAP_TOLERANCE
-        if settled and np.abs(gaps[active]).max(initial=0.0) <= GAP_TOLERANCE:
+        settled = bool((gaps >= -GAP_TOLERANCE).all())
+        if settled and (np.abs(gaps[active]) <= GAP_TOLERANCE).all():
             return ContactState(forces, gaps, normals, displacements, radii, push)
         still = gaps - (displacements * normals.conj()).real
     raise SolverError(

@@ -140,7 +140,7 @@ def test_points_are_those_of_one_by_one():
 
 @pytest.mark.parametrize(
     ('module', 'name', 'value'),
-    [(frame_stack, 'SUSPICIOUS', 0.0), (contact_stack, 'MAX_STEPS', -1)],
+    [(frame_stack, 'SUSPICIOUS', 0.0), (contact_stack, 'MAX_STEPS', 0)],
 )
 def test_what_is_left_to_the_analysis_of_one_has_the_same_numbers(
     monkeypatch, module, name, value

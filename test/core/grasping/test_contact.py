@@ -1,21 +1,23 @@
 """Contact: the complementarity problem, contact points, condensation, beams."""
 
 import itertools
+from types import SimpleNamespace
 
 from hypothesis import given, strategies
-from isotruss_ros.core import load_robot
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.grasping import lcp
 from isotruss_ros.core.grasping.contact import ContactGuess, solve_contact
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.lcp import solve_complementarity
 from isotruss_ros.core.grasping.relaxation import relax_contact
-from isotruss_ros.core.grasping.surfaces import RoundSurface
+from isotruss_ros.core.grasping.surfaces import RoundSurface, surface_of
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 import robots
 from scipy.optimize import brentq, nnls
+from shapes import dense_outline, random_shape_of
 import tubes
 
 #: SectionStiffness of a tube like the paper's [N, N m^2, N].
@@ -166,6 +168,53 @@ def test_candidates_are_where_a_straight_tube_is_within_reach(rng, spacing):
     assert np.isin(np.round(near, 9), np.round(place, 9)).all()
     assert (np.hypot(place - foot, aside) <= radius + 2.0 * spacing + 1e-9).all()
     assert found.compliance(np.arange(len(place))).shape == (2, len(place), 2, len(place))
+
+
+@pytest.mark.parametrize('kind', [Disc, Ellipse, Polygon])
+@robots.examples(20)
+@given(generators, strategies.floats(0.001, 0.02), strategies.booleans())
+def test_candidates_of_any_shape_are_those_within_its_tangents(kind, rng, spacing, flattening):
+    shape = random_shape_of(kind, rng)
+    pose = (rng.uniform(-0.2, 1.0), rng.uniform(-0.4, 0.4), rng.uniform(-3.0, 3.0))
+    body, margin = ConvexObject(shape, pose), rng.uniform(0.0, 0.1)
+    surface, width = surface_of(body, margin), 0.05 if flattening else 0.0
+    flat = SimpleNamespace(radius=width, compliance=lambda place, *_: np.eye(len(place)))
+    found = find_contact_points(straight(), surface, spacing, flat if flattening else None)
+    outline = dense_outline(shape, 4000) * body.turn + body.center - surface.center
+    assert surface.reach >= np.abs(outline).max() + margin - 1e-9
+    normals, distances = surface.tangents()
+    farthest = (outline[:, None] * normals.conj()).real.max(axis=0, initial=-np.inf)
+    assert distances == pytest.approx(farthest + margin, abs=1e-5)
+    if isinstance(shape, Polygon):
+        corners = np.array(shape.vertices) @ [1.0, 1j]
+        sides = np.roll(corners, -1) - corners
+        assert normals == pytest.approx(-1j * sides / np.abs(sides) * body.turn, abs=1e-9)
+    elif isinstance(shape, Ellipse):
+        turns = np.angle(np.roll(normals, -1) / normals)
+        assert turns == pytest.approx(np.full(len(normals), 2.0 * np.pi / len(normals)))
+    # On the lattice about the foot: where a point of the skin is near enough to each of them.
+    lattice = surface.center.real + spacing * np.arange(-1500, 1501)
+    lattice = lattice[(lattice >= 0.0) & (lattice <= LENGTH)]
+    heights = np.clip(surface.center.imag, -width, width)
+    apart = np.abs(lattice + 1j * heights - surface.center) - surface.reach
+    skin = lattice[:, None] + 1j * np.array([-width, width]) - surface.center
+    beyond = ((skin[:, :, None] * normals.conj()).real - distances).min(axis=1)
+    apart = np.maximum(apart, beyond.max(axis=1, initial=-np.inf))
+    for points, others in (
+        (lattice[apart < 2.0 * spacing - 1e-9], found.points.real),
+        (found.points.real, lattice[apart < 2.0 * spacing + 1e-9]),
+    ):
+        assert np.isin(np.round(points, 9), np.round(others, 9)).all()
+
+
+@pytest.mark.parametrize('side', [1.0, -1.0])
+@pytest.mark.parametrize('spacing', [0.002, 0.005])
+def test_a_tube_along_a_face_has_candidates_where_it_is_within_two_spacings(side, spacing):
+    box = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
+    for gap in (1.9, 2.1):
+        body = ConvexObject(box, (0.4, side * (0.1 + gap * spacing), 0.0))
+        found = find_contact_points(straight(), surface_of(body), spacing)
+        assert np.ptp(found.points.real) > 0.3 if gap < 2.0 else not len(found.points)
 
 
 def test_candidates_of_a_disc_at_midspan_mirror_each_other():

@@ -354,11 +354,13 @@ def test_no_direction_is_shorter_than_the_margin_with_levers(rng, count, frictio
     assert -1e-9 <= margin <= min(reached) * (1.0 + 1e-6) + 1e-6
 
 
-@pytest.mark.parametrize('friction', [0.0, 0.5, 1.0])
-def test_numbers_of_many_are_those_of_one_by_one(friction):
+@pytest.mark.parametrize(
+    ('friction', 'scale'), [(0.0, 1.0), (0.5, 1.0), (1.0, 1.0), (0.5, 1e-6), (0.5, 1e6)]
+)
+def test_numbers_of_many_are_those_of_one_by_one(friction, scale):
     rng, shape = np.random.default_rng(0), (400, 4)
     normals = np.exp(1j * rng.uniform(0.0, 2.0 * np.pi, shape))
-    forces = rng.uniform(0.1, 10.0, shape) * 10.0 ** rng.uniform(-4.0, 0.0, shape)
+    forces = scale * rng.uniform(0.1, 10.0, shape) * 10.0 ** rng.uniform(-4.0, 0.0, shape)
     forces *= np.arange(4) < rng.integers(0, 5, (400, 1))
     shares = rng.uniform(-1.0, 1.0, shape)
     tangents = [tangents_at(np.angle(own)) for own in normals]

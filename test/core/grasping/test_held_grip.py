@@ -23,10 +23,12 @@ from isotruss_ros.core.grasping.corner_dents import corner_dents
 from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
+from isotruss_ros.core.grasping.pressed_contacts import contact_statics, find_pressed
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from shapes import regular_polygon
 
 NINE = load_robot('nine_member')
 HOME = NINE.home
@@ -157,6 +159,9 @@ def test_a_face_comes_to_lie_on_a_member_and_lifts_at_its_other_end_and_back():
             assert math.dist(grip.pose[:2], before.pose[:2]) < 2e-3
             assert 0.0 < (grip.pose.angle - before.pose.angle) / turn < 2.0
             touched = tuple(grip.contacts.corners.tolist())
+            pressed = find_pressed(grip.config, grip.body, grip.members)
+            if touched == tuple(pressed.corners.tolist()):
+                assert grip.contacts.cuts == pytest.approx(pressed.cuts)
             if len(touched) > len(before.anchors):
                 # What has only come to touch does not rub yet.
                 fresh = [corner not in before.contacts.corners for corner in touched]
@@ -165,7 +170,9 @@ def test_a_face_comes_to_lie_on_a_member_and_lifts_at_its_other_end_and_back():
         assert seen == corners
 
 
-def test_a_polygon_of_many_sides_rolls_as_a_disc():
+@pytest.mark.parametrize(('farthest', 'steps', 'turned'), [(0.4, 20, 0.35), (0.16, 1, 0.15)])
+def test_a_polygon_of_many_sides_rolls_as_a_disc(farthest, steps, turned):
+    # In one step as well, over five faces, which is as many as there may be.
     number = 96
     sector = 2.0 * np.pi / number
     vertices = 0.15 * np.sqrt(sector / np.sin(sector)) * np.exp(1j * sector * np.arange(number))
@@ -174,12 +181,13 @@ def test_a_polygon_of_many_sides_rolls_as_a_disc():
     assert grip.squeeze == pytest.approx(disc.squeeze, rel=0.02)
     held_there = Grip(CORNER, CYLINDER)
     turning = solve_twist(CONFIG, held_there, (0.0, 0.0, 1.0), limits=()).roller_velocities
-    for share in np.linspace(0.0, 0.4, 21)[1:]:
+    for share in np.linspace(0.0, farthest, steps + 1)[1:]:
         config = CONFIG.moved_to(CONFIG.roller_positions + share * turning)
         disc, grip = disc.moved_to(config), grip.moved_to(config)
-    assert disc.pose.angle > 0.45
+    assert disc.pose.angle - 0.1 > turned
     assert np.array(grip.pose) == pytest.approx(np.array(disc.pose), abs=5e-4)
     assert grip.squeeze == pytest.approx(disc.squeeze, rel=0.02)
+    assert_balanced(grip, np.zeros(3))
 
 
 def test_both_ends_of_a_face_press_and_rub_alike():
@@ -325,6 +333,23 @@ def test_a_third_member_joins_where_the_bent_structure_touches():
         states.append(grip.state.unknowns)
     for there, back in zip(states[:2], states[:2:-1], strict=True):
         assert back == pytest.approx(there, rel=1e-7, abs=1e-7)
+
+
+@pytest.mark.parametrize('angle', [0.3, -0.4])
+def test_a_third_member_is_dented_by_the_corner_that_it_meets(angle):
+    def place(size):
+        shape = regular_polygon(7, size)
+        return place_between(HOME, LOOP[:2], shape, angle=angle, indentation=0.012).body
+
+    third = numbers(LOOP)[2]
+    size = brentq(lambda size: member_depths(HOME, place(size))[third] + 1e-3, 0.2, 0.4)
+    grip = HeldGrip.attach(HOME, place(size), numbers(LOOP[:2])).moved_to(HOME)
+    assert grip.members[-1] == third
+    wanted = contact_statics(HOME, grip.body, grip.contacts, normals=grip.state.normals)
+    for force in (1.0, 3.0):
+        forces = np.full(3, force)
+        dents = [statics.indentation(forces)[0][-1] for statics in (grip.statics, wanted)]
+        assert dents[0] == pytest.approx(dents[1], rel=1e-3)
 
 
 @pytest.mark.parametrize(('flattening', 'bound'), [(True, 0.03), (False, 0.004)])

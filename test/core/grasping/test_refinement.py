@@ -1,10 +1,16 @@
 """Contact points as fine as the regions need: convergence, whatever the search began with."""
 
+from comparison.wedge import pressed_into
 from hypothesis import given, settings, strategies
 from isotruss_ros.core import analyze_grasp, Cylinder, IsotrussError, load_robot, tangent_center
-from isotruss_ros.core.grasping.refinement import DIVISIONS, REGION_POINTS
+from isotruss_ros.core.grasping.flattening import flattening_of
+from isotruss_ros.core.grasping.refinement import DIVISIONS, refine_contact, REGION_POINTS
+from isotruss_ros.core.grasping.sliding_contact import solve_sliding_contact
+from isotruss_ros.core.grasping.surfaces import surface_of
+from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
+from shapes import regular_polygon
 
 ROBOT = load_robot('nine_member')
 SPACING = 0.005
@@ -83,3 +89,19 @@ def test_a_small_object_that_the_search_alone_touches_is_not_touched():
     analysis = analyze_grasp(config, small)
     assert analysis.contact_forces == {}
     assert analysis.gaps.min() > 0.001
+
+
+def test_points_of_a_corner_are_as_close_as_a_budget_allows():
+    home = ROBOT.home
+    held = pressed_into(home, 'south/P', regular_polygon(4, 0.2), 0.4, 0.02)
+    surface, structure = surface_of(held), structure_of(home)
+    kernel = flattening_of(ROBOT, structure.pressures)
+
+    def points(budget):
+        """Return points, before those without contact are left out."""
+        options = (surface, SPACING, kernel, solve_sliding_contact)
+        return refine_contact(structure, *options, budget=budget)[0]
+
+    count = len(points(0).points)
+    for share, division in ((0.9, 1), (1.7, 1), (2.3, 2), (3.5, 2), (4.5, 4), (100.0, 4)):
+        assert points(int(share * count)).spacing == pytest.approx(SPACING / division)

@@ -1,0 +1,84 @@
+"""Where objects press into tubes: corners or faces by how they lie, and a start near to them."""
+
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, place_between, Polygon
+from isotruss_ros.core.grasping.pressed_contacts import contact_statics, find_pressed, start_at
+import numpy as np
+import pytest
+from shapes import regular_polygon
+
+HOME = load_robot('nine_member').home
+NUMBER = HOME.robot.member_names.index('south/P-Q')
+RADIUS = 0.5 * HOME.robot.description.tube_diameter
+BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
+
+
+def member_line(number=NUMBER):
+    """Return where a member starts, and its direction."""
+    topology, points = HOME.robot.topology, HOME.points
+    start, end = points[topology.b[number]], points[topology.c[topology.following[number]]]
+    return start, (end - start) / abs(end - start)
+
+
+def lain_on(length, tilt, side=1.0, depth=0.01):
+    """Return a box whose face of a length is on a member, one end higher, the other this deep."""
+    half = 0.5 * length
+    shape = Polygon([(-half, 0.0), (half, 0.0), (half, 0.3), (-half, 0.3)])
+    start, axis = member_line()
+    turn = axis if side > 0.0 else -axis
+    # The lower end of the face, off the centre line.
+    corner = half * np.exp(1j * tilt) * turn * (-1.0 if tilt > 0.0 else 1.0)
+    center = start + 0.4 * axis + 1j * turn * (RADIUS - depth) - corner
+    return ConvexObject(shape, (center.real, center.imag, np.angle(turn) + tilt))
+
+
+@pytest.mark.parametrize('side', [1.0, -1.0])
+@pytest.mark.parametrize('length', [1.02 * RADIUS, 0.2, 0.5])
+@pytest.mark.parametrize('way', [1.0, -1.0])
+def test_a_face_lies_on_a_tube_where_both_of_its_ends_are_in_it(length, side, way):
+    limit = np.arcsin(0.01 / length)
+    for share, count in ((0.98, 2), (1.02, 1)):
+        body = lain_on(length, way * share * limit, side)
+        found = find_pressed(HOME, body, np.array([NUMBER]))
+        assert found.members.tolist() == [NUMBER] * count
+        assert found.owners.tolist() == [0] * count
+        lower = 0 if way > 0.0 else 1
+        assert found.corners.tolist() == ([0, 1] if count == 2 else [lower])
+        half = 0.5 * length
+        cuts = [[np.inf, half], [half, np.inf]] if count == 2 else [[np.inf, np.inf]]
+        assert found.cuts == pytest.approx(np.array(cuts))
+
+
+def test_a_face_that_is_shorter_than_a_tubes_radius_is_one_corner():
+    found = find_pressed(HOME, lain_on(0.98 * RADIUS, 0.01), np.array([NUMBER]))
+    assert found.corners.tolist() == [0]
+
+
+@pytest.mark.parametrize('members', [('south/P-Q', 'north/R-P'), ('north/P-Z', 'north/Z-R')])
+@pytest.mark.parametrize('shape', [BOX, Ellipse((0.25, 0.2)), Disc(0.4), regular_polygon(6, 0.2)])
+def test_the_search_starts_where_straight_tubes_are_deepest_in_the_object(shape, members):
+    body = place_between(HOME, members, shape, angle=0.7, indentation=0.01).body
+    numbers = np.array([HOME.robot.member_names.index(name) for name in members])
+    contacts = find_pressed(HOME, body, numbers)
+    assert contacts.members.tolist() == numbers.tolist()
+    statics = contact_statics(HOME, body, contacts)
+    start, places = start_at(statics, body), statics.places
+    pose = start[:3]
+    assert pose == pytest.approx([*body.pose[:2], body.pose.angle])
+    assert start[places.inclinations] == pytest.approx(0.0)
+    assert start[places.friction] == pytest.approx(0.0)
+    for k, number in enumerate(numbers):
+        origin, axis = member_line(number)
+        foot, force = start[places.feet][k], start[places.normal][k]
+        lattice = foot + np.linspace(-0.2, 0.2, 401)
+        gaps = body.nearest(origin + axis * lattice).gaps
+        here = body.nearest(np.array([origin + axis * foot])).gaps[0]
+        assert here <= gaps.min() + 1e-6
+        # The tube, on its own, and its skin give by the force; the skin as where the tube alone
+        # would give by all of the depth.
+        load = np.zeros((len(numbers), 3))
+        load[k, 1] = 1.0
+        own = statics.compliance.at(start[places.feet]).respond(load)[k, 1]
+        around = (RADIUS - here) / own + np.array([[-0.01], [0.01]]) * np.ones(len(numbers))
+        less, more = (statics.indentation(forces)[0][k] for forces in around)
+        slope = (more - less) / 0.02
+        assert force * (own + slope) == pytest.approx(RADIUS - here, rel=1e-3)

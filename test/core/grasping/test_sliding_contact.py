@@ -1,0 +1,59 @@
+"""Tubes that slide along themselves: what is turned where points cannot tell a corner."""
+
+from dataclasses import replace
+
+from comparison.wedge import pressed_into
+from isotruss_ros.core import Ellipse, load_robot, Polygon
+from isotruss_ros.core.grasping.contact_points import find_contact_points
+from isotruss_ros.core.grasping.flattening import flattening_of
+from isotruss_ros.core.grasping.sliding_contact import (
+    FOLD,
+    solve_sliding_contact,
+    TOLD,
+    turn_at_corners,
+)
+from isotruss_ros.core.grasping.surfaces import surface_of
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+SPACING = 0.005
+CORNERS = [(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)]
+
+
+@pytest.mark.parametrize(
+    ('shape', 'angle', 'least'),
+    [
+        (Polygon(CORNERS), 0.4, 0.0),
+        (Polygon(CORNERS, 0.03), 0.4, 0.1),
+        (Polygon(CORNERS, 0.9 * TOLD * SPACING), 0.4, 0.0),
+        (Ellipse((0.1, 0.05)), 1.8, 1.0),
+    ],
+)
+def test_normals_lean_little_but_on_arcs_that_points_can_tell(shape, angle, least):
+    held = pressed_into(HOME, 'south/P', shape, angle, 0.02)
+    surface, structure = surface_of(held), structure_of(HOME)
+    kernel = flattening_of(HOME.robot, structure.pressures)
+    points = find_contact_points(structure, surface, SPACING, kernel)
+    contact = solve_sliding_contact(points, surface.resolved(SPACING))
+    # However weak it is.
+    contact = replace(contact, forces=1e-3 * contact.forces, push=1e-3 * contact.push)
+    turned = turn_at_corners(points, contact, surface)
+    sizes = np.abs(contact.push)
+    pressing = sizes > 0.0
+    radii = held.nearest(points.skin + contact.displacements).radii
+    arcs = pressing & np.isfinite(radii) & (radii >= TOLD * SPACING)
+    assert arcs.sum() >= least * pressing.sum()
+    assert arcs.any() == (least > 0.0)
+    leans = np.angle(turned.normals * contact.push.conj())
+    before = np.angle(contact.normals * contact.push.conj())
+    # Somewhere it matters.
+    assert np.abs(before[pressing]).max() > 1.5 * FOLD
+    assert np.array_equal(turned.normals[arcs], contact.normals[arcs])
+    assert np.array_equal(turned.forces[arcs], contact.forces[arcs])
+    faces = pressing & ~arcs
+    assert leans[faces] == pytest.approx(np.clip(before[faces], -FOLD, FOLD), abs=1e-12)
+    assert np.abs(turned.normals) == pytest.approx(1.0)
+    # Across the tubes they press as before.
+    assert (turned.forces * np.cos(leans))[faces] == pytest.approx(sizes[faces], rel=1e-9)
