@@ -1,5 +1,7 @@
 """Convex objects at two members or three: equilibrium, slip margin, and how they roll."""
 
+import copy
+from dataclasses import replace
 import math
 
 from grips import gripped
@@ -115,18 +117,23 @@ def test_the_jacobian_is_that_of_differences(shape, angle, members, count):
             assert jacobian[:, i] == pytest.approx((ahead - behind) / 2e-6, rel=1e-6, abs=1e-7)
 
 
-def assert_balanced(grip, wrench):
-    """Check that the tubes touch the object, and that forces there balance a wrench on it."""
+def touched_points(grip):
+    """Return where the forces act: the tubes' skins, dented, off the bent centre lines."""
     state, statics = grip.state, grip.statics
     push = (state.normal_forces + 1j * state.friction_forces) * state.normals
-    # Where the forces act: a tube's skin, dented, off the bent centre line.
     compliance = statics.compliance
     local = push * compliance.axis.conj()
     skin = statics.tube_radius - statics.indentation(state.normal_forces)[0]
     loads = np.column_stack([local.real, local.imag, -skin * state.friction_forces])
     give = compliance.at(state.feet).respond(loads)
     line = compliance.start + compliance.axis * (state.feet + give[:, 0] + 1j * give[:, 1])
-    points = line - skin * state.normals
+    return line - skin * state.normals
+
+
+def assert_balanced(grip, wrench):
+    """Check that the tubes touch the object, and that forces there balance a wrench on it."""
+    state, points = grip.state, touched_points(grip)
+    push = (state.normal_forces + 1j * state.friction_forces) * state.normals
     gaps = grip.body.nearest(points).gaps
     assert gaps == pytest.approx(np.zeros(len(gaps)), abs=2e-5)
     arms = points - grip.body.center
@@ -236,6 +243,8 @@ def test_the_response_is_that_of_small_wrenches_and_openings(shape, angle, membe
         assert moved[places.normal] / 2e-3 == pytest.approx(
             response.normal[:, i], rel=2e-4, abs=1e-5
         )
+        gained = moved[places.normal].sum() / len(members) / 2e-3
+        assert gained == pytest.approx(response.squeeze[i], rel=2e-4, abs=1e-5)
     if count > 2:
         return  # a member that turns as it closes leaves one end of a face
     command = solve_twist(
@@ -245,6 +254,41 @@ def test_the_response_is_that_of_small_wrenches_and_openings(shape, angle, membe
     gained = (ahead.squeeze - grip.squeeze) / -1e-4
     # The members also turn as they close.
     assert gained == pytest.approx(grip.squeeze_by_opening(), rel=0.15)
+
+
+def changed_forces(grip, moving):
+    """Return how normal forces change as members move along directions (k,), contacts sticking."""
+    travel = np.zeros(len(grip.anchors))
+    found = []
+    for step in (1e-6, -1e-6):
+        compliance = copy.copy(grip.statics.compliance)
+        compliance.start = compliance.start + step * moving
+        statics = replace(grip.statics, compliance=compliance)
+        closure = stick(statics, grip.anchors, travel, grip.angles, NOTHING)
+        found.append(statics.solve(grip.state.unknowns, grip.wrench, closure).normal_forces)
+    return (found[0] - found[1]) / 2e-6
+
+
+@pytest.mark.parametrize(
+    ('shape', 'angle', 'members'), [*(case[:3] for case in CASES), (Disc(0.5), 0.0, LOOP)]
+)
+def test_openings_are_those_of_members_that_move_apart(shape, angle, members):
+    grip = held(shape, angle, members)
+    owners, normals, response = grip.contacts.owners, grip.state.normals, grip.response
+    for number in range(len(members)):
+        change = changed_forces(grip, np.where(owners == number, normals, 0.0))
+        by_member = np.bincount(owners, change)
+        assert by_member == pytest.approx(response.openings[:, number], rel=1e-3, abs=1.0)
+    if len(members) > 2:
+        moving = 0.5 * normals
+    else:
+        points = touched_points(grip)
+        apart = points[owners == 1].mean() - points[owners == 0].mean()
+        apart /= abs(apart)
+        moving = np.where(owners == 1, 0.5, -0.5) * apart
+    gained = changed_forces(grip, moving).sum() / len(members)
+    assert grip.squeeze_by_opening() == pytest.approx(gained, rel=0.01)
+    assert gained < 0.0
 
 
 @pytest.mark.parametrize('kind', ['slips', 'lets go'])

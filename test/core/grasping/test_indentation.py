@@ -1,6 +1,6 @@
 """Dents of the skin: the table against the contact it was made from, and what does not count."""
 
-from isotruss_ros.core import load_robot
+from isotruss_ros.core import Ellipse, load_robot
 from isotruss_ros.core.grasping import corner_dents, indentation
 from isotruss_ros.core.grasping.indentation import Indentation, skin_indentation
 import numpy as np
@@ -19,7 +19,7 @@ def test_between_its_depths_the_table_is_the_contact(diameter):
         assert table(force)[0] == pytest.approx(depth, rel=0.02)
 
 
-@pytest.mark.parametrize('force', [1e-3, 0.3, 5.0, 40.0, 1e4])
+@pytest.mark.parametrize('force', [1e-3, 0.3, 5.0, 40.0, 1e3, 1e4])
 def test_the_derivative_is_that_of_the_depth(force):
     table, step = skin_indentation(ROBOT, 0, 0.15), 1e-6 * force
     slope = (table(force + step)[0] - table(force - step)[0]) / (2.0 * step)
@@ -57,3 +57,18 @@ def test_how_many_points_a_face_has_does_not_count():
         for profile in ((places, heights), (fine, np.interp(fine, places, heights)))
     ]
     assert forces[0] == pytest.approx(forces[1], rel=1e-9)
+
+
+def test_each_tube_dents_by_its_own_pressure():
+    names = list(ROBOT.description.pressures)
+    pressures = tuple(2e4 + 1e4 * np.arange(len(names)))
+    whole, shape = (np.inf, np.inf), Ellipse((0.2, 0.1))
+    for tube in range(len(names)):
+        even = (pressures[tube],) * len(names)
+        for table in (
+            lambda given, tube=tube: skin_indentation(ROBOT, tube, 0.15, given),
+            lambda given, tube=tube: corner_dents.corner_dents(
+                ROBOT, tube, shape, 1j, 0.1j, whole, given
+            ),
+        ):
+            assert table(pressures)(20.0) == pytest.approx(table(even)(20.0))

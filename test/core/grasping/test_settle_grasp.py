@@ -62,6 +62,7 @@ def moved(cylinder, shift):
 
 def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
     settled = settle_grasp(CONFIG, CYLINDER, FRICTION)
+    assert settled.pose == settle_grasp(CONFIG, CYLINDER, FRICTION, (0.0, 0.0, 0.0)).pose
     assert settled.hold is Hold.HELD
     assert settled.held
     assert settled.reason == ''
