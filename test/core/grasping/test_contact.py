@@ -8,7 +8,7 @@ from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.grasping import lcp
 from isotruss_ros.core.grasping.contact import ContactGuess, solve_contact
-from isotruss_ros.core.grasping.contact_points import find_contact_points
+from isotruss_ros.core.grasping.contact_points import ContactPoints, find_contact_points
 from isotruss_ros.core.grasping.lcp import solve_complementarity
 from isotruss_ros.core.grasping.relaxation import relax_contact
 from isotruss_ros.core.grasping.surfaces import RoundSurface, surface_of
@@ -560,6 +560,32 @@ def test_relaxation_agrees_with_pivoting(share, deep):
     assert (relaxed.forces * relaxed.normals).sum() == pytest.approx(wrench, abs=1e-5 * total)
     assert (relaxed.gaps.min(), relaxed.forces.min()) >= (-1e-9, 0.0)
     assert (relaxed.gaps * relaxed.forces).max() <= 1e-8 * total
+
+
+def test_relaxation_finds_what_touches_by_the_force_at_another_point():
+    places = np.array([0.0, 0.05])
+    line, alike = places.astype(complex), np.zeros(2, dtype=int)
+    see_saw = 1e-3 * np.array([[1.0, -0.5], [-0.5, 1.0]])
+    nothing, ends = np.zeros((2, 2, 2)), np.zeros((0, 0))
+    points = ContactPoints(
+        points=line,
+        skin=line,
+        member=alike,
+        place=places,
+        pieces=alike[:1],
+        piece=alike,
+        spacing=0.05,
+        axis=np.ones_like(line),
+        inside=nothing,
+        spread=nothing[..., :0],
+        ends=ends,
+        dents=see_saw,
+    )
+    surface = RoundSurface(-0.999j, 1.0)
+    assert surface.nearest(line - surface.center).gaps[1] > 0.0
+    exact, relaxed = (solve(points, surface) for solve in (solve_contact, relax_contact))
+    assert exact.forces.min() > 0.1
+    assert relaxed.forces == pytest.approx(exact.forces, rel=1e-4)
 
 
 def test_relaxation_leaves_its_start_alone():
