@@ -1,5 +1,6 @@
 """What is taken where nothing is said: the numbers that the documentation has."""
 
+from isotruss_ros.core import load_robot, TwistServo
 from isotruss_ros.core.control.path_tracking import (
     RETURN,
     RETURN_SPEED,
@@ -60,3 +61,7 @@ def test_the_squeeze_is_controlled_with_these_settings():
         'model_period': 0.02,
         'near': 1e-3,
     }
+
+
+def test_tubes_hold_objects_by_half_of_the_normal_force_where_nothing_is_known():
+    assert TwistServo(load_robot('triangle'), 'main/T', 0.3, 0.02, 0.1).friction == 0.5

@@ -10,6 +10,7 @@ from isotruss_ros.core import (
     Grasp,
     Hold,
     Pose,
+    RollerCommand,
     RollerFaults,
     RollerState,
     SimulatedRobot,
@@ -201,6 +202,53 @@ def test_commands_that_use_too_much_of_the_tubes_are_slowed():
     loop.run((0.0, 0.0, 0.0), 2.0)
     assert Status.SLOWED_UTILISATION not in loop.statuses
     assert loop.squeeze == pytest.approx(20.0, rel=5e-3)
+
+
+def still(rollers, asked):
+    """Return a twist program that notes what it is asked for, and moves nothing."""
+
+    def solve(twist, rate):
+        asked.append((twist, rate))
+        return RollerCommand(np.zeros(rollers), np.zeros(3), 1.0, Status.IDLE, (), 3)
+
+    return solve
+
+
+@pytest.mark.parametrize('wrench', [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.5, -0.5, 0.1)])
+def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
+    force, gain, asked = 30.0, 2.0, []
+    settings = SqueezeSettings(force, FRICTION, gain, max_force_rate=math.inf)
+    control, model = SqueezeControl(settings), RollingGrasp.attach(CONFIG, CYLINDER)
+    for measured in (model.pose, model.moved_to(CONFIG, np.array(wrench)).pose):
+        grasp = Grasp(MODULE, measured[:2], CYLINDER.diameter)
+        # After so long the load that is most probable is the estimated one.
+        assert control.follow(CONFIG, grasp, measured[2], 100.0) is Hold.HELD
+        control.solve(np.zeros(3), PERIOD, still(len(CONFIG.roller_positions), asked))
+        loaded = model.moved_to(CONFIG, control.load.wrench * (1.0, 1.0, model.arm))
+        regulated = force - asked[-1][1] * model.squeeze_by_opening() / gain
+        assert regulated == pytest.approx(loaded.squeeze, abs=0.05 * abs(wrench[0]) + 0.01)
+
+
+def test_a_slowed_command_uses_its_share_of_what_is_left_and_the_model_goes_there():
+    model = RollingGrasp.attach(CONFIG, CYLINDER)
+    used = held_utilisation(model).max()
+    bound, rate = 1.02 * used, 4.0
+    control = SqueezeControl(
+        SqueezeSettings(100.0, FRICTION, max_utilisation=bound, utilisation_rate=rate)
+    )
+    grasp = Grasp(MODULE, model.pose[:2], CYLINDER.diameter)
+    control.follow(CONFIG, grasp, model.pose.angle, PERIOD)
+
+    def solve(twist, opening_rate):
+        return solve_twist(CONFIG, grasp, twist, opening_rate=opening_rate)
+
+    command = control.solve(np.zeros(3), PERIOD, solve)
+    assert command.status is Status.SLOWED_UTILISATION
+    travel = control.grasp.config.roller_positions - CONFIG.roller_positions
+    assert travel == pytest.approx(PERIOD * command.roller_velocities, abs=1e-15)
+    more = held_utilisation(control.grasp).max() - used
+    # But for the curvature of the utilisation.
+    assert more == pytest.approx(PERIOD * rate * (bound - used), rel=0.06)
 
 
 def test_the_slope_by_the_opening_is_near_to_what_a_small_change_does():

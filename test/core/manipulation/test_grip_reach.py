@@ -80,6 +80,13 @@ def test_a_face_lifts_at_one_end_where_forces_at_the_other_balance(friction, rol
     assert lifting(grip, command) == pytest.approx(0.0, abs=1e-9)
 
 
+def test_the_slowest_turn_there_is_moves_nothing():
+    """Rolling would reach it, but its surface speed is less than any number but zero."""
+    grip = inclined_grip(0.0, 1.0)
+    assert solve_twist(NINE.home, grip, [0.0, 0.0, 1e-300], FAILED).status is Status.OK
+    assert not solve_twist(NINE.home, grip, [0.0, 0.0, 5e-324], FAILED).roller_velocities.any()
+
+
 @pytest.mark.parametrize(('friction', 'rolls'), [(0.0, False), (1.0, True)])
 def test_a_polygon_rolls_across_a_face_or_stops_on_it(friction, rolls):
     rolling = RollingGrip.attach(NINE.home, inclined_grip(-0.01, friction))

@@ -116,6 +116,21 @@ def test_sliding_carries_out_the_nearest_twist_that_limits_allow(robot, rng, num
 
 @robots.examples(20)
 @given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
+def test_a_twist_that_is_slowed_by_rounding_only_counts_as_whole(robot, rng, number):
+    config, grasp, _ = robots.random_grasp(robot, rng, number)
+    twist = rng.standard_normal(3)
+    assume(solve_twist(config, grasp, twist, limits=()).status is Status.OK)
+    along = -twist @ task_jacobian(config, grasp)[:3]
+    for missing, whole in ((1e-11, True), (1e-6, False)):
+        wall = Wall(along[None], twist @ twist * np.array([1.0 - missing]))
+        command = solve_twist(config, grasp, twist, limits=[wall])
+        assert (command.scale == 1.0) == whole
+        assert command.status is (Status.OK if whole else wall.status)
+        assert command.scale == pytest.approx(1.0, abs=1e-5)
+
+
+@robots.examples(20)
+@given(robots.robots(('arch', 'ring')), robots.generators(), strategies.integers(0, 10**6))
 def test_speed_alone_never_bends_a_twist(robot, rng, number):
     try:
         config, grasp, _ = robots.random_grasp(robot, rng, number)

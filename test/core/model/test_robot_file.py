@@ -369,6 +369,15 @@ def test_file_full_of_mistakes_is_refused_with_the_first(tmp_path):
     assert lines[-1].endswith('and more like these')
 
 
+@pytest.mark.parametrize(('mistakes', 'lines'), [(49, 49), (50, 50), (51, 51), (2_000, 51)])
+def test_fifty_mistakes_are_told_and_that_there_are_more(mistakes, lines, tmp_path):
+    document = robots.example()
+    document['joints'] |= {f'J{i}': 'here' for i in range(mistakes)}
+    told = refusal(as_yaml(document), tmp_path).splitlines()
+    assert len(told) == lines
+    assert told[-1].endswith('and more like these') == (mistakes > 50)
+
+
 @pytest.mark.parametrize('key', ['tubes', 'supports'])
 def test_list_of_mistakes_is_refused_in_time(key, tmp_path):
     # Compared in pairs, as JSON Schema would have it, these take hours; the runner gives minutes.

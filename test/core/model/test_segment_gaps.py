@@ -30,6 +30,25 @@ def test_gaps_of_segments_are_those_of_their_points(shape):
         assert point.gaps == pytest.approx(body.nearest(np.array([start])).gaps, abs=1e-12)
 
 
+@pytest.mark.parametrize('shape', SHAPES)
+def test_lines_have_the_middle_of_the_object_behind_them_whichever_way_they_run(shape):
+    rng = np.random.default_rng(2)
+    body = ConvexObject(shape, (1.0, -0.5, 2.0))
+    starts, turned = body.middle + 0.4 * np.exp(1j * rng.uniform(0.0, 6.0, (2, 200)))
+    found, back = segment_gaps(body, starts, turned), segment_gaps(body, turned, starts)
+    inside = (found.shares > 0.0) & (found.shares < 1.0)
+    assert inside.sum() > 100
+    away = ((starts - body.middle) * found.normals.conj()).real[inside]
+    assert away.min() >= 0.0
+    reach = (
+        shape.support(found.normals / body.turn)
+        + ((body.center - body.middle) * found.normals.conj()).real
+    )
+    assert found.gaps[inside] == pytest.approx(away - reach[inside], abs=1e-12)
+    assert back.gaps == pytest.approx(found.gaps, abs=1e-12)
+    assert back.normals == pytest.approx(found.normals, abs=1e-12)
+
+
 def test_lines_past_and_through_a_disc():
     """Below its middle, above it, through it, and past the end of a segment."""
     body = ConvexObject(Disc(0.3), (1.0, 2.0, 0.5))

@@ -171,6 +171,25 @@ def test_rounding_off_stays_within_and_takes_off_as_much_as_pieces_can_tell(seed
     assert blunt.rounded(length) is blunt
 
 
+@robots.examples(100)
+@given(SEEDS)
+def test_the_largest_rounding_leaves_half_of_the_shorter_side_at_each_corner(seed):
+    sharp = random_polygon(np.random.default_rng(seed), rounded=False)
+    sides = np.abs(np.diff(sharp.corners, append=sharp.corners[0]))
+    half = 0.5 * np.array([min(sides[i], sides[i - 1]) for i in range(len(sides))])
+    # The arcs touch the sides as far from the corner as their radius times this.
+    assert sharp.rounded(1e3).radii * np.tan(0.5 * sharp.turns) == pytest.approx(half, rel=1e-8)
+
+
+@robots.examples(100)
+@given(SEEDS)
+def test_reach_is_the_largest_distance_of_the_outline(seed):
+    generator = np.random.default_rng(seed)
+    shape = random_polygon(generator, 10.0 ** generator.uniform(-3.0, 0.0))
+    farthest = np.abs(dense_outline(shape, 4000)).max()
+    assert shape.reach == pytest.approx(farthest, rel=1e-4)
+
+
 WRONG = {
     'no list': (3, 'must be a list'),
     'two': (((0, 0), (1, 0)), 'of 2 vertices: must have at least 3'),

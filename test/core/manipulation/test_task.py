@@ -1,0 +1,91 @@
+"""What rollers can reach while rows of a grip are kept, against null spaces of these rows."""
+
+from hypothesis import assume, given, strategies
+from isotruss_ros.core.manipulation.task import Reach, Task
+import numpy as np
+import pytest
+import robots
+from scipy.linalg import null_space
+
+#: Rows whose rates are smaller do not count [m/s].
+LOST = 1e-5
+
+
+def random_rows(rng, count, rollers, rank):
+    """Return rows of a rank, whose singular values are far above what counts as lost."""
+    left, right = (np.linalg.qr(rng.standard_normal((n, n)))[0] for n in (count, rollers))
+    rank = min(rank, count, rollers)
+    return left[:, :rank] * 10.0 ** rng.uniform(-3.5, 0.5, rank) @ right[:rank]
+
+
+def kernel(rows):
+    """Return what keeps rows at zero, as orthonormal columns."""
+    return null_space(rows, rcond=1e-9) if rows.any() else np.eye(rows.shape[1])
+
+
+@robots.examples(200)
+@given(
+    robots.generators(),
+    strategies.integers(2, 7),
+    strategies.integers(1, 4),
+    strategies.integers(0, 4),
+    strategies.integers(1, 3),
+)
+def test_reachable_is_what_leaves_the_grip_alone(rng, rollers, count, held, rank):
+    # Several rows are those of contacts, which are speeds.
+    radius, opening = rng.uniform(0.02, 2.0), 1.0 if count > 1 else rng.uniform(0.02, 2.0)
+    grip, task = random_rows(rng, count, rollers, held), random_rows(rng, 3, rollers, rank)
+    held = min(held, count, rollers)
+    weights = np.array([1.0, 1.0, radius])
+    basis, gains, _ = np.linalg.svd(task @ kernel(grip), full_matrices=False)
+    assume(((gains < 1e-12) | (gains > 1e-4)).all())
+    reached = basis[:, gains > 1e-4]
+    reach = Reach.of(np.vstack([task / weights[:, None], grip / opening]), radius, opening)
+    directions = reach.directions
+    assert directions @ directions.T == pytest.approx(np.eye(reached.shape[1]), abs=1e-12)
+    assert directions.T @ directions == pytest.approx(reached @ reached.T, abs=1e-8)
+    assert reach.weights == pytest.approx(weights)
+    # The rows lead there and nowhere else, and are independent.
+    assert len(reach.rows) == len(directions) + held
+    speeds = np.linalg.pinv(reach.rows)
+    assert reach.rows @ speeds == pytest.approx(np.eye(len(reach.rows)), abs=1e-8)
+    moving, opening_rates = np.hsplit(speeds, [len(directions)])
+    assert task @ moving == pytest.approx(directions.T, abs=1e-8)
+    assert grip @ moving == pytest.approx(0.0, abs=1e-8)
+    if held == count:
+        # The first row of the grip may be asked to change.
+        opened = opening_rates @ reach.opening
+        assert grip @ opened == pytest.approx(opening * np.eye(count)[0], abs=1e-8)
+
+
+@pytest.mark.parametrize('size', [1e-3, 0.1, 1.0])
+def test_a_row_of_the_grip_is_kept_from_one_hundred_thousandth_on(size):
+    """Of the two rollers the second moves the object, and both change the grip."""
+    for change, held in ((0.9 * LOST / size, False), (1.1 * LOST / size, True)):
+        active = np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0.0, size * change]])
+        reach = Reach.of(active, 1.0, 1.0)
+        assert len(reach.directions) == (not held)
+        assert len(reach.rows) == 1
+        assert len(reach.opening) == held
+
+
+@robots.examples(50)
+@given(robots.generators(), strategies.integers(4, 7))
+def test_tasks_are_twists_of_any_size(rng, rollers):
+    """Direction and size are those of the nearest reachable twist, weighted."""
+    radius, rows = rng.uniform(0.1, 1.0), rng.standard_normal((4, rollers))
+    if rng.integers(2):
+        rows[1] = rows[0] * rng.uniform(0.5, 2.0)
+    reach = Reach.of(rows, radius, 1.0)
+    twist = 10.0 ** rng.uniform(-200.0, 200.0) * rng.standard_normal(3)
+    opening = float(rng.integers(2)) * np.abs(twist).max() * rng.uniform(0.5, 2.0)
+    task = Task(reach, twist, np.eye(rollers), opening)
+    weighted = np.array([1.0, 1.0, radius]) * twist
+    nearest = reach.directions.T @ (reach.directions @ weighted)
+    size = np.abs(weighted).max()
+    assert task.reachable == (np.abs(nearest - weighted).max() < 1e-6 * size)
+    speeds = task.free * task.speed / size
+    assert reach.weights * (rows[:3] @ speeds) == pytest.approx(nearest / size, abs=1e-9)
+    assert rows[3] @ speeds == pytest.approx(opening / size, abs=1e-9)
+    # No other speeds of less cost do.
+    assert kernel(rows).T @ speeds == pytest.approx(0.0, abs=1e-9)
