@@ -3,11 +3,15 @@
 from types import SimpleNamespace
 
 from hypothesis import assume, given, strategies
-from isotruss_ros.core.safety.barrier_limit import _admissible_share
+from isotruss_ros.core import Status
+from isotruss_ros.core.safety.barrier_law import ActiveValues, BarrierLaw
+from isotruss_ros.core.safety.barrier_limit import _admissible_share, BarrierLimit
 from isotruss_ros.core.safety.shape_guard import SAFETY_STEP, Watch
 import numpy as np
 import pytest
 import robots
+
+SHARES = np.linspace(0.0, 1.0, 50)
 
 
 @robots.examples(100)
@@ -26,6 +30,42 @@ def test_the_admissible_share_uses_up_the_room_of_a_parabola(room, slope, size, 
     ahead = [root.real for root in roots if root.imag == 0.0 < root.real]
     if len(ahead) or sign < 0.0:
         assert share == pytest.approx(min([1.0, *ahead]), rel=1e-6)
+
+
+@robots.examples(100)
+@given(robots.generators())
+def test_a_motion_ends_where_the_parabola_through_the_margins_meets_the_bound(rng):
+    """However small margins and motions are; rows were found in the middle of the sample."""
+    size = 10.0 ** rng.uniform(-6.0, 0.0)
+    law, duration = BarrierLaw(0.5, size), rng.uniform(0.01, 0.1)
+    velocities, travel = rng.standard_normal(2) * size
+    slopes, margins = rng.standard_normal(3), size * rng.uniform(0.1, 2.0, 3)
+    before = margins - 0.5 * duration * velocities * slopes
+    after = before + size * rng.standard_normal(3)
+    barrier = SimpleNamespace(
+        law=law,
+        status=Status.SLOWED_RIGIDITY,
+        values=lambda *_: 0.5 + after,
+        names=lambda numbers: [f'value {i}' for i in numbers],
+    )
+    active = ActiveValues(np.arange(3), 0.5 + margins, np.zeros((3, 0)))
+    limit = BarrierLimit(barrier, active, slopes[:, None])
+    assume(before.min() > 0.0)
+    found = limit.violation(None, None, np.array([travel]), np.array([velocities]), duration)
+    bound = law.discrete_bound(before, duration)
+    assert (found is None) == (after >= bound).all()
+    if found is None:
+        return
+    assert found.names == tuple(f'value {i}' for i in np.flatnonzero(after < bound))
+
+    def left(share):
+        first = slopes * travel * share
+        return (before + first + (after - before - slopes * travel) * share**2 - bound) / size
+
+    assert 0.0 <= found.share <= 1.0
+    # One of them is used up there, and none before.
+    assert np.abs(left(found.share)).min() == pytest.approx(0.0, abs=1e-9)
+    assert min(left(share * found.share)[after < bound].min() for share in SHARES) > -1e-9
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,20 @@ import robots
 EVERY = BarrierLaw(0.0, 10.0)
 
 
+@robots.examples(50)
+@given(robots.robots(), robots.generators())
+def test_distances_within_the_band_are_those_of_the_surface(robot, rng):
+    """Those of the circle around the object, which is farther out, are for what is far off."""
+    config, grip = random_convex_grip(robot, rng, 'module')
+    assume(grip is not None)
+    band = rng.uniform(0.05, 0.5)
+    barrier = ObjectBarrier(robot, BarrierLaw(0.0, band))
+    distances = grip_distances(config, grip, np.inf)
+    near = barrier.active(config, grip)
+    assert near.indices.tolist() == np.flatnonzero(distances < band).tolist()
+    assert near.values == pytest.approx(distances[near.indices], abs=1e-12)
+
+
 @robots.examples(10)
 @given(robots.robots(), robots.generators())
 def test_rows_are_derivatives_of_the_distances(robot, rng):

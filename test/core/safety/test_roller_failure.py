@@ -199,6 +199,15 @@ def test_gaps_and_clocks_that_run_back_say_nothing():
     assert set(run(watched, rollers, steady(command, 2.0), start=5.0)) == set(NAMES)
 
 
+def test_the_first_sample_says_nothing_however_long_gaps_may_be():
+    found = []
+    for gap in (0.5, 100.0):
+        rollers = Rollers()
+        rollers.works[:] = 0.0
+        found.append(run(detector(max_gap=gap), rollers, steady(np.full(4, 0.1), 2.0)))
+    assert found[0] == found[1] != {}
+
+
 FAST = 1000.0
 #: Of each threshold, a little less than that: sampled, a change of a whole one is noticed.
 PERCENT = 0.006

@@ -13,8 +13,8 @@ HOME = load_robot('nine_member').home
 PERIOD = 0.01
 
 
-def kept(speed, share_of):
-    """Return what is kept of a command of a speed; a share of each travel is admissible."""
+def keep(speed, share_of, status=Status.OK):
+    """Return a command of a speed, and what is kept; a share of each travel is admissible."""
 
     def violation(end, grasp, travel, velocities, duration):
         assert duration == PERIOD
@@ -29,8 +29,13 @@ def kept(speed, share_of):
     velocities = np.zeros(len(HOME.roller_positions))
     velocities[0] = speed
     before = np.linspace(-0.01, 0.02, len(velocities))
-    command = RollerCommand(velocities, np.array([0.1, 0.2, 0.3]), 0.9, Status.OK)
-    found = Watch(HOME, None, (), (limit,)).keep(command, before, PERIOD)
+    command = RollerCommand(velocities, np.array([0.1, 0.2, 0.3]), 0.9, status)
+    return command, Watch(HOME, None, (), (limit,)).keep(command, before, PERIOD)
+
+
+def kept(speed, share_of):
+    """Return which share of a command of a speed is kept."""
+    command, found = keep(speed, share_of)
     share = found.roller_velocities[0] / speed
     assert found.achieved_twist == pytest.approx(share * command.achieved_twist)
     assert found.scale == pytest.approx(share * command.scale)
@@ -54,6 +59,17 @@ def test_a_fifth_less_than_what_is_admissible_is_kept(speed, share):
 def test_the_robot_stands_still_after_four_attempts(most, share):
     found = kept(0.05, lambda travel: 1.0 if travel > 5e-4 * most else None)
     assert found == pytest.approx(share)
+
+
+@pytest.mark.parametrize('status', [Status.UNREACHABLE, Status.SLIDING, Status.OK])
+@pytest.mark.parametrize('share', [0.0, 0.01, 0.5])
+def test_that_a_twist_was_bent_counts_for_more_than_that_it_is_slowed(status, share):
+    """As long as anything is left of it."""
+    room = 1e-3 * share
+    _, found = keep(0.1, lambda travel: room / travel if travel > room else None, status)
+    assert np.abs(found.roller_velocities).max() == pytest.approx(0.08 * share)
+    bent = status is not Status.OK and share > 0.0
+    assert found.status is (status if bent else Status.SLOWED_OBJECT)
 
 
 def test_shapes_keep_these_bounds():
