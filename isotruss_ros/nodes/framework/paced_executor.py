@@ -8,7 +8,7 @@ from isotruss_ros.nodes.framework.managed import ManagedNode
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 
 #: Services, actions, parameters, events and slow timers get their turn this often [s].
-TURN_PERIOD = 0.04
+TURN_PERIOD = 0.05
 
 
 class PacedExecutor(SingleThreadedExecutor):
