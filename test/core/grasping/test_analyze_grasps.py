@@ -124,10 +124,16 @@ def test_numbers_of_random_robots_are_those_of_one_by_one(seed):
 def test_points_are_those_of_one_by_one():
     robot = load_robot('nine_member')
     configs, centers, diameters = some_grasps(robot, np.random.default_rng(6))
-    nodes = np.stack([config.points for config in configs]).T
-    stack = frame_stack.FrameStack(robot, nodes, tube_pressures(robot.description, None))
     middle = centers @ np.array([1.0, 1.0j])
     radius = 0.5 * (diameters + robot.description.tube_diameter)
+    # Above a pinch point, points lie on the guide rings, 80 mm from there.
+    home = robot.home
+    ends = home.points[[robot.topology.b, robot.topology.c[robot.topology.following]]]
+    above = ends + 0.1j * (ends[1] - ends[0]) / np.abs(ends[1] - ends[0])
+    configs = configs + [home] * above.size
+    middle, radius = np.append(middle, above), np.append(radius, np.full(above.size, 0.2))
+    nodes = np.stack([config.points for config in configs]).T
+    stack = frame_stack.FrameStack(robot, nodes, tube_pressures(robot.description, None))
     found = stack_points(stack, middle, radius, 0.01)
     for i, config in enumerate(configs):
         one = find_contact_points(structure_of(config), RoundSurface(middle[i], radius[i]), 0.01)

@@ -84,6 +84,12 @@ def test_a_disc_at_a_module_is_held_as_by_the_equations_of_two_members():
     assert other.displacement == pytest.approx(one.displacement, abs=1e-9)
 
 
+def test_angles_are_those_within_half_a_turn():
+    for angle, within in ((3.1, 3.1), (3.5, 3.5 - 2.0 * np.pi), (-9.0, 2.0 * np.pi - 9.0)):
+        grasp = RollingGrasp.attach(CONFIG, CYLINDER, angle)
+        assert grasp.pose.angle == pytest.approx(within, abs=0.05)
+
+
 def test_a_disc_rolls_and_loads_the_tubes_as_by_the_equations_of_two_members():
     one = RollingGrasp.attach(CONFIG, CYLINDER, 0.3)
     other = HeldGrip.attach(CONFIG, as_body(CYLINDER, 0.3))
