@@ -113,6 +113,10 @@ def test_rolling_from_where_it_is_stays_there_and_follows_the_tube(statics):
     anchors = find_anchors(state.unknowns, travel, statics)
     same = statics.solve(start(statics), NOTHING, roll(anchors, travel, statics))
     assert same.unknowns == pytest.approx(state.unknowns, abs=1e-9)
+    # Up to whole turns of the object.
+    turns = 2.0 * np.pi * statics.radius * np.array([7.0, -50.0])
+    again = statics.solve(start(statics), NOTHING, roll(anchors + turns, travel, statics))
+    assert again.unknowns == pytest.approx(state.unknowns, abs=1e-9)
     # Both tubes run past the object alike: it turns in place (17), as far as 2 travel / d.
     sense = -statics.sides
     along = 0.02

@@ -303,6 +303,21 @@ def test_an_open_grasp_is_left_with_the_least_whichever_way_it_is_found(way, mon
         )
 
 
+@pytest.mark.parametrize('way', ['_exchange', '_balance_by_qp'])
+@pytest.mark.parametrize('seed', range(5))
+def test_where_there_is_a_choice_friction_is_near_to_what_was_asked_for(way, seed):
+    rng = np.random.default_rng(seed)
+    tangents, forces, _ = random_contacts(rng, 8)
+    segments = wrenches(tangents, forces) / 10.0
+    shares = rng.uniform(-0.3, 0.3, 8)
+    load = segments.T @ rng.uniform(-0.3, 0.3, 8)
+    found = getattr(force_closure, way)(segments, load, 3.0, shares)
+    # Of all that balance the load, by the pseudoinverse.
+    nearest = shares - np.linalg.pinv(segments.T) @ (segments.T @ shares + load)
+    assert np.abs(nearest).max() < 3.0
+    assert found == pytest.approx(nearest, abs=1e-5)
+
+
 def test_hundreds_of_contacts_are_answered():
     # All pairs of contacts, and the sum over all for each of them, would take gigabytes.
     angles = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, 800)
