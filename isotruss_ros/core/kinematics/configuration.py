@@ -172,6 +172,14 @@ class Configuration:
                 step *= 0.5
         return Configuration(robot, goal, points, nearby)
 
+    def is_near(self, roller_positions: Array) -> bool:
+        """
+        Return whether the factored matrix of this configuration serves in another one.
+
+        :param roller_positions: (r,) travel since home in the other one [m].
+        """
+        return bool(np.abs(roller_positions - self.roller_positions).max() < FIRST_ORDER)
+
     def predict(self, travel: Array, first_order: float = FIRST_ORDER) -> Configuration:
         """
         Return the configuration after some roller travel, to first order where that is short.
@@ -300,18 +308,11 @@ class ConfigurationTracker:
         :raises ConfigurationError: there is no such configuration.
         """
         if not np.array_equal(roller_positions, self._last.roller_positions):
-            start, nearby = self._last, None
-            if self._is_near(roller_positions):
-                start, nearby = self.ahead, self.ahead.factor
+            start, nearby, ahead = self._last, None, self.ahead
+            if ahead and 'factor' in ahead.__dict__ and ahead.is_near(roller_positions):
+                start, nearby = ahead, ahead.factor
             try:
                 self._last = start.moved_to(roller_positions, nearby)
             except ConfigurationError:
                 self._last = self._home.moved_to(roller_positions)
         return self._last
-
-    def _is_near(self, roller_positions: Array) -> bool:
-        """Return whether the shape ahead is as near as one that is predicted to first order."""
-        ahead = self.ahead
-        if ahead is None or 'factor' not in ahead.__dict__:
-            return False
-        return bool(np.abs(roller_positions - ahead.roller_positions).max() < FIRST_ORDER)

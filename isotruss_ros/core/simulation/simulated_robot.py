@@ -59,7 +59,7 @@ class SimulatedRobot:
         seed: int = 0,
     ) -> None:
         self._drive = RollerDrive(config.robot, faults, seed)
-        self.config = config
+        self.config = self._factored = config
         self.roller_positions = config.roller_positions.copy()
         self.roller_velocities = np.zeros_like(self.roller_positions)
         self._object = simulated
@@ -104,9 +104,10 @@ class SimulatedRobot:
         self.roller_velocities = np.zeros_like(speeds)
         if duration > 0.0 and moving:
             travel = duration * speeds
-            self.config = self.config.moved_to(
-                self.config.roller_positions + self._drive.grip * travel
-            )
+            goal = self.config.roller_positions + self._drive.grip * travel
+            if not self._factored.is_near(goal):
+                self._factored = self.config
+            self.config = self.config.moved_to(goal, self._factored.factor)
             self.roller_positions = self.roller_positions + travel
             self.roller_velocities = speeds
         self._object.follow(self.config)
