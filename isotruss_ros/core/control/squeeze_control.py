@@ -179,10 +179,11 @@ class SqueezeControl:
         ahead = grasp.moved_to(self._config.moved_to(there), self._wrench(grasp))
         if ahead is None:
             return command
-        self._trend, self._age = self._find_trend(grasp, ahead), 0.0
+        since, self._age = max(self._age, period), 0.0
+        self._trend = self._find_trend(grasp, ahead)
         keeps_direction = command.status is not Status.SLIDING
         command = self._command(wanted, rate, solve, keeps_direction)
-        return self._limit_utilisation(command, ahead, period)
+        return self._limit_utilisation(command, ahead, period, since)
 
     def _command(
         self, wanted: Array, rate: float, solve: Solve, keeps_direction: bool = True
@@ -239,13 +240,20 @@ class SqueezeControl:
         self._velocity = command.scale * np.asarray(twist)
 
     def _limit_utilisation(
-        self, command: RollerCommand, ahead: HeldModel, period: float
+        self, command: RollerCommand, ahead: HeldModel, period: float, since: float
     ) -> RollerCommand:
-        """Return a command, slowed where it would use too much of what is left of the tubes."""
+        """
+        Return a command, slowed where it would use too much of what is left of the tubes.
+
+        :param command: for the cycle that begins now.
+        :param ahead: the model where it leads.
+        :param period: of the cycle [s].
+        :param since: from the evaluation before to that one [s].
+        """
         settings, used = self.settings, held_utilisation(ahead)
         before, after = self._utilisation, float(used.max())
         self.grasp, self._utilisation = ahead, after
-        left = period * settings.utilisation_rate * (settings.max_utilisation - before)
+        left = since * settings.utilisation_rate * (settings.max_utilisation - before)
         if after - before <= max(left, 0.0):
             return command
         share = max(left, 0.0) / (after - before)
