@@ -18,13 +18,13 @@ def test_it_is_in_proportion_to_the_travel_in_its_direction():
     assert along * trend.squeeze == pytest.approx(-0.4)
 
 
-@pytest.mark.parametrize('size', [0.0, 0.9e-6])
+@pytest.mark.parametrize('size', [0.0, 0.95e-6])
 def test_travel_that_is_lost_in_rounding_tells_nothing(size):
     trend = ModelTrend.over(size * np.array([0.6, 0.8, 0.0]), POSE, 0.2)
     assert trend.along(TRAVEL) == 0.0
     assert trend.squeeze == 0.0
     assert not trend.pose.any()
-    assert ModelTrend.over(1.1e-6 * np.array([0.6, 0.8, 0.0]), POSE, 0.2).squeeze > 0.0
+    assert ModelTrend.over(1.05e-6 * np.array([0.6, 0.8, 0.0]), POSE, 0.2).squeeze > 0.0
 
 
 @pytest.mark.parametrize(
@@ -34,5 +34,6 @@ def test_it_fits_motions_of_its_direction_either_way_and_slow_ones(across, fits)
     trend = ModelTrend.over(np.array([5e-4, 0.0, 0.0]), POSE, 0.2)
     for speed in (10.0, -10.0):
         assert trend.fits(np.array([speed, across * speed, 0.0])) is fits
-    assert trend.fits(np.array([0.0, 0.0, 0.9e-3]))
-    assert not trend.fits(np.array([0.0, 0.0, 2e-3]))
+    # Of these 0.7 is beyond the share: about 1 mm/s.
+    assert trend.fits(np.array([0.0, 0.0, 1.4e-3]))
+    assert not trend.fits(np.array([0.0, 0.0, 1.45e-3]))
