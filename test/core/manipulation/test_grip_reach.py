@@ -1,12 +1,8 @@
 """A polygon rolls off a face that lies on a member: where statics has a balance for it."""
 
+from apart_grips import balance_exists, FAILED, inclination, inclined_grip, NINE
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    load_robot,
-    Polygon,
-    Pose,
     reachable_twists,
     RollingGrip,
     solve_twist,
@@ -19,37 +15,6 @@ import numpy as np
 import pytest
 import random_grips
 import robots
-from scipy.optimize import linprog
-
-NINE = load_robot('nine_member')
-#: Two sides of different tubes, which meet at no module.
-APART = ('south/P-Q', 'north/R-P')
-NEAR = 0.42 - 0.24j
-#: Without these rollers a face that lies on a member keeps the object from turning alone.
-FAILED = ('south/Q', 'east/R')
-CORNERS = 0.26 * np.exp(2j * np.pi * np.arange(5) / 5)
-PENTAGON = Polygon(CORNERS.view(float).reshape(-1, 2))
-
-
-def inclined_grip(inclined, friction):
-    """Return a pentagon between two sides, a face inclined against the first one [rad]."""
-    ends = [random_grips.member_ends(NINE.home, name) for name in APART]
-    normals = np.array([random_grips.toward(NEAR, *e) for e in ends])
-    turn = normals[0] / PENTAGON.normals[0] * np.exp(1j * inclined)
-    reach = PENTAGON.support(normals / turn) + 0.041
-    starts = np.array([start for start, _ in ends])
-    away = ((starts - NEAR) * normals.conj()).real - reach
-    x, y = np.linalg.solve(normals.view(float).reshape(2, 2), away)
-    place = NEAR + complex(x, y)
-    pose = Pose(place.real, place.imag, float(np.angle(turn)))
-    return Grip(APART, ConvexObject(PENTAGON, pose), friction)
-
-
-def inclination(rolling):
-    """Return how far the face is from lying on the first member [rad]."""
-    ends = random_grips.member_ends(rolling.config, APART[0])
-    normal = random_grips.toward(rolling.grip.body.middle, *ends)
-    return float(np.angle(normal / (PENTAGON.normals[0] * rolling.grip.body.turn)))
 
 
 def lifting(grip, command):
@@ -104,20 +69,6 @@ def test_a_polygon_rolls_across_a_face_or_stops_on_it(friction, rolls):
     else:
         assert command.status is Status.UNREACHABLE
         assert 0.0 < inclination(rolling) < 2e-3
-
-
-def balance_exists(contacts, kept, friction):
-    """Tell by a linear program whether contacts have forces in their cones that balance."""
-    wrenches, pressing = [], []
-    for k in kept:
-        for sign in (1.0, -1.0):
-            force = -contacts.normals[k] * (1.0 + sign * 1j * friction)
-            moment = (contacts.points[k].conjugate() * force).imag
-            wrenches.append([force.real, force.imag, moment])
-            pressing.append(1.0)
-    equal = np.vstack([np.array(wrenches).T, pressing])
-    found = linprog(np.zeros(len(pressing)), A_eq=equal, b_eq=[0.0, 0.0, 0.0, 1.0])
-    return found.status == 0
 
 
 @robots.examples(40)

@@ -1,0 +1,146 @@
+"""Faces that lie on members: kept, lifted at one end, on either member or on both."""
+
+import itertools
+
+from apart_grips import (
+    APART,
+    balance_exists,
+    FAILED,
+    inclination,
+    inclined_grip,
+    NINE,
+    wedged_grip,
+)
+from isotruss_ros.core import (
+    Configuration,
+    ConvexObject,
+    Ellipse,
+    GraspError,
+    Grip,
+    grip_jacobian,
+    Polygon,
+    Pose,
+    reachable_twists,
+    RollingGrip,
+    solve_twist,
+    Status,
+)
+from isotruss_ros.core.manipulation import rolling_grip
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts
+from isotruss_ros.core.manipulation.grip_reach import rolled_corners
+from isotruss_ros.core.manipulation.grip_rows import contact_rows
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+
+GRIP = inclined_grip(0.0, 1.0)
+
+
+def slip(grip, command):
+    """Return the velocities (k,) of the object against the members where they touch [m/s]."""
+    _, hand, rigid = contact_rows(NINE.home, grip)
+    return (rigid @ command.achieved_twist - hand @ command.roller_velocities).view(complex)
+
+
+def test_twists_that_a_face_admits_leave_it_on_its_member():
+    """Friction would let the object roll off it."""
+    twists = 0.01 * reachable_twists(NINE.home, GRIP, FAILED)
+    assert len(twists) == 2
+    for twist in twists:
+        command = solve_twist(NINE.home, GRIP, twist, FAILED)
+        assert command.status is Status.OK
+        assert command.achieved_twist == pytest.approx(twist, abs=1e-12)
+        assert np.abs(slip(GRIP, command)).max() < 1e-12
+
+
+def test_members_in_the_other_order_roll_the_object_alike():
+    for twist in ([0.0, 0.0, 0.02], [0.0, 0.0, -0.02], [0.01, -0.02, 0.03]):
+        one = solve_twist(NINE.home, GRIP, twist, FAILED)
+        other = solve_twist(NINE.home, Grip(APART[::-1], GRIP.body, 1.0), twist, FAILED)
+        assert other.status is one.status
+        assert other.roller_velocities == pytest.approx(one.roller_velocities, abs=1e-12)
+
+
+def test_a_face_lifts_as_the_object_rolls_over_its_end():
+    start = RollingGrip.attach(NINE.home, GRIP)
+    assert inclination(start) == pytest.approx(0.0, abs=1e-12)
+    command = solve_twist(NINE.home, start.grip, [0.0, 0.0, 0.02], FAILED)
+    # In the first step the face is less inclined than one that lies on the member may be.
+    for time in (1e-5, 0.001, 0.01):
+        rolled = start.moved_to(NINE.home.moved_to(time * command.roller_velocities))
+        moved = np.subtract(rolled.pose, start.pose)
+        # What the speeds of the start miss is of second order.
+        assert moved == pytest.approx([0.0, 0.0, 0.02 * time], abs=2e-3 * time**2 + 1e-12)
+        assert rolled.misfit < 2e-4 * time**2 + 1e-12
+        assert inclination(rolled) < -0.01 * time
+
+
+def test_an_object_does_not_turn_into_the_member_on_which_its_face_lies():
+    start = RollingGrip.attach(NINE.home, GRIP)
+    command = solve_twist(NINE.home, start.grip, [0.0, 0.0, 0.02], FAILED)
+    time = 0.01
+    pressed = start.moved_to(NINE.home.moved_to(-time * command.roller_velocities))
+    # Over one end of the face it would fit, with the other one in the member.
+    assert inclination(pressed) < 0.6 * 0.02 * time
+    assert pressed.misfit > 1e-3 * time
+
+
+def test_a_place_that_takes_too_many_steps_is_refused(monkeypatch):
+    body = ConvexObject(Ellipse((0.25, 0.24)), Pose(0.4180504, -0.2413615, 0.3))
+    start = RollingGrip.attach(NINE.home, Grip(APART, body))
+    command = solve_twist(NINE.home, start.grip, [0.0, 0.0, 0.1])
+    there = NINE.home.moved_to(command.roller_velocities)
+    assert start.moved_to(there).pose.angle == pytest.approx(0.4, abs=1e-2)
+    monkeypatch.setattr(rolling_grip, 'MAX_STEPS', 2)
+    with pytest.raises(GraspError, match='go there in smaller steps'):
+        start.moved_to(there)
+
+
+def test_faces_on_both_members_keep_the_angle_between_them():
+    grip = wedged_grip(0.0, 0.1)
+    contacts, hand, rigid = contact_rows(NINE.home, grip)
+    assert contacts.owners.tolist() == [0, 0, 1, 1]
+    jacobian = grip_jacobian(NINE.home, grip)
+    assert jacobian.shape == (6, 6)
+    # Motions with zero in the last three rows keep all contacts, and there are no others.
+    kept = null_space(jacobian[3:], rcond=1e-9)
+    assert hand @ kept == pytest.approx(rigid @ jacobian[:3] @ kept, abs=1e-11)
+    assert kept.shape[1] == null_space(np.hstack([hand, -rigid]), rcond=1e-9).shape[1] == 3
+    # The last row: the members turn against each other, in speeds of the object's surface.
+    rates = []
+    for first in (0, 2):
+        speeds = np.ascontiguousarray((hand[2 * first : 2 * first + 4]).T).view(complex)
+        ends = contacts.points[first : first + 2]
+        rates.append(((speeds[:, 1] - speeds[:, 0]) / (ends[1] - ends[0])).imag)
+    assert jacobian[5] == pytest.approx(grip.arm * (rates[1] - rates[0]), abs=1e-10)
+
+
+def test_three_members_at_one_corner_do_not_hold_it():
+    """Their skins meet in a point, which a needle touches from the left."""
+    members = ('south/P-Q', 'east/Q-R', 'north/R-P')
+    place = {name: i for i, name in enumerate(NINE.node_names)}
+    points = NINE.home.points.copy()
+    for name, turn in zip(members, np.exp(1j * np.array([-0.6, 0.0, 0.6])), strict=True):
+        module, end = name.split('-')
+        skin = 0.5 * NINE.description.tube_diameter
+        points[place[f'{module}/B']] = turn * (skin - 0.5j)
+        points[place[f'{module.split("/")[0]}/{end}/C']] = turn * (skin + 0.5j)
+    config = Configuration(NINE, NINE.home.roller_positions, points)
+    needle = Polygon([(0.0, 0.0), (-0.3, 0.02), (-0.3, -0.02)])
+    grip = Grip(members, ConvexObject(needle, Pose(0.0, 0.0, 0.0)))
+    assert find_contacts(config, grip).points == pytest.approx(np.zeros(3), abs=1e-12)
+    with pytest.raises(GraspError, match='touch the object in one point'):
+        grip_jacobian(config, grip)
+
+
+@pytest.mark.parametrize('shift', [0.0, 0.08, -0.08])
+def test_corners_of_two_faces_are_rolled_over_where_there_is_a_balance(shift):
+    contacts = find_contacts(NINE.home, wedged_grip(shift, 0.05))
+    assert contacts.owners.tolist() == [0, 0, 1, 1]
+    choices = list(itertools.product(((0, 1), (0,), (1,)), ((2, 3), (2,), (3,))))[1:]
+    counts = set()
+    for friction in (0.1, 0.5, 0.8, 1.2):
+        wanted = [kept for k in choices if balance_exists(contacts, kept := sum(k, ()), friction)]
+        assert list(rolled_corners(contacts, friction)) == wanted
+        counts.add(len(wanted))
+    assert len(counts) > 1
