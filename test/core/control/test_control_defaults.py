@@ -1,6 +1,6 @@
 """What is taken where nothing is said: the numbers that the documentation has."""
 
-from isotruss_ros.core import load_robot, TwistServo
+from isotruss_ros.core import load_robot, ObjectPath, TwistServo
 from isotruss_ros.core.control.path_tracking import (
     RETURN,
     RETURN_SPEED,
@@ -65,3 +65,9 @@ def test_the_squeeze_is_controlled_with_these_settings():
 
 def test_tubes_hold_objects_by_half_of_the_normal_force_where_nothing_is_known():
     assert TwistServo(load_robot('triangle'), 'main/T', 0.3, 0.02, 0.1).friction == 0.5
+
+
+def test_smooth_paths_are_cut_into_pieces_of_half_a_centimetre_and_a_fiftieth_of_a_radian():
+    for end in ((0.0999, 0.0, 0.0), (0.0, 0.0, 0.3999)):
+        path = ObjectPath([(0.0, 0.0, 0.0), end], 0.1, 0.1, smooth=True)
+        assert len(path.poses) == 21

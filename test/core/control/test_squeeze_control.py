@@ -17,6 +17,7 @@ from isotruss_ros.core import (
     solve_twist,
     StampedInput,
     Status,
+    task_jacobian,
     TwistServo,
 )
 from isotruss_ros.core.control.load_estimate import LoadSettings
@@ -214,6 +215,22 @@ def still(rollers, asked):
     return solve
 
 
+@pytest.mark.parametrize(('scale', 'solved'), [(0.049, 1), (0.051, 2)])
+def test_the_model_corrects_twists_of_which_the_limits_leave_a_twentieth(scale, solved):
+    control, pose = SqueezeControl(SqueezeSettings(20.0, FRICTION)), CYLINDER.center
+    grasp = Grasp(MODULE, pose, CYLINDER.diameter)
+    control.follow(CONFIG, grasp, 0.0, PERIOD)
+    twists = []
+
+    def solve(twist, opening_rate):
+        twists.append(twist)
+        slow = solve_twist(CONFIG, grasp, 0.01 * twist)
+        return replace(slow, scale=scale, status=Status.SLOWED_MEMBER_LENGTH)
+
+    control.solve(np.array([0.01, 0.0, 0.0]), PERIOD, solve)
+    assert len(twists) == solved
+
+
 @pytest.mark.parametrize('wrench', [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.5, -0.5, 0.1)])
 def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
     force, gain, asked = 30.0, 2.0, []
@@ -244,6 +261,8 @@ def test_a_slowed_command_uses_its_share_of_what_is_left_and_the_model_goes_ther
 
     command = control.solve(np.zeros(3), PERIOD, solve)
     assert command.status is Status.SLOWED_UTILISATION
+    rows = task_jacobian(CONFIG, grasp)[:3]
+    assert command.achieved_twist == pytest.approx(rows @ command.roller_velocities, abs=1e-9)
     travel = control.grasp.config.roller_positions - CONFIG.roller_positions
     assert travel == pytest.approx(PERIOD * command.roller_velocities, abs=1e-15)
     more = held_utilisation(control.grasp).max() - used
