@@ -107,12 +107,12 @@ def test_faces_on_both_members_keep_the_angle_between_them():
     assert hand @ kept == pytest.approx(rigid @ jacobian[:3] @ kept, abs=1e-11)
     assert kept.shape[1] == null_space(np.hstack([hand, -rigid]), rcond=1e-9).shape[1] == 3
     # The last row: the members turn against each other, in speeds of the object's surface.
-    rates = []
-    for first in (0, 2):
-        speeds = np.ascontiguousarray((hand[2 * first : 2 * first + 4]).T).view(complex)
-        ends = contacts.points[first : first + 2]
-        rates.append(((speeds[:, 1] - speeds[:, 0]) / (ends[1] - ends[0])).imag)
-    assert jacobian[5] == pytest.approx(grip.arm * (rates[1] - rates[0]), abs=1e-10)
+    speeds = np.ascontiguousarray(hand.T).view(complex)
+    first, second = (
+        ((speeds[:, k + 1] - speeds[:, k]) / (contacts.points[k + 1] - contacts.points[k])).imag
+        for k in (0, 2)
+    )
+    assert jacobian[5] == pytest.approx(grip.arm * (second - first), abs=1e-10)
 
 
 def test_three_members_at_one_corner_do_not_hold_it():
