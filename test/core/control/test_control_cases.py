@@ -1,0 +1,133 @@
+"""Rare cases of control: other kinds of objects, equilibria that are lost, settings in between."""
+
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    Cylinder,
+    Disc,
+    GraspCode,
+    GraspMonitor,
+    Grip,
+    Hold,
+    load_robot,
+    ObjectPath,
+    PathError,
+    place_between,
+    Pose,
+    RejectedInput,
+    RollerState,
+    settle_grasp,
+    solve_twist,
+    StampedInput,
+    Status,
+    TrackingSettings,
+)
+from isotruss_ros.core.control import squeeze_control
+from isotruss_ros.core.control.held_model import attach_model, sensitivity
+from isotruss_ros.core.control.path_servo import PathServo, ServoFeedback
+from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
+from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.grasping.held_grip import HeldGrip
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+REST = np.zeros(len(ROBOT.roller_names))
+NOW, PERIOD, TIMEOUT, FRICTION = 1000.0, 0.02, 0.2, 0.9
+MEMBERS = ('north/P-Z', 'north/Z-R')
+GRIP = place_between(ROBOT.home, MEMBERS, Disc(0.3), indentation=0.01)
+
+
+@pytest.mark.parametrize('own', [None, 0.4])
+def test_the_monitor_analyzes_a_shape_where_it_is_measured(own):
+    body = ConvexObject(Disc(0.3), friction=own)
+    monitor = GraspMonitor(ROBOT, 0.7, FRICTION, 0.005, TIMEOUT, body)
+    monitor.rollers = StampedInput(RollerState(REST, REST), NOW)
+    monitor.center = StampedInput(GRIP.body.pose, NOW)
+    report = monitor.report(NOW)
+    assert report.code is GraspCode.OK
+    there, friction = body.moved_to(GRIP.body.pose), own or FRICTION
+    expected = analyze_grasp(ROBOT.home, there, friction, spacing=0.005)
+    assert report.grasp.analysis.normal_forces == pytest.approx(expected.normal_forces)
+    assert report.grasp.analysis.closure_residual == pytest.approx(expected.closure_residual)
+    settled = settle_grasp(ROBOT.home, there, friction)
+    assert report.held == settled.held == (own is None)
+    assert report.grasp.settled.pose == pytest.approx(settled.pose, abs=1e-9)
+    monitor.center = RejectedInput('none')
+    assert not monitor.report(NOW).held
+
+
+def test_a_cylinder_between_members_is_modelled_as_a_disc_is():
+    pose = GRIP.body.pose
+    cylinder = Grip(MEMBERS, Cylinder(pose[:2], 0.3))
+    one = attach_model(ROBOT.home, cylinder, 0.3)
+    disc = ConvexObject(Disc(0.3)).moved_to((*pose[:2], 0.3))
+    other = attach_model(ROBOT.home, Grip(MEMBERS, disc), 0.0)
+    assert isinstance(one, HeldGrip)
+    assert one.pose == pytest.approx(other.pose, abs=1e-12)
+    assert one.pose[2] == pytest.approx(0.3, abs=1e-3)
+    assert one.squeeze == pytest.approx(other.squeeze, rel=1e-12)
+
+
+def controlled(force=10.0):
+    """Return a control of the squeeze that holds the disc, and what solves twists for it."""
+
+    def solve(twist, opening_rate):
+        return solve_twist(ROBOT.home, GRIP, twist, opening_rate=opening_rate)
+
+    control = SqueezeControl(SqueezeSettings(force, FRICTION))
+    assert control.follow(ROBOT.home, GRIP, 0.0, 0.0) is Hold.HELD
+    return control, solve
+
+
+class Indifferent:
+    """A model of an object that answers to wrenches without bound."""
+
+    response = None
+
+
+def test_an_indifferent_equilibrium_is_not_held(monkeypatch):
+    assert sensitivity(Indifferent(), FRICTION) is None
+    control, _ = controlled()
+    monkeypatch.setattr(squeeze_control, 'sensitivity', lambda grasp, friction: None)
+    assert control.follow(ROBOT.home, GRIP, 0.0, PERIOD) is Hold.UNSTABLE
+    assert control.grasp is None
+    with pytest.raises(ValueError, match='follow comes before solve'):
+        control.solve(np.zeros(3), PERIOD, solve_twist)
+
+
+def test_a_command_to_where_nothing_is_held_is_that_of_the_slope(monkeypatch):
+    control, solve = controlled()
+    commands = []
+
+    def noted(twist, opening_rate):
+        commands.append(solve(twist, opening_rate))
+        return commands[-1]
+
+    monkeypatch.setattr(HeldGrip, 'moved_to', lambda grip, config, wrench: None)
+    command = control.solve(np.array([0.01, 0.0, 0.0]), PERIOD, noted)
+    assert commands == [command]
+    assert control.grasp.config is ROBOT.home
+
+
+def test_settings_of_a_path_in_a_wrong_order_are_refused():
+    TrackingSettings(free_share=0.3, standing_share=1.0)
+    for free, standing in ((0.5, 0.5), (0.6, 0.5), (0.5, 1.01)):
+        with pytest.raises(PathError, match=f'free_share {free} and standing_share {standing}'):
+            TrackingSettings(free_share=free, standing_share=standing)
+
+
+def test_the_rate_of_a_path_may_change_before_it_begins_and_on_it():
+    servo = PathServo(0.01, TIMEOUT)
+    servo.period = 0.02
+    servo.pose = StampedInput(Pose(0.0, 0.0, 0.0), NOW)
+    servo.servo_feedback = StampedInput(ServoFeedback(Status.OK, 1.0, ''), NOW)
+    path = ObjectPath([(0.0, 0.0, 0.0), (0.05, 0.0, 0.0)], 0.05, 0.2)
+    servo.begin(path, TrackingSettings(), NOW)
+    assert servo.period == servo.tracker.period == 0.02
+    servo.period = 0.005
+    assert servo.period == servo.tracker.period == 0.005
+
+
+def test_without_a_trajectory_rollers_are_wanted_nowhere():
+    assert RollerTrajectoryServo(ROBOT, PERIOD, TIMEOUT).wanted is None
