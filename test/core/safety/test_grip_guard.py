@@ -1,0 +1,125 @@
+"""Grips of any members near their bounds, and what else is rare in the shapes of a robot."""
+
+from boxes import box_between, ROBOT, SIDES
+from isotruss_ros.core import (
+    Configuration,
+    ConvexObject,
+    Disc,
+    Grasp,
+    Grip,
+    load_robot,
+    RollerCommand,
+    RollingGrip,
+    ShapeBounds,
+    ShapeGuard,
+    Status,
+)
+from isotruss_ros.core.safety.barriers import ObjectBarrier
+from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.core.safety.neighbor_list import Measured
+from isotruss_ros.core.safety.object_distances import grip_distances
+import numpy as np
+
+GRIP = box_between()
+REST = np.zeros(len(ROBOT.roller_names))
+
+
+def watched(min_object_clearance, clearance_band=1e-6):
+    """Return what watches the box at home, and its limit by the object's distance."""
+    bounds = ShapeBounds(0.0, 0.0, min_object_clearance, 1e-6, clearance_band)
+    watch = ShapeGuard(ROBOT, bounds).watch(ROBOT.home, GRIP)
+    near = [limit for limit in watch.limits if isinstance(limit.barrier, ObjectBarrier)]
+    return watch, near[0] if near else None
+
+
+def command(velocities):
+    """Return a command of roller velocities."""
+    return RollerCommand(np.array(velocities), np.array([0.1, 0.2, 0.3]), 1.0, Status.OK)
+
+
+def distances_after(travel):
+    """Return the distances from the box after some roller travel [m]."""
+    there = ROBOT.home.moved_to(travel)
+    return grip_distances(there, RollingGrip.attach(ROBOT.home, GRIP).moved_to(there).grip, np.inf)
+
+
+def test_rows_of_a_grip_are_what_rolling_changes_of_the_distances():
+    _, limit = watched(0.0, 2.0)
+    # Of some parts another point comes nearest: a polygon has corners.
+    assert len(limit.indices) > 20
+    step = 1e-6
+    for roller, column in enumerate(limit.matrix.T):
+        travel = step * np.eye(len(REST))[roller]
+        after, before = (distances_after(way)[limit.indices] for way in (travel, -travel))
+        change = (after - before) / (2.0 * step)
+        off = np.abs(change - column)
+        assert np.median(off) < 1e-6
+        assert (off < 1e-4).mean() > 0.8
+
+
+def test_a_command_ends_before_the_object_comes_too_near():
+    distances = distances_after(REST)
+    part = int(distances.argmin())
+    _, limit = watched(0.0, 2.0)
+    toward = -limit.matrix[limit.indices.tolist().index(part)]
+    toward /= np.abs(toward).max()
+    bound = float(distances[part]) - 1e-3
+    watch, _ = watched(bound)
+    duration = 0.1
+    short = watch.keep(command(0.01 * toward), REST, duration)
+    assert short.status is Status.OK
+    asked = command(0.2 * toward)
+    assert distances_after(duration * asked.roller_velocities)[part] < bound
+    found = watch.keep(asked, REST, duration)
+    assert found.status is Status.SLOWED_OBJECT
+    assert found.limiting[0].endswith('and the object')
+    assert 0.0 < found.scale < 1.0
+    assert distances_after(duration * found.roller_velocities)[part] >= bound
+
+
+def test_a_command_ends_before_a_contact_is_lost():
+    watch, _ = watched(0.0)
+    away = np.array([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])
+    found = watch.keep(command(away), REST, 1.0)
+    assert found.status is Status.SLOWED_OBJECT
+    assert found.limiting == ('the contacts of the grip',)
+    assert 0.0 < found.scale <= 0.4
+    assert distances_after(found.roller_velocities).min() >= 0.0
+
+
+def test_far_parts_are_no_nearer_than_their_bounds():
+    exact = grip_distances(ROBOT.home, GRIP, np.inf)
+    far = np.flatnonzero((exact > 0.5) & np.isfinite(exact))
+    bounds = grip_distances(ROBOT.home, GRIP, 0.1, far)
+    assert (bounds <= exact[far]).all()
+    assert (bounds > 0.1).all()
+
+
+def test_a_measured_state_holds_for_the_same_object_nearby():
+    body = GRIP.body
+    measured = Measured(ROBOT.home, GRIP, 0.1)
+    for grasp, holds in (
+        (GRIP, True),
+        (Grip(SIDES, body.moved_to((body.pose.x + 0.099, *body.pose[1:]))), True),
+        (Grip(SIDES, body.moved_to((body.pose.x + 0.101, *body.pose[1:]))), False),
+        (Grip(SIDES, ConvexObject(Disc(0.4), body.pose)), False),
+        (Grip(('south/P-Q', 'east/Q-R'), body), False),
+        (Grasp('north/Z', (0.4, -0.2), 0.4), False),
+        (None, False),
+    ):
+        assert measured.holds(ROBOT.home, grasp) == holds
+    reach = body.shape.reach
+    for angle, holds in ((0.098, True), (0.102, False)):
+        turned = body.moved_to((*body.pose[:2], body.pose.angle + angle / reach))
+        assert measured.holds(ROBOT.home, Grip(SIDES, turned)) == holds
+    module = Measured(ROBOT.home, Grasp('north/Z', (0.4, -0.2), 0.4), 0.1)
+    assert module.holds(ROBOT.home, Grasp('north/Z', (0.4, -0.109), 0.4))
+    assert not module.holds(ROBOT.home, Grasp('north/Z', (0.4, -0.2), 0.401))
+    assert not module.holds(ROBOT.home, Grasp('east/Q', (0.4, -0.2), 0.4))
+    assert not module.holds(ROBOT.home, GRIP)
+
+
+def test_a_shape_on_a_line_is_not_rigid():
+    robot = load_robot('triangle')
+    flat = Configuration(robot, np.zeros(2), robot.home.points.real + 0j)
+    assert shape_margins(flat).rigidity == 0.0
