@@ -179,6 +179,22 @@ def test_an_object_moves_with_the_middle_of_two_contacts(kind, flat, data, rng):
     assert turning == pytest.approx(by_ends.imag, abs=100.0 * scale)
 
 
+@pytest.mark.parametrize('kind', ['module', 'tube', 'tubes'])
+@robots.examples(25)
+@given(strategies.data(), robots.generators())
+def test_an_object_moves_alike_whichever_member_is_named_first(kind, data, rng):
+    robot = data.draw(random_grips.robots_with(kind))
+    config, grip = random_grips.random_convex_grip(robot, rng, kind, 2, flat=True)
+    assume(grip is not None)
+    first = grip_jacobian(config, grip)
+    # Where faces lie on both it turns with the first one.
+    assume(len(first) == 5)
+    second = grip_jacobian(config, replace(grip, members=grip.members[::-1]))
+    scale = 1e-10 * np.abs(first).max()
+    assert second[:4] == pytest.approx(first[:4], abs=scale)
+    assert np.abs(second[4]) == pytest.approx(np.abs(first[4]), abs=scale)
+
+
 def test_rows_are_kept_for_a_configuration_and_a_grip():
     config = load_robot('nine_member').home
     center = tangent_center(config, 'north/Z', 0.15)

@@ -1,6 +1,8 @@
 """Velocities of joints, without an object."""
 
-from isotruss_ros.core import GraspError, load_robot, solve_joint_velocity, Status
+import inspect
+
+from isotruss_ros.core import GraspError, load_robot, solve_joint_velocity, solve_twist, Status
 import numpy as np
 import pytest
 import robots
@@ -56,6 +58,11 @@ def test_zero_is_idle_and_limits_scale():
     assert np.abs(fast.roller_velocities).max() == pytest.approx(ROBOT.description.max_speed)
     expected = fast.scale * np.array([5.0, -10.0])
     assert moved(HOME, fast, 'Z') == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize('solve', [solve_joint_velocity, solve_twist])
+def test_nothing_is_left_of_the_largest_progress_where_no_period_is_given(solve):
+    assert inspect.signature(solve).parameters['period'].default == 0.0
 
 
 def test_a_grounded_joint_stays_and_failed_rollers_stand_still():
