@@ -33,22 +33,22 @@ class Paths:
         self._client = ActionClient(r.w.probe, FollowObjectPath, 'follow_object_path')
         self._asked = self._result = None
 
-    def ask(self, height):
+    def ask(self, height, speed=0.02):
         """Send a goal; return the future of its handle."""
         here = self._r.w.probe.last('pose').pose.position
         ends = [Pose(here.x, here.y, 0.0), Pose(here.x, here.y + height, 0.0)]
         path = Path(poses=[PoseStamped(pose=to_pose_message(pose)) for pose in ends])
         path.header.frame_id = 'truss'
-        return self._client.send_goal_async(FollowObjectPath.Goal(path=path, speed=0.02))
+        return self._client.send_goal_async(FollowObjectPath.Goal(path=path, speed=speed))
 
-    def go(self, height):
+    def go(self, height, speed=0.02):
         """Ask until the object moves; return the handle of the goal."""
         w = self._r.w
         self._asked = None
 
         def each():
             if not self._pursued():
-                self._asked, self._result = self.ask(height), None
+                self._asked, self._result = self.ask(height, speed), None
 
         w.until(lambda: w.probe.last('pose') is not None)
         w.until(self._r.moving, each, period=3.0)
@@ -142,7 +142,8 @@ def test_a_path_is_cancelled_or_preempted_by_another_process(tmp_path):
         for name in ('simulator', 'manipulation', 'path_follower'):
             r.start(name, **PATIENT)
         w.until(lambda: w.code() == Status.HALT_NO_TWIST)
-        first = paths.go(0.2)
+        # So slowly that the next path still begins where the object is when it is asked for.
+        first = paths.go(0.2, speed=0.001)
         second = paths.accepted(paths.ask(-0.2))
         assert paths.ended(first) == (GoalStatus.STATUS_ABORTED, Result.PREEMPTED)
         # The object goes the other way now.
