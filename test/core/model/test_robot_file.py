@@ -635,6 +635,17 @@ def test_law_that_leaves_the_range_of_numbers_is_refused_at_load(exponent):
     assert 'tube.stiffness.axial: C = 8' in complaint_about(with_laws(block))
 
 
+@pytest.mark.parametrize(
+    ('mode', 'length'), [('axial', 0.25), ('transverse', 0.09), ('rotary', 0.09)]
+)
+def test_laws_of_bending_are_those_of_the_length_between_guide_rings(mode, length):
+    block = laws()
+    block[mode]['a'] = 40.0
+    message = complaint_about(with_laws(block, min_length=0.25))
+    assert f'tube.stiffness.{mode}: C = ' in message
+    assert f'for a length of {length} m' in message
+
+
 def test_laws_need_members_that_hold_their_guide_rings():
     message = complaint_about(with_laws(laws(), min_length=0.16))
     assert (

@@ -72,6 +72,11 @@ def test_that_a_twist_was_bent_counts_for_more_than_that_it_is_slowed(status, sh
     assert found.status is (status if bent else Status.SLOWED_OBJECT)
 
 
+def test_a_robot_that_stands_still_is_not_slowed():
+    command, found = keep(0.0, lambda travel: 0.5)
+    assert found is command
+
+
 def test_shapes_keep_these_bounds():
     assert vars(ShapeBounds()) == {
         'min_rigidity': 0.2,
