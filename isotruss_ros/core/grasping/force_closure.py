@@ -116,10 +116,9 @@ def _exchange(segments: Array, load: Array, friction: float, shares: Array) -> A
     Where friction suffices with room to spare none is at its bound, and where it is far from
     enough nearly all are: each against what is left. None if some exchanges do not settle that.
     """
+    # Segments are of length one at most: with the regularization their squares can be factored.
     normal = segments.T @ segments + REGULARIZATION * EYE
-    _, needed, failed = lapack.dposv(normal, segments.T @ shares + load)
-    if failed:
-        return None
+    needed = lapack.dposv(normal, segments.T @ shares + load)[1]
     found = shares - segments @ needed
     if np.abs(found).max() <= friction:
         return found
@@ -148,9 +147,7 @@ def _exchange(segments: Array, load: Array, friction: float, shares: Array) -> A
             found[places] = 0.0
             rows, rest = segments[places], segments.T @ found + load
             inner = rows @ rows.T + REGULARIZATION * EYE[: len(places), : len(places)]
-            _, inside, failed = lapack.dposv(inner, REGULARIZATION * shares[places] - rows @ rest)
-            if failed:
-                return None
+            inside = lapack.dposv(inner, REGULARIZATION * shares[places] - rows @ rest)[1]
             found[places] = np.clip(inside, -friction, friction)
             within = np.abs(inside) < friction
             free[places] = within

@@ -1,0 +1,227 @@
+"""Rare ends of the contact problem and of equilibria: not solved, indifferent, not near."""
+
+from types import SimpleNamespace
+
+from grips import gripped
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    Disc,
+    Hold,
+    load_robot,
+    place_between,
+    Polygon,
+    settle_grasp,
+    SolverError,
+)
+from isotruss_ros.core.grasping import (
+    analysis,
+    contact,
+    force_closure,
+    lcp,
+    relaxation,
+    sliding_contact,
+    slip_margin,
+)
+from isotruss_ros.core.grasping.contact import solve_contact
+from isotruss_ros.core.grasping.contact_changes import lift_ends, MAX_CHANGES
+from isotruss_ros.core.grasping.contact_points import find_contact_points
+from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.grasping.relaxation import relax_contact
+from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.grasping.sliding_contact import solve_sliding_contact
+from isotruss_ros.core.grasping.surfaces import surface_of
+from isotruss_ros.core.model.convex_object import as_convex_object
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
+MODEL = RollingGrasp.attach(CONFIG, CYLINDER)
+BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
+APART = ('south/P-Q', 'north/R-P')
+AROUND = ('south/P-Q', 'east/Q-R', 'north/R-P')
+
+
+def numbers(members):
+    """Return the numbers of members."""
+    return np.array([HOME.robot.member_names.index(name) for name in members])
+
+
+def held_box():
+    """Return a box in the grip of two members that do not meet."""
+    body = place_between(HOME, APART, BOX, angle=0.2, indentation=0.01).body
+    found = HeldGrip.attach(HOME, body, numbers(APART))
+    assert isinstance(found, HeldGrip)
+    return found
+
+
+# Contact
+
+
+def points_of(body):
+    """Return points that an object could touch, and what they meet."""
+    surface = surface_of(as_convex_object(body), 0.5 * CONFIG.robot.description.tube_diameter)
+    return find_contact_points(structure_of(CONFIG), surface, 0.01), surface
+
+
+@pytest.mark.parametrize(
+    ('module', 'solve', 'words'),
+    [
+        (contact, solve_contact, 'did not settle in 0 steps'),
+        (sliding_contact, solve_sliding_contact, 'did not settle in 0 steps'),
+        (relaxation, relax_contact, 'did not rest in 0 steps'),
+    ],
+)
+def test_contact_that_takes_too_long_is_an_error(module, solve, words, monkeypatch):
+    points, surface = points_of(CYLINDER)
+    assert len(points.points) > 10
+    monkeypatch.setattr(module, 'MAX_STEPS', 0)
+    with pytest.raises(SolverError, match=words):
+        solve(points, surface)
+
+
+def test_a_compliance_that_gives_energy_is_an_error(monkeypatch):
+    failing = SimpleNamespace(dposv=lambda *_: (None, None, 1))
+    points, surface = points_of(CYLINDER)
+    normals = surface.facing(points.points - surface.center, points.axis)
+    for module, run in (
+        (contact, lambda: contact._settle_normals(points, np.arange(3), normals, surface)),
+        (analysis, lambda: analyze_grasp(CONFIG, CYLINDER)),
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(module, 'lapack', failing)
+            with pytest.raises(SolverError, match='not positive definite'):
+                run()
+    with pytest.raises(SolverError, match='complementarity problem was not solved'):
+        lcp._by_least_squares(-np.eye(2), -np.ones(2))
+
+
+def test_an_analysis_may_begin_with_one_without_flattening():
+    first = analyze_grasp(CONFIG, CYLINDER, flattening=False)
+    started = []
+
+    def noted(points, surface, start):
+        started.append(start)
+        return solve_contact(points, surface, start)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(analysis, 'solve_contact', noted)
+        again = analyze_grasp(CONFIG, CYLINDER, flattening=False, previous=first)
+    assert started[0].forces is first.normal_forces
+    assert again.normal_forces == pytest.approx(first.normal_forces, rel=1e-9, abs=1e-12)
+
+
+def test_shares_at_more_than_three_bounds_go_to_the_program(monkeypatch):
+    """In the middle of few steps, so many of all contacts may be between their bounds."""
+    rng, given_up = np.random.default_rng(0), 0
+    for _ in range(300):
+        count = int(rng.integers(4, 12))
+        segments = rng.uniform(-1.0, 1.0, (count, 3))
+        segments /= np.linalg.norm(segments, axis=1).max()
+        load = segments.T @ rng.uniform(-1.0, 1.0, count)
+        friction, shares = 0.6, np.zeros(count)
+        quick = force_closure._exchange(segments, load, friction, shares)
+        slow = force_closure._balance_by_qp(segments, load, friction, shares)
+        if quick is None:
+            given_up += 1
+            continue
+        off, least = (np.linalg.norm(segments.T @ found + load) for found in (quick, slow))
+        assert off == pytest.approx(least, abs=1e-7)
+    assert 0 < given_up < 300
+
+
+def test_a_box_beside_the_tubes_touches_nothing():
+    body = place_between(HOME, APART, BOX, angle=0.2, indentation=-1e-4).body
+    found = analyze_grasp(HOME, body)
+    assert not found.normal_forces.any()
+    assert not found.stiffness.any()
+    assert not found.force_closure
+
+
+# Equilibria
+
+
+def test_the_arm_of_a_disc_is_its_radius():
+    assert MODEL.arm == pytest.approx(0.5 * CYLINDER.diameter)
+
+
+def test_a_load_changes_the_squeeze_as_the_response_says():
+    step = 1e-3 * np.eye(3)
+    for column, wrench in enumerate(step):
+        after, before = (MODEL.moved_to(CONFIG, sign * wrench) for sign in (1.0, -1.0))
+        slope = (after.squeeze - before.squeeze) / 2e-3
+        arm = MODEL.arm if column == 2 else 1.0
+        assert MODEL.response.squeeze[column] / arm == pytest.approx(slope, abs=2e-3)
+
+
+def test_what_a_wrench_moves_without_bound_is_indifferent():
+    assert slip_margin.solve_change(np.zeros((4, 4)), np.eye(4, 3)) is None
+    # The pose does not answer to one of the wrenches.
+    assert slip_margin.solve_change(np.eye(4), np.diag([1.0, 1.0, 0.0, 0.0])[:, :3]) is None
+    found = slip_margin.solve_change(2.0 * np.eye(4), np.eye(4, 3))
+    assert found == pytest.approx(0.5 * np.eye(4, 3))
+
+
+@pytest.mark.parametrize('held', [MODEL, held_box()], ids=['disc', 'box'])
+def test_an_indifferent_equilibrium_has_no_response(held, monkeypatch):
+    module = 'slip_margin' if held is MODEL else 'grip_response'
+    monkeypatch.setattr(f'isotruss_ros.core.grasping.{module}.solve_change', lambda *_: None)
+    again = held.moved_to(held.config)
+    assert again.response is None
+    assert again.slip_margin(1.0) == 0.0
+
+
+@pytest.mark.parametrize('held', [MODEL, held_box()], ids=['disc', 'box'])
+def test_there_is_no_equilibrium_under_any_load(held):
+    pulled = 1e6 * np.array([0.3, -0.8, 0.0])
+    assert held.moved_to(held.config, pulled) is None
+
+
+def test_a_box_that_is_pulled_away_has_no_balance():
+    body = held_box().body
+    found = HeldGrip.attach(HOME, body, numbers(APART), np.array([0.0, 1e6, 0.0]))
+    assert found is Hold.NO_BALANCE
+
+
+class Pulling:
+    """A grip, the first contact of which pulls as often as it is told to."""
+
+    def __init__(self, times, ends=False):
+        self.times, self.ends, self.lifted = times, ends, 0
+        self.anchors = self.angles = np.zeros(9)
+        self.config = self.wrench = None
+        self.contacts = SimpleNamespace(without=lambda lifted: self.contacts)
+
+    @property
+    def pulling(self):
+        return 0 if self.lifted < self.times else None
+
+    def rolled(self, config, contacts, anchors, angles, wrench):
+        assert len(anchors) == len(angles) == len(self.anchors) - 1
+        self.anchors, self.angles, self.lifted = anchors, angles, self.lifted + 1
+        return None if self.ends else self
+
+
+@pytest.mark.parametrize(('times', 'lifted'), [(0, 0), (2, 2), (9, MAX_CHANGES)])
+def test_contacts_that_pull_are_left_out_one_after_the_other(times, lifted):
+    grip = Pulling(times)
+    assert lift_ends(grip) is grip
+    assert grip.lifted == lifted
+    assert lift_ends(Pulling(1, ends=True)) is None
+
+
+def test_a_third_member_in_contact_is_named():
+    body = place_between(HOME, AROUND, Disc(0.83), indentation=0.01).body
+    there = ConvexObject(body.shape, body.pose)
+    found = settle_grasp(HOME, there, 2.0, members=AROUND[:2])
+    assert found.hold is Hold.OTHER_CONTACT
+    assert AROUND[2] in found.reason
+
+
+def test_an_equilibrium_that_takes_no_work_to_leave_is_unstable(monkeypatch):
+    assert settle_grasp(CONFIG, CYLINDER, 0.5).hold is Hold.HELD
+    monkeypatch.setattr(slip_margin.WrenchResponse, 'stable', False)
+    found = settle_grasp(CONFIG, CYLINDER, 0.5)
+    assert (found.hold, found.held) == (Hold.UNSTABLE, False)

@@ -1,0 +1,82 @@
+"""Rare ends of continuation and of placing modules; rows on nodes as rows on rollers."""
+
+from types import SimpleNamespace
+
+from isotruss_ros.core import load_robot, RobotFileError
+from isotruss_ros.core.kinematics import configuration, home
+from isotruss_ros.core.kinematics.configuration import follow_branch
+import numpy as np
+import pytest
+import robots
+
+
+class Bar:
+    """One point that stays on the x axis, at a distance from the origin."""
+
+    def residual(self, points, targets):
+        (z,) = points
+        return np.array([0.5 * (abs(z) ** 2 - targets.length**2), z.imag])
+
+    def matrix(self, points):
+        (z,) = points
+        return np.array([[z.real, z.imag], [0.0, 1.0]])
+
+
+@pytest.mark.parametrize('name', robots.PRESETS)
+def test_rows_on_rollers_are_those_on_nodes_times_their_motion(name):
+    config = load_robot(name).home
+    rows = np.random.default_rng(0).standard_normal((5, 2 * len(config.points)))
+    found = config.roller_rows(rows)
+    assert found == pytest.approx(rows @ config.node_jacobian, abs=1e-9)
+    driven = [config.robot.module_names.index(roller) for roller in config.robot.roller_names]
+    assert config.module_rows(rows)[:, driven] == pytest.approx(found, abs=1e-9)
+
+
+def test_a_step_beyond_all_numbers_ends():
+    """Next to the origin the bar hardly gets longer as its end moves."""
+    with np.errstate(over='ignore'):
+        found = follow_branch(Bar(), np.array([1e-200 + 0j]), SimpleNamespace(length=1.0))
+    assert found is None
+
+
+def test_a_search_that_takes_too_long_ends(monkeypatch):
+    length = SimpleNamespace(length=0.9)
+    assert follow_branch(Bar(), np.array([1.0 + 0j]), length) == pytest.approx([0.9])
+    monkeypatch.setattr(configuration, 'MAX_ITERATIONS', 1)
+    assert follow_branch(Bar(), np.array([1.0 + 0j]), length) is None
+
+
+def test_modules_that_cannot_be_turned_are_refused(monkeypatch):
+    def singular(matrix):
+        raise np.linalg.LinAlgError
+
+    document = robots.example()
+    robots.load(document)
+    monkeypatch.setattr(home, 'factorize', singular)
+    with pytest.raises(RobotFileError, match='no angle of its rod bisects its sides'):
+        robots.load(document)
+
+
+@pytest.mark.parametrize(
+    ('change', 'message'),
+    [
+        ((0.999, None), r'is .* m long at home, pinch to pinch; must be from min_length'),
+        ((1.001, None), None),
+        ((None, 1.001), r'must hold two of them; must be less than'),
+        ((None, 0.999), None),
+    ],
+)
+def test_members_are_as_long_as_they_may_be_and_hold_two_rings(change, message):
+    """Against the longest member by its bound, and the shortest by the rings that it holds."""
+    document = robots.example()
+    lengths = robots.load(document).home.member_lengths
+    longest, ring = change
+    if longest is not None:
+        document['members']['max_length'] = longest * float(lengths.max())
+    if ring is not None:
+        document['module']['guide_ring_distance'] = ring * 0.5 * float(lengths.min())
+    if message is None:
+        robots.load(document)
+        return
+    with pytest.raises(RobotFileError, match=message):
+        robots.load(document)
