@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.errors import SolverError
-from isotruss_ros.core.grasping import lcp
+from isotruss_ros.core.grasping import lcp, relaxation
 from isotruss_ros.core.grasping.contact import ContactGuess, solve_contact
 from isotruss_ros.core.grasping.contact_points import ContactPoints, find_contact_points
 from isotruss_ros.core.grasping.lcp import solve_complementarity
@@ -587,6 +587,15 @@ def test_relaxation_finds_what_touches_by_the_force_at_another_point():
     exact, relaxed = (solve(points, surface) for solve in (solve_contact, relax_contact))
     assert exact.forces.min() > 0.1
     assert relaxed.forces == pytest.approx(exact.forces, rel=1e-4)
+
+
+def test_relaxation_ends_after_so_many_steps(monkeypatch):
+    monkeypatch.setattr(relaxation, 'MAX_STEPS', relaxation.STEPS_BETWEEN_LOOKS)
+    config, center, radius = between(0.65, 0.005)
+    surface = RoundSurface(center, radius)
+    points = find_contact_points(structure_of(config), surface, 0.01)
+    with pytest.raises(SolverError, match=f'in {relaxation.STEPS_BETWEEN_LOOKS} steps'):
+        relax_contact(points, surface)
 
 
 def test_relaxation_leaves_its_start_alone():

@@ -318,6 +318,17 @@ def test_where_there_is_a_choice_friction_is_near_to_what_was_asked_for(way, see
     assert found == pytest.approx(nearest, abs=1e-5)
 
 
+@pytest.mark.parametrize('apart', [1e-3, 1e-4, 1e-5])
+def test_tangents_that_are_nearly_parallel_balance_what_they_can(apart):
+    # Their difference alone turns the load: small against the forces, and yet within friction.
+    tangents, forces = tangents_at(np.array([0.0, apart])), np.array([10.0, 10.0])
+    load = wrenches(tangents, forces).T @ [0.4, -0.4]
+    closure = check_force_closure(tangents, forces, load, 0.5)
+    assert closure.required_friction == pytest.approx(0.4, rel=1e-3)
+    assert closure.closed
+    assert closure.residual <= closure.tolerance
+
+
 def test_hundreds_of_contacts_are_answered():
     # All pairs of contacts, and the sum over all for each of them, would take gigabytes.
     angles = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, 800)
@@ -343,13 +354,19 @@ def test_levers_of_one_are_those_of_a_cylinder(rng, count, friction):
 
 
 @robots.examples(80)
-@given(generators, strategies.integers(1, 15), coefficients)
-def test_required_friction_with_levers_is_that_of_a_linear_program(rng, count, friction):
+@given(
+    generators,
+    strategies.integers(1, 15),
+    coefficients,
+    strategies.sampled_from([1e-6, 1.0, 1e6]),
+)
+def test_required_friction_with_levers_is_that_of_a_linear_program(rng, count, friction, scale):
     tangents, forces, _ = random_contacts(rng, count)
     levers = rng.uniform(-0.5, 2.0, count)
     load = wrenches(tangents, forces, levers).T @ rng.uniform(-1.0, 1.0, count)
-    closure = check_force_closure(tangents, forces, load, friction, levers)
     expected = least_friction(tangents, forces, load, levers)
+    forces, load = scale * forces, scale * load
+    closure = check_force_closure(tangents, forces, load, friction, levers)
     assert closure.required_friction == pytest.approx(expected, rel=1e-5, abs=1e-6)
     left = load + np.column_stack([tangents, levers]).T @ closure.friction_forces
     assert closure.residual == pytest.approx(np.linalg.norm(left), abs=1e-9 * forces.sum())
@@ -370,7 +387,8 @@ def test_no_direction_is_shorter_than_the_margin_with_levers(rng, count, frictio
 
 
 @pytest.mark.parametrize(
-    ('friction', 'scale'), [(0.0, 1.0), (0.5, 1.0), (1.0, 1.0), (0.5, 1e-6), (0.5, 1e6)]
+    ('friction', 'scale'),
+    [(0.0, 1.0), (0.1, 1.0), (0.5, 1.0), (1.0, 1.0), (0.5, 1e-6), (0.5, 1e6)],
 )
 def test_numbers_of_many_are_those_of_one_by_one(friction, scale):
     rng, shape = np.random.default_rng(0), (400, 4)

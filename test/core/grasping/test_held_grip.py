@@ -131,6 +131,7 @@ def touched_points(grip):
     local = push * compliance.axis.conj()
     skin = statics.tube_radius - statics.indentation(state.normal_forces)[0]
     loads = np.column_stack([local.real, local.imag, -skin * state.friction_forces])
+    assert statics.loads(state.unknowns) == pytest.approx(loads, abs=1e-9)
     give = compliance.at(state.feet).respond(loads)
     line = compliance.start + compliance.axis * (state.feet + give[:, 0] + 1j * give[:, 1])
     return line - skin * state.normals

@@ -2,9 +2,14 @@
 
 from isotruss_ros.core import Ellipse, load_robot
 from isotruss_ros.core.grasping import corner_dents, indentation
+from isotruss_ros.core.grasping.contact import solve_contact
+from isotruss_ros.core.grasping.contact_points import find_contact_points
+from isotruss_ros.core.grasping.flattening import flattening_of
 from isotruss_ros.core.grasping.indentation import Indentation, skin_indentation
+from isotruss_ros.core.grasping.surfaces import RoundSurface
 import numpy as np
 import pytest
+import tubes
 
 ROBOT = load_robot('nine_member')
 
@@ -72,3 +77,16 @@ def test_each_tube_dents_by_its_own_pressure():
             ),
         ):
             assert table(pressures)(20.0) == pytest.approx(table(even)(20.0))
+
+
+@pytest.mark.parametrize('radius', [0.03, 0.15])
+def test_a_tube_that_does_not_bend_is_dented_as_the_table_says(radius):
+    stiff = tubes.bare(np.array([0j]), np.array([0.8 + 0j]), 1e12, 1e12, 1e12)
+    tube = 0.5 * ROBOT.description.tube_diameter
+    table, kernel = skin_indentation(ROBOT, 0, radius), flattening_of(ROBOT, None)
+    for depth in (0.002, 0.01, 0.02):
+        surface = RoundSurface(0.4 + 1j * (tube + radius - depth), radius)
+        points = find_contact_points(stiff, surface, 1e-3, kernel)
+        push = solve_contact(points, surface).push.sum()
+        assert abs(push.real) < 1e-6 * abs(push)
+        assert table(-push.imag)[0] == pytest.approx(depth, rel=0.02)

@@ -1,5 +1,7 @@
 """Where objects press into tubes: corners or faces by how they lie, and a start near to them."""
 
+import itertools
+
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, place_between, Polygon
 from isotruss_ros.core.grasping.pressed_contacts import contact_statics, find_pressed, start_at
 import numpy as np
@@ -8,6 +10,7 @@ from shapes import regular_polygon
 
 HOME = load_robot('nine_member').home
 NUMBER = HOME.robot.member_names.index('south/P-Q')
+CORNER = ('north/P-Z', 'north/Z-R')
 RADIUS = 0.5 * HOME.robot.description.tube_diameter
 BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
 
@@ -53,8 +56,16 @@ def test_a_face_that_is_shorter_than_a_tubes_radius_is_one_corner():
     assert found.corners.tolist() == [0]
 
 
-@pytest.mark.parametrize('members', [('south/P-Q', 'north/R-P'), ('north/P-Z', 'north/Z-R')])
-@pytest.mark.parametrize('shape', [BOX, Ellipse((0.25, 0.2)), Disc(0.4), regular_polygon(6, 0.2)])
+@pytest.mark.parametrize(
+    ('shape', 'members'),
+    [
+        *itertools.product(
+            [BOX, Ellipse((0.25, 0.2)), Disc(0.4), regular_polygon(6, 0.2)],
+            [('south/P-Q', 'north/R-P'), CORNER],
+        ),
+        (Disc(0.15), CORNER),
+    ],
+)
 def test_the_search_starts_where_straight_tubes_are_deepest_in_the_object(shape, members):
     body = place_between(HOME, members, shape, angle=0.7, indentation=0.01).body
     numbers = np.array([HOME.robot.member_names.index(name) for name in members])

@@ -1,12 +1,13 @@
 """Wrinkling: bending moments by hand and by a frame with nodes at the loads, against M_w."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 from hypothesis import given, strategies
 from isotruss_ros.core.grasping.contact import ContactState
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.surfaces import RoundSurface
-from isotruss_ros.core.grasping.wrinkling import find_wrinkling
+from isotruss_ros.core.grasping.wrinkling import find_wrinkling, MAX_UTILISATION
 from isotruss_ros.core.statics.structure import structure_of, tube_pieces
 import numpy as np
 import pytest
@@ -134,3 +135,8 @@ def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, di
 def found_tubes(structure):
     """Return the numbers of the tube pieces BD, CE and DE', (3, m)."""
     return tube_pieces(structure.config.robot.topology.n_modules)
+
+
+def test_the_default_bound_is_the_documented_one():
+    page = Path(__file__).parents[3] / 'docs' / 'grasp_planning.md'
+    assert f'`max_utilisation` ({MAX_UTILISATION})' in page.read_text(encoding='utf-8')
