@@ -82,7 +82,7 @@ def solve_contact(
         if start.normals is not None:
             normals = start.normals
     elif len(away) <= MANY:
-        gaps = _open_gaps(away, normals, surface)
+        gaps = open_gaps(away, normals, surface)
         active = guess_contact(contact_points, gaps)
     else:
         few = np.arange(0, len(away), 4)
@@ -96,7 +96,7 @@ def solve_contact(
     # for some normals is admissible for the next ones, which can but take less energy. These steps
     # settle therefore, if slowly; following the normals of those in contact makes them few.
     for _ in range(MAX_STEPS):
-        gaps = _open_gaps(away, normals, surface)
+        gaps = open_gaps(away, normals, surface)
         forces, active = solve_complementarity(
             contact_points.normal_compliance(normals), gaps, active
         )
@@ -132,13 +132,24 @@ def estimate_contact(contact_points: ContactPoints, surface: Surface) -> Contact
     """
     away = contact_points.skin - surface.center
     normals = surface.facing(contact_points.points - surface.center, contact_points.axis)
-    gaps = _open_gaps(away, normals, surface)
+    gaps = open_gaps(away, normals, surface)
     compliance = contact_points.normal_compliance(normals)
     forces, _ = solve_complementarity(compliance, gaps, guess_contact(contact_points, gaps))
     displacements = contact_points.displacements(forces * normals)
     gaps += compliance @ forces
     _, turned, radii = surface.nearest(away + displacements)
     return ContactState(forces, gaps, turned, displacements, radii, forces * turned)
+
+
+def open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
+    """
+    Return the gaps along normals that there are without forces, (c,) [m].
+
+    :param away: (c,) points, from the surface's centre, x + iy [m].
+    :param normals: (c,) outward unit normals, x + iy.
+    :param surface: what the points meet.
+    """
+    return (away * normals.conj()).real - surface.support(normals)
 
 
 def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
@@ -154,11 +165,6 @@ def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
     if contact_points.dents.any():
         deepest = np.where(deepest < 0.0, WIDE * deepest, deepest)
     return gaps <= deepest[member]
-
-
-def _open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
-    """Return the gaps (c,) [m] along normals that there are without forces."""
-    return (away * normals.conj()).real - surface.support(normals)
 
 
 def _settle_normals(

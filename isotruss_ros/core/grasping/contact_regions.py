@@ -22,12 +22,13 @@ import numpy as np
 @dataclass(frozen=True, eq=False)
 class ContactRegions:
     """
-    Where tubes touch the object; one number for each of the m members, zero where none does.
+    Where tubes touch the object; one number for each of the m members, zero where none does, but
+    for places.
 
     :ivar force: (m,) sum of the normal forces [N].
     :ivar length: (m,) of tube in contact [m].
-    :ivar start: (m,) where contact begins, from the member's start [m].
-    :ivar end: (m,) where it ends, from the member's start [m].
+    :ivar start: (m,) where contact begins, from the member's start; inf without [m].
+    :ivar end: (m,) where it ends, from the member's start; -inf without [m].
     :ivar width: (m,) the largest, around the tube [m]; zero in the paper's model, as all below.
     :ivar area: (m,) [m^2].
     :ivar pressure: (m,) mean [Pa].
@@ -46,11 +47,11 @@ class ContactRegions:
 
 class ContactExtents(NamedTuple):
     """
-    How far contact goes on each of the m members, zero where there is none.
+    How far contact goes on each of the m members.
 
-    :ivar length: (m,) of tube in contact [m].
-    :ivar start: (m,) where contact begins, from the member's start [m].
-    :ivar end: (m,) where it ends, from the member's start [m].
+    :ivar length: (m,) of tube in contact, zero where there is none [m].
+    :ivar start: (m,) where contact begins, from the member's start; inf without [m].
+    :ivar end: (m,) where it ends, from the member's start; -inf without [m].
     """
 
     length: Array
@@ -124,5 +125,4 @@ def contact_extents(
     start, end = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(start, member[touching], (place - spacing * before)[touching])
     np.maximum.at(end, member[touching], (place + spacing * after)[touching])
-    none = length == 0.0
-    return ContactExtents(length, np.where(none, 0.0, start), np.where(none, 0.0, end))
+    return ContactExtents(length, start, end)

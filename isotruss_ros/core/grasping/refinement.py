@@ -154,9 +154,7 @@ def _carry_over(before: PreviousContact, points: ContactPoints) -> Points:
 
 def _regions(extents: ContactExtents) -> Array:
     """Return where contact begins and ends on each member, (m, 2); inf, -inf without [m]."""
-    regions = np.stack([extents.start, extents.end], axis=1)
-    regions[extents.length == 0.0] = -EVERYWHERE
-    return regions
+    return np.stack([extents.start, extents.end], axis=1)
 
 
 def _division(regions: Array, spacing: float, budget: int | None = None) -> int:

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from isotruss_ros.core.errors import SolverError
-from isotruss_ros.core.grasping.contact import ContactGuess, ContactState, guess_contact
+from isotruss_ros.core.grasping.contact import ContactGuess, ContactState, guess_contact, open_gaps
 from isotruss_ros.core.grasping.contact_points import ContactPoints
 from isotruss_ros.core.grasping.lcp import solve_complementarity
 from isotruss_ros.core.grasping.surfaces import Surface
@@ -56,7 +56,7 @@ def solve_sliding_contact(
     lattice = _Lattice(contact_points)
     displacements, bent = np.zeros_like(away), axis
     normals, _ = _limit(normals, bent, side)
-    still = (away * normals.conj()).real - surface.support(normals)
+    still = open_gaps(away, normals, surface)
     settled = False
     for _ in range(MAX_STEPS):
         # Along and across the bent tubes.
@@ -83,7 +83,7 @@ def solve_sliding_contact(
         normals, steep = _limit(turned, bent, side)
         if steep.any():
             at = np.flatnonzero(steep)
-            gaps[at] = (moved[at] * normals[at].conj()).real - surface.support(normals[at])
+            gaps[at] = open_gaps(moved[at], normals[at], surface)
         # Where no other point has come to touch, the same ones do.
         settled = bool((gaps >= -GAP_TOLERANCE).all())
         if settled and (np.abs(gaps[active]) <= GAP_TOLERANCE).all():

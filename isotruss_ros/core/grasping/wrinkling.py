@@ -85,9 +85,9 @@ def load_sections(
     moment = end_forces[piece, 1] * place - end_forces[piece, 2] + lever @ across
     compression = end_forces[piece, 0] + before @ along
     compression = np.maximum(compression, compression + along)
-    # At the ends of all pieces.
+    # At the ends of all pieces, of the moments the sizes alone.
     tubes = tube_pieces(m).ravel()
-    end_moments = np.concatenate([-end_forces[tubes, 2], end_forces[tubes, 5]])
+    end_moments = np.concatenate([end_forces[tubes, 2], end_forces[tubes, 5]])
     end_compressions = np.concatenate([end_forces[tubes, 0], -end_forces[tubes, 3]])
     of_pieces = np.concatenate([np.arange(m), topology.previous, np.arange(m)])
     member = np.concatenate([owner, of_pieces, of_pieces])

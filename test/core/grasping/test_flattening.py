@@ -180,6 +180,14 @@ def test_answers_do_not_depend_on_the_spacing(spacing):
             assert end - start == pytest.approx(coarse.contact_lengths[name])
 
 
+def test_the_peak_is_no_less_than_the_mean_however_weak_the_contact():
+    for pressed in (1e-6, 1e-5, 1e-4):
+        analysis = squeezed(0.3, pressed)
+        assert 0.0 < min(analysis.contact_forces.values()) < 1.0
+        for name, mean in analysis.contact_pressures.items():
+            assert analysis.peak_pressures[name] >= mean * (1.0 - 1e-9)
+
+
 def test_pressure_is_that_of_the_gas_and_the_walls_tension():
     analysis = squeezed(0.3)
     for name, mean in analysis.contact_pressures.items():

@@ -20,6 +20,7 @@ from isotruss_ros.core import (
     settle_grasp,
     solve_twist,
 )
+from isotruss_ros.core.grasping.contact_changes import lay_down
 from isotruss_ros.core.grasping.contact_closures import rest, stick
 from isotruss_ros.core.grasping.corner_dents import corner_dents
 from isotruss_ros.core.grasping.depths import member_depths
@@ -202,6 +203,24 @@ def test_a_polygon_of_many_sides_rolls_as_a_disc(farthest, steps, turned):
     assert np.array(grip.pose) == pytest.approx(np.array(disc.pose), abs=5e-4)
     assert grip.squeeze == pytest.approx(disc.squeeze, rel=0.02)
     assert_balanced(grip, np.zeros(3))
+
+
+def rolled_over_corners():
+    """Return a polygon of many sides that has rolled over five of its corners, none let go yet."""
+    polygon = ConvexObject(regular_polygon(96, 0.15), (*CYLINDER.center, 0.1))
+    grip, held_there = HeldGrip.attach(CONFIG, polygon), Grip(CORNER, CYLINDER)
+    turning = solve_twist(CONFIG, held_there, (0.0, 0.0, 1.0), limits=()).roller_velocities
+    config = CONFIG.moved_to(CONFIG.roller_positions + 0.16 * turning)
+    return grip.rolled(config, grip.contacts, grip.anchors, grip.angles, grip.wrench)
+
+
+@pytest.mark.parametrize('changes', [0, 1, 2])
+def test_short_faces_follow_each_other_as_often_as_they_may(changes):
+    grip = rolled_over_corners()
+    laid = lay_down(grip, changes)
+    passed = (laid.contacts.corners - grip.contacts.corners + 48) % 96 - 48
+    assert np.abs(passed).sum() == 1 + changes
+    assert np.abs(lay_down(grip).contacts.corners - grip.contacts.corners).sum() > 3
 
 
 def test_both_ends_of_a_face_press_and_rub_alike():

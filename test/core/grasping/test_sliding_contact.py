@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from comparison.wedge import pressed_into
 from isotruss_ros.core import Ellipse, load_robot, Polygon
+from isotruss_ros.core.grasping import sliding_contact
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.flattening import flattening_of
 from isotruss_ros.core.grasping.sliding_contact import (
@@ -68,3 +69,28 @@ def test_tubes_that_an_object_does_not_reach_press_nowhere():
     assert not contact.forces.any()
     assert not contact.push.any()
     assert contact.gaps.min() == pytest.approx(0.002, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ('shape', 'angle'),
+    [(Polygon(CORNERS), 0.4), (Polygon(CORNERS, 0.03), 0.4), (Ellipse((0.1, 0.05)), 1.8)],
+)
+def test_gaps_close_as_fast_as_by_newtons_method(shape, angle, monkeypatch):
+    # If tubes slid only as far as in the step before, it would take six steps or more.
+    monkeypatch.setattr(sliding_contact, 'MAX_STEPS', 5)
+    held = pressed_into(HOME, 'south/P', shape, angle, 0.02)
+    surface, structure = surface_of(held), structure_of(HOME)
+    kernel = flattening_of(HOME.robot, structure.pressures)
+    points = find_contact_points(structure, surface, SPACING, kernel)
+    assert solve_sliding_contact(points, surface.resolved(SPACING)).forces.any()
+
+
+def test_normals_lean_up_to_75_degrees_against_the_tubes():
+    rng = np.random.default_rng(0)
+    bent, side = np.exp(1j * rng.uniform(0.0, 6.0, 200)), rng.choice([-1.0, 1.0], 200)
+    leans = np.deg2rad(rng.uniform(-100.0, 100.0, 200))
+    outward = 1j * side * bent
+    found, steep = sliding_contact._limit(outward * np.exp(1j * leans), bent, side)
+    most = np.deg2rad(75.0)
+    assert (steep == (np.abs(leans) > most)).all()
+    assert found == pytest.approx(outward * np.exp(1j * np.clip(leans, -most, most)))
