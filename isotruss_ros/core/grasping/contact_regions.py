@@ -22,8 +22,7 @@ import numpy as np
 @dataclass(frozen=True, eq=False)
 class ContactRegions:
     """
-    Where tubes touch the object; one number for each of the m members, zero where none does, but
-    for places.
+    Where tubes touch the object; one number for each of the m members, zero where none does.
 
     :ivar force: (m,) sum of the normal forces [N].
     :ivar length: (m,) of tube in contact [m].
