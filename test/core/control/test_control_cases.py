@@ -1,5 +1,7 @@
 """Rare cases of control: other kinds of objects, equilibria that are lost, settings in between."""
 
+import dataclasses
+
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
@@ -15,14 +17,16 @@ from isotruss_ros.core import (
     place_between,
     Pose,
     RejectedInput,
+    RollerCommand,
     RollerState,
     settle_grasp,
     solve_twist,
     StampedInput,
     Status,
     TrackingSettings,
+    TwistServo,
 )
-from isotruss_ros.core.control import squeeze_control
+from isotruss_ros.core.control import squeeze_control, twist_servo
 from isotruss_ros.core.control.held_model import attach_model, sensitivity
 from isotruss_ros.core.control.path_servo import PathServo, ServoFeedback
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
@@ -131,3 +135,70 @@ def test_the_rate_of_a_path_may_change_before_it_begins_and_on_it():
 
 def test_without_a_trajectory_rollers_are_wanted_nowhere():
     assert RollerTrajectoryServo(ROBOT, PERIOD, TIMEOUT).wanted is None
+
+
+def test_a_direction_that_limits_bend_is_not_corrected_and_ends_the_reference():
+    control, solve = controlled()
+    asked = []
+
+    def sliding(twist, opening_rate):
+        asked.append((twist, opening_rate))
+        return dataclasses.replace(solve(twist, opening_rate), status=Status.SLIDING)
+
+    twist = np.array([0.01, -0.02, 0.05])
+    command = control.solve(twist, PERIOD, sliding)
+    (first, rate), (second, corrected) = asked
+    assert second == pytest.approx(first, abs=1e-15)
+    assert corrected != pytest.approx(rate, rel=1e-3)
+    control.advance(twist, command)
+    assert control.reference is None
+    # The next one is from where the object is then.
+    control.follow(ROBOT.home, GRIP, 0.0, PERIOD)
+    control.solve(twist, PERIOD, solve)
+    assert control.reference == pytest.approx(control._pose + control.load.bias)
+
+
+def squeezing_servo(velocities=REST):
+    """Return a servo that regulates the squeeze of the disc, with good inputs at NOW."""
+    servo = TwistServo(ROBOT, 'north/Z', 0.3, period=PERIOD, timeout=TIMEOUT)
+    servo.members, servo.guard = MEMBERS, None
+    servo.twist = StampedInput((0.01, 0.02, 0.0), NOW)
+    servo.rollers = StampedInput(RollerState(REST, np.array(velocities)), NOW)
+    servo.pose = StampedInput(GRIP.body.pose, NOW)
+    return servo
+
+
+def test_what_twists_move_is_chosen_from_rest():
+    servo = squeezing_servo()
+    servo.squeeze = SqueezeControl(SqueezeSettings(10.0, FRICTION))
+    assert servo.decide(NOW).command.status is Status.OK
+    assert servo.squeeze.grasp is not None
+    before = servo.twist
+    servo.joint = None
+    assert servo.twist is before
+    servo.joint = 'Z'
+    assert servo.twist is None
+    assert servo.squeeze.grasp is None
+
+
+def test_commands_of_others_are_expected_to_be_carried_out():
+    """As rollers that were measured at these speeds are expected to go on."""
+    velocities, later = 0.02 * np.array([1.0, -1.0, 0.5, 1.0, -0.5, 1.0]), NOW + 0.03
+    told, measured = squeezing_servo(), squeezing_servo(velocities)
+    told.squeeze = SqueezeControl(SqueezeSettings(10.0, FRICTION))
+    told.decide(NOW - PERIOD)
+    told.note_command(velocities, NOW)
+    assert told.squeeze.grasp is None
+    told.squeeze = None
+    one, other = told.decide(later).command, measured.decide(later).command
+    assert one.status is other.status is Status.OK
+    assert one.roller_velocities == pytest.approx(other.roller_velocities, abs=1e-9)
+    still = squeezing_servo().decide(later).command
+    assert one.roller_velocities != pytest.approx(still.roller_velocities, abs=1e-6)
+
+
+def test_a_twist_that_would_take_too_much_speed_is_told(monkeypatch):
+    command = RollerCommand(REST, np.zeros(3), 0.25, Status.SLOWED_ROLLER_SPEED)
+    monkeypatch.setattr(twist_servo, 'solve_twist', lambda *arguments, **options: command)
+    message = squeezing_servo().decide(NOW).message
+    assert message == 'slowed to 25 %: the rest would take too much roller speed'

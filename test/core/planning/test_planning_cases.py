@@ -17,6 +17,7 @@ from isotruss_ros.core import (
     Pose,
 )
 from isotruss_ros.core.planning import closing_in_place, release, squeeze
+from isotruss_ros.core.planning import plan_grasps as plan_module
 from isotruss_ros.core.planning import searcher as searchers
 from isotruss_ros.core.planning.approach import approach, missing_direction
 from isotruss_ros.core.planning.closing_in_place import ClosingInPlace
@@ -236,3 +237,33 @@ def test_a_grip_that_hardly_presses_is_opened_at_once(monkeypatch):
     assert loose.violation is None
     assert loose.apart == 1
     assert len(held.path) - len(loose.path) == held.apart
+
+
+class AtOnce:
+    """An executor that does what it is given at once."""
+
+    def submit(self, run, *arguments):
+        done = Future()
+        done.set_result(run(*arguments))
+        return done
+
+
+def test_another_executor_finds_the_same(monkeypatch):
+    violation = Violation('grip', 1.0, 2.0, 15.0)
+    asked = []
+
+    def squeeze_candidate(candidate):
+        asked.append(candidate)
+        return SimpleNamespace(evaluations=2, analysed=1, violation=violation)
+
+    monkeypatch.setattr(plan_module, 'squeeze_candidate', squeeze_candidate)
+    settings = replace(DEFAULT, max_rounds=2)
+    alone, other = (
+        plan_grasps(HOME, CYLINDER, NEEDS, executor=executor, settings=settings)
+        for executor in (None, AtOnce())
+    )
+    assert alone.complete
+    assert other.complete
+    assert (alone.evaluations, alone.analyses) == (other.evaluations, other.analyses)
+    assert alone.analyses == other.analyses == len(asked) / 2 > 1
+    assert other.closest_violation == violation
