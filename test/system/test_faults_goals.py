@@ -31,7 +31,7 @@ class Paths:
     def __init__(self, r):
         self._r = r
         self._client = ActionClient(r.w.probe, FollowObjectPath, 'follow_object_path')
-        self._asked = self._result = None
+        self._asked, self._results = None, []
 
     def ask(self, height, speed=0.02):
         """Send a goal; return the future of its handle."""
@@ -48,7 +48,7 @@ class Paths:
 
         def each():
             if not self._pursued():
-                self._asked, self._result = self.ask(height, speed), None
+                self._asked, self._results = self.ask(height, speed), []
 
         w.until(lambda: w.probe.last('pose') is not None)
         w.until(self._r.moving, each, period=3.0)
@@ -63,9 +63,10 @@ class Paths:
         """
         if self._asked is None or not self._asked.done() or not self._asked.result().accepted:
             return False
-        if self._result is None:
-            self._result = self._asked.result().get_result_async()
-        return not self._result.done()
+        if any(result.done() for result in self._results):
+            return False
+        self._results.append(self._asked.result().get_result_async())
+        return True
 
     def accepted(self, asked):
         """Return the handle of a goal."""
@@ -75,9 +76,15 @@ class Paths:
 
     def ended(self, handle):
         """Wait for the end of a goal; return status of the action, code of the result."""
-        future = handle.get_result_async()
-        self._r.w.until(future.done)
-        return future.result().status, future.result().result.code
+        # A request that a new server has not discovered yet is lost: asked again, as in `go`.
+        futures = []
+        self._r.w.until(
+            lambda: any(future.done() for future in futures),
+            lambda: futures.append(handle.get_result_async()),
+            period=3.0,
+        )
+        found = next(future.result() for future in futures if future.done())
+        return found.status, found.result.code
 
 
 class Trajectories:
