@@ -172,12 +172,14 @@ class Configuration:
                 step *= 0.5
         return Configuration(robot, goal, points, nearby)
 
-    def is_near(self, roller_positions: Array) -> bool:
+    def has_factor_for(self, roller_positions: Array) -> bool:
         """
-        Return whether the factored matrix of this configuration serves in another one.
+        Return whether the matrix has been factored here, and serves in another configuration.
 
         :param roller_positions: (r,) travel since home in the other one [m].
         """
+        if 'factor' not in self.__dict__:
+            return False
         return bool(np.abs(roller_positions - self.roller_positions).max() < FIRST_ORDER)
 
     def predict(self, travel: Array, first_order: float = FIRST_ORDER) -> Configuration:
@@ -309,7 +311,7 @@ class ConfigurationTracker:
         """
         if not np.array_equal(roller_positions, self._last.roller_positions):
             start, nearby, ahead = self._last, None, self.ahead
-            if ahead and 'factor' in ahead.__dict__ and ahead.is_near(roller_positions):
+            if ahead is not None and ahead.has_factor_for(roller_positions):
                 start, nearby = ahead, ahead.factor
             try:
                 self._last = start.moved_to(roller_positions, nearby)

@@ -105,7 +105,7 @@ class SimulatedRobot:
         if duration > 0.0 and moving:
             travel = duration * speeds
             goal = self.config.roller_positions + self._drive.grip * travel
-            if not self._factored.is_near(goal):
+            if not self._factored.has_factor_for(goal):
                 self._factored = self.config
             self.config = self.config.moved_to(goal, self._factored.factor)
             self.roller_positions = self.roller_positions + travel
