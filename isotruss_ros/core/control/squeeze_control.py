@@ -197,7 +197,7 @@ class SqueezeControl:
         :param keeps_direction: whether the limits admit the twist in its direction.
         """
         trend, slope = self._trend, self._slope
-        if trend is None or not len(self._rollers):
+        if trend is None:
             return solve(wanted, rate / slope)
         along = trend.along(self._rollers)
         if keeps_direction:

@@ -266,9 +266,10 @@ class TwistServo:
         if self.detector is None or not isinstance(self.rollers, StampedInput):
             return
         state, time = self.rollers
-        commanded, before = np.zeros(len(state.positions)), self._detected
+        before = self._detected
         if before is not None and 0.0 <= time - before < DETECTION_PERIOD:
             return
+        commanded = np.zeros(len(state.positions))
         if before is not None and time > before:
             commanded = self._history.travel(before, time, commanded) / (time - before)
         self._detected = time

@@ -1,7 +1,8 @@
-"""How far a step may lead before it counts as having left the branch, where that is known."""
+"""How far a step may lead before it counts as having left the branch, and where steps end."""
 
 from types import SimpleNamespace
 
+from isotruss_ros.core.kinematics import configuration
 from isotruss_ros.core.kinematics.configuration import follow_branch
 import numpy as np
 import pytest
@@ -34,3 +35,17 @@ def test_corrections_of_more_than_half_the_predictor_are_refused(sign, length, s
 
 def test_a_step_to_where_there_is_no_matrix_ends():
     assert follow_branch(Bar(), np.array([0j]), SimpleNamespace(length=1.0)) is None
+
+
+def test_a_step_beyond_all_numbers_ends():
+    """Next to the origin the bar hardly gets longer as its end moves."""
+    with np.errstate(over='ignore'):
+        found = follow_branch(Bar(), np.array([1e-200 + 0j]), SimpleNamespace(length=1.0))
+    assert found is None
+
+
+def test_a_search_that_takes_too_long_ends(monkeypatch):
+    length = SimpleNamespace(length=0.9)
+    assert follow_branch(Bar(), np.array([1.0 + 0j]), length) == pytest.approx([0.9])
+    monkeypatch.setattr(configuration, 'MAX_ITERATIONS', 1)
+    assert follow_branch(Bar(), np.array([1.0 + 0j]), length) is None

@@ -1,25 +1,10 @@
-"""Rare ends of continuation and of placing modules; rows on nodes as rows on rollers."""
-
-from types import SimpleNamespace
+"""Rare ends of placing modules; rows on nodes as rows on rollers."""
 
 from isotruss_ros.core import load_robot, RobotFileError
-from isotruss_ros.core.kinematics import configuration, home
-from isotruss_ros.core.kinematics.configuration import follow_branch
+from isotruss_ros.core.kinematics import home
 import numpy as np
 import pytest
 import robots
-
-
-class Bar:
-    """One point that stays on the x axis, at a distance from the origin."""
-
-    def residual(self, points, targets):
-        (z,) = points
-        return np.array([0.5 * (abs(z) ** 2 - targets.length**2), z.imag])
-
-    def matrix(self, points):
-        (z,) = points
-        return np.array([[z.real, z.imag], [0.0, 1.0]])
 
 
 @pytest.mark.parametrize('name', robots.PRESETS)
@@ -30,20 +15,6 @@ def test_rows_on_rollers_are_those_on_nodes_times_their_motion(name):
     assert found == pytest.approx(rows @ config.node_jacobian, abs=1e-9)
     driven = [config.robot.module_names.index(roller) for roller in config.robot.roller_names]
     assert config.module_rows(rows)[:, driven] == pytest.approx(found, abs=1e-9)
-
-
-def test_a_step_beyond_all_numbers_ends():
-    """Next to the origin the bar hardly gets longer as its end moves."""
-    with np.errstate(over='ignore'):
-        found = follow_branch(Bar(), np.array([1e-200 + 0j]), SimpleNamespace(length=1.0))
-    assert found is None
-
-
-def test_a_search_that_takes_too_long_ends(monkeypatch):
-    length = SimpleNamespace(length=0.9)
-    assert follow_branch(Bar(), np.array([1.0 + 0j]), length) == pytest.approx([0.9])
-    monkeypatch.setattr(configuration, 'MAX_ITERATIONS', 1)
-    assert follow_branch(Bar(), np.array([1.0 + 0j]), length) is None
 
 
 def test_modules_that_cannot_be_turned_are_refused(monkeypatch):
