@@ -53,8 +53,8 @@ def until(executor, probe, what, each=lambda: None):
     end = time.monotonic() + 240.0
     while not what():
         assert time.monotonic() < end
-        executor.spin_once()
         each()
+        executor.spin_once(timeout_sec=0.01)
         rclpy.spin_once(probe, timeout_sec=0.0)
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import deque
 import math
-
-import numpy as np
 
 #: Measurements that are older than this are taken as so old [s].
 MEMORY = 1.0
@@ -75,8 +74,15 @@ class PathClock:
         :param elapsed: since the last call of `advance` [s].
         :param age: how long ago [s].
         """
-        when, times = np.array(self._known).T
-        return float(np.interp(self._now + elapsed - age, when, times))
+        then = self._now + elapsed - age
+        known = self._known
+        after = bisect_right(known, (then, math.inf))
+        if after == 0:
+            return known[0][1]
+        if after == len(known):
+            return known[-1][1]
+        (start, first), (end, last) = known[after - 1], known[after]
+        return first + (last - first) * (then - start) / (end - start)
 
     def step(self, elapsed: float) -> float:
         """
