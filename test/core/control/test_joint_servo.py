@@ -71,11 +71,11 @@ def test_the_joint_goes_straight_in_a_loop():
 
 
 @pytest.mark.parametrize(
-    ('joint', 'twist'),
-    [('Q', (0.2, 0.0, 0.0)), ('Q', (-0.1, -0.2, 0.0)), ('Z', (0.0, -0.2, 0.0))],
+    ('joint', 'twist', 'cycles'),
+    [('Q', (0.2, 0.0, 0.0), 350), ('Q', (-0.1, -0.2, 0.0), 600), ('Z', (0.0, -0.2, 0.0), 750)],
 )
-def test_barriers_and_limits_stop_the_joint(joint, twist):
-    statuses, config = drive(servo(joint), twist, 1000, 0.02)
+def test_barriers_and_limits_stop_the_joint(joint, twist, cycles):
+    statuses, config = drive(servo(joint), twist, cycles, 0.02)
     status, scale = statuses[-1]
     assert Status.SLOWED_ROLLER_SPEED < status < Status.UNREACHABLE
     assert scale < 0.02
