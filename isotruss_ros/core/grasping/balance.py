@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
+from scipy.linalg import lapack
 
 #: Forces balance to this share of the squeeze, contact points touch to this length [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
@@ -135,23 +136,36 @@ def solve_balance(
     """
     count = (len(start) - POSE) // 4
     places, unknowns = Places.of(count), start.copy()
+    longest = _longest_step(count, arm, max_turn)
+    for _ in range(MAX_STEPS):
+        residual, jacobian, normals = equations(unknowns)
+        if _is_solved(residual.tolist(), unknowns, places):
+            folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
+            return None if folded else ContactForces(unknowns, normals, jacobian)
+        _, _, step, singular = lapack.dgesv(jacobian, -residual)
+        size = np.abs(step)
+        if singular or not size.max() < np.inf:
+            return None
+        unknowns = unknowns + step / max(1.0, float((size / longest).max()))
+    return None
+
+
+def _is_solved(residual: list[float], unknowns: Array, places: Places) -> bool:
+    """Return whether forces balance and contacts touch; one that is no number does neither."""
+    unbalanced = FORCE_TOLERANCE * sum(map(abs, unknowns[places.normal].tolist()))
+    first, last = places.balance.start, places.balance.stop
+    apart = residual[:first] + residual[last:]
+    return all(abs(left) <= unbalanced for left in residual[first:last]) and all(
+        abs(left) <= LENGTH_TOLERANCE for left in apart
+    )
+
+
+@functools.lru_cache(maxsize=16)
+def _longest_step(count: int, arm: float, max_turn: float) -> Array:
+    """Return by how much the unknowns (3 + 4k,) of k contacts change in one step at most."""
+    places = Places.of(count)
     longest = np.full(places.size, MAX_MOVE * arm)
     longest[ANGLE], longest[places.inclinations] = max_turn, MAX_TURN
     longest[places.normal] = longest[places.friction] = np.inf
-    for _ in range(MAX_STEPS):
-        residual, jacobian, normals = equations(unknowns)
-        squeeze = float(np.abs(unknowns[places.normal]).sum())
-        unbalanced = float(np.abs(residual[places.balance]).max())
-        apart = float(np.abs(residual[: 3 * count]).max())
-        apart = max(apart, float(np.abs(residual[places.closure]).max()))
-        if unbalanced <= FORCE_TOLERANCE * squeeze and apart <= LENGTH_TOLERANCE:
-            folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
-            return None if folded else ContactForces(unknowns, normals, jacobian)
-        try:
-            step = np.linalg.solve(jacobian, -residual)
-        except np.linalg.LinAlgError:
-            return None
-        if not np.isfinite(step).all():
-            return None
-        unknowns = unknowns + step / max(1.0, float((np.abs(step) / longest).max()))
-    return None
+    longest.flags.writeable = False
+    return longest

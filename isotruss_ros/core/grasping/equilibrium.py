@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import tan
+from math import cos, sin, tan
 
 from isotruss_ros.core.grasping.balance import (
     ANGLE,
@@ -31,6 +31,21 @@ import numpy as np
 
 #: Places of the unknowns and rows of two contacts.
 FEET, INCLINATIONS, NORMAL, FRICTION, BALANCE, CLOSURE, SIZE = Places.of(2)
+#: Where what each contact adds to the Jacobian goes: touch along and across the member by pose and
+#: foot, these and the inclination by the inclination, touch by the normal force, then the balance
+#: by inclination, normal force and friction.
+ENTRIES = np.array(
+    [
+        SIZE * row + column
+        for i in range(2)
+        for row, column in (
+            *((i, 0), (i, 1), (2 + i, 0), (2 + i, 1), (i, 3 + i)),
+            *((i, 5 + i), (2 + i, 5 + i), (4 + i, 5 + i)),
+            *((i, 7 + i), (2 + i, 7 + i)),
+            *((6, 5 + i), (7, 5 + i), (6, 7 + i), (7, 7 + i), (6, 9 + i), (7, 9 + i), (8, 9 + i)),
+        )
+    ]
+)
 #: One contact for each of the two members.
 OWNERS = np.arange(2)
 OWNERS.flags.writeable = False
@@ -85,54 +100,54 @@ class HeldObjectStatics:
         :param wrench: (fx, fy, m / radius) on the object [N].
         :param closure: the remaining two equations, of friction or of rolling.
         """
-        normal, friction = unknowns[NORMAL], unknowns[FRICTION]
-        # Normals along and across the members.
-        local = 1j * self.sides * np.exp(1j * unknowns[INCLINATIONS])
-        depth, soft = self.indentation(normal)
-        skin = self.tube_radius - depth
-        force = (normal + 1j * friction) * local
-        loads = np.empty((2, 3))
-        loads[:, 0], loads[:, 1], loads[:, 2] = force.real, force.imag, -skin * friction
-        contact = self.compliance.at(unknowns[FEET])
-
-        residual, jacobian = np.zeros(SIZE), np.zeros((SIZE, SIZE))
-        # Loads by inclinations, normal forces and friction forces, which follow each other.
-        forces = np.concatenate([1j * force, local, 1j * local])
-        moments = np.concatenate([np.zeros(2), soft * friction, -skin])
-        rows = jacobian[:6].reshape(3, 2, SIZE).transpose(1, 0, 2)  # contact, response
-        rows[:, :, FEET] = contact.rates(loads)
-        rows[:, :, slice(INCLINATIONS.start, None)] = contact.respond_each(forces, moments)
         x, y, _, *each = unknowns.tolist()
+        depth, soft = self.indentation(unknowns[NORMAL])
+        depths, softness = depth.tolist(), soft.tolist()
+        contact = self.compliance.at(unknowns[FEET])
+        axes, starts = self.compliance.axis.tolist(), self.compliance.start.tolist()
         center, pushed = complex(x, y), 0j
-        given = (self.compliance.axis, self.compliance.start, local, skin, soft)
-        axes, starts, normals_within, skins, softness = [values.tolist() for values in given]
+        loads, changes, entries, normals, rest = [], np.zeros((6, 6)), [], [], np.empty((2, 3))
         # One by one: two numbers of Python are quicker than an array of them.
-        for i, (along, across, slope) in enumerate(contact.respond(loads).tolist()):
+        for i, side in enumerate(self.sides.tolist()):
             foot, turned, pressed, rubbed = each[i::2]
-            axis, own = axes[i], normals_within[i]
-            reach, tangent = self.radius + skins[i], tan(turned)
+            axis, skin, dent = axes[i], self.tube_radius - depths[i], softness[i]
+            # The normal along and across the member.
+            own, tangent = complex(-side * sin(turned), side * cos(turned)), tan(turned)
+            force, reach = complex(pressed, rubbed) * own, self.radius + skin
+            loads += [force.real, force.imag, -skin * rubbed]
+            # By inclination, normal force and friction force: loads, then what else changes.
+            first = 3 * i
+            changes[first : first + 3, i::2] = (
+                (-force.imag, own.real, -own.imag),
+                (force.real, own.imag, own.real),
+                (0.0, dent * rubbed, -skin),
+            )
             gap = axis.conjugate() * (starts[i] - center) + foot - reach * own
-            residual[i], residual[2 + i] = gap.real + along, gap.imag + across
-            residual[4 + i] = slope - tangent
-            jacobian[i, 0], jacobian[i, 1] = -axis.real, -axis.imag
-            jacobian[2 + i, 0], jacobian[2 + i, 1] = axis.imag, -axis.real
-            jacobian[i, 3 + i] += 1.0
-            turn, dent = -reach * 1j * own, softness[i] * own
-            jacobian[i, 5 + i] += turn.real
-            jacobian[2 + i, 5 + i] += turn.imag
-            jacobian[4 + i, 5 + i] -= 1.0 + tangent**2
-            jacobian[i, 7 + i] += dent.real
-            jacobian[2 + i, 7 + i] += dent.imag
-            push = complex(pressed, rubbed) * axis * own
+            rest[i] = gap.real, gap.imag, -tangent
+            normal = axis * own
+            push = complex(pressed, rubbed) * normal
+            normals.append(normal)
             pushed += push
-            for place, change in ((5, 1j * push), (7, axis * own), (9, 1j * axis * own)):
-                jacobian[6, place + i], jacobian[7, place + i] = -change.real, -change.imag
-            jacobian[8, 9 + i] = -1.0
+            entries += [
+                *(-axis.real, -axis.imag, axis.imag, -axis.real, 1.0),
+                *(reach * own.imag, -reach * own.real, -1.0 - tangent * tangent),
+                *(dent * own.real, dent * own.imag),
+                *(push.imag, -push.real, -normal.real, -normal.imag, normal.imag, -normal.real),
+                -1.0,
+            ]
+        residual, jacobian = np.empty(SIZE), np.zeros((SIZE, SIZE))
+        jacobian.ravel()[ENTRIES] = entries
+        flat = contact.matrix.reshape(6, 6)
+        given = np.array(loads)
+        rows = jacobian[:6].reshape(3, 2, SIZE).transpose(1, 0, 2)  # contact, response
+        rows[:, :, FEET] += contact.rates(given.reshape(2, 3))
+        rows[:, :, slice(INCLINATIONS.start, None)] += (flat @ changes).reshape(2, 3, 6)
+        residual[:6] = (rest + (flat @ given).reshape(2, 3)).T.ravel()
         residual[6], residual[7] = wrench[0] - pushed.real, wrench[1] - pushed.imag
         residual[8] = wrench[2] - each[6] - each[7]
-        normals = self.compliance.axis * local
-        residual[CLOSURE], jacobian[CLOSURE] = closure(unknowns, normals)
-        return residual, jacobian, normals
+        found = np.array(normals)
+        residual[CLOSURE], jacobian[CLOSURE] = closure(unknowns, found)
+        return residual, jacobian, found
 
     def solve(self, start: Array, wrench: Array, closure: Closure) -> ContactForces | None:
         """
@@ -188,18 +203,29 @@ def roll(anchors: Array, travel: Array, statics: HeldObjectStatics) -> Closure:
     :param travel: (2,) phi_i of the modules at the members' starts [m].
     :param statics: the equations of the held object.
     """
-    derivative = np.zeros((2, SIZE))
-    derivative[:, ANGLE] = statics.radius
-    derivative[:, FEET] = np.diag(-statics.sides)
-    derivative[:, INCLINATIONS] = -statics.radius * np.eye(2)
+    derivative = rolling_rows(statics)
+    fixed = find_anchors(np.zeros(SIZE), travel, statics) - anchors
     # The direction of a member, and with it all of this, is known up to whole turns.
     around = 2.0 * np.pi * statics.radius
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
-        left = find_anchors(unknowns, travel, statics) - anchors
+        left = derivative @ unknowns + fixed
         return left - around * np.round(left / around), derivative
 
     return rows
+
+
+def rolling_rows(statics: HeldObjectStatics) -> Array:
+    """
+    Return the derivative (2, 11) of what `find_anchors` returns.
+
+    :param statics: the equations of the held object.
+    """
+    derivative = np.zeros((2, SIZE))
+    for i, side in enumerate(statics.sides.tolist()):
+        row = derivative[i]
+        row[ANGLE], row[3 + i], row[5 + i] = statics.radius, -side, -statics.radius
+    return derivative
 
 
 def find_anchors(unknowns: Array, travel: Array, statics: HeldObjectStatics) -> Array:

@@ -1,30 +1,38 @@
 """
 How members give where an object presses on them, at places that may move along them.
 
-A Timoshenko beam between its ends deforms as a cantilever from the start whose far end is brought
-to where it is held. Displacement, slope and rotation of the section are polynomials of the place;
-with their coefficients at hand, values and derivatives at a place take two products.
+A load at a place of a piece moves the ends of the piece, and with them the whole structure, and
+bends the piece between its ends: `clamped_beam` has both, with derivatives by the place.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+import functools
 import itertools
 
 from isotruss_ros.core.grasping.beam_between import beam_between, BeamPiece
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.grasping.clamped_beam import ClampedBeam, VALUES
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np
 
-#: What beams with clamped ends do under loads inside of them is of this degree.
-DEGREE = 6
-#: Where polynomials are taken, from -1 to 1, and what turns values there into coefficients.
-NODES = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
-TO_COEFFICIENTS = np.linalg.inv(np.vander(NODES, increasing=True))
-POWERS = np.arange(DEGREE + 1)
-#: Rows of shape functions that are responses (displacement, slope), and loads (force, moment).
-ROWS = [0, 1, 2, 0, 1, 3]
+#: Where the numbers of `ClampedBeam.at` go (those of a zero: -1): in responses by the ends (along,
+#: across, slope), in loads (along, across, moment), in the derivatives of both, and by loads.
+ALONG, STRETCHED = [0, -1, -1, 1, -1, -1], [14, -1, -1, 15, -1, -1]
+ACROSS, SLOPE = [-1, 2, 3, -1, 4, 5], [-1, 6, 7, -1, 8, 9]
+TURNED, BENT = [-1, 10, 11, -1, 12, 13], [-1, 16, 17, -1, 18, 19]
+SHAPES = np.array(
+    [
+        [ALONG, ACROSS, SLOPE],
+        [ALONG, ACROSS, TURNED],
+        [STRETCHED, SLOPE, BENT],
+        [STRETCHED, SLOPE, BENT],
+    ]
+)
+INSIDE = np.array([[20, -1, -1], [-1, 21, 22], [-1, 23, 24]])
+INSIDE_RATES = np.array([[25, -1, -1], [-1, 26, 27], [-1, 28, 29]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +52,7 @@ class ContactCompliance:
     _loads_rate: Array
     _by_ends: Array  # (3 k, 6 k) responses to forces on the ends
     _to_ends: Array  # (6 k, 3 k) displacements of the ends under loads
-    _inside_rate: Array  # (k, 3, 3)
+    _inside_rate: Array  # (3 k, 3 k)
     #: Places i, j on one piece: derivatives of what loads at j do at i, by both places.
     _between_rates: tuple[tuple[int, int, Array, Array], ...] = ()
 
@@ -79,9 +87,8 @@ class ContactCompliance:
         flat = loads.ravel()
         moved = (self._loads_rate * flat[:, None]).reshape(count, 3, -1).sum(axis=1)
         rates = (self._by_ends @ moved.T).reshape(count, 3, count)
-        own = np.arange(count)
-        rates[own, :, own] += (self._rows_rate @ (self._to_ends @ flat)).reshape(count, 3)
-        rates[own, :, own] += (self._inside_rate @ loads[:, :, None])[:, :, 0]
+        own = self._rows_rate @ (self._to_ends @ flat) + self._inside_rate @ flat
+        rates += own.reshape(count, 3, 1) * np.eye(count)[:, None]
         for i, j, by_own, by_other in self._between_rates:
             rates[i, :, i] += by_own @ loads[j]
             rates[i, :, j] += by_other @ loads[j]
@@ -119,43 +126,19 @@ class MemberCompliance:
         length = np.abs(end - begin)
         # Where one piece ends and the next one begins, by the place on the member.
         self._joints = np.stack([length[:, 0], length[:, 0] + length[:, 1]], axis=1)
-        sense = np.array([1.0, 1.0, -1.0])
-        middle = ((0.5 * (begin + end) - self.start[:, None]) * self.axis.conj()[:, None]).real
-        self._middle, self._zoom = middle, 2.0 * sense / length
-        of_beams = (frame.members.axial, frame.members.flexural, frame.members.shear)
-        self._beams = (length, *(values[pieces] for values in of_beams))
-        self._pinned, self._sense = frame.members.pinned_start[pieces], sense
-        self._scale = scale
+        self._frame, self._scale = frame, scale
+        own = frame.members
+        of_beams = (length, *(each[pieces] for each in (own.axial, own.flexural, own.shear)))
+        self._beams = np.stack(of_beams, axis=2).tolist()
+        self._pinned = own.pinned_start[pieces].tolist()
+        self._lengths: list[float] = self.length.tolist()
+        self._ends_joined: list[list[float]] = self._joints.tolist()
         self._pairs = [
             (i, j) for i, j in itertools.permutations(range(count), 2) if used[i] == used[j]
         ]
-        shapes, inside = _clamped_beams(
-            0.5 * length[..., None] * (1.0 + NODES),
-            length[..., None],
-            frame.members.axial[pieces][..., None],
-            frame.members.flexural[pieces][..., None],
-            frame.members.shear[pieces][..., None],
-            frame.members.pinned_start[pieces],
-        )
-        # Along and across are turned around on a piece that runs backward.
-        turn = np.ones((3, 4))
-        turn[2, :2] = -1.0
-        shapes *= turn[:, None, :, None]
-        inside *= (turn[:, :3, None] * turn[:, None, :3])[:, None] / scale
-        # Of shape functions those that are responses, then those that are loads, then inside.
-        values = np.concatenate(
-            [shapes[..., ROWS, :].reshape(count, 3, -1, 36), inside.reshape(count, 3, -1, 9)],
-            axis=3,
-        )
-        coefficients = values.swapaxes(2, 3) @ TO_COEFFICIENTS.T
-        self._coefficients = np.zeros((count, 3, 2, 45, DEGREE + 1))
-        self._coefficients[:, :, 0] = coefficients
-        # Their derivatives by the place on the member.
-        zoom = self._zoom[:, :, None, None]
-        self._coefficients[:, :, 1, :, :-1] = zoom * POWERS[1:] * coefficients[..., 1:]
-        self._own = np.arange(count)
-        ends = frame.compliance(pieces.ravel()).reshape(count, 3, 6, count, 3, 6)
-        self._ends = ends.transpose(0, 1, 3, 4, 2, 5) / scale
+        self._pieces_at: dict[tuple[int, int], ClampedBeam] = {}
+        self._ends_at: dict[tuple[int, ...], Array] = {}
+        self._last_key, self._last = b'', None
 
     def locate(self, places: Array) -> tuple[Indices, Array]:
         """
@@ -169,25 +152,34 @@ class MemberCompliance:
 
     def at(self, places: Array) -> ContactCompliance:
         """
-        Return the compliance at one place on each member.
+        Return the compliance at one place on each member; that of the last places is kept.
 
         :param places: (k,) distances from the members' starts [m].
         """
-        count, own = len(places), self._own
-        piece = (places[:, None] >= self._joints).sum(axis=1)
-        x = self._zoom[own, piece] * (places - self._middle[own, piece])
-        powers = (x[:, None] ** POWERS)[:, None, :, None]
-        both = (self._coefficients[own, piece] @ powers)[..., 0]
-        shapes = np.zeros((4, count, 3, count, 6))
-        shapes[:, own, :, own] = both[..., :36].reshape(count, 4, 3, 6)
-        by_ends, loads, rows_rate, loads_rate = shapes.reshape(4, 3 * count, 6 * count)
-        inside = both[..., 36:].reshape(count, 2, 3, 3)
-        ends = self._ends[own[:, None], piece[:, None], own, piece]
-        ends = ends.transpose(0, 2, 1, 3).reshape(6 * count, 6 * count)
+        key = places.tobytes()
+        if key != self._last_key:
+            self._last_key, self._last = key, self._at(places)
+        return self._last
+
+    def _at(self, places: Array) -> ContactCompliance:
+        """Compute what `at` returns."""
+        values, numbers, on_pieces = [], [], []
+        for i, place in enumerate(places.tolist()):
+            first, second = self._ends_joined[i]
+            number = int(place >= first) + int(place >= second)
+            x = self._lengths[i] - place if number == 2 else place - (0.0, first)[number]
+            values += self._beam(i, number).at(x)
+            numbers.append(number)
+            on_pieces.append(x)
+        count = len(numbers)
+        shapes_at, inside_at = _templates(count)
+        flat = np.array([*values, 0.0])
+        by_ends, loads, rows_rate, loads_rate = flat.take(shapes_at)
+        inside, inside_rate = flat.take(inside_at)
+        ends = self._ends(tuple(numbers))
         to_ends = ends @ loads.T
-        matrix = (by_ends @ to_ends).reshape(count, 3, count, 3)
-        matrix[own, :, own] += inside[:, 0]
-        between = tuple(self._between(places, piece))
+        matrix = (by_ends @ to_ends + inside).reshape(count, 3, count, 3)
+        between = tuple(self._between(on_pieces, numbers)) if self._pairs else ()
         for (i, j, _, _), found in between:
             matrix[i, :, j] += found
         return ContactCompliance(
@@ -196,92 +188,62 @@ class MemberCompliance:
             loads_rate,
             by_ends @ ends,
             to_ends,
-            inside[:, 1],
+            inside_rate,
             tuple(rates for rates, _ in between),
         )
 
+    def _beam(self, i: int, number: int) -> ClampedBeam:
+        """Return a piece of one of the members; kept."""
+        beam = self._pieces_at.get((i, number))
+        if beam is None:
+            sense = -1.0 if number == 2 else 1.0
+            pinned, values = self._pinned[i][number], self._beams[i][number]
+            beam = ClampedBeam(*values, pinned, sense, 1.0 / self._scale)
+            self._pieces_at[i, number] = beam
+        return beam
+
+    def _ends(self, numbers: tuple[int, ...]) -> Array:
+        """Return the compliance (6 k, 6 k) of the ends of one piece of each member; kept."""
+        found = self._ends_at.get(numbers)
+        if found is None:
+            pieces = self._pieces[np.arange(len(numbers)), list(numbers)]
+            found = self._frame.compliance(pieces) / self._scale
+            self._ends_at[numbers] = found
+        return found
+
     def _between(
-        self, places: Array, piece: Indices
+        self, places: Sequence[float], piece: Sequence[int]
     ) -> Iterator[tuple[tuple[int, int, Array, Array], Array]]:
-        """Yield what loads at other places of the same piece do, with its derivatives."""
+        """
+        Yield what loads at other places of the same piece do, with its derivatives.
+
+        :param places: (k,) from the starts of the pieces [m].
+        :param piece: (k,) which of its member's pieces each is on.
+        """
         for i, j in self._pairs:
             if piece[i] != piece[j]:
                 continue
-            number = piece[i]
-            sense = float(self._sense[number])
-            beam = BeamPiece(
-                *(float(values[i, number]) for values in self._beams),
-                bool(self._pinned[i, number]),
-            )
-            x, y = (
-                sense * (float(places[k]) - float(self._middle[k, number])) + 0.5 * beam.length
-                for k in (i, j)
-            )
+            sense = -1.0 if piece[i] == 2 else 1.0
+            beam = BeamPiece(*self._beams[i][piece[i]], self._pinned[i][piece[i]])
             turn = np.array([sense, sense, 1.0])
             turned = np.outer(turn, turn) / self._scale
-            found, by_own, by_other = (turned * matrix for matrix in beam_between(beam, x, y))
+            found, by_own, by_other = (
+                turned * matrix for matrix in beam_between(beam, places[i], places[j])
+            )
             yield (i, j, sense * by_own, sense * by_other), found
 
 
-def _clamped_beams(
-    x: Array, length: Array, axial: Array, flexural: Array, shear: Array, pinned: Flags
-) -> tuple[Array, Array]:
+@functools.lru_cache(maxsize=8)
+def _templates(count: int) -> tuple[Indices, Indices]:
     """
-    Return shape functions, and responses to loads at the place while the ends stand still.
+    Return where the numbers of k beams go; what is in no place is the zero behind all of them.
 
-    :param x: (..., n) places on beams [m].
-    :param pinned: (...) whether the start transmits no moment.
-    :return: (..., n, 4, 6) displacement along and across, slope of the line and rotation of the
-        section, by the ends; and (..., n, 3, 3) displacements and slope by forces and moment.
+    :param count: k.
+    :return: (4, 3 k, 6 k) of shape functions and (2, 3 k, 3 k) of what loads do, ends held.
     """
-    ei, ga = 1.0 / flexural, 1.0 / shear
-    # By force and moment at the tip of a cantilever: deflection, slope, rotation of the section.
-    # By reciprocity also what force (deflection) and moment (rotation) at x do to the tip.
-    turn, bow = (length * x - 0.5 * x**2) * ei, x * ei
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    sink = x**2 * (3.0 * length - x) * ei / 6.0 + x * ga
-    basis = _matrices([[sink, 0.5 * x * bow], [turn + ga, bow], [turn, bow]])
-    tip = _matrices(
-        [
-            [length**3 * ei / 3.0 + length * ga, 0.5 * length**2 * ei],
-            [0.5 * length**2 * ei, length * ei],
-        ]
-    )
-    stiffness = np.linalg.inv(tip)
-    bend = basis @ stiffness  # by deflection and rotation of the tip
-    relative = _matrices([[-one, -length * one, one, zero], [zero, -one, zero, one]])
-    shapes = bend @ relative
-    shapes[..., 0, 0] += 1.0
-    shapes[..., 0, 1] += x
-    shapes[..., 1:, 1] += 1.0
-    own = _matrices(
-        [
-            [x**3 * ei / 3.0 + x * ga, 0.5 * x * bow],
-            [0.5 * (x * bow + ga), bow],  # half of the derivative of what is above: the mean slope
-        ]
-    )
-    own = own - bend[..., :2, :] @ basis[..., ::2, :].swapaxes(-1, -2)
-    # The rotation of a pinned start follows from no moment there.
-    pin = (relative.swapaxes(-1, -2) @ stiffness @ relative)[..., 1, :]
-    free = pinned[..., None, None, None]
-    start = shapes[..., 1:2].copy()
-    shapes -= np.where(free, start * (pin / pin[..., 1:2])[..., None, :], 0.0)
-    freed = start[..., :2, :] * start[..., ::2, :].swapaxes(-1, -2) / pin[..., 1, None, None]
-    own += np.where(free, freed, 0.0)
-
-    full = np.zeros((*x.shape, 4, 6))
-    full[..., 0, 0], full[..., 0, 3] = one - x / length, x / length
-    full[..., 1:, [1, 2, 4, 5]] = shapes
-    inside = np.zeros((*x.shape, 3, 3))
-    inside[..., 0, 0] = x * (length - x) / (axial * length)
-    inside[..., 1:, 1:] = own
-    return full, inside
-
-
-def _matrices(rows: Sequence[Sequence[Array]]) -> Array:
-    """Return matrices of entries that are arrays of one shape."""
-    matrices = np.empty((*rows[0][0].shape, len(rows), len(rows[0])))
-    for i, row in enumerate(rows):
-        for j, entry in enumerate(row):
-            matrices[..., i, j] = entry
-    return matrices
+    shapes = np.full((4, count, 3, count, 6), VALUES * count)
+    inside = np.full((2, count, 3, count, 3), VALUES * count)
+    for i in range(count):
+        for whole, part in ((shapes, SHAPES), (inside, np.stack([INSIDE, INSIDE_RATES]))):
+            whole[:, i, :, i] = np.where(part < 0, VALUES * count, VALUES * i + part)
+    return shapes.reshape(4, 3 * count, -1), inside.reshape(2, 3 * count, -1)

@@ -7,14 +7,16 @@ from dataclasses import dataclass
 from isotruss_ros.core.grasping.balance import ContactForces
 from isotruss_ros.core.grasping.equilibrium import (
     BALANCE,
+    CLOSURE,
     FRICTION,
     HeldObjectStatics,
     NORMAL,
-    roll,
+    rolling_rows,
     SIZE,
 )
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
+from scipy.linalg import lapack
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +64,10 @@ def wrench_response(statics: HeldObjectStatics, state: ContactForces) -> WrenchR
     :param state: the equilibrium.
     :return: None where the equilibrium is indifferent: its Jacobian is singular.
     """
-    closure = roll(np.zeros(2), np.zeros(2), statics)
-    right = np.zeros((SIZE, 3))
+    jacobian, right = state.jacobian.copy(), np.zeros((SIZE, 3))
+    jacobian[CLOSURE] = rolling_rows(statics)
     right[BALANCE] = -np.eye(3)
-    change = solve_change(state.jacobian_with(closure), right)
+    change = solve_change(jacobian, right)
     if change is None:
         return None
     pose, normal, friction = change[:3], change[NORMAL], change[FRICTION]
@@ -79,12 +81,8 @@ def solve_change(jacobian: Array, right: Array) -> Array | None:
     :param jacobian: (3 + 4k, 3 + 4k) of the equations of equilibrium.
     :param right: (3 + 4k, n) right-hand sides, the first three those of the wrench.
     """
-    try:
-        change = np.linalg.solve(jacobian, right)
-        np.linalg.inv(change[:3, :3])
-    except np.linalg.LinAlgError:
-        return None
-    return change
+    _, _, change, singular = lapack.dgesv(jacobian, right)
+    return None if singular or lapack.dgetrf(change[:3, :3])[2] else change
 
 
 def slip_margin(state: ContactForces, response: WrenchResponse, friction: float) -> float:
@@ -102,7 +100,7 @@ def slip_margin(state: ContactForces, response: WrenchResponse, friction: float)
     :return: negative where a member slips or a contact pulls already.
     """
     reserve, slope = _conditions(state, response, friction)
-    return float((reserve / np.linalg.norm(slope, axis=1)).min())
+    return float((reserve / _sizes(slope)).min())
 
 
 def weakest_direction(state: ContactForces, response: WrenchResponse, friction: float) -> Array:
@@ -114,18 +112,27 @@ def weakest_direction(state: ContactForces, response: WrenchResponse, friction: 
     :param friction: coefficient mu.
     """
     reserve, slope = _conditions(state, response, friction)
-    size = np.linalg.norm(slope, axis=1)
+    size = _sizes(slope)
     nearest = int((reserve / size).argmin())
     return -slope[nearest] / size[nearest]
+
+
+def _sizes(slope: Array) -> Array:
+    """Return the lengths of rows."""
+    return np.sqrt((slope * slope).sum(axis=1))
 
 
 def _conditions(
     state: ContactForces, response: WrenchResponse, friction: float
 ) -> tuple[Array, Array]:
     """Return what is left until m members slip and k contacts let go (2m + k,), and slopes."""
-    members = np.eye(int(response.owners[-1]) + 1)[response.owners].T
-    normal, rubs = members @ state.normal_forces, members @ state.friction_forces
-    by_normal, by_friction = members @ response.normal, members @ response.friction
+    normal, rubs = state.normal_forces, state.friction_forces
+    by_normal, by_friction = response.normal, response.friction
+    count = int(response.owners[-1]) + 1
+    if count < len(normal):
+        members = np.eye(count)[response.owners].T
+        normal, rubs = members @ normal, members @ rubs
+        by_normal, by_friction = members @ by_normal, members @ by_friction
     reserve = [friction * normal - rubs, friction * normal + rubs, state.normal_forces]
     slope = [
         friction * by_normal - by_friction,
