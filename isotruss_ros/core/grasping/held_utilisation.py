@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.loaded_tubes import LoadedTubes
+from isotruss_ros.core.grasping.loaded_tubes import spans
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.grasping.wrinkling import load_sections
 from isotruss_ros.core.numerics.arrays import Array
@@ -22,13 +22,22 @@ def held_utilisation(grasp: RollingGrasp | HeldGrip) -> Array:
     """
     structure = structure_of(grasp.config, grasp.pressure)
     frame, topology = structure.frame, grasp.config.robot.topology
-    state, members = grasp.state, grasp.contact_members
+    state, compliance = grasp.state, grasp.statics.compliance
     forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
-    piece, place = grasp.statics.compliance.locate(state.feet)
-    loaded = LoadedTubes(frame, piece, place, forces)
+    local = forces * compliance.axis.conj()
+    loads = np.stack([local.real, local.imag, np.zeros(len(local))], axis=1)
+    carried = compliance.at(state.feet).carried(loads)
+    piece, place = compliance.locate(state.feet)
+    _, span = spans(frame, piece)
     pressure = np.array(structure.pressures)[topology.tube]
     sections = load_sections(
-        structure, pressure, loaded.end_forces, piece, place, loaded.local_forces, members
+        structure,
+        pressure,
+        frame.end_forces(piece, carried),
+        piece,
+        place,
+        forces * (span / np.abs(span)).conj(),
+        grasp.contact_members,
     )
     used = np.zeros(topology.n_modules)
     np.maximum.at(used, sections.member, sections.utilisation)

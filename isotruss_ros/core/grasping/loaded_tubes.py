@@ -1,4 +1,4 @@
-"""Tubes under forces inside their pieces: how the frame moves, and what the pieces carry."""
+"""Tubes under forces inside their pieces: how the frame moves."""
 
 from __future__ import annotations
 
@@ -33,44 +33,23 @@ class LoadedTubes:
         return self.forces * (span / np.abs(span)).conj()
 
     @cached_property
-    def _carried(self) -> Array:
-        """Return the loads (c, 6) on the ends of members that move them as each force does."""
-        shapes = interior_points(
-            self._frame, self.piece, np.arange(len(self.piece)), self.place
-        ).shapes()
-        local = self.local_forces
-        return local.real[:, None] * shapes[:, 0] + local.imag[:, None] * shapes[:, 1]
-
-    @cached_property
-    def _loads(self) -> Array:
-        """Return the loads (n, 3) on the nodes that move them as the forces do."""
-        frame = self._frame
-        turn = frame.to_member_frame(self.piece)
-        loads = np.zeros((len(frame.points), 3))
-        pushed = np.einsum('cji,cj->ci', turn, self._carried)
-        np.add.at(loads, frame.members.start[self.piece], pushed[:, :3])
-        np.add.at(loads, frame.members.end[self.piece], pushed[:, 3:])
-        return loads
-
-    @cached_property
     def displacements(self) -> Array:
         """
         Return the displacements of the nodes, as `FrameState.displacements`, (n, 3).
 
         :raises StructureError: the robot is a mechanism.
         """
-        return self._frame.solve(self._loads).displacements
-
-    @cached_property
-    def end_forces(self) -> Array:
-        """
-        Return forces of the nodes on all members, as `FrameState.end_forces`, (k, 6).
-
-        :raises StructureError: the robot is a mechanism.
-        """
-        forces = self._frame.end_forces(self._loads)
-        np.subtract.at(forces, self.piece, self._carried)
-        return forces
+        frame, local = self._frame, self.local_forces
+        shapes = interior_points(
+            frame, self.piece, np.arange(len(self.piece)), self.place
+        ).shapes()
+        # What moves the ends of the members as the forces do.
+        carried = local.real[:, None] * shapes[:, 0] + local.imag[:, None] * shapes[:, 1]
+        loads = np.zeros((len(frame.points), 3))
+        pushed = np.einsum('cji,cj->ci', frame.to_member_frame(self.piece), carried)
+        np.add.at(loads, frame.members.start[self.piece], pushed[:, :3])
+        np.add.at(loads, frame.members.end[self.piece], pushed[:, 3:])
+        return frame.solve(loads).displacements
 
 
 def spans(frame: Frame, pieces: Indices) -> tuple[Points, Points]:

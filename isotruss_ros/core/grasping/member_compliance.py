@@ -50,6 +50,7 @@ class ContactCompliance:
     matrix: Array
     _rows_rate: Array  # (3 k, 6 k) responses by the ends
     _loads_rate: Array
+    _loads: Array  # (3 k, 6 k) displacements where loads are by the ends
     _by_ends: Array  # (3 k, 6 k) responses to forces on the ends
     _to_ends: Array  # (6 k, 3 k) displacements of the ends under loads
     _inside_rate: Array  # (3 k, 3 k)
@@ -76,6 +77,14 @@ class ContactCompliance:
         loads = np.stack([forces.real, forces.imag, moments]).reshape(3, -1, count)
         found = self.matrix.transpose(2, 0, 1, 3).reshape(count, -1, 3) @ loads.transpose(2, 0, 1)
         return found.transpose(1, 2, 0).reshape(count, 3, -1)
+
+    def carried(self, loads: Array) -> Array:
+        """
+        Return what moves the ends of the pieces as loads (k, 3) do, in the frames of these (k, 6).
+
+        :param loads: (k, 3) forces along and across the member [N] and moment [N m].
+        """
+        return (self._loads.T @ loads.ravel()).reshape(len(loads), 6)
 
     def rates(self, loads: Array) -> Array:
         """
@@ -186,6 +195,7 @@ class MemberCompliance:
             matrix,
             rows_rate,
             loads_rate,
+            loads,
             by_ends @ ends,
             to_ends,
             inside_rate,

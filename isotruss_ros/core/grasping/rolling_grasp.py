@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import functools
+from math import cos, sin
 
 from isotruss_ros.core.grasping.balance import ContactForces
 from isotruss_ros.core.grasping.depths import member_depths
@@ -31,6 +32,9 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.pressures import Pressure
 import numpy as np
 
+#: A motion is expected to go on by at most this many times what it was before.
+MOST = 2.0
+
 
 @dataclass(frozen=True, eq=False)
 class RollingGrasp(StickingGrasp):
@@ -46,6 +50,8 @@ class RollingGrasp(StickingGrasp):
     :ivar wrench: (fx, fy, m / radius) on the object [N].
     :ivar stiffness_scale: stiffness of the robot against that of the model.
     :ivar pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
+    :ivar motion: roller travel (r,) [m] from the grasp before this one, and by how much that
+        changed the unknowns (11,); None without one.
     """
 
     config: Configuration
@@ -57,6 +63,7 @@ class RollingGrasp(StickingGrasp):
     wrench: Array
     stiffness_scale: float = 1.0
     pressure: Pressure | None = None
+    motion: tuple[Array, Array] | None = None
 
     @classmethod
     def attach(
@@ -127,7 +134,10 @@ class RollingGrasp(StickingGrasp):
             config, cylinder, self.members, self.stiffness_scale, pressure=self.pressure
         )
         closure = roll(self.anchors, travel_into(config, self.members), statics)
-        state = statics.solve(self.state.unknowns, wrench, closure)
+        travel = config.roller_positions - self.config.roller_positions
+        state = statics.solve(self._ahead(travel), wrench, closure)
+        if state is None:
+            state = statics.solve(self.state.unknowns, wrench, closure)
         if state is None:
             return None
         return RollingGrasp(
@@ -140,7 +150,18 @@ class RollingGrasp(StickingGrasp):
             wrench,
             self.stiffness_scale,
             self.pressure,
+            (travel, state.unknowns - self.state.unknowns),
         )
+
+    def _ahead(self, travel: Array) -> Array:
+        """Return about where the unknowns (11,) will be after some travel (r,) [m]."""
+        if self.motion is None:
+            return self.state.unknowns
+        before, change = self.motion
+        length = float(before @ before)
+        # What the motion has in common with the one before; no guess from a much shorter one.
+        share = float(travel @ before) / length if length > 0.0 else 0.0
+        return self.state.unknowns + max(-MOST, min(share, MOST)) * change
 
     @functools.cached_property
     def response(self) -> WrenchResponse | None:
@@ -155,12 +176,24 @@ class RollingGrasp(StickingGrasp):
         both press alike: the depth lost is shared by both, and by the dents in the skin.
         """
         statics, feet = self.statics, self.state.feet
-        local = 1j * statics.sides * np.exp(1j * self.state.unknowns[INCLINATIONS])
-        normals = np.column_stack([local.real, local.imag, np.zeros(2)]).ravel()
-        compliance = normals @ statics.compliance.at(feet).matrix.reshape(6, 6) @ normals
+        compliance, normals = statics.compliance, []
+        for side, turned in zip(
+            statics.sides.tolist(), self.state.unknowns[INCLINATIONS].tolist(), strict=True
+        ):
+            normals += [-side * sin(turned), side * cos(turned), 0.0]
+        pressed = np.array(normals)
+        give = float(pressed @ compliance.at(feet).matrix.reshape(6, 6) @ pressed)
         _, dents = statics.indentation(self.state.normal_forces)
         # The members meet at the module where one of them starts and the other one ends.
+        one, other = self.members.tolist()
         following = self.config.robot.topology.following
-        starts = self.members == following[self.members[::-1]]
-        arms = np.where(starts, feet, statics.compliance.length - feet)
-        return -float(arms.mean() / (compliance + dents.sum()))
+        arms = [
+            foot if starts else length - foot
+            for foot, length, starts in zip(
+                feet.tolist(),
+                compliance.length.tolist(),
+                (one == following[other], other == following[one]),
+                strict=True,
+            )
+        ]
+        return -0.5 * sum(arms) / (give + float(dents.sum()))

@@ -78,24 +78,27 @@ def load_sections(
     """
     topology, file = structure.config.robot.topology, structure.config.robot.description
     m, radius = topology.n_modules, 0.5 * file.tube_diameter
+    count, pieces = len(piece), 3 * m
     along, across = local.real, local.imag
     # At each force: all that acts on the piece between its start and there.
-    before = (piece[:, None] == piece) & (place[:, None] > place)
-    lever = np.where(before, place[:, None] - place, 0.0)
-    moment = end_forces[piece, 1] * place - end_forces[piece, 2] + lever @ across
-    compression = end_forces[piece, 0] + before @ along
+    apart = place[:, None] - place
+    before = (piece[:, None] == piece) & (apart > 0.0)
+    there = end_forces[piece]
+    moment = there[:, 1] * place - there[:, 2] + np.where(before, apart, 0.0) @ across
+    compression = there[:, 0] + before @ along
     compression = np.maximum(compression, compression + along)
     # At the ends of all pieces, of the moments the sizes alone.
-    tubes = tube_pieces(m).ravel()
-    end_moments = np.concatenate([end_forces[tubes, 2], end_forces[tubes, 5]])
-    end_compressions = np.concatenate([end_forces[tubes, 0], -end_forces[tubes, 3]])
-    of_pieces = np.concatenate([np.arange(m), topology.previous, np.arange(m)])
+    ends = end_forces[tube_pieces(m).ravel()]
+    moments, left = np.empty(count + 2 * pieces), np.empty(count + 2 * pieces)
+    first, second = slice(count, count + pieces), slice(count + pieces, None)
+    moments[:count], moments[first], moments[second] = moment, ends[:, 2], ends[:, 5]
+    left[:count], left[first], left[second] = -compression, -ends[:, 0], ends[:, 3]
+    own = np.arange(m)
+    of_pieces = np.concatenate([own, topology.previous, own])
     member = np.concatenate([owner, of_pieces, of_pieces])
-    moments = np.concatenate([np.abs(moment), np.abs(end_moments)])
-    left = (pressure * np.pi * radius**2)[member]
-    left -= np.concatenate([compression, end_compressions])
+    left += (pressure * (np.pi * radius**2))[member]
     used = np.full(len(moments), np.inf)
-    np.divide(moments, 0.5 * radius * left, out=used, where=left > 0.0)
+    np.divide(np.abs(moments), 0.5 * radius * left, out=used, where=left > 0.0)
     return SectionLoads(moment, compression, used, member)
 
 
@@ -122,12 +125,7 @@ def find_wrinkling(
     # What moves the ends of the pieces as the forces inside do, which the pieces carry besides.
     pushed = local.real @ contact_points.spread[0] + local.imag @ contact_points.spread[1]
     pushed = pushed.reshape(-1, 6)
-    turned = (pushed[:, None] @ frame.to_member_frame(pieces))[:, 0]
-    loads = np.zeros((len(frame.points), 3))
-    np.add.at(loads, frame.members.start[pieces], turned[:, :3])
-    np.add.at(loads, frame.members.end[pieces], turned[:, 3:])
-    end_forces = frame.end_forces(loads)
-    end_forces[pieces] -= pushed
+    end_forces = frame.end_forces(pieces, pushed)
 
     piece = pieces[contact_points.piece[touching]]
     start, _ = spans(frame, piece)

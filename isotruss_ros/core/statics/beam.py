@@ -72,13 +72,15 @@ def with_pins(stiffness: Array, pinned_start: Flags, pinned_end: Flags) -> Array
     for rotation, pinned in ((2, pinned_start), (5, pinned_end)):
         if not pinned.any():
             continue
-        column = matrix[pinned][:, :, rotation]
+        places = np.flatnonzero(pinned)
+        freed = matrix[places]
+        column = freed[:, :, rotation]
         # A member without bending stiffness has none against this rotation anyway.
         pivot = column[:, rotation]
         gain = np.divide(1.0, pivot, out=np.zeros_like(pivot), where=pivot > 0.0)
-        matrix[pinned] -= gain[:, None, None] * column[:, :, None] * column[:, None, :]
-        matrix[pinned, rotation, :] = 0.0
-        matrix[pinned, :, rotation] = 0.0
+        freed -= (gain[:, None] * column)[:, :, None] * column[:, None, :]
+        freed[:, rotation, :] = freed[:, :, rotation] = 0.0
+        matrix[places] = freed
     # Exactly zero across a bar: what rounding leaves would hide a mechanism of bars.
     bar = pinned_start & pinned_end
     if not bar.any():

@@ -92,7 +92,7 @@ class Frame:
             members.pinned_start,
             members.pinned_end,
         )
-        self._compliances: dict[bytes, Array] = {}
+        self._loaded: dict[bytes, tuple[Array, Array]] = {}
         if pattern is None:
             pattern = FramePattern(
                 members.start, members.end, members.pinned_start, members.pinned_end, held, rows
@@ -149,13 +149,6 @@ class Frame:
             )
         return factor, scale
 
-    def _solve(self, right: Array) -> Array:
-        """Return the unknowns (size, k) for right-hand sides on the displacements (free, k)."""
-        factor, scale = self._system
-        full = np.zeros((len(scale), right.shape[1]))
-        full[: len(right)] = right
-        return scale[:, None] * factor.solve(scale[:, None] * full)
-
     def _what_moves(self, matrix: Array | csc_matrix, scale: Array) -> list[str]:
         """Return the nodes that take part in motions which nothing resists."""
         dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
@@ -185,24 +178,29 @@ class Frame:
             symmetric.
         :raises StructureError: see `solve`.
         """
-        key = members.tobytes()
-        if key not in self._compliances:
-            self._compliances[key] = self._compliance(members)
-        return self._compliances[key]
+        return self._under_end_loads(members)[1]
 
-    def _compliance(self, members: Indices) -> Array:
-        """Compute what `compliance` returns."""
-        pattern, size = self._pattern, 6 * len(members)
-        unknown = pattern.unknowns[pattern.places[members].ravel()]
+    def _under_end_loads(self, members: Indices) -> tuple[Array, Array]:
+        """Return all unknowns, with a zero behind, and what `compliance` returns; both kept."""
+        key = members.tobytes()
+        if key not in self._loaded:
+            self._loaded[key] = self._respond_to_ends(members)
+        return self._loaded[key]
+
+    def _respond_to_ends(self, members: Indices) -> tuple[Array, Array]:
+        """Compute what `_under_end_loads` returns."""
+        size = 6 * len(members)
         if size == 0:
-            return np.zeros((0, 0))
-        there = np.flatnonzero(unknown >= 0)
-        right = np.zeros((len(pattern.solved), size))
-        right[unknown[there], there] = 1.0
-        ends = np.where((unknown >= 0)[:, None], self._solve(right)[unknown], 0.0)
-        turn = self._turn[members]
-        turned = (turn @ ends.reshape(-1, 6, size)).reshape(size, size).T
-        return (turn @ turned.reshape(-1, 6, size)).reshape(size, size)
+            return np.zeros((1, 0)), np.zeros((0, 0))
+        factor, scale = self._system
+        # What is held is the last row: not loaded, and it does not move.
+        unknown, turn = self._pattern.ends[members].ravel(), self._turn[members]
+        found, count = np.zeros((len(scale) + 1, size)), len(scale)
+        columns = np.arange(size).reshape(-1, 1, 6).repeat(6, axis=1).reshape(size, 6)
+        found[unknown[:, None], columns] = turn.transpose(0, 2, 1).reshape(size, 6)
+        found[:count] = scale[:, None] * factor.solve(scale[:, None] * found[:count])
+        found[count] = 0.0
+        return found, (turn @ found[unknown].reshape(-1, 6, size)).reshape(size, size)
 
     def solve(self, loads: Array) -> FrameState:
         """
@@ -212,7 +210,13 @@ class Frame:
         :raises StructureError: the frame is a mechanism; names the nodes that move.
         """
         pattern, flat = self._pattern, loads.ravel()
-        displacements, multipliers, end_forces = self._respond(flat)
+        factor, scale = self._system
+        free, right = len(pattern.solved), np.zeros((len(scale), 1))
+        right[:free, 0] = flat[pattern.solved]
+        solution = scale * factor.solve(scale[:, None] * right)[:, 0]
+        displacements, multipliers = np.zeros(len(flat)), solution[free:]
+        displacements[pattern.solved] = solution[:free]
+        end_forces = self._end_forces(displacements[pattern.places])
         pull = np.einsum('kji,kj->ki', self._turn, end_forces)
         carried = np.bincount(pattern.places.ravel(), pull.ravel(), minlength=len(flat))
         if self._rows.count:
@@ -221,24 +225,24 @@ class Frame:
         reactions = np.where(self._held, carried - flat, 0.0)
         return FrameState(displacements.reshape(-1, 3), reactions.reshape(-1, 3), end_forces)
 
-    def end_forces(self, loads: Array) -> Array:
+    def end_forces(self, members: Indices, loads: Array) -> Array:
         """
-        Return the forces (k, 6) of the nodes on the members under loads, see `FrameState`.
+        Return the forces of the nodes on all members, some of which carry loads inside.
 
-        :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
+        :param members: (p,) which of them do.
+        :param loads: (p, 6) on their ends, in their frames, that move these as the loads do [N],
+            [N m].
+        :return: (k, 6), see `FrameState`.
         :raises StructureError: see `solve`.
         """
-        return self._respond(loads.ravel())[2]
+        moved = self._under_end_loads(members)[0] @ loads.ravel()
+        forces = self._end_forces(moved[self._pattern.ends])
+        np.subtract.at(forces, members, loads)
+        return forces
 
-    def _respond(self, loads: Array) -> tuple[Array, Array, Array]:
-        """Return displacements (3 n,), multipliers (c,), end forces (k, 6) under loads (3 n,)."""
-        pattern = self._pattern
-        free = len(pattern.solved)
-        solution = self._solve(loads[pattern.solved, None])[:, 0]
-        displacements = np.zeros(len(loads))
-        displacements[pattern.solved] = solution[:free]
-        ends = np.einsum('kij,kj->ki', self._turn, displacements[pattern.places])
-        return displacements, solution[free:], np.einsum('kij,kj->ki', self._local, ends)
+    def _end_forces(self, ends: Array) -> Array:
+        """Return the forces (k, 6) on the members for displacements (k, 6) in the plane."""
+        return (self._local @ (self._turn @ ends[:, :, None]))[:, :, 0]
 
 
 def assemble(values: Array, rows: Indices, columns: Indices, scale: Array) -> Array | csc_matrix:

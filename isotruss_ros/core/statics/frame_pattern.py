@@ -39,6 +39,7 @@ class FramePattern:
     :param rows: linear constraints on the displacements, whose values do not count.
     :ivar places: (k, 6) numbers of the displacements of each member's ends.
     :ivar unknowns: (3 n,) number of each displacement among the unknowns, -1 if it is none.
+    :ivar ends: (k, 6) numbers of the unknowns of each member's ends, -1 if it is none.
     :ivar solved: (f,) the displacements that are unknowns.
     :ivar entries: (e,) which of the entries of all members' stiffness matrices are in that of (4).
     :ivar weights: (w,) which of the entries of the constraints are.
@@ -67,7 +68,7 @@ class FramePattern:
         free[2::3] &= turning
         self.solved = np.flatnonzero(free)
         self.unknowns = np.where(free, np.cumsum(free) - 1, -1)
-        by_member = self.unknowns[self.places]
+        self.ends = by_member = self.unknowns[self.places]
         there = by_member >= 0
         self.entries = np.flatnonzero(there[:, :, None] & there[:, None, :])
         bound = self.unknowns[rows.column]

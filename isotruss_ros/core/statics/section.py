@@ -33,9 +33,11 @@ def broadcast_members(length: ArrayLike, pressure: ArrayLike) -> tuple[Array, Ar
     :raises StructureError: a value is not a positive number; names the first.
     """
     length = np.atleast_1d(np.asarray(length, dtype=float))
-    pressure = np.broadcast_to(np.asarray(pressure, dtype=float), length.shape)
+    pressure = np.asarray(pressure, dtype=float)
+    if pressure.shape != length.shape:
+        pressure = np.broadcast_to(pressure, length.shape)
     for what, unit, values in (('length', 'm', length), ('gauge pressure', 'Pa', pressure)):
-        wrong = ~(np.isfinite(values) & (values > 0.0))
+        wrong = ~((values > 0.0) & (values < np.inf))
         if wrong.any():
             raise StructureError(
                 f'{what} of a tube member: {values[wrong][0]:g} {unit}: must be a positive number'

@@ -111,8 +111,9 @@ def section_values(
     topology, module = robot.topology, robot.description.module
     # Section stiffness belongs to whole members, pinch to pinch; their pieces inherit it.
     pressure = np.array(pressures)[topology.tube]
-    each = np.repeat(pressure, lengths.size // len(lengths))
-    of_tubes = tube.section_stiffness(lengths.ravel(), each)
+    if lengths.ndim > 1:
+        pressure = np.repeat(pressure, lengths.size // len(lengths))
+    of_tubes = tube.section_stiffness(lengths.ravel(), pressure)
     # Rows: AB, AC, BC of all modules, then BD, CE and DE'.
     values = np.empty((3, 6, *lengths.shape))
     rigid = (module.axial_rigidity, module.flexural_rigidity, np.inf)
@@ -223,7 +224,8 @@ def structure_of(config: Configuration, pressure: Pressure | None = None) -> Str
 
 @functools.lru_cache(maxsize=8)
 def _structure(config: Configuration, pressures: tuple[float, ...]) -> Structure:
-    return Structure(config, pressures)
+    as_in_file = pressures == tube_pressures(config.robot.description)
+    return Structure(config, None if as_in_file else pressures)
 
 
 @dataclass(frozen=True, eq=False)

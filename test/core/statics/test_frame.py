@@ -685,6 +685,26 @@ def test_compliance_is_the_response_to_unit_loads_on_the_ends_of_members(rng):
     np.testing.assert_allclose(compliance, expected, atol=1e-8 * np.abs(expected).max())
 
 
+@given(generators())
+@examples(10)
+def test_end_forces_are_those_of_the_nodes_less_what_members_carry_inside(rng):
+    points, found, held, _ = random_case(rng)
+    frame = frames.frame(points, found, held)
+    # One of them twice: with two loads inside.
+    chosen = rng.choice(len(found.start), 3)
+    carried = rng.normal(size=(3, 6))
+    loads = np.zeros((len(points), 3))
+    pushed = (frame.to_member_frame(chosen).transpose(0, 2, 1) @ carried[:, :, None])[:, :, 0]
+    np.add.at(loads, found.start[chosen], pushed[:, :3])
+    np.add.at(loads, found.end[chosen], pushed[:, 3:])
+    # Where all is pinned, no moment acts on anything.
+    loads[~frames.turning(found, len(points)), 2] = 0.0
+    expected = frame.solve(loads).end_forces
+    np.subtract.at(expected, chosen, carried)
+    forces = frame.end_forces(chosen, carried)
+    np.testing.assert_allclose(forces, expected, atol=1e-8 * np.abs(expected).max())
+
+
 def test_compliance_of_no_members_is_empty():
     points, found, held, _ = random_case(np.random.default_rng(5))
     no_members = np.zeros(0, dtype=np.intp)

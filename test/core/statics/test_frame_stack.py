@@ -91,7 +91,7 @@ def test_pieces_of_tube_bear_what_they_do_in_the_structures(shapes):
             on_nodes[frame.members.start[number]] += own[:3]
             on_nodes[frame.members.end[number]] += own[3:]
         pieces = tube_pieces(len(structure.config.robot.module_names)).ravel()
-        assert_near(forces[:, :, i].T, frame.end_forces(on_nodes)[pieces])
+        assert_near(forces[:, :, i].T, frame.solve(on_nodes).end_forces[pieces])
 
 
 def test_a_shape_that_is_a_mechanism_is_suspicious():
