@@ -9,11 +9,13 @@ from isotruss_ros.core.grasping.force_closure import (
     CLOSURE_TOLERANCE,
     EYE,
     FACET_TOLERANCE,
-    MAX_EXCHANGES,
     REGULARIZATION,
 )
 from isotruss_ros.core.numerics.arrays import Array, as_xy, Flags, Points
 import numpy as np
+
+#: Exchanges of what is at its bounds before a grasp is handed to `check_force_closure`.
+MAX_EXCHANGES = 8
 
 
 class ClosureStack(NamedTuple):

@@ -27,9 +27,9 @@ FACET_TOLERANCE = 1e-9
 #: where friction suffices the balance is refined until it holds, at most so often.
 REGULARIZATION = 1e-10
 MAX_REFINEMENTS = 20
-#: Exchanges of what is at its bounds before the quadratic program; at most so many contacts that
-#: change their side are taken for ones between the bounds.
-MAX_EXCHANGES, FEW = 8, 2
+#: Steps of the descent before the quadratic program; where friction does not suffice, at most so
+#: many contacts are between their bounds.
+MAX_DESCENTS, FEW = 30, 2
 EYE = np.eye(3)
 
 
@@ -113,8 +113,11 @@ def _exchange(segments: Array, load: Array, friction: float, shares: Array) -> A
     """
     Return the shares (k,) that balance the load best, by exchanging which of them are at bounds.
 
-    Where friction suffices with room to spare none is at its bound, and where it is far from
-    enough nearly all are: each against what is left. None if some exchanges do not settle that.
+    Where friction suffices with room to spare none is at its bound. Where it does not, what is
+    left of the load, r, has the least |r - load|^2 / 2 + mu sum |s_i r|: it comes to be at right
+    angles to at most two segments s_i, and each of the others is at its bound against it. A
+    descent with exact steps from plane to plane finds r. None if it does not, or nearly all of
+    the load is balanced.
     """
     # Segments are of length one at most: with the regularization their squares can be factored.
     normal = segments.T @ segments + REGULARIZATION * EYE
@@ -122,39 +125,91 @@ def _exchange(segments: Array, load: Array, friction: float, shares: Array) -> A
     found = shares - segments @ needed
     if np.abs(found).max() <= friction:
         return found
-    found = np.clip(found, -friction, friction)
-    free, before = np.zeros(len(found), dtype=bool), len(found) + 1
-    for _ in range(MAX_EXCHANGES):
-        pull = segments @ (segments.T @ found + load)
-        against = np.where(pull > 0.0, -friction, friction)
-        wrong = ~free & (found != against)
-        count = np.count_nonzero(wrong)
-        if count == 0:
-            settled = np.abs(pull[~free]).min(initial=np.inf) > 2.0 * REGULARIZATION * friction
-            return found if settled else None
-        found[wrong] = against[wrong]
-        if count > FEW:
-            if count >= before:
-                return None
-            before = count
-        else:
-            free |= wrong
-        places = np.flatnonzero(free)
-        if len(places) > 3:
+    left = np.clip(found, -friction, friction) @ segments + load
+    across = segments @ left
+    signs, free = np.where(across < 0.0, -1.0, 1.0), list[int]()
+    for _ in range(MAX_DESCENTS):
+        found = -friction * signs
+        found[free] = 0.0
+        rest = found @ segments + load
+        target = _at_right_angles(segments[free], rest)
+        ahead, way = segments @ target, target - left
+        crossing = np.flatnonzero(across * ahead < 0.0)
+        if not len(crossing):
+            if not free:
+                return found if _is_settled(found, free, signs, segments, load, friction) else None
+            rows = segments[free]
+            inner = rows @ rows.T + REGULARIZATION * EYE[: len(free), : len(free)]
+            inside = lapack.dposv(inner, REGULARIZATION * shares[free] - rows @ rest)[1]
+            size = np.abs(inside)
+            if size.max() < friction:
+                found[free] = inside
+                settled = _is_settled(found, free, signs, segments, load, friction)
+                return found if settled else None
+            # One that would take more than there is does not stay between its bounds.
+            worst = int(size.argmax())
+            left, across = target, ahead
+            across[free] = 0.0
+            signs[free.pop(worst)] = -1.0 if inside[worst] > 0.0 else 1.0
+            continue
+        step, plane = _find_step(across, ahead, crossing, float(way @ way), friction, signs)
+        if plane is not None:
+            free.append(plane)
+        if len(free) > FEW:
             return None
-        # One that comes to its bound changes what is best for the others.
-        while len(places):
-            found[places] = 0.0
-            rows, rest = segments[places], segments.T @ found + load
-            inner = rows @ rows.T + REGULARIZATION * EYE[: len(places), : len(places)]
-            inside = lapack.dposv(inner, REGULARIZATION * shares[places] - rows @ rest)[1]
-            found[places] = np.clip(inside, -friction, friction)
-            within = np.abs(inside) < friction
-            free[places] = within
-            if within.all():
-                break
-            places = places[within]
+        left, across = left + step * way, across + step * (ahead - across)
+        across[free] = 0.0
     return None
+
+
+def _find_step(
+    across: Array, ahead: Array, crossing: Indices, slope: float, friction: float, signs: Array
+) -> tuple[float, int | None]:
+    """
+    Return which share of a step leads to the least value on the way, and the plane that is there.
+
+    :param across: (k,) s_i r where the step begins.
+    :param ahead: (k,) where it leads.
+    :param crossing: (c,) numbers of those that change their sign.
+    :param slope: by which the value falls in the beginning, for the whole step.
+    :param signs: (k,) of s_i r; those of the planes that are passed are turned around.
+    """
+    change = ahead[crossing] - across[crossing]
+    places, rises = -across[crossing] / change, 2.0 * friction * np.abs(change)
+    risen = 0.0
+    for at, rise, i in sorted(
+        zip(places.tolist(), rises.tolist(), crossing.tolist(), strict=True)
+    ):
+        left = slope * (1.0 - at)
+        if risen >= left:
+            break
+        risen += rise
+        if risen >= left:
+            return at, i
+        signs[i] = -signs[i]
+    return 1.0 - risen / slope, None
+
+
+def _at_right_angles(segments: Array, vector: Array) -> Array:
+    """Return the part (3,) of a vector at right angles to no segment, to one or to two."""
+    if len(segments) == 0:
+        return vector
+    if len(segments) == 1:
+        (segment,) = segments
+        return vector - (vector @ segment) / (segment @ segment) * segment
+    (a, b, c), (u, v, w) = segments.tolist()
+    normal = np.array([b * w - c * v, c * u - a * w, a * v - b * u])
+    size = float(normal @ normal)
+    return (vector @ normal) / size * normal if size > 0.0 else 0.0 * normal
+
+
+def _is_settled(
+    found: Array, free: list[int], signs: Array, segments: Array, load: Array, friction: float
+) -> bool:
+    """Return whether each share at a bound, all but the free ones, is against what is left."""
+    pulls = (segments @ (found @ segments + load)) * signs
+    pulls[free] = np.inf
+    return bool(pulls.min() > 2.0 * REGULARIZATION * friction)
 
 
 def _balance_by_qp(segments: Array, load: Array, friction: float, shares: Array) -> Array:

@@ -189,10 +189,9 @@ class Frame:
 
     def _respond_to_ends(self, members: Indices) -> tuple[Array, Array]:
         """Compute what `_under_end_loads` returns."""
-        size = 6 * len(members)
+        size, (factor, scale) = 6 * len(members), self._system
         if size == 0:
-            return np.zeros((1, 0)), np.zeros((0, 0))
-        factor, scale = self._system
+            return np.zeros((len(scale) + 1, 0)), np.zeros((0, 0))
         # What is held is the last row: not loaded, and it does not move.
         unknown, turn = self._pattern.ends[members].ravel(), self._turn[members]
         found, count = np.zeros((len(scale) + 1, size)), len(scale)

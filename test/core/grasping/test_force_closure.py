@@ -303,6 +303,25 @@ def test_an_open_grasp_is_left_with_the_least_whichever_way_it_is_found(way, mon
         )
 
 
+def test_open_grasps_of_two_members_are_left_with_the_least_without_a_program():
+    rng, found_by_steps = np.random.default_rng(0), 0
+    for _ in range(200):
+        # Two regions of contact, as of two tubes, one of which presses more.
+        count = int(rng.integers(6, 20))
+        angles = np.concatenate([rng.uniform(0.0, 0.2, count), rng.uniform(1.7, 1.9, count)])
+        forces = rng.uniform(0.1, 1.0, 2 * count) * np.repeat([1.0, 1.5], count)
+        segments = wrenches(tangents_at(angles), forces)
+        load, bound = 20.0 * rng.standard_normal(3), np.full(2 * count, 0.3)
+        least = lsq_linear(segments.T, -load, (-bound, bound), method='bvls', tol=1e-14).x
+        steps = force_closure._exchange(segments, load, 0.3, np.zeros(2 * count))
+        if steps is not None:
+            found_by_steps += 1
+            left, expected = (np.linalg.norm(x @ segments + load) for x in (steps, least))
+            assert left == pytest.approx(expected, rel=1e-8)
+            assert np.abs(steps).max() <= 0.3
+    assert found_by_steps > 190
+
+
 @pytest.mark.parametrize('way', ['_exchange', '_balance_by_qp'])
 @pytest.mark.parametrize('seed', range(5))
 def test_where_there_is_a_choice_friction_is_near_to_what_was_asked_for(way, seed):
