@@ -164,7 +164,13 @@ def _analyze(
             spacing=question.spacing,
             previous=None if last is None else last.analysis,
         )
-        settled = settle_grasp(config, body, question.friction, question.external_wrench)
+        settled = settle_grasp(
+            config,
+            body,
+            question.friction,
+            question.external_wrench,
+            previous=None if last is None else last.settled,
+        )
     except IsotrussError as error:
         code = next(code for kind, code in ERRORS if isinstance(error, kind))
         return GraspReport(code, str(error), 0.0)

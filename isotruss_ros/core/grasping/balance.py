@@ -124,7 +124,7 @@ Equations = Callable[[Array], tuple[Array, Array, Points]]
 
 
 def solve_balance(
-    equations: Equations, start: Array, arm: float, max_turn: float
+    equations: Equations, start: Array, arm: float, max_turn: float, steps: int = MAX_STEPS
 ) -> ContactForces | None:
     """
     Return the equilibrium near a start (Newton's method), or None if it is not found.
@@ -133,11 +133,12 @@ def solve_balance(
     :param start: (3 + 4k,) unknowns to begin with, see `ContactForces`.
     :param arm: size of the object, by which steps are bounded [m].
     :param max_turn: the object turns by at most this in one step [rad].
+    :param steps: most states that are looked at.
     """
     count = (len(start) - POSE) // 4
     places, unknowns = Places.of(count), start.copy()
     longest = _longest_step(count, arm, max_turn)
-    for _ in range(MAX_STEPS):
+    for _ in range(steps):
         residual, jacobian, normals = equations(unknowns)
         if _is_solved(residual.tolist(), unknowns, places):
             folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION

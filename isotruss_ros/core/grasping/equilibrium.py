@@ -22,6 +22,7 @@ from isotruss_ros.core.grasping.balance import (
     ANGLE,
     Closure,
     ContactForces,
+    MAX_STEPS,
     Places,
     solve_balance,
 )
@@ -149,17 +150,22 @@ class HeldObjectStatics:
         residual[CLOSURE], jacobian[CLOSURE] = closure(unknowns, found)
         return residual, jacobian, found
 
-    def solve(self, start: Array, wrench: Array, closure: Closure) -> ContactForces | None:
+    def solve(
+        self, start: Array, wrench: Array, closure: Closure, steps: int = MAX_STEPS
+    ) -> ContactForces | None:
         """
         Return the equilibrium near a start (Newton's method), or None if it is not found.
 
         :param start: (11,) unknowns to begin with.
         :param wrench: (fx, fy, m / radius) on the object [N].
         :param closure: what settles the two equations that statics leaves open.
+        :param steps: most states that are looked at.
         """
-        return solve_balance(
-            lambda unknowns: self.equations(unknowns, wrench, closure), start, self.arm, np.inf
-        )
+
+        def equations(unknowns: Array) -> tuple[Array, Array, Points]:
+            return self.equations(unknowns, wrench, closure)
+
+        return solve_balance(equations, start, self.arm, np.inf, steps)
 
 
 def keep_place(center: complex, angle: float) -> Closure:

@@ -9,10 +9,12 @@ from math import cos, sin
 from isotruss_ros.core.grasping.balance import ContactForces
 from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.equilibrium import (
+    FEET,
     find_anchors,
     HeldObjectStatics,
     INCLINATIONS,
     keep_place,
+    NORMAL,
     roll,
 )
 from isotruss_ros.core.grasping.held_members import (
@@ -34,6 +36,9 @@ import numpy as np
 
 #: A motion is expected to go on by at most this many times what it was before.
 MOST = 2.0
+#: An equilibrium is looked for in so many states from where it was expected. It is the one if it
+#: is as near as this [m] and its normal forces differ by no more than this share.
+FEW_STEPS, NEAR, LIKE = 5, 2e-3, 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +79,8 @@ class RollingGrasp(StickingGrasp):
         external_wrench: Array | None = None,
         stiffness_scale: float = 1.0,
         pressure: Pressure | None = None,
+        before: RollingGrasp | None = None,
+        depths: Array | None = None,
     ) -> RollingGrasp | Hold:
         """
         Find the equilibrium near a pose, of which the past is not known, see `settle_grasp`.
@@ -84,10 +91,15 @@ class RollingGrasp(StickingGrasp):
         :param external_wrench: (fx, fy, m) on the object [N, N m]; none if None.
         :param stiffness_scale: stiffness of the robot against that of the model.
         :param pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
+        :param before: the same a moment ago, of an object of the same diameter: the search begins
+            there, and goes on from the given pose unless it ends close by.
+        :param depths: (m,) of the object in the members, see `member_depths`; found out if None
+            [m].
         :return: which condition has no solution, if one has none.
         :raises StructureError: see `structure_of`.
         """
-        depths = member_depths(config, cylinder)
+        if depths is None:
+            depths = member_depths(config, cylinder)
         members = np.sort(np.argsort(depths, kind='stable')[-2:])
         if depths[members].min() <= -config.robot.description.tube_diameter:
             return Hold.NO_CONTACT
@@ -95,9 +107,19 @@ class RollingGrasp(StickingGrasp):
             config, cylinder, members, stiffness_scale, pressure=pressure
         )
         center = complex(*cylinder.center)
-        start = static_start(statics, center, depths[members])
-        wrench = scaled_wrench(external_wrench, statics.radius)
-        state = statics.solve(start, wrench, keep_place(center, angle))
+        wrench, closure = scaled_wrench(external_wrench, statics.radius), keep_place(center, angle)
+        state, motion = None, None
+        if before is not None and before.is_like(statics, members):
+            travel = config.roller_positions - before.config.roller_positions
+            ahead = before.ahead(travel)
+            state = statics.solve(ahead, wrench, closure, FEW_STEPS)
+            if state is not None and not _is_close(state, ahead):
+                state = None
+            if state is not None:
+                motion = travel, state.unknowns - before.state.unknowns
+        if state is None:
+            start = static_start(statics, center, depths[members])
+            state = statics.solve(start, wrench, closure)
         if state is None:
             return Hold.NO_BALANCE
         anchors = find_anchors(state.unknowns, travel_into(config, members), statics)
@@ -111,6 +133,20 @@ class RollingGrasp(StickingGrasp):
             wrench,
             stiffness_scale,
             pressure,
+            motion,
+        )
+
+    def is_like(self, statics: HeldObjectStatics, members: Indices) -> bool:
+        """
+        Return whether an object is held by the same members from the same sides.
+
+        :param statics: the equations of the other one.
+        :param members: (2,) numbers of the grasping members of the other one.
+        """
+        own = self.statics
+        return (
+            members.tolist() == self.members.tolist()
+            and statics.sides.tolist() == own.sides.tolist()
         )
 
     @property
@@ -135,7 +171,7 @@ class RollingGrasp(StickingGrasp):
         )
         closure = roll(self.anchors, travel_into(config, self.members), statics)
         travel = config.roller_positions - self.config.roller_positions
-        state = statics.solve(self._ahead(travel), wrench, closure)
+        state = statics.solve(self.ahead(travel), wrench, closure)
         if state is None:
             state = statics.solve(self.state.unknowns, wrench, closure)
         if state is None:
@@ -153,8 +189,12 @@ class RollingGrasp(StickingGrasp):
             (travel, state.unknowns - self.state.unknowns),
         )
 
-    def _ahead(self, travel: Array) -> Array:
-        """Return about where the unknowns (11,) will be after some travel (r,) [m]."""
+    def ahead(self, travel: Array) -> Array:
+        """
+        Return about where the unknowns (11,) will be after some travel.
+
+        :param travel: (r,) of the rollers [m].
+        """
         if self.motion is None:
             return self.state.unknowns
         before, change = self.motion
@@ -197,3 +237,12 @@ class RollingGrasp(StickingGrasp):
             )
         ]
         return -0.5 * sum(arms) / (give + float(dents.sum()))
+
+
+def _is_close(state: ContactForces, start: Array) -> bool:
+    """Return whether an equilibrium is where it was expected, and presses alike."""
+    before, after = start[NORMAL], state.normal_forces
+    moved = np.abs(state.unknowns - start)
+    lengths = max(float(moved[:2].max()), float(moved[FEET].max()))
+    alike = (np.abs(after - before) <= LIKE * np.abs(before)).all()
+    return lengths <= NEAR and bool(alike)

@@ -48,6 +48,8 @@ class SettledGrasp:
         may let go.
     :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
         takes while the contacts stick [N/m, N, N m]; zero without an equilibrium.
+    :ivar equilibrium: of a disc between two members, to begin with for a similar grasp; None of
+        others.
     """
 
     hold: Hold
@@ -60,6 +62,7 @@ class SettledGrasp:
     required_friction: float = float('inf')
     slip_margin: float = 0.0
     stiffness: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    equilibrium: RollingGrasp | None = None
 
     @property
     def held(self) -> bool:
@@ -74,6 +77,7 @@ def settle_grasp(
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
     pressure: Pressure | None = None,
     members: Sequence[str] | None = None,
+    previous: SettledGrasp | None = None,
 ) -> SettledGrasp:
     """
     Find the equilibrium of a grasped object near its measured pose.
@@ -92,6 +96,7 @@ def settle_grasp(
     :param pressure: gauge, measured [Pa], see `tube_pressures`; that of the robot file if None.
     :param members: names `t/j-k` of the two members or three that hold it, as of a `Grip`. If None
         those that it presses into, and of a disc in fewer than two the nearest.
+    :param previous: that of a similar grasp, where the search for that of a disc begins.
     :raises GraspError: an argument is not usable.
     :raises StructureError: a pressure is not usable, the robot is a mechanism, or its stiffness
         laws are contradictory.
@@ -104,13 +109,25 @@ def settle_grasp(
         raise GraspError(f'friction {friction!r}: must not be negative')
     wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
     held = as_convex_object(body)
-    round_pair = isinstance(held.shape, Disc) and members is None
-    if not round_pair or np.count_nonzero(member_depths(config, held) > 0.0) > 2:
+    depths = None
+    if isinstance(held.shape, Disc) and members is None:
+        depths = member_depths(config, held)
+    if depths is None or np.count_nonzero(depths > 0.0) > 2:
         numbers = None if members is None else _numbers(config, members)
         grip = HeldGrip.attach(config, held, numbers, wrench, pressure=pressure)
         return settle_grip(held, grip, float(mu))
     cylinder = Cylinder(held.pose[:2], held.shape.diameter)
-    found = RollingGrasp.attach(config, cylinder, external_wrench=wrench, pressure=pressure)
+    before = None if previous is None else previous.equilibrium
+    if before is not None and before.diameter != cylinder.diameter:
+        before = None
+    found = RollingGrasp.attach(
+        config,
+        cylinder,
+        external_wrench=wrench,
+        pressure=pressure,
+        before=before,
+        depths=depths,
+    )
     if isinstance(found, Hold):
         return _not_settled(cylinder, found)
     return _assess(cylinder, found, float(mu))
@@ -193,6 +210,7 @@ def _assess(cylinder: Cylinder, found: RollingGrasp, friction: float) -> Settled
         found.required_friction,
         found.slip_margin(friction),
         np.zeros((3, 3)) if response is None else response.stiffness,
+        found,
     )
 
 

@@ -9,13 +9,14 @@ from isotruss_ros.core import (
     Cylinder,
     Grasp,
     GraspError,
+    HeldObject,
     Hold,
     load_robot,
     settle_grasp,
     solve_twist,
     tangent_center,
 )
-from isotruss_ros.core.grasping import held_grip
+from isotruss_ros.core.grasping import held_grip, rolling_grasp
 from isotruss_ros.core.grasping.contact import solve_contact
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.depths import member_depths
@@ -375,3 +376,42 @@ def test_measured_pressures_stiffen_the_tubes():
     for name, force in as_filed.normal_forces.items():
         assert same.normal_forces[name] == pytest.approx(force, rel=1e-12)
         assert 1.02 * force < harder.normal_forces[name] < 2.0 * force
+
+
+def test_a_search_that_begins_with_the_grasp_before_finds_the_same(monkeypatch):
+    """Along paths, and where object, load or members jump; only then it begins from the pose."""
+    robot, rng, begun = HOME.robot, np.random.default_rng(0), Counter()
+    start = rolling_grasp.static_start
+    counted = Counter()
+
+    def noted(*arguments):
+        counted['cold'] += 1
+        return start(*arguments)
+
+    monkeypatch.setattr(rolling_grasp, 'static_start', noted)
+    for _ in range(6):
+        x, y = tangent_center(HOME, 'north/Z', 0.3, rng.uniform(0.0, 0.03))
+        held = HeldObject.attach(HOME, Grasp('north/Z', (x, y), 0.3))
+        velocities, previous = rng.uniform(-0.04, 0.04, 6), None
+        away, wrench = np.zeros(2), np.zeros(3)
+        for k in range(30):
+            jumps = k % 8 == 7
+            if jumps:
+                away = rng.normal(size=2) * 10.0 ** rng.uniform(-3.0, -1.3)
+                wrench = rng.normal(size=3) * [10.0, 10.0, 1.0]
+            config = robot.configuration(0.01 * k * velocities)
+            pose = held.pose(config)
+            cylinder = Cylinder((pose.x + away[0], pose.y + away[1]), 0.3)
+            counted.clear()
+            found = settle_grasp(config, cylinder, FRICTION, wrench, previous=previous)
+            begun[jumps or previous is None, counted['cold']] += 1
+            expected = settle_grasp(config, cylinder, FRICTION, wrench)
+            assert found.hold is expected.hold
+            assert found.displacement == pytest.approx(expected.displacement, abs=1e-10)
+            assert found.stiffness == pytest.approx(expected.stiffness, rel=1e-7, abs=1e-6)
+            assert found.slip_margin == pytest.approx(expected.slip_margin, rel=1e-6, abs=1e-7)
+            for name, force in expected.normal_forces.items():
+                assert found.normal_forces[name] == pytest.approx(force, rel=1e-6)
+            previous = found
+    assert begun[False, 0] > 4 * begun[False, 1]
+    assert begun[True, 1] > 10
