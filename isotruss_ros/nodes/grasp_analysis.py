@@ -110,6 +110,7 @@ class GraspAnalysisNode(ManagedNode):
             self._monitor,
             'center',
             self._inputs,
+            reuse=True,
         )
         subscribe_input(
             self,
@@ -119,6 +120,7 @@ class GraspAnalysisNode(ManagedNode):
             self._monitor,
             'wrench',
             self._inputs,
+            reuse=True,
         )
         self.diagnostics.hardware_id = self._robot.name
 

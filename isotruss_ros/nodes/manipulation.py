@@ -166,9 +166,10 @@ class Manipulation(ManagedNode):
                 self._servo,
                 'twist',
                 self._inputs,
+                reuse=True,
             )
         else:
-            subscribe_newest(self, Twist, 'cmd_vel', self._receive_twist, self._inputs)
+            subscribe_newest(self, Twist, 'cmd_vel', self._receive_twist, self._inputs, reuse=True)
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
         self.diagnostics.hardware_id = self._robot.name
 

@@ -109,6 +109,7 @@ class PathFollower(ManagedNode):
             self._servo,
             'pose',
             self._inputs,
+            reuse=True,
         )
         subscribe_input(
             self,
@@ -118,6 +119,7 @@ class PathFollower(ManagedNode):
             self._servo,
             'servo_feedback',
             self._inputs,
+            reuse=True,
         )
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(

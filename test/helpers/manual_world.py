@@ -52,6 +52,11 @@ def match(offered: QoSProfile, requested: QoSProfile) -> bool:
     return durable and reliable
 
 
+def call_back(subscription: Subscription, message: Any) -> None:
+    """Hand a message over in the form in which the subscription takes it."""
+    subscription.callback(serialize_message(message) if subscription.raw else message)
+
+
 class Goal:
     """
     A goal of an action, as its client has it.
@@ -217,7 +222,7 @@ class World:
                 break
             topic, message, offered = self._queue.popleft()
             for subscription in self._subscribers(topic, type(message), offered):
-                subscription.callback(message)
+                call_back(subscription, message)
         for goal in self._goals:
             goal.advance()
 
@@ -243,7 +248,7 @@ class World:
                 waiting = {id(message) for _, message, _ in self._queue}
                 for topic, message, _ in self._latched.values():
                     if topic == subscription.topic_name and id(message) not in waiting:
-                        subscription.callback(message)
+                        call_back(subscription, message)
 
     # -- What tests ask for --
 

@@ -38,6 +38,7 @@ def subscribe_input(
     holder: InputHolder,
     name: str,
     group: CallbackGroup | None = None,
+    reuse: bool = False,
 ) -> None:
     """
     Subscribe to messages with a header and keep the newest value as an input.
@@ -49,6 +50,7 @@ def subscribe_input(
     :param holder: gets a StampedInput, or a RejectedInput with the reason.
     :param name: attribute of `holder`.
     :param group: of the subscription; that of the node if None.
+    :param reuse: where `read` keeps no message, see `subscribe_newest`.
     """
 
     def receive(message: Any) -> None:
@@ -59,7 +61,7 @@ def subscribe_input(
             return
         setattr(holder, name, select_latest(getattr(holder, name), received, holder.timeout))
 
-    subscribe_newest(node, kind, topic, receive, group)
+    subscribe_newest(node, kind, topic, receive, group, reuse)
 
 
 def subscribe_joint_states(
@@ -74,7 +76,7 @@ def subscribe_joint_states(
     :param group: of the subscription; that of the node if None.
     """
     reader = RollerStateReader(robot.roller_names)
-    subscribe_input(node, JointState, 'joint_states', reader.read, holder, 'rollers', group)
+    subscribe_input(node, JointState, 'joint_states', reader.read, holder, 'rollers', group, True)
 
 
 def subscribe_object_pose(
@@ -92,7 +94,7 @@ def subscribe_object_pose(
     def read(message: PoseStamped) -> Pose:
         return read_object_pose(message, robot.frame)
 
-    subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'pose', group)
+    subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'pose', group, True)
 
 
 def select_latest(kept: Input, received: StampedInput, timeout: float) -> Input:

@@ -227,7 +227,7 @@ class RollerStateReader:
             self._places = self._find_places(message.name)
             self._message_names = list(message.name)
         positions = self._select('positions', message.position)
-        if not (np.abs(positions) <= MAX_DISTANCE).all():
+        if not np.abs(positions).max() <= MAX_DISTANCE:  # nor for NaN
             raise MessageError(
                 f'joint states: roller positions {positions.tolist()} m: must be finite, '
                 f'at most {MAX_DISTANCE:g} m'
@@ -235,6 +235,8 @@ class RollerStateReader:
         if not message.velocity:
             return RollerState(positions, np.zeros_like(positions))
         velocities = self._select('velocities', message.velocity)
+        if np.abs(velocities).max() <= MAX_SPEED:
+            return RollerState(positions, velocities)
         velocities[np.isnan(velocities)] = 0.0
         if np.abs(velocities).max() > MAX_SPEED:
             raise MessageError(

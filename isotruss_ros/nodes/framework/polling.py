@@ -19,7 +19,7 @@ class PolledGroup(CallbackGroup):
     def take(self) -> None:
         """Call back with the messages that wait."""
         for subscription in self._subscriptions():
-            taken = subscription.handle.take_message(subscription.msg_type, False)
+            taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
             if taken is not None:
                 subscription.callback(taken[0])
 

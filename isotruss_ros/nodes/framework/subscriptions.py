@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from isotruss_ros.nodes.framework.kept_message import KeptMessage
 from isotruss_ros.nodes.framework.qos import EVERY, NEWEST, RELIABLE
 from isotruss_ros.nodes.framework.silent_publishers import SilentPublishers
 from rclpy.callback_groups import CallbackGroup
@@ -29,6 +30,7 @@ def subscribe_newest(
     topic: str,
     callback: Callable[[Any], None],
     group: CallbackGroup | None = None,
+    reuse: bool = False,
 ) -> None:
     """
     Call back with the newest message of a topic; older ones that wait are dropped.
@@ -42,10 +44,19 @@ def subscribe_newest(
     :param topic: relative name of the topic.
     :param callback: called with a message, as the node's other callbacks are.
     :param group: of the subscription; that of the node if None.
+    :param reuse: call back with one message, filled anew each time: quicker, for callbacks that do
+        not keep it.
     """
+    kept = KeptMessage(kind) if reuse else None
 
     def take(message: Any) -> None:
-        callback(_take_waiting([message], subscription, 1 + NEWEST.depth)[-1])
+        waiting = _take_waiting([message], subscription, 1 + NEWEST.depth)
+        if kept is None:
+            callback(waiting[-1])
+            return
+        newest = next(filter(None, map(kept.read, reversed(waiting))), None)
+        if newest is not None:  # bytes may be no message
+            callback(newest)
 
     def warn_of_type(_event: Any) -> None:
         node.get_logger().warning(
@@ -59,7 +70,13 @@ def subscribe_newest(
         incompatible_type=warn_of_type, use_default_callbacks=False
     )
     subscription = node.create_subscription(
-        kind, topic, take, NEWEST, callback_group=group, event_callbacks=events
+        kind,
+        topic,
+        take,
+        NEWEST,
+        callback_group=group,
+        event_callbacks=events,
+        raw=reuse,
     )
 
 
@@ -183,7 +200,7 @@ def _take_waiting(taken: list[Any], subscription: Subscription, most: int) -> li
     """
     messages = list(taken)
     while len(messages) < most:
-        taken = subscription.handle.take_message(subscription.msg_type, False)
+        taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
         if taken is None:
             break
         messages.append(taken[0])
