@@ -8,7 +8,7 @@ from functools import partial
 import time
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
-from isotruss_msgs.msg import GraspState
+from isotruss_msgs.msg import Contact, GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import GraspCode, GraspMonitor, GraspReport, load_robot, read_object
 from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
@@ -77,6 +77,7 @@ class GraspAnalysisNode(ManagedNode):
         self._cycle_times = CycleTimes()
         self._monitor: GraspMonitor | None = None
         self._drawn = 0.0
+        self._contacts: list[Contact] = []  # messages of the last cycle
         self.start()
 
     def configure(self) -> None:
@@ -186,7 +187,7 @@ class GraspAnalysisNode(ManagedNode):
     def _step(self, now: Time) -> None:
         began = time.perf_counter()
         report = self._monitor.report(1e-9 * now.nanoseconds)
-        state = to_state_message(report, self._robot.frame)
+        state = to_state_message(report, self._robot.frame, self._contacts)
         self._states.publish(state)
         self._closures.publish(Bool(data=state.held))
         if report.grasp is not None:

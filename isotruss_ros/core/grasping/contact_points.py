@@ -153,11 +153,10 @@ def find_contact_points(
     m = topology.n_modules
     pieces = tube_pieces(m).ravel()
     owner = np.concatenate([np.arange(m), topology.previous, np.arange(m)])
-    start, end = frame.points[frame.members.start[pieces]], frame.points[frame.members.end[pieces]]
-    length = np.abs(end - start)
-    axis = (end - start) / length
-    foot = ((center - start) * axis.conj()).real
-    aside = ((center - start) * axis.conj()).imag
+    start = frame.points[frame.members.start[pieces]]
+    length, axis = frame.length[pieces], frame.axis[pieces]
+    away = (center - start) * axis.conj()
+    foot, aside = away.real, away.imag
     # A tube that gives elsewhere may come into contact beyond the chord of the object.
     reach, width = surface.reach + 2.0 * spacing, 0.0 if flattening is None else flattening.radius
     off = np.abs(aside) - width
@@ -180,35 +179,40 @@ def find_contact_points(
     long = pieces[near] >= pieces[2 * m]
     first = np.ceil((low - foot)[near] / spacing - SAME * long).astype(int)
     last = np.floor((high - foot)[near] / spacing + np.where(long, SAME, -SAME)).astype(int)
-    counts = last - first + 1
+    counts, used = last - first + 1, pieces[near]
     member = np.repeat(np.arange(len(near)), counts)
-    number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts - first, counts)
-    place = np.clip(foot[near][member] + spacing * number, 0.0, length[near][member])
-    used = pieces[near]
+    number = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts - first, counts)
+    reached, own = length[near], owner[near]
+    place = foot[near][member] + spacing * number
+    place = np.minimum(np.maximum(place, 0.0), reached[member])
+    pinned = np.empty((len(near), 2), dtype=bool)
+    pinned[:, 0], pinned[:, 1] = frame.members.pinned_start[used], frame.members.pinned_end[used]
     inside = InteriorPoints(
         member,
         place,
-        length[near],
+        reached,
         frame.members.axial[used],
         frame.members.flexural[used],
         frame.members.shear[used],
-        np.stack([frame.members.pinned_start[used], frame.members.pinned_end[used]], axis=1),
+        pinned,
     )
     along = axis[near][member]
     points = start[near][member] + place * along
     spread = np.zeros((2, len(place), len(near), 6))
     spread[:, np.arange(len(place)), member] = inside.shapes().swapaxes(0, 1)
-    on = owner[near][member]
-    line, origin = axis[2 * m + on], start[2 * m + on]
+    on = own[member]
+    # All on one line: places along the member, from those along its pieces.
+    turn = ahead[near]
+    in_line = base[near][member] + turn[member] * place
     skin, dents = points, np.zeros((len(place), len(place)))
-    in_line = length[on] + ((points - origin) * line.conj()).real
     if flattening is not None:
-        toward = np.where(((center - origin) * line.conj()).imag < 0.0, -1j, 1j) * line
-        skin = points + flattening.radius * toward
-        turn = (along * line.conj()).real
-        dents = flattening.compliance(in_line, on, topology.tube[on], spacing) * np.outer(
-            turn, turn
-        )
+        line = axis[2 * m + own]
+        aside = ((center - start[2 * m + own]) * line.conj()).imag
+        toward = np.where(aside < 0.0, -1j, 1j) * line
+        skin = points + (flattening.radius * toward)[member]
+        dents = flattening.compliance(in_line, on, topology.tube[on], spacing)
+        if (turn < 0.0).any():
+            dents = dents * np.outer(turn[member], turn[member])
     return ContactPoints(
         points,
         skin,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.loaded_tubes import spans
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.grasping.wrinkling import load_sections
 from isotruss_ros.core.numerics.arrays import Array
@@ -28,7 +27,6 @@ def held_utilisation(grasp: RollingGrasp | HeldGrip) -> Array:
     loads = np.stack([local.real, local.imag, np.zeros(len(local))], axis=1)
     carried = compliance.at(state.feet).carried(loads)
     piece, place = compliance.locate(state.feet)
-    _, span = spans(frame, piece)
     pressure = np.array(structure.pressures)[topology.tube]
     sections = load_sections(
         structure,
@@ -36,7 +34,7 @@ def held_utilisation(grasp: RollingGrasp | HeldGrip) -> Array:
         frame.end_forces(piece, carried),
         piece,
         place,
-        forces * (span / np.abs(span)).conj(),
+        forces * frame.axis[piece].conj(),
         grasp.contact_members,
     )
     used = np.zeros(topology.n_modules)

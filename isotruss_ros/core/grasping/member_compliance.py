@@ -94,10 +94,12 @@ class ContactCompliance:
         """
         count = len(loads)
         flat = loads.ravel()
-        moved = (self._loads_rate * flat[:, None]).reshape(count, 3, -1).sum(axis=1)
-        rates = (self._by_ends @ moved.T).reshape(count, 3, count)
+        # Of each contact what its own loads do, as columns.
+        each = _columns(count) * flat[:, None]
+        rates = self._by_ends @ (self._loads_rate.T @ each)
         own = self._rows_rate @ (self._to_ends @ flat) + self._inside_rate @ flat
-        rates += own.reshape(count, 3, 1) * np.eye(count)[:, None]
+        rates += _columns(count) * own[:, None]
+        rates = rates.reshape(count, 3, count)
         for i, j, by_own, by_other in self._between_rates:
             rates[i, :, i] += by_own @ loads[j]
             rates[i, :, j] += by_other @ loads[j]
@@ -125,14 +127,11 @@ class MemberCompliance:
         first, last, middle = tube_pieces(topology.n_modules)
         pieces = np.stack([first[used], middle[used], last[topology.following[used]]], axis=1)
         self._pieces = pieces
-        begin, end = (
-            frame.points[frame.members.start[pieces]],
-            frame.points[frame.members.end[pieces]],
-        )
+        begin = frame.points[frame.members.start[pieces]]
         self.start = begin[:, 0]
         self.length = np.abs(begin[:, 2] - self.start)
         self.axis = (begin[:, 2] - self.start) / self.length
-        length = np.abs(end - begin)
+        length = frame.length[pieces]
         # Where one piece ends and the next one begins, by the place on the member.
         self._joints = np.stack([length[:, 0], length[:, 0] + length[:, 1]], axis=1)
         self._frame, self._scale = frame, scale
@@ -257,3 +256,11 @@ def _templates(count: int) -> tuple[Indices, Indices]:
         for whole, part in ((shapes, SHAPES), (inside, np.stack([INSIDE, INSIDE_RATES]))):
             whole[:, i, :, i] = np.where(part < 0, VALUES * count, VALUES * i + part)
     return shapes.reshape(4, 3 * count, -1), inside.reshape(2, 3 * count, -1)
+
+
+@functools.lru_cache(maxsize=8)
+def _columns(count: int) -> Array:
+    """Return (3 k, k): which of all responses are those of each contact, as zeros and ones."""
+    columns = np.eye(count).repeat(3, axis=0)
+    columns.flags.writeable = False
+    return columns

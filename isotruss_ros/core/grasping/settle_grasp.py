@@ -191,22 +191,22 @@ def _assess(cylinder: Cylinder, found: RollingGrasp, friction: float) -> Settled
     sticks = found.hold(friction)
     if sticks in (Hold.NO_CONTACT, Hold.OFF_MEMBER):
         return _not_settled(cylinder, sticks)
-    state, pose = found.state, found.pose
-    response = found.response
+    pose, response = found.pose, found.response
     shift = float(np.hypot(pose.x - cylinder.center[0], pose.y - cylinder.center[1]))
     depths = member_depths(found.config, Cylinder(pose[:2], cylinder.diameter))
     stable = response is not None and response.stable
     hold, reason = _judge(found.config, shift, depths, found.members, found, friction, stable)
+    names, normal, rubs = found.member_names, found.normal_forces, found.friction_forces
     with np.errstate(divide='ignore', invalid='ignore'):
-        used = np.abs(state.friction_forces) / (friction * state.normal_forces)
+        used = np.abs(rubs) / (friction * normal)
     return SettledGrasp(
         hold,
         reason,
         pose,
         np.array([pose.x - cylinder.center[0], pose.y - cylinder.center[1], 0.0]),
-        dict(zip(found.member_names, state.normal_forces.tolist(), strict=True)),
-        dict(zip(found.member_names, (-state.friction_forces).tolist(), strict=True)),
-        dict(zip(found.member_names, used.tolist(), strict=True)),
+        dict(zip(names, normal.tolist(), strict=True)),
+        dict(zip(names, (-rubs).tolist(), strict=True)),
+        dict(zip(names, used.tolist(), strict=True)),
         found.required_friction,
         found.slip_margin(friction),
         np.zeros((3, 3)) if response is None else response.stiffness,

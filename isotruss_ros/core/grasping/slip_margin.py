@@ -48,7 +48,7 @@ class WrenchResponse:
     def stable(self) -> bool:
         """Return whether every displacement takes work."""
         even = self.pose * np.array([[1.0], [1.0], [self.arm]])
-        return bool(np.linalg.eigvalsh(0.5 * (even + even.T)).min() > 0.0)
+        return not lapack.dpotrf(0.5 * (even + even.T))[1]
 
     @property
     def squeeze(self) -> Array:

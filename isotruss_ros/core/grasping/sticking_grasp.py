@@ -56,12 +56,18 @@ class StickingGrasp:
     @property
     def normal_forces(self) -> Array:
         """Return how hard the members press, (m,) [N]."""
-        return np.bincount(self.statics.owners, weights=self.state.normal_forces)
+        return self._of_members(self.state.normal_forces)
 
     @property
     def friction_forces(self) -> Array:
         """Return (m,) on the tubes, counter-clockwise around the object [N]."""
-        return np.bincount(self.statics.owners, weights=self.state.friction_forces)
+        return self._of_members(self.state.friction_forces)
+
+    def _of_members(self, forces: Array) -> Array:
+        """Return the sums (m,) of forces (k,) of contacts."""
+        owners = self.statics.owners
+        alone = len(owners) == owners[-1] + 1
+        return forces if alone else np.bincount(owners, weights=forces)
 
     @property
     def squeeze(self) -> float:

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 from isotruss_ros.core.grasping.contact import ContactState
 from isotruss_ros.core.grasping.contact_points import ContactPoints
-from isotruss_ros.core.grasping.loaded_tubes import spans
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np
@@ -128,13 +127,13 @@ def find_wrinkling(
     end_forces = frame.end_forces(pieces, pushed)
 
     piece = pieces[contact_points.piece[touching]]
-    start, _ = spans(frame, piece)
+    start = frame.points[frame.members.start[piece]]
     place = np.abs(contact_points.points[touching] - start)
     local = local[touching]
     owner = contact_points.member[touching]
     sections = load_sections(structure, pressure, end_forces, piece, place, local, owner)
     used, member = sections.utilisation, sections.member
-    length = np.abs(spans(frame, tube_pieces(m).ravel())[1])
+    length = frame.length[tube_pieces(m).ravel()]
     ring, whole = file.module.guide_ring_distance, config.member_lengths[topology.previous]
     starts = np.concatenate([np.zeros(m), whole, np.full(m, ring)])
     ends = starts + np.repeat([1.0, -1.0, 1.0], m) * length

@@ -62,6 +62,10 @@ class Frame:
     """
     A linear frame; its matrix is factored once, with the first solve.
 
+    :ivar points: (n,) nodes x + iy [m].
+    :ivar members: what connects them.
+    :ivar length: (k,) of the members [m].
+    :ivar axis: (k,) their directions from start to end, unit vectors x + iy.
     :param points: (n,) nodes x + iy [m].
     :param members: what connects them.
     :param held: (n, 3) which of ux, uy, theta are held by supports.
@@ -85,8 +89,9 @@ class Frame:
         self._held = held.ravel()
         self._rows = rows
         span = points[members.end] - points[members.start]
-        length = np.abs(span)
-        self._turn = directions(span / length)
+        self.length = length = np.abs(span)
+        self.axis = span / length
+        self._turn = directions(self.axis)
         self._local = with_pins(
             local_stiffness(length, members.axial, members.flexural, members.shear),
             members.pinned_start,

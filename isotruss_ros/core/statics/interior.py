@@ -82,15 +82,17 @@ class InteriorPoints:
         """
         place, same = self.place, self.member[:, None] == self.member
         near, far = np.minimum(place[:, None], place), np.maximum(place[:, None], place)
-        length, axial, flexural, shear = (
-            values[self.member] for values in (self.length, self.axial, self.flexural, self.shear)
-        )
-        stretch = near * (length - far) / (axial * length)
+        length = self.length[self.member]
+        found = np.empty((2, *near.shape))
+        # What does not reach from member to member is left out with the stiffness.
+        found[0] = near * (length - far) * (same / (self.axial * self.length)[self.member])
         # A cantilever from the start, then its ends brought back.
-        bend = near**2 * (3.0 * far - near) / (6.0 * flexural) + near / shear
         left, right = self.held_back
+        bend = near * near * (3.0 * far - near) * (1.0 / (6.0 * self.flexural))[self.member]
+        bend += near * (1.0 / self.shear)[self.member]
         bend -= left.T @ right
-        return np.stack([stretch, bend]) * same
+        np.multiply(bend, same, out=found[1])
+        return found
 
     @cached_property
     def held_back(self) -> tuple[Array, Array]:
