@@ -47,6 +47,11 @@ ENTRIES = np.array(
         )
     ]
 )
+#: Where what changes the loads of each contact goes: along, across and moment, by inclinations,
+#: normal and friction forces of both.
+CHANGES = np.array(
+    [6 * (3 * i + row) + 2 * kind + i for i in range(2) for row in range(3) for kind in range(3)]
+)
 #: One contact for each of the two members.
 OWNERS = np.arange(2)
 OWNERS.flags.writeable = False
@@ -107,7 +112,7 @@ class HeldObjectStatics:
         contact = self.compliance.at(unknowns[FEET])
         axes, starts = self.compliance.axis.tolist(), self.compliance.start.tolist()
         center, pushed = complex(x, y), 0j
-        loads, changes, entries, normals, rest = [], np.zeros((6, 6)), [], [], np.empty((2, 3))
+        loads, changes, entries, normals, along, across, slopes = [], [], [], [], [], [], []
         # One by one: two numbers of Python are quicker than an array of them.
         for i, side in enumerate(self.sides.tolist()):
             foot, turned, pressed, rubbed = each[i::2]
@@ -116,15 +121,16 @@ class HeldObjectStatics:
             own, tangent = complex(-side * sin(turned), side * cos(turned)), tan(turned)
             force, reach = complex(pressed, rubbed) * own, self.radius + skin
             loads += [force.real, force.imag, -skin * rubbed]
-            # By inclination, normal force and friction force: loads, then what else changes.
-            first = 3 * i
-            changes[first : first + 3, i::2] = (
-                (-force.imag, own.real, -own.imag),
-                (force.real, own.imag, own.real),
-                (0.0, dent * rubbed, -skin),
-            )
+            # Loads by inclination, normal force and friction force.
+            changes += [
+                *(-force.imag, own.real, -own.imag),
+                *(force.real, own.imag, own.real),
+                *(0.0, dent * rubbed, -skin),
+            ]
             gap = axis.conjugate() * (starts[i] - center) + foot - reach * own
-            rest[i] = gap.real, gap.imag, -tangent
+            along.append(gap.real)
+            across.append(gap.imag)
+            slopes.append(-tangent)
             normal = axis * own
             push = complex(pressed, rubbed) * normal
             normals.append(normal)
@@ -136,14 +142,17 @@ class HeldObjectStatics:
                 *(push.imag, -push.real, -normal.real, -normal.imag, normal.imag, -normal.real),
                 -1.0,
             ]
+        values = np.array([*entries, *changes, *loads, *along, *across, *slopes])
         residual, jacobian = np.empty(SIZE), np.zeros((SIZE, SIZE))
-        jacobian.ravel()[ENTRIES] = entries
-        flat = contact.matrix.reshape(6, 6)
-        given = np.array(loads)
+        first, second, third = len(ENTRIES), len(ENTRIES) + len(CHANGES), len(values) - 6
+        jacobian.ravel()[ENTRIES] = values[:first]
+        changing = np.zeros((6, 6))
+        changing.ravel()[CHANGES] = values[first:second]
+        flat, given = contact.matrix.reshape(6, 6), values[second:third]
         rows = jacobian[:6].reshape(3, 2, SIZE).transpose(1, 0, 2)  # contact, response
         rows[:, :, FEET] += contact.rates(given.reshape(2, 3))
-        rows[:, :, slice(INCLINATIONS.start, None)] += (flat @ changes).reshape(2, 3, 6)
-        residual[:6] = (rest + (flat @ given).reshape(2, 3)).T.ravel()
+        rows[:, :, slice(INCLINATIONS.start, None)] += (flat @ changing).reshape(2, 3, 6)
+        residual[:6] = values[third:] + (flat @ given).reshape(2, 3).T.ravel()
         residual[6], residual[7] = wrench[0] - pushed.real, wrench[1] - pushed.imag
         residual[8] = wrench[2] - each[6] - each[7]
         found = np.array(normals)

@@ -72,12 +72,13 @@ class StickingGrasp:
     @property
     def squeeze(self) -> float:
         """Return the mean normal force of the members [N]."""
-        return float(self.normal_forces.mean())
+        forces = self.normal_forces.tolist()
+        return sum(forces) / len(forces)
 
     @property
     def required_friction(self) -> float:
         """Return the smallest coefficient of friction with which all contacts stick."""
-        return float(np.max(np.abs(self.friction_forces) / self.normal_forces))
+        return float((np.abs(self.friction_forces) / self.normal_forces).max())
 
     def hold(self, friction: float) -> Hold:
         """
@@ -85,10 +86,11 @@ class StickingGrasp:
 
         :param friction: coefficient between tube and object.
         """
-        if self.normal_forces.min() <= 0.0:
+        # One by one: a few numbers of Python are quicker than arrays of them.
+        if min(self.normal_forces.tolist()) <= 0.0:
             return Hold.NO_CONTACT
-        feet = self.state.feet
-        if feet.min() < 0.0 or (feet > self.statics.compliance.length).any():
+        feet, lengths = self.state.feet.tolist(), self.statics.compliance.length.tolist()
+        if not all(0.0 <= foot <= end for foot, end in zip(feet, lengths, strict=True)):
             return Hold.OFF_MEMBER
         return Hold.SLIPS if self.required_friction > friction else Hold.HELD
 
