@@ -152,3 +152,42 @@ def test_an_error_of_a_callback_reaches_the_caller(nodes):
     node.create_timer(0.001, fail)
     with pytest.raises(ArithmeticError, match='of a timer'):
         until(executor, probe, lambda: False)
+
+
+def test_a_turn_with_nothing_to_call_back_makes_no_wait_set_of_rclpy(nodes, monkeypatch):
+    _node, probe, executor = nodes
+    until(executor, probe, lambda: executor._check is not None and not executor._finds_any())
+    waits, wait = [], executor.wait_for_ready_callbacks
+    monkeypatch.setattr(executor._check, 'finds_any', lambda: False)
+    monkeypatch.setattr(
+        executor, 'wait_for_ready_callbacks', lambda **k: (waits.append(k), wait(**k))[1]
+    )
+    executor._execute_waiting()
+    assert not waits
+    answer = executor.create_task(lambda: 'done')
+    executor._execute_waiting()
+    assert answer.result() == 'done'
+
+
+def test_what_is_made_between_turns_is_called_back_and_what_is_destroyed_is_not(nodes):
+    node, probe, executor = nodes
+
+    def idle():
+        return executor._check is not None and not executor._finds_any()
+
+    until(executor, probe, idle)
+    calls = []
+    timer = node.create_timer(1e-3, lambda: calls.append('timer'))
+    service = node.create_service(
+        Trigger, 'made_late', lambda _request, response: (calls.append('service'), response)[1]
+    )
+    client = probe.create_client(Trigger, 'made_late')
+    until(executor, probe, client.service_is_ready)
+    answer = client.call_async(Trigger.Request())
+    until(executor, probe, lambda: answer.done() and 'timer' in calls)
+    assert 'service' in calls
+    node.destroy_timer(timer)
+    node.destroy_service(service)
+    calls.clear()
+    until(executor, probe, idle)
+    assert not calls

@@ -20,6 +20,7 @@ class Cycle:
     """
     Call back at a rate until it is destroyed with the node's other timers.
 
+    :ivar timer: when a cycle is due.
     :param node: its clock, simulated or not, is the one that times are read from.
     :param rate: cycles per second of the clock of `timer_clock` [Hz].
     :param step: called in every cycle with the time.
@@ -45,7 +46,7 @@ class Cycle:
         self._progress_timeout = progress_timeout
         self._last = self._read = 0
         self._changed = time.monotonic()
-        self._timer = node.create_timer(1.0 / rate, self._tick, clock=timer_clock(node))
+        self.timer = node.create_timer(1.0 / rate, self._tick, clock=timer_clock(node))
         self._watchdog: Timer | None = None
         if stopped is not None and node.get_parameter('use_sim_time').value:
             steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -60,7 +61,7 @@ class Cycle:
         :param rate: cycles per second [Hz].
         :param progress_timeout: see above; unchanged where left out [s].
         """
-        self._timer.timer_period_ns = int(1e9 / rate)
+        self.timer.timer_period_ns = int(1e9 / rate)
         if self._watchdog is not None and progress_timeout is not None:
             self._progress_timeout = progress_timeout
             self._watchdog.timer_period_ns = int(1e9 * _watch_period(progress_timeout))
@@ -71,15 +72,15 @@ class Cycle:
 
         :param period: to compare with [s].
         """
-        steady = self._timer.clock.clock_type == ClockType.STEADY_TIME
-        return steady and self._timer.timer_period_ns < 1e9 * period
+        steady = self.timer.clock.clock_type == ClockType.STEADY_TIME
+        return steady and self.timer.timer_period_ns < 1e9 * period
 
     def run_next(self) -> None:
         """Sleep until the next cycle is due, and run it."""
-        wait = 1e-9 * self._timer.time_until_next_call()
+        wait = 1e-9 * self.timer.time_until_next_call()
         if wait > 0.0:
             time.sleep(wait)
-        self._timer.handle.call_timer()
+        self.timer.handle.call_timer()
         self._tick()
 
     def _tick(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.ready_check import ReadyCheck
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 
 #: Services, actions, parameters, events and slow timers get their turn this often [s].
@@ -16,16 +17,23 @@ class PacedExecutor(SingleThreadedExecutor):
     Run the cycle of a node by the clock, and all other callbacks in turns between the cycles.
 
     For every wait, rclpy collects all entities of the node anew, in Python: that takes a multiple
-    of the arithmetic of a cycle, which reads its inputs itself.
+    of the arithmetic of a cycle, which reads its inputs itself. So a turn begins with a check
+    whether there is anything to call back, with entities collected once.
 
     :param node: the only one that is executed.
     """
 
     def __init__(self, node: ManagedNode) -> None:
         super().__init__()
+        self._check: ReadyCheck | None = None
         self.add_node(node)
         self._node = node
         self._next_turn = 0.0
+
+    def wake(self) -> None:
+        """Collect entities anew: rclpy calls this when any are made or destroyed."""
+        self._check = None
+        super().wake()
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """
@@ -47,6 +55,8 @@ class PacedExecutor(SingleThreadedExecutor):
 
     def _execute_waiting(self) -> None:
         """Execute the callbacks that are ready, each once."""
+        if not self._finds_any():
+            return
         while True:
             try:
                 handler, _entity, _node = self.wait_for_ready_callbacks(timeout_sec=0.0)
@@ -54,3 +64,10 @@ class PacedExecutor(SingleThreadedExecutor):
                 return
             handler()
             handler.result()  # raises what the callback has raised
+
+    def _finds_any(self) -> bool:
+        """Return whether a callback may be ready."""
+        if self._check is None:
+            self._check = ReadyCheck(self._node, self._node.cycle.timer)
+            return True
+        return not all(task.done() for task, _, _ in self._tasks) or self._check.finds_any()
