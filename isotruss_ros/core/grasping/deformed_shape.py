@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
-from isotruss_ros.core.grasping.loaded_tubes import interior_points, LoadedTubes, spans
+from isotruss_ros.core.grasping.loaded_tubes import interior_points, LoadedTubes
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
@@ -112,10 +112,9 @@ def _on_pieces(config: Configuration, member: Indices, place: Array) -> tuple[In
 
 def _line(frame: Frame, pieces: Indices, count: int, tubes: LoadedTubes) -> Points:
     """Return points (p, count) of bent pieces [m]."""
-    start, span = spans(frame, pieces)
+    start, axis = frame.points[frame.members.start[pieces]], frame.axis[pieces]
     ends = tubes.displacements
-    axis, part = span / np.abs(span), np.linspace(0.0, 1.0, count)
-    place = np.abs(span)[:, None] * part
+    place = frame.length[pieces, None] * np.linspace(0.0, 1.0, count)
     member = np.repeat(np.arange(len(pieces)), count)
     shapes = (
         interior_points(frame, pieces, member, place.ravel()).shapes()

@@ -29,8 +29,7 @@ class LoadedTubes:
     @cached_property
     def local_forces(self) -> Points:
         """Return the forces along and across their members, (c,) [N]."""
-        _, span = spans(self._frame, self.piece)
-        return self.forces * (span / np.abs(span)).conj()
+        return self.forces * self._frame.axis[self.piece].conj()
 
     @cached_property
     def displacements(self) -> Array:
@@ -52,17 +51,6 @@ class LoadedTubes:
         return frame.solve(loads).displacements
 
 
-def spans(frame: Frame, pieces: Indices) -> tuple[Points, Points]:
-    """
-    Return starts and spans of members of a frame, (k,) each [m].
-
-    :param frame: the frame.
-    :param pieces: (k,) numbers of the members.
-    """
-    start = frame.points[frame.members.start[pieces]]
-    return start, frame.points[frame.members.end[pieces]] - start
-
-
 def interior_points(
     frame: Frame, pieces: Indices, member: Indices, place: Array
 ) -> InteriorPoints:
@@ -78,7 +66,7 @@ def interior_points(
     return InteriorPoints(
         member,
         place,
-        np.abs(spans(frame, pieces)[1]),
+        frame.length[pieces],
         members.axial[pieces],
         members.flexural[pieces],
         members.shear[pieces],

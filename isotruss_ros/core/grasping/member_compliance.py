@@ -146,7 +146,7 @@ class MemberCompliance:
         ]
         self._pieces_at: dict[tuple[int, int], ClampedBeam] = {}
         self._ends_at: dict[tuple[int, ...], Array] = {}
-        self._last_key, self._last = b'', None
+        self._last: tuple[bytes, ContactCompliance] | None = None
 
     def locate(self, places: Array) -> tuple[Indices, Array]:
         """
@@ -165,9 +165,9 @@ class MemberCompliance:
         :param places: (k,) distances from the members' starts [m].
         """
         key = places.tobytes()
-        if key != self._last_key:
-            self._last_key, self._last = key, self._at(places)
-        return self._last
+        if self._last is None or self._last[0] != key:
+            self._last = key, self._at(places)
+        return self._last[1]
 
     def _at(self, places: Array) -> ContactCompliance:
         """Compute what `at` returns."""

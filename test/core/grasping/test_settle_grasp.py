@@ -415,3 +415,16 @@ def test_a_search_that_begins_with_the_grasp_before_finds_the_same(monkeypatch):
             previous = found
     assert begun[False, 0] > 4 * begun[False, 1]
     assert begun[True, 1] > 10
+
+
+@pytest.mark.parametrize('change', [0.0, 1e-4, -1e-3, [0.0] * 5 + [2.5, 2.5] + [0.0] * 4])
+def test_a_rolling_grasp_ends_where_it_does_wherever_it_is_expected(change):
+    """From a last one, too, from which there is no way: then the search begins where it was."""
+    grasp = RollingGrasp.attach(CONFIG, CYLINDER)
+    travel = np.full(6, 1e-4)
+    config = CONFIG.moved_to(CONFIG.roller_positions + travel)
+    expected = grasp.moved_to(config).state.unknowns
+    ahead = dataclasses.replace(grasp, motion=(travel, np.broadcast_to(change, 11)))
+    moved = ahead.moved_to(config)
+    assert moved.state.unknowns == pytest.approx(expected, rel=1e-7, abs=1e-9)
+    assert moved.motion[1] == pytest.approx(expected - grasp.state.unknowns, rel=1e-5, abs=1e-8)
