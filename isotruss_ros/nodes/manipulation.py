@@ -42,6 +42,7 @@ from isotruss_ros.nodes.conversions.messages import (
 )
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.framework.kept_message import KeptBytes
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import ACKNOWLEDGE_TIME, RELIABLE
@@ -154,6 +155,7 @@ class Manipulation(ManagedNode):
             Float64MultiArray, 'roller_velocity_controller/commands', RELIABLE
         )
         self._command = Float64MultiArray()
+        self._command_bytes = KeptBytes(self._command)
         self._inputs = PolledGroup()
         subscribe_joint_states(self, self._robot, self._servo, self._inputs)
         subscribe_object_pose(self, self._robot, self._servo, self._inputs)
@@ -375,9 +377,8 @@ class Manipulation(ManagedNode):
     def _step(self, now: Time) -> None:
         began = time.perf_counter()
         decision = self._trajectory.decide(1e-9 * now.nanoseconds)
-        self._commands.publish(
-            to_command_message(decision.command.roller_velocities, self._command)
-        )
+        to_command_message(decision.command.roller_velocities, self._command)
+        self._commands.publish(self._command_bytes.pack())
         self._report.publish(decision, now)
         self._report.add_cycle_time(time.perf_counter() - began)
 

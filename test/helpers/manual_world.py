@@ -160,9 +160,10 @@ class World:
 
     def publish(self, publisher: Publisher, message: Any) -> None:
         """Take a publication; it is delivered in the next turn."""
-        if not isinstance(message, publisher.msg_type):
+        if not isinstance(message, publisher.msg_type | bytes):
             raise TypeError(f'{message!r} is no {publisher.msg_type}')
-        copied = deserialize_message(serialize_message(message), publisher.msg_type)
+        data = message if isinstance(message, bytes) else serialize_message(message)
+        copied = deserialize_message(data, publisher.msg_type)
         topic = self._resolve(publisher)
         sent = (topic, copied, publisher.qos_profile)
         self._queue.append(sent)

@@ -21,7 +21,7 @@ from geometry_msgs.msg import Pose as PoseMessage
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
-from isotruss_msgs.msg import GraspState
+from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import Pose, RejectedInput, StampedInput, Status, TwistServo
 from isotruss_ros.nodes.conversions.messages import MessageError, RollerStateReader, stamp_header
@@ -37,6 +37,7 @@ import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import (
     Float64MultiArray,
@@ -57,6 +58,11 @@ def manipulation(**values):
     return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
 
 
+def opened(message, kind):
+    """Return a message that may be published as bytes."""
+    return deserialize_message(message, kind) if isinstance(message, bytes) else message
+
+
 def record(node):
     """Return the list that will hold every command with the status that belongs to it."""
     pairs = []
@@ -64,11 +70,11 @@ def record(node):
     send, tell = commands.publish, statuses.publish
 
     def publish(message):
-        pairs.append((np.array(message.data), None))
+        pairs.append((np.array(opened(message, Float64MultiArray).data), None))
         send(message)
 
     def report(message):
-        pairs[-1] = (pairs[-1][0], Status(message.code))
+        pairs[-1] = (pairs[-1][0], Status(opened(message, ManipulationStatus).code))
         tell(message)
 
     commands.publish, statuses.publish = publish, report

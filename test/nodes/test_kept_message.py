@@ -1,4 +1,4 @@
-"""Messages from bytes are those that rclpy makes of them."""
+"""Messages from bytes are those that rclpy makes of them, and bytes what it reads as them."""
 
 import math
 import struct
@@ -8,10 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.nodes.framework import kept_message
-from isotruss_ros.nodes.framework.kept_message import KeptMessage
+from isotruss_ros.nodes.framework.kept_message import KeptBytes, KeptMessage
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
 KINDS = (JointState, PoseStamped, Twist, WrenchStamped, ManipulationStatus)
 numbers = st.floats(allow_nan=False)
@@ -56,6 +57,25 @@ def test_numbers_change_without_the_middleware_and_texts_with_it(kind, data):
                 message = draw_fields(data, kind(), lengths)
                 assert kept.read(bytes(serialize_message(message))) == message
         assert len(asked) <= 2
+
+
+@pytest.mark.parametrize('kind', [*KINDS, Float64MultiArray])
+@given(data=st.data())
+def test_bytes_are_those_of_the_message_as_it_is(kind, data):
+    message = kind()
+    kept = KeptBytes(message)
+    for _ in range(2):
+        lengths = {}
+        for _ in range(3):
+            draw_fields(data, message, lengths)
+            packed = kept.pack()
+            assert type(packed) is bytes
+            assert deserialize_message(packed, kind) == message
+
+
+def test_what_the_middleware_packs_is_published_as_it_is():
+    message = GraspState()
+    assert KeptBytes(message).pack() is message
 
 
 def test_a_kind_with_other_fields_is_made_by_the_middleware():

@@ -6,6 +6,7 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Decision, Status
 from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
 from isotruss_ros.nodes.framework.diagnostics import CycleTimes, Level, WarningThrottle
+from isotruss_ros.nodes.framework.kept_message import KeptBytes
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from rclpy.time import Time
@@ -40,6 +41,7 @@ class StatusReport:
         self._cycle_times = CycleTimes()
         # Created once: a message with its parts costs more to create than to fill in.
         self._message = ManipulationStatus()
+        self._bytes = KeptBytes(self._message)
         self._failed: tuple[str, ...] = ()
 
     def publish(self, decision: Decision, now: Time) -> None:
@@ -60,7 +62,7 @@ class StatusReport:
         if decision.failed != self._failed:
             self._failed = decision.failed
             message.failed_rollers = list(decision.failed)
-        self._publisher.publish(message)
+        self._publisher.publish(self._bytes.pack())
         level = select_level(command.status)
         if decision.message and command.status in (Status.OK, Status.IDLE):
             level = Level.WARN  # such as too small a slip margin

@@ -1,8 +1,9 @@
 """
-One message that is filled from the bytes of the newest.
+One message that is filled from the bytes of the newest, and the bytes of one that is filled in.
 
-rclpy makes a message of Python objects, each with its parts twice, of all that it takes. Here the
-middleware reads a message once; those after it that differ in numbers only are unpacked into it.
+rclpy makes a message of Python objects, each with its parts twice, of all that it takes, and looks
+at every part of what it publishes. Here the middleware does so once; messages after it that
+differ in numbers only are unpacked into the first one, or packed as that was.
 """
 
 from __future__ import annotations
@@ -65,6 +66,24 @@ class KeptMessage:
         return message
 
 
+class KeptBytes:
+    """
+    Turns a message that is filled in anew each time into bytes, to be published.
+
+    :param message: the message; its parts stay the same objects.
+    """
+
+    def __init__(self, message: Any) -> None:
+        self._message = message
+        self._layout: _Layout | None = None
+
+    def pack(self) -> Any:
+        """Return the bytes of the message as it is; itself where its type has no layout."""
+        if self._layout is None or not self._layout.is_current():
+            self._layout = _Layout(self._message)
+        return self._layout.pack()
+
+
 class _Layout:
     """
     Where the numbers of a message are, with these texts and as many numbers in each sequence.
@@ -80,6 +99,8 @@ class _Layout:
         self._texts: list[tuple[int, bytes]] = [(0, LITTLE_ENDIAN)]
         self._numbers: list[tuple[int, Any, str]] = []
         self._sequences: list[tuple[int, Any, str]] = []
+        self._strings: list[tuple[Any, str, Any]] = []
+        self._lengths: list[tuple[Any, str, int]] = []
         self._count = 1
         self._add_fields(message)
         places, expected = zip(*self._texts, strict=True)
@@ -87,6 +108,9 @@ class _Layout:
         self._select = itemgetter(*places, places[0])  # at least two: a tuple
         self._expected = (*expected, expected[0])
         self._length = 0
+        self._values: list[Any] = [None] * self._count
+        for place, text in self._texts:
+            self._values[place] = text
 
     def begin(self, data: bytes) -> bool:
         """
@@ -116,6 +140,23 @@ class _Layout:
             setattr(part, name, array.array('d', values[place]))
         return True
 
+    def is_current(self) -> bool:
+        """Return whether the message has the same texts, and as many numbers, as it had."""
+        return all(getattr(part, name) == text for part, name, text in self._strings) and all(
+            len(getattr(part, name)) == length for part, name, length in self._lengths
+        )
+
+    def pack(self) -> Any:
+        """Return the bytes of the message; itself where it has no layout."""
+        if not self._known:
+            return self.message
+        values = self._values
+        for place, part, name in self._numbers:
+            values[place] = getattr(part, name)
+        for place, part, name in self._sequences:
+            values[place] = getattr(part, name).tobytes()
+        return self._struct.pack(*values)
+
     def _matches(self, values: tuple[Any, ...]) -> bool:
         return self._select(values) == self._expected
 
@@ -126,12 +167,15 @@ class _Layout:
                 self._numbers.append((self._count, part, name))
                 self._add(CODES[kind], struct.calcsize(f'<{CODES[kind]}'))
             elif kind == 'string':
+                self._strings.append((part, name, value))
                 self._add_text(value)
             elif kind == 'sequence<string>':
+                self._strings.append((part, name, list(value)))
                 self._add_length(len(value))
                 for text in value:
                     self._add_text(text)
-            elif kind == 'sequence<double>':
+            elif kind == 'sequence<double>' or (kind.startswith('sequence<') and not value):
+                self._lengths.append((part, name, len(value)))
                 self._add_length(len(value))
                 if value:  # nothing is aligned for none
                     self._sequences.append((self._count, part, name))
