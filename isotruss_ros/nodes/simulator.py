@@ -35,6 +35,7 @@ from isotruss_ros.nodes.conversions.messages import (
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
+from isotruss_ros.nodes.framework.kept_message import KeptBytes
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import RELIABLE
@@ -130,6 +131,7 @@ class Simulator(ManagedNode):
         # Made once: a message with its parts takes longer to make than to fill in.
         self._joints = JointState(name=list(self._robot.roller_names))
         self._pose = PoseStamped()
+        self._joints_bytes, self._pose_bytes = KeptBytes(self._joints), KeptBytes(self._pose)
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
@@ -278,10 +280,10 @@ class Simulator(ManagedNode):
         joints.position = self._simulated.roller_positions.tolist()
         joints.velocity = self._simulated.roller_velocities.tolist()
         stamp_header(joints.header, now)
-        self._joint_states.publish(joints)
+        self._joint_states.publish(self._joints_bytes.pack())
         to_pose_message(self._simulated.object_pose, pose.pose)
         stamp_header(pose.header, now, self._robot.frame)
-        self._object_pose.publish(pose)
+        self._object_pose.publish(self._pose_bytes.pack())
 
     def details(self) -> dict[str, object]:
         """Return how far MuJoCo is behind the clock, by name."""
