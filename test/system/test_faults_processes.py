@@ -97,10 +97,11 @@ class Mistaken(Manipulation):
         super().configure()
         send = self._commands.publish
 
-        def publish(message):
-            send(message)
-            self.moved += any(message.data)
-            if any(message.data) and self.moved == 100:
+        def publish(data):
+            send(data)
+            moving = any(self._command.data)
+            self.moved += moving
+            if moving and self.moved == 100:
                 raise ZeroDivisionError('a mistake')
 
         self._commands.publish = publish

@@ -322,6 +322,19 @@ def test_open_grasps_of_two_members_are_left_with_the_least_without_a_program():
     assert found_by_steps > 190
 
 
+def test_what_is_left_without_a_program_is_at_right_angles_to_none_one_or_two():
+    rng, between = np.random.default_rng(3), set()
+    for _ in range(150):
+        segments = rng.standard_normal((int(rng.integers(3, 9)), 3))
+        segments /= np.linalg.norm(segments, axis=1).max()
+        load, bound = 2.0 * rng.standard_normal(3), np.full(len(segments), 0.3)
+        least = lsq_linear(segments.T, -load, (-bound, bound), method='bvls', tol=1e-14).x
+        steps = force_closure._exchange(segments, load, 0.3, np.zeros(len(segments)))
+        assert steps == pytest.approx(least, abs=1e-7)
+        between.add(np.count_nonzero(np.abs(steps) < 0.3))
+    assert between == {0, 1, 2}
+
+
 @pytest.mark.parametrize('way', ['_exchange', '_balance_by_qp'])
 @pytest.mark.parametrize('seed', range(5))
 def test_where_there_is_a_choice_friction_is_near_to_what_was_asked_for(way, seed):
