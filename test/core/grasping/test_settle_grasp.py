@@ -417,6 +417,15 @@ def test_a_search_that_begins_with_the_grasp_before_finds_the_same(monkeypatch):
     assert begun[True, 1] > 10
 
 
+def test_a_search_does_not_begin_with_an_object_of_another_diameter():
+    center = tangent_center(HOME, 'north/Z', 0.3, 0.01)
+    before = settle_grasp(HOME, Cylinder(center, 0.3), FRICTION)
+    other = Cylinder(center, 0.3001)
+    found = settle_grasp(HOME, other, FRICTION, previous=before)
+    cold = settle_grasp(HOME, other, FRICTION)
+    assert found.displacement.tolist() == cold.displacement.tolist()
+
+
 @pytest.mark.parametrize('change', [0.0, 1e-4, -1e-3, [0.0] * 5 + [2.5, 2.5] + [0.0] * 4])
 def test_a_rolling_grasp_ends_where_it_does_wherever_it_is_expected(change):
     """From a last one, too, from which there is no way: then the search begins where it was."""
