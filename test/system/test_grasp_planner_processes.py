@@ -66,7 +66,7 @@ def test_leaves_no_process_when_it_is_deactivated_or_destroyed():
         assert not client.send(goal()).accepted
         assert manager.ask(Transition.TRANSITION_ACTIVATE)
         client.begin(goal(min_margin=NO_MARGIN))
-        assert workers()
+        client.until(workers)
     assert not workers()
 
 
