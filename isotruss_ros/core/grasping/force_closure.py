@@ -111,7 +111,7 @@ def _balance(segments: Array, load: Array, friction: float, shares: Array) -> tu
 
 def _exchange(segments: Array, load: Array, friction: float, shares: Array) -> Array | None:
     """
-    Return the shares (k,) that balance the load best, by exchanging which of them are at bounds.
+    Return the shares (k,) that balance the load best, by finding which of them are at bounds.
 
     Where friction suffices with room to spare none is at its bound. Where it does not, what is
     left of the load, r, has the least |r - load|^2 / 2 + mu sum |s_i r|: it comes to be at right
@@ -136,22 +136,21 @@ def _exchange(segments: Array, load: Array, friction: float, shares: Array) -> A
         ahead, way = segments @ target, target - left
         crossing = np.flatnonzero(across * ahead < 0.0)
         if not len(crossing):
-            if not free:
-                return found if _is_settled(found, free, signs, segments, load, friction) else None
-            rows = segments[free]
-            inner = rows @ rows.T + REGULARIZATION * EYE[: len(free), : len(free)]
-            inside = lapack.dposv(inner, REGULARIZATION * shares[free] - rows @ rest)[1]
-            size = np.abs(inside)
-            if size.max() < friction:
+            if free:
+                rows = segments[free]
+                inner = rows @ rows.T + REGULARIZATION * EYE[: len(free), : len(free)]
+                inside = lapack.dposv(inner, REGULARIZATION * shares[free] - rows @ rest)[1]
+                size = np.abs(inside)
+                if not size.max() < friction:
+                    # One that would take more than there is does not stay between its bounds.
+                    worst = int(size.argmax())
+                    left, across = target, ahead
+                    across[free] = 0.0
+                    signs[free.pop(worst)] = -1.0 if inside[worst] > 0.0 else 1.0
+                    continue
                 found[free] = inside
-                settled = _is_settled(found, free, signs, segments, load, friction)
-                return found if settled else None
-            # One that would take more than there is does not stay between its bounds.
-            worst = int(size.argmax())
-            left, across = target, ahead
-            across[free] = 0.0
-            signs[free.pop(worst)] = -1.0 if inside[worst] > 0.0 else 1.0
-            continue
+            settled = _is_settled(found, free, signs, segments, load, friction)
+            return found if settled else None
         step, plane = _find_step(across, ahead, crossing, float(way @ way), friction, signs)
         if plane is not None:
             free.append(plane)
