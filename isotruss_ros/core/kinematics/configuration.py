@@ -272,7 +272,7 @@ def follow_branch(
             reach = MAX_CORRECTION * np.abs(predictor - start).max()
             if np.abs(moved - predictor).max() > reach + tolerance:
                 return None
-        if fresh and error > previous and error > tolerance:
+        if fresh and error > previous:
             return None
         points = moved
         if error > KEEP_FACTOR_BELOW * previous:

@@ -287,6 +287,23 @@ def test_the_end_of_the_shapes_is_found_by_shorter_and_shorter_steps():
     assert np.linalg.cond(last.matrix) > 50.0 * np.linalg.cond(robot.home.matrix)
 
 
+def test_the_way_back_from_the_end_of_the_shapes_is_straight_in_roller_travel():
+    """In steps of a quarter of a member, of which none leads beyond the end."""
+    robot = load_robot('triangle')
+    end = np.array([robot.home.member_lengths[0] - 0.05, 0.0])
+    with pytest.raises(ConfigurationError) as refused:
+        robot.configuration(end)
+    share = float(re.search(r'beyond ([0-9.]+) %', str(refused.value)).group(1)) / 100.0
+    there = robot.configuration(0.98 * share * end)
+    np.testing.assert_allclose(there.moved_to(np.zeros(2)).points, robot.home.points, atol=1e-11)
+
+
+@pytest.mark.parametrize(('travel', 'exact'), [(2.95e-3, False), (3.05e-3, True)])
+def test_shapes_are_predicted_to_first_order_up_to_3_mm(travel, exact):
+    ahead = load_robot('triangle').home.predict(np.array([travel, -0.5 * travel]))
+    assert (np.abs(ahead.residual()).max() < 1e-11) == exact
+
+
 @robots.examples(10)
 @given(robots.robots(), robots.generators())
 def test_rows_on_node_velocities_become_rows_on_rollers(robot, rng):

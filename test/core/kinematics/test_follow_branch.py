@@ -49,3 +49,9 @@ def test_a_search_that_takes_too_long_ends(monkeypatch):
     assert follow_branch(Bar(), np.array([1.0 + 0j]), length) == pytest.approx([0.9])
     monkeypatch.setattr(configuration, 'MAX_ITERATIONS', 1)
     assert follow_branch(Bar(), np.array([1.0 + 0j]), length) is None
+
+
+@pytest.mark.parametrize('change', [*np.logspace(-8.0, -0.5, 31), *-np.logspace(-8.0, -0.5, 31)])
+def test_constraints_hold_to_the_tolerance(change):
+    found = follow_branch(Bar(), np.array([1.0 + 0j]), SimpleNamespace(length=1.0 + change))
+    assert np.abs(Bar().residual(found, SimpleNamespace(length=1.0 + change))).max() <= 1e-12

@@ -255,10 +255,10 @@ def pinched(opening, module):
 
 def test_module_fits_until_the_members_have_no_length():
     # In an equilateral triangle modules take up sqrt(3) h + s/2 of the distance of the joints.
-    s = 0.1
-    limit = (1.0 - 0.5 * s) / np.sqrt(3.0)
+    side, s = 0.8, 0.1
+    limit = (side - 0.5 * s) / np.sqrt(3.0)
     for h in np.linspace(0.02, 2.0 * limit, 60):
-        document = pinched(60.0, {'pinch_separation': s, 'rod_length': h})
+        document = equilateral(side, s, h)
         if h < limit - 0.01:
             lengths = robots.load(document).home.member_lengths
             assert lengths == pytest.approx([np.sqrt(3.0) * (limit - h)] * 3, abs=1e-12)
@@ -268,10 +268,29 @@ def test_module_fits_until_the_members_have_no_length():
             message = str(caught.value)
             assert 'module south/P does not fit its corner' in message
             assert f'with rod_length {h} m and pinch_separation 0.1 m' in message
-            assert f'{1.0 - np.sqrt(3.0) * h - 0.05:.4g} m long: its joints are 1 m apart' in (
-                message
-            )
+            length = side - np.sqrt(3.0) * h - 0.05
+            assert f'{length:.4g} m long: its joints are 0.8 m apart' in message
+            assert f'the modules take up {side - length:.4g} m of that' in message
             assert 'use a smaller module, or move the joints apart' in message
+
+
+def obtuse(depth):
+    """Return a tube of four joints with an obtuse corner, this deep below its neighbours [m]."""
+    document = robots.example()
+    document['joints']['M'] = [0.5, -depth]
+    document['tubes']['south']['joints'] = ['P', 'M', 'Q', 'X']
+    document['supports'] = {'P': ['x', 'y'], 'Q': ['y'], 'M': ['y']}
+    document['members'].update(min_length=0.01)
+    return document
+
+
+def test_sides_that_would_run_back_past_their_joint_are_refused():
+    # The rod leads into the robot, so the sides meet at a blunter angle than the joints.
+    robots.load(obtuse(0.105))
+    with pytest.raises(
+        RobotFileError, match=r'south/M .* leave it at 90\.08 degrees .* less than 90'
+    ):
+        robots.load(obtuse(0.1))
 
 
 @pytest.mark.parametrize(

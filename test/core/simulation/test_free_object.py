@@ -213,6 +213,7 @@ def test_angle_is_kept_and_within_half_a_turn(plan, angle, kept):
 
 def test_is_gripped_from_the_start_where_the_robot_already_holds_it(plan):
     lying = FreeObject(CYLINDER, FRICTION)
+    assert lying.pose(plan.config) == (*CYLINDER.center, 0.0)
     robot = SimulatedRobot(plan.config, lying, RollerFaults())
     robot.advance(0.01)
     assert lying.grip == plan.grasp.module
