@@ -1,10 +1,12 @@
 """Discs: numbers of any kind within range are taken, and what is out of range is refused."""
 
 from isotruss_ros.core import Cylinder, GraspError
-from isotruss_ros.core.model.objects import MAX_DISTANCE, MIN_DIAMETER, validate_disc
+from isotruss_ros.core.model.objects import validate_disc
 import numpy as np
 import pytest
 
+#: The bounds that messages have, [m].
+MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
 SIZES = (MIN_DIAMETER, 0.05, 1.0, MAX_DISTANCE)
 
 

@@ -44,12 +44,19 @@ def test_arcs_are_the_lengths_of_the_outline_between_the_points(rng):
         Polygon([(0.0, 0.0), (0.4, 0.0), (0.4, 0.3), (0.0, 0.3)], 0.05),
     ],
 )
-@pytest.mark.parametrize('turns', [-2, -1, 1, 3])
+@pytest.mark.parametrize('turns', [-7, -1, 1, 3])
 def test_a_whole_turn_unrolls_the_perimeter(shape, turns):
     angles = np.linspace(-3.1, 3.0, 41)
     after = arc(shape, angles + 2.0 * np.pi * turns)
     assert after - arc(shape, angles) == pytest.approx(turns * shape.perimeter, abs=1e-12)
     assert (np.diff(arc(shape, np.linspace(-20.0, 20.0, 1001))) >= -1e-12).all()
+
+
+def test_a_rounded_box_unrolls_quarters_of_arcs_and_the_sides_between_them():
+    box = Polygon([(0.0, 0.0), (0.4, 0.0), (0.4, 0.3), (0.0, 0.3)], 0.05)
+    diagonals = np.pi * np.array([-0.75, -0.25, 0.25, 0.75])
+    sides = np.array([0.3, 0.2, 0.3])
+    assert np.diff(arc(box, diagonals)) == pytest.approx(sides + 0.5 * np.pi * 0.05)
 
 
 def test_a_face_is_unrolled_as_it_comes_to_lie_on_the_member():
