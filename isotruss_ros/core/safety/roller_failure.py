@@ -125,7 +125,7 @@ class FailureDetector:
         """Flag the rollers that have failed, and time again those that work."""
         criterion, sent, moved = self.criterion, self._sent_range.size, self._moved_range.size
         timed = (sent >= criterion.evident) & (moved >= criterion.min_share * sent)
-        long = self._commanded >= max(criterion.time - criterion.settling, 0.0)
+        long = self._commanded >= criterion.time - criterion.settling
         if long.any():
             timed |= self._flag(long, sent, moved, time)
         if timed.any():
