@@ -148,6 +148,9 @@ def _analyze_together(grasps: _Grasps, chosen: Indices, found: GraspAnalyses) ->
         centers, arm = grasps.centers[chosen], 0.5 * grasps.diameters[chosen]
         radius = arm + 0.5 * grasps.robot.description.tube_diameter
         points = stack_points(stack, centers, radius, grasps.spacing)
+        if not len(points.grasp):
+            # No tube is within reach of any of the objects.
+            return np.zeros(len(chosen), dtype=bool)
         loaded = stack.load(points.owner, points.pieces, points.slot)
         contact = solve_contact_stack(points, loaded, radius)
     except (StructureError, np.linalg.LinAlgError):

@@ -217,6 +217,14 @@ def test_unusable_arguments_are_refused_by_name(change, said):
         analyze_grasps(robot, **(usable | change))
 
 
+def test_objects_beyond_the_reach_of_all_tubes_touch_nothing_without_friction():
+    robot = load_robot('triangle')
+    nodes = robot.home.nodes[None]
+    found = analyze_grasps(robot, nodes, np.zeros((1, 2)), 0.1, friction=0.0)
+    analysis = analyze_grasp(robot.home, Cylinder((0, 0), 0.1), 0.0, flattening=False)
+    assert_same(found, 0, analysis, robot)
+
+
 def test_nodes_that_are_not_the_robots_are_refused():
     robot = load_robot('triangle')
     nodes = np.stack([robot.home.nodes, 1.01 * robot.home.nodes])
