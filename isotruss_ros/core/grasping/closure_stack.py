@@ -83,7 +83,6 @@ def _balance(segments: Array, load: Array, friction: float) -> tuple[Array, Flag
     pair = np.flatnonzero(~settled & (there.sum(axis=1) == 2))
     if len(pair):
         two = np.argsort(~there[pair], axis=1, kind='stable')[:, :2]
-        found[pair] = 0.0
         found[pair[:, None], two] = _share_of_two(rows[pair[:, None], two], target[pair], friction)
         settled[pair] = True
     open_ = ~settled & touched

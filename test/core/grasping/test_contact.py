@@ -218,6 +218,17 @@ def test_a_tube_along_a_face_has_candidates_where_it_is_within_two_spacings(side
         assert np.ptp(found.points.real) > 0.3 if gap < 2.0 else not len(found.points)
 
 
+@pytest.mark.parametrize('lean', [0.05, -0.05])
+def test_a_tube_that_leans_little_has_candidates_where_it_is_within_two_spacings(lean):
+    box = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
+    body = ConvexObject(box, (0.4, 0.105, lean))
+    found = find_contact_points(straight(), surface_of(body), 0.002)
+    gaps = body.nearest(found.points).gaps
+    assert len(gaps) > 20
+    # Of the corner that is off the face, its tangents.
+    assert gaps.max() < 2.1 * 0.002
+
+
 def test_candidates_of_a_disc_at_midspan_mirror_each_other():
     found = find_contact_points(straight(), RoundSurface(0.5 * LENGTH - 0.1j, RADIUS), 0.005)
     place = found.points.real - 0.5 * LENGTH

@@ -25,7 +25,7 @@ from isotruss_ros.core.grasping import (
     sliding_contact,
     slip_margin,
 )
-from isotruss_ros.core.grasping.contact import solve_contact
+from isotruss_ros.core.grasping.contact import estimate_contact, solve_contact
 from isotruss_ros.core.grasping.contact_changes import lift_ends, MAX_CHANGES
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.held_grip import HeldGrip
@@ -82,6 +82,13 @@ def test_contact_that_takes_too_long_is_an_error(module, solve, words, monkeypat
     monkeypatch.setattr(module, 'MAX_STEPS', 0)
     with pytest.raises(SolverError, match=words):
         solve(points, surface)
+
+
+def test_an_estimate_presses_along_its_normals():
+    points, surface = points_of(CYLINDER)
+    found = estimate_contact(points, surface)
+    assert found.forces.sum() > 1.0
+    assert found.push == pytest.approx(found.forces * found.normals)
 
 
 def test_a_compliance_that_gives_energy_is_an_error(monkeypatch):

@@ -8,6 +8,7 @@ from isotruss_ros.core.grasping.contact import ContactState
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.grasping.wrinkling import find_wrinkling, MAX_UTILISATION
+from isotruss_ros.core.grasping.wrinkling_stack import _utilisation
 from isotruss_ros.core.statics.structure import structure_of, tube_pieces
 import numpy as np
 import pytest
@@ -140,3 +141,8 @@ def found_tubes(structure):
 def test_the_default_bound_is_the_documented_one():
     page = Path(__file__).parents[3] / 'docs' / 'grasp_planning.md'
     assert f'`max_utilisation` ({MAX_UTILISATION})' in page.read_text(encoding='utf-8')
+
+
+def test_where_hardly_a_pull_is_left_the_moment_still_has_a_bound():
+    used = _utilisation(np.full(3, 2.0), np.array([0.05, 0.0, -1.0]), 0.1)
+    assert used == pytest.approx([2.0 / (0.5 * 0.1 * 0.05), np.inf, np.inf])
