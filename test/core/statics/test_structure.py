@@ -8,6 +8,7 @@ from isotruss_ros.core import deform, load_robot, Robot
 from isotruss_ros.core.errors import IsotrussError, StructureError
 from isotruss_ros.core.statics.beam import local_stiffness
 import isotruss_ros.core.statics.frame
+from isotruss_ros.core.statics.pressures import tube_pressures
 from isotruss_ros.core.statics.structure import Structure, structure_of, tube_pieces
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
@@ -342,6 +343,8 @@ def test_pressure_may_be_one_for_all_one_for_each_or_by_tube():
     assert sink['file'] == sink['same'] == sink['each'] == sink['mapping']
     assert sink['north'] == sink['order']
     assert sink['low'] < sink['north'] < sink['file'] < 0.0
+    # However low it is.
+    assert tube_pressures(config.robot.description, 0.05) == (0.05,) * 3
 
 
 def test_structures_are_kept_by_configuration_and_pressure():

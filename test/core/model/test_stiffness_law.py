@@ -1,0 +1,46 @@
+"""Where stiffness laws end: ranges of numbers, and beams that do not shear but for rounding."""
+
+from isotruss_ros.core import RobotFileError
+from isotruss_ros.core.model.robot_file import read_robot_file
+from isotruss_ros.core.model.stiffness_law import find_contradictions, Law
+import pytest
+import robots
+
+EULER = 25.0
+
+
+def complaints(axial=1e3, rotary=4.0 * EULER):
+    """Return what is wrong with laws that with 4 EI are those of a beam that does not shear."""
+    laws = {
+        'axial': Law(axial, 0.0, 0.0),
+        'transverse': Law(12.0 * EULER, 0.0, -3.0),
+        'rotary': Law(rotary, 0.0, -1.0),
+    }
+    return list(find_contradictions(laws, {'main': 34.5e3}, (0.3, 3.0), 0.1))
+
+
+@pytest.mark.parametrize('axial', [1.05e-30, 0.95e30])
+def test_stiffnesses_within_sixty_decades_are_taken(axial):
+    assert complaints(axial) == []
+
+
+@pytest.mark.parametrize('axial', [0.95e-30, 1.05e30])
+def test_stiffnesses_beyond_them_come_from_other_units(axial):
+    (line,) = complaints(axial)
+    assert 'must be from 1e-30 to 1e+30; laws are in SI units' in line
+
+
+@pytest.mark.parametrize('less', [0.0, 0.95e-9, 1.05e-9])
+def test_a_beam_that_does_not_shear_is_one_but_for_a_billionth(less):
+    found = complaints(rotary=4.0 * EULER * (1.0 - less))
+    assert len(found) == (less > 1e-9)
+    assert all('contradict each other at every length' in line for line in found)
+
+
+def test_numbers_in_files_are_up_to_a_million_millions():
+    document = robots.example()
+    document['rollers']['max_speed'] = 0.95e12
+    assert read_robot_file(robots.write(document)).max_speed == 0.95e12
+    document['rollers']['max_speed'] = 1.05e12
+    with pytest.raises(RobotFileError, match='max_speed'):
+        read_robot_file(robots.write(document))
