@@ -1,7 +1,13 @@
 """What was sent is added up as by a sum over every moment, back to when nothing is known."""
 
 from hypothesis import given
-from isotruss_ros.core.control.inputs import CommandHistory, LOT
+from isotruss_ros.core.control.inputs import (
+    CommandHistory,
+    limit_stamps,
+    LOT,
+    RejectedInput,
+    StampedInput,
+)
 import numpy as np
 import pytest
 import robots
@@ -41,6 +47,29 @@ def test_where_nothing_was_sent_speeds_count_that_were_measured():
     assert sent.travel(1.0, 3.0, measured) == pytest.approx(measured)
     assert sent.travel(0.0, 1.0, measured) == pytest.approx(measured)
     assert not sent.travel(2.0, 3.0, measured).any()
+
+
+def test_travel_by_hand_forward_and_back():
+    sent, before = CommandHistory(1), np.array([0.1])
+    for time, speed in ((2.0, 1.0), (3.0, -2.0), (5.0, 0.5)):
+        sent.record(time, np.array([speed]))
+    for begin, end, travel in (
+        (1.5, 4.0, 0.05 + 1.0 - 2.0),
+        (0.5, 1.5, 0.1),
+        (2.5, 3.5, 0.5 - 1.0),
+        (4.0, 8.0, -2.0 + 1.5),
+    ):
+        assert sent.travel(begin, end, before) == pytest.approx(travel)
+        assert sent.travel(end, begin, before) == pytest.approx(-travel)
+
+
+def test_stamps_are_at_most_the_present():
+    """Those a little ahead; what is farther ahead is wrong, and what is old stays so."""
+    ahead, near, old = (StampedInput('it', time) for time in (7.02, 7.005, 6.9))
+    rejected = RejectedInput('no number')
+    given = (ahead, near, old, rejected, None)
+    assert limit_stamps(7.0, *given) == (ahead, StampedInput('it', 7.0), old, rejected, None)
+    assert limit_stamps(7.0, *given, clock_skew=0.03)[0].time == 7.0
 
 
 @pytest.mark.parametrize('now', [9.9, 10.9])
