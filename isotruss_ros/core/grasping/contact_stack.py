@@ -126,7 +126,7 @@ def _look(
     closed = np.where(touches.used, gaps[touches.place], -np.inf).max(axis=1) <= GAP_TOLERANCE
     least = np.full(n, np.inf)
     some = np.flatnonzero(points.counts)
-    least[some] = np.minimum.reduceat(gaps, points.first[some]) if len(some) else 0.0
+    least[some] = np.minimum.reduceat(gaps, points.first[some])
     good = (
         closed
         & (least >= -GAP_TOLERANCE)

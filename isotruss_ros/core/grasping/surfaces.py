@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Protocol
 
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.shapes import Disc, normalize, Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, Points
@@ -225,7 +224,7 @@ class ConvexSurface:
         return ConvexSurface(self.body, self.margin, self.body.shape.rounded(spacing))
 
 
-def surface_of(body: Cylinder | ConvexObject, margin: float = 0.0) -> Surface:
+def surface_of(body: ConvexObject, margin: float = 0.0) -> Surface:
     """
     Return the surface of an object, or one that is farther out.
 
@@ -233,8 +232,6 @@ def surface_of(body: Cylinder | ConvexObject, margin: float = 0.0) -> Surface:
     :param margin: how far out the surface is: 0 for its own, the radius of the tube for what
         centre lines meet where tubes stay round [m].
     """
-    if isinstance(body, Cylinder):
-        return RoundSurface(complex(*body.center), 0.5 * body.diameter + margin)
     if isinstance(body.shape, Disc):
         return RoundSurface(body.center, 0.5 * body.shape.diameter + margin)
     return ConvexSurface(body, margin, body.shape)

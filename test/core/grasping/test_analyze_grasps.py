@@ -227,6 +227,13 @@ def test_objects_beyond_the_reach_of_all_tubes_touch_nothing_without_friction():
 
 def test_nodes_that_are_not_the_robots_are_refused():
     robot = load_robot('triangle')
+    rods = robot.home_targets.lengths[robot.topology.n_modules :]
+    near, off = (
+        (1.0 + share * 1e-6 / rods.max()) * robot.home.nodes[None] for share in (0.99, 1.01)
+    )
+    assert not analyze_grasps(robot, near, np.zeros((1, 2)), 0.3).errors
+    with pytest.raises(GraspError, match='grasp 0: nodes of module'):
+        analyze_grasps(robot, off, np.zeros((1, 2)), 0.3)
     nodes = np.stack([robot.home.nodes, 1.01 * robot.home.nodes])
     with pytest.raises(GraspError, match='grasp 1: nodes of module'):
         analyze_grasps(robot, nodes, np.zeros((2, 2)), 0.3)

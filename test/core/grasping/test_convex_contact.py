@@ -20,7 +20,7 @@ from isotruss_ros.core.grasping.contact import solve_contact
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.flattening import flattening_of
 from isotruss_ros.core.grasping.sliding_contact import GAP_TOLERANCE, solve_sliding_contact
-from isotruss_ros.core.grasping.surfaces import ConvexSurface, surface_of
+from isotruss_ros.core.grasping.surfaces import ConvexSurface, RoundSurface, surface_of
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -165,7 +165,7 @@ def test_no_contact_is_beyond_the_points(seed):
     held = pressed_into(HOME, MODULE, shape, generator.uniform(-3.0, 3.0), 0.03)
     surface, structure = surface_of(held, TUBE_RADIUS), structure_of(HOME)
     few = find_contact_points(structure, surface, 0.005)
-    wide = surface_of(Cylinder((surface.center.real, surface.center.imag), 1.0), TUBE_RADIUS)
+    wide = RoundSurface(surface.center, 0.5 + TUBE_RADIUS)
     many = find_contact_points(structure, wide, 0.005)
     assert len(few.points) < len(many.points)
     forces = [solve_contact(points, surface).push.sum() for points in (few, many)]

@@ -1,5 +1,7 @@
 """The lines that are drawn are those of the analysis."""
 
+from types import SimpleNamespace
+
 from comparison.wedge import pressed_into
 from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, Polygon, tangent_center
 from isotruss_ros.core.grasping import deformed_shape
@@ -49,6 +51,33 @@ def test_nothing_moves_where_nothing_touches(config):
     assert lines[:, 0] == pytest.approx(straight[:, 0])
     assert lines[:, -1] == pytest.approx(straight[:, 1])
     assert distance(lines.ravel(), straight).max() < 1e-12
+    ring = config.robot.description.module.guide_ring_distance
+    steps = (config.member_lengths[:, None] - 2.0 * ring) / np.full(12, 12.0)
+    assert np.abs(np.diff(lines))[:, 1:-1] == pytest.approx(steps)
+    assert np.abs(np.diff(lines))[:, [0, -1]] == pytest.approx(ring)
+
+
+@pytest.mark.parametrize('share', [0.02, 0.37, 0.98])
+def test_lines_bend_as_members_give(config, share):
+    # However small the force.
+    number, force = 2, 0.05 * np.exp(0.7j)
+    place = share * config.member_lengths[number]
+    analysis = SimpleNamespace(
+        normal_forces=np.abs([force]),
+        normals=np.array([[np.cos(0.7), np.sin(0.7)]]),
+        members=np.array([number]),
+        places=np.array([place]),
+    )
+    straight, structure = member_lines(config), structure_of(config)
+    unloaded = deformed_lines(config, grasp(config, -0.01))
+    for other, line in enumerate(deformed_lines(config, analysis)):
+        members = MemberCompliance(structure, [number, other])
+        axis, local = members.axis[1], force * members.axis[0].conj()
+        for point, before in zip(line, unloaded[other], strict=True):
+            at = np.array([place, abs(before - straight[other, 0])])
+            found = members.at(at).respond(np.array([[local.real, local.imag, 0.0], [0.0] * 3]))
+            moved = axis * complex(found[1, 0], found[1, 1])
+            assert point - before == pytest.approx(moved, rel=1e-6, abs=1e-11)
 
 
 @pytest.mark.parametrize('squeeze', [0.002, 0.01])
@@ -73,6 +102,10 @@ def test_arrows_end_on_the_object_and_add_up_to_what_acts_on_it(config):
     analysis = analyze_grasp(config, cylinder, friction=0.0)
     arrows = force_lines(cylinder, analysis, 0.02)
     assert np.abs(arrows[:, 1] - complex(*center)) == pytest.approx(0.5 * DIAMETER)
+    # Where the tubes touch it.
+    touching = analysis.normal_forces > 0.0
+    outward = analysis.normals[touching] @ np.array([1.0, 1.0j])
+    assert arrows[:, 1] == pytest.approx(complex(*center) + 0.5 * DIAMETER * outward)
     resultant = np.diff(arrows).sum() / 0.02
     assert (resultant.real, resultant.imag) == pytest.approx(tuple(analysis.normal_wrench[:2]))
     rough = analyze_grasp(config, cylinder, friction=0.5)

@@ -52,14 +52,27 @@ def test_softer_tubes_dent_as_under_more_force():
     assert slope == pytest.approx(2.0 * expected[:, 1])
 
 
-def test_how_many_points_a_face_has_does_not_count():
+@pytest.mark.parametrize('cut', [0, 1, 2])
+def test_how_many_points_a_face_has_does_not_count(cut):
     # Faces fall away from the point, each more steeply than the one before.
-    places = np.array([-0.2, -0.02, 0.0, 0.03, 0.2])
-    heights = np.array([0.2, 0.005, 0.0, 0.004, 0.1])
-    fine = np.unique(np.append(places, np.linspace(-0.2, 0.2, 2000)))
+    places = np.array([-0.3, -0.2, -0.02, 0.0, 0.03, 0.2, 0.3])
+    heights = np.array([0.5, 0.2, 0.005, 0.0, 0.004, 0.1, 0.3])
+    places, heights = places[cut : 7 - cut], heights[cut : 7 - cut]
+    fine = np.unique(np.append(places, np.linspace(places[0], places[-1], 3000)))
     forces = [
         corner_dents._pressing_force(ROBOT, 0, *profile, np.array([np.inf, np.inf]), 0.01, None)
         for profile in ((places, heights), (fine, np.interp(fine, places, heights)))
+    ]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-9)
+
+
+def test_a_profile_dents_as_its_mirror_image():
+    places = np.array([-0.3, -0.02, 0.0, 0.04, 0.3])
+    heights = np.array([0.5, 0.02, 0.0, 0.004, 0.3])
+    reach = np.array([0.05, 0.03])
+    forces = [
+        corner_dents._pressing_force(ROBOT, 0, *profile, 0.01, None)
+        for profile in ((places, heights, reach), (-places[::-1], heights[::-1], reach[::-1]))
     ]
     assert forces[0] == pytest.approx(forces[1], rel=1e-9)
 

@@ -8,9 +8,7 @@ from isotruss_ros.core.grasping import sliding_contact
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.flattening import flattening_of
 from isotruss_ros.core.grasping.sliding_contact import (
-    FOLD,
     solve_sliding_contact,
-    TOLD,
     turn_at_corners,
 )
 from isotruss_ros.core.grasping.surfaces import surface_of
@@ -28,12 +26,13 @@ CORNERS = [(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)]
     [
         (Polygon(CORNERS), 0.4, 0.0),
         (Polygon(CORNERS, 0.03), 0.4, 0.1),
-        (Polygon(CORNERS, 0.9 * TOLD * SPACING), 0.4, 0.0),
+        (Polygon(CORNERS, 1.9 * SPACING), 0.4, 0.0),
+        (Polygon(CORNERS, 2.1 * SPACING), 0.4, 0.01),
         (Ellipse((0.1, 0.05)), 1.8, 1.0),
     ],
 )
 def test_normals_lean_little_but_on_arcs_that_points_can_tell(shape, angle, least):
-    held = pressed_into(HOME, 'south/P', shape, angle, 0.02)
+    held, fold = pressed_into(HOME, 'south/P', shape, angle, 0.02), np.deg2rad(12.0)
     surface, structure = surface_of(held), structure_of(HOME)
     kernel = flattening_of(HOME.robot, structure.pressures)
     points = find_contact_points(structure, surface, SPACING, kernel)
@@ -44,17 +43,17 @@ def test_normals_lean_little_but_on_arcs_that_points_can_tell(shape, angle, leas
     sizes = np.abs(contact.push)
     pressing = sizes > 0.0
     radii = held.nearest(points.skin + contact.displacements).radii
-    arcs = pressing & np.isfinite(radii) & (radii >= TOLD * SPACING)
+    arcs = pressing & np.isfinite(radii) & (radii >= 2.0 * SPACING)
     assert arcs.sum() >= least * pressing.sum()
     assert arcs.any() == (least > 0.0)
     leans = np.angle(turned.normals * contact.push.conj())
     before = np.angle(contact.normals * contact.push.conj())
     # Somewhere it matters.
-    assert np.abs(before[pressing]).max() > 1.5 * FOLD
+    assert np.abs(before[pressing]).max() > 1.5 * fold
     assert np.array_equal(turned.normals[arcs], contact.normals[arcs])
     assert np.array_equal(turned.forces[arcs], contact.forces[arcs])
     faces = pressing & ~arcs
-    assert leans[faces] == pytest.approx(np.clip(before[faces], -FOLD, FOLD), abs=1e-12)
+    assert leans[faces] == pytest.approx(np.clip(before[faces], -fold, fold), abs=1e-12)
     assert np.abs(turned.normals) == pytest.approx(1.0)
     # Across the tubes they press as before.
     assert (turned.forces * np.cos(leans))[faces] == pytest.approx(sizes[faces], rel=1e-9)

@@ -91,6 +91,8 @@ def test_more_compression_than_pull_is_beyond_all_bounds():
     state = pressed(found, forces, np.full(len(forces), 1.0 + 0j))
     result = find_wrinkling(structure, np.array([PRESSURE]), found, state)
     assert result.utilisation.tolist() == [np.inf]
+    # A slack wall has no tension.
+    assert result.tension.min() == 0.0
 
 
 @robots.examples(15)
@@ -144,5 +146,15 @@ def test_the_default_bound_is_the_documented_one():
 
 
 def test_where_hardly_a_pull_is_left_the_moment_still_has_a_bound():
+    structure = clamped(1.9e3)
+    found = find_contact_points(structure, RoundSurface(0.5 * LENGTH - 0.15j, 0.151), 0.005)
+    at = int(np.abs(found.points - 0.5 * LENGTH).argmin())
+    forces = np.where(np.arange(len(found.points)) == at, 2.0, 0.0)
+    state = pressed(found, forces, np.full(len(forces), np.exp(1j)))
+    # Half of what pushes along compresses the piece behind it; all moments are an eighth.
+    pull = np.cos(1.0) + 0.05
+    result = find_wrinkling(structure, np.array([pull / (np.pi * RADIUS**2)]), found, state)
+    moment = 2.0 * np.sin(1.0) * LENGTH / 8.0
+    assert result.utilisation == pytest.approx([moment / (0.5 * RADIUS * 0.05)], rel=1e-6)
     used = _utilisation(np.full(3, 2.0), np.array([0.05, 0.0, -1.0]), 0.1)
     assert used == pytest.approx([2.0 / (0.5 * 0.1 * 0.05), np.inf, np.inf])

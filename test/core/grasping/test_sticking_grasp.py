@@ -1,0 +1,66 @@
+"""What a grasp is worth by its forces and places alone."""
+
+import itertools
+from types import SimpleNamespace
+
+from isotruss_ros.core import Hold
+from isotruss_ros.core.grasping.slip_margin import slip_margin, weakest_direction, WrenchResponse
+from isotruss_ros.core.grasping.sticking_grasp import StickingGrasp
+import numpy as np
+import pytest
+
+
+@pytest.mark.parametrize(
+    ('normal', 'feet', 'hold'),
+    [
+        ([0.05, 1.0], [0.0, 0.8], Hold.HELD),
+        ([0.0, 1.0], [0.3, 0.3], Hold.NO_CONTACT),
+        ([1.0, -0.05], [0.3, 0.3], Hold.NO_CONTACT),
+        ([1.0, 1.0], [-0.01, 0.3], Hold.OFF_MEMBER),
+        ([1.0, 1.0], [0.3, 0.81], Hold.OFF_MEMBER),
+        ([1.0, 0.1], [0.3, 0.3], Hold.SLIPS),
+    ],
+)
+def test_a_grasp_holds_where_all_members_press_on_their_length_and_stick(normal, feet, hold):
+    grasp = StickingGrasp()
+    grasp.state = SimpleNamespace(
+        normal_forces=np.array(normal),
+        friction_forces=np.array([0.01, -0.06]),
+        feet=np.array(feet),
+    )
+    lengths = SimpleNamespace(length=np.array([0.7, 0.8]))
+    grasp.statics = SimpleNamespace(owners=np.arange(2), compliance=lengths)
+    assert grasp.hold(0.5) is hold
+
+
+@pytest.mark.parametrize('arm', [0.2, 1.0])
+@pytest.mark.parametrize(('one', 'other'), itertools.permutations(range(3), 2))
+@pytest.mark.parametrize('share', [0.98, 1.02])
+def test_an_equilibrium_is_stable_where_every_displacement_takes_work(one, other, share, arm):
+    # Displacements by wrenches, angles times the arm: of two kinds the mean of what each does to
+    # the other may not be more than what both do to themselves.
+    even = np.eye(3)
+    even[one, other], even[other, one] = 2.0 * share + 0.25, -0.25
+    pose = even / [[1.0], [1.0], [arm]]
+    response = WrenchResponse(pose, np.zeros((2, 3)), np.zeros((2, 3)), np.arange(2), arm)
+    assert response.stable == (share < 1.0)
+    # Wrenches (fx, fy, m / arm).
+    wrench = response.stiffness @ pose / [[1.0], [1.0], [arm]]
+    assert wrench == pytest.approx(np.eye(3))
+
+
+def test_a_member_slips_by_the_sums_over_its_contacts():
+    # One end of the face rubs by more than its own normal force bears; the other one helps.
+    state = SimpleNamespace(
+        normal_forces=np.array([1.0, 3.0, 4.0]), friction_forces=np.array([0.9, 0.3, 0.2])
+    )
+    by_normal = np.tile([0.0, 0.0, 0.1], (3, 1))
+    by_friction = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    response = WrenchResponse(np.eye(3), by_normal, by_friction, np.array([0, 0, 1]), 0.2)
+    # mu N - T of the first member is 0.5 * 4 - 1.2, and falls by 2 fx - 0.5 * 0.2 m / arm.
+    size = np.hypot(2.0, 0.1)
+    assert slip_margin(state, response, 0.5) == pytest.approx(0.8 / size)
+    direction = np.array([2.0, 0.0, -0.1]) / size
+    assert weakest_direction(state, response, 0.5) == pytest.approx(direction)
+    # Far from slipping, the first contact lets go.
+    assert slip_margin(state, response, 50.0) == pytest.approx(1.0 / 0.1)
