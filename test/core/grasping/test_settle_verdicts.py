@@ -1,0 +1,67 @@
+"""What `settle_grasp` says of an equilibrium, at both sides of each of its bounds."""
+
+from types import SimpleNamespace
+
+from isotruss_ros.core import ConvexObject, Hold, load_robot, place_between, Polygon, settle_grasp
+from isotruss_ros.core.grasping.settle_grasp import _judge
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+DIAMETER = HOME.robot.description.tube_diameter
+NAMES = HOME.robot.member_names
+BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
+
+
+def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True):
+    """Judge an equilibrium of the first two members; another one is as deep in the object."""
+    depths = np.full(len(NAMES), -0.1)
+    depths[:2], depths[4] = 0.02, other
+    found = SimpleNamespace(required_friction=needed)
+    return _judge(HOME, shift, depths, np.arange(2), found, friction, stable)
+
+
+@pytest.mark.parametrize(
+    ('given', 'hold', 'words'),
+    [
+        ({}, Hold.HELD, ''),
+        ({'shift': 0.249 * DIAMETER}, Hold.HELD, ''),
+        ({'shift': 0.251 * DIAMETER}, Hold.FAR, f'{251.0 * DIAMETER:.3g} mm'),
+        ({'other': 0.001}, Hold.OTHER_CONTACT, NAMES[4]),
+        ({'needed': 0.5}, Hold.HELD, ''),
+        ({'needed': 0.51}, Hold.SLIPS, '0.51 against 0.5'),
+        ({'stable': False}, Hold.UNSTABLE, ''),
+        ({'shift': 1.0, 'other': 0.1, 'stable': False}, Hold.FAR, 'too far'),
+    ],
+)
+def test_an_equilibrium_holds_within_all_bounds(given, hold, words):
+    found, reason = judge(**given)
+    assert found is hold
+    assert words in reason
+    assert (reason == '') == (hold is Hold.HELD)
+
+
+def test_an_angle_is_displaced_by_less_than_half_a_turn():
+    members = ('south/P-Q', 'north/R-P')
+    grip = place_between(HOME, members, BOX, angle=0.0, indentation=0.01)
+    body, found = grip.body, settle_grasp(HOME, grip.body, 5.0, members=members)
+    assert found.held
+    assert 1e-6 < abs(found.displacement[2]) < 0.1
+    # The box looks the same after half a turn: the angles are just at that.
+    shape = Polygon([(-x, -y) for x, y in BOX.vertices], corner_radius=0.02)
+    half = 0.5 * found.displacement[2]
+    for angle in (np.pi - abs(half), -np.pi + abs(half)):
+        placed = ConvexObject(shape, (*body.pose[:2], angle))
+        again = settle_grasp(HOME, placed, 5.0, members=members)
+        assert abs(again.displacement[2]) < 0.1
+        assert again.displacement[2] == pytest.approx(
+            found.pose.angle - (angle - np.copysign(np.pi, angle)), abs=1e-3
+        )
+
+
+def test_what_has_no_equilibrium_has_no_margin():
+    found = settle_grasp(HOME, ConvexObject(BOX, (5.0, 5.0, 0.0)))
+    assert found.hold is Hold.NO_CONTACT
+    assert found.slip_margin == 0.0
+    assert found.required_friction == np.inf
+    assert not found.stiffness.any()
