@@ -56,7 +56,7 @@ class GripEquilibrium(StickingGrasp):
     statics: ContactStatics
     state: ContactForces
     wrench: Array
-    stiffness_scale: float = 1.0
+    stiffness_scale: float
     flattening: bool = True
     pressure: Pressure | None = None
 

@@ -66,7 +66,7 @@ class RollingGrasp(StickingGrasp):
     statics: HeldObjectStatics
     state: ContactForces
     wrench: Array
-    stiffness_scale: float = 1.0
+    stiffness_scale: float
     pressure: Pressure | None = None
     motion: tuple[Array, Array] | None = None
 

@@ -600,6 +600,17 @@ def test_relaxation_finds_what_touches_by_the_force_at_another_point():
     assert relaxed.forces == pytest.approx(exact.forces, rel=1e-4)
 
 
+def test_relaxation_lets_small_forces_fade_where_nothing_touches(monkeypatch):
+    monkeypatch.setattr(relaxation, 'MAX_STEPS', 100 * relaxation.STEPS_BETWEEN_LOOKS)
+    config, center, radius = between(0.5, 2e-3)
+    surface = RoundSurface(center, radius)
+    points = find_contact_points(structure_of(config), surface, 0.02)
+    exact = solve_contact(points, surface)
+    assert (exact.forces == 0.0).sum() > 5
+    relaxed = relax_contact(points, surface, ContactGuess(np.full(len(exact.forces), 0.05)))
+    assert relaxed.forces == pytest.approx(exact.forces, abs=1e-4 * exact.forces.sum())
+
+
 def test_relaxation_ends_after_so_many_steps(monkeypatch):
     monkeypatch.setattr(relaxation, 'MAX_STEPS', relaxation.STEPS_BETWEEN_LOOKS)
     config, center, radius = between(0.65, 0.005)

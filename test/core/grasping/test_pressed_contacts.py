@@ -3,7 +3,9 @@
 import itertools
 
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, place_between, Polygon
+from isotruss_ros.core.grasping.member_compliance import MemberCompliance
 from isotruss_ros.core.grasping.pressed_contacts import contact_statics, find_pressed, start_at
+from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 from shapes import regular_polygon
@@ -88,7 +90,8 @@ def test_the_search_starts_where_straight_tubes_are_deepest_in_the_object(shape,
         # would give by all of the depth.
         load = np.zeros((len(numbers), 3))
         load[k, 1] = 1.0
-        own = statics.compliance.at(start[places.feet]).respond(load)[k, 1]
+        compliance = MemberCompliance(structure_of(HOME), numbers)
+        own = compliance.at(start[places.feet]).respond(load)[k, 1]
         around = (RADIUS - here) / own + np.array([[-0.01], [0.01]]) * np.ones(len(numbers))
         less, more = (statics.indentation(forces)[0][k] for forces in around)
         slope = (more - less) / 0.02
