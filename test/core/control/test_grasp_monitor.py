@@ -1,6 +1,7 @@
 """The monitor answers from samples alone: no middleware, no clock but the one it is told."""
 
 import time
+from types import SimpleNamespace
 
 from isotruss_ros.core import (
     analyze_grasp,
@@ -14,6 +15,7 @@ from isotruss_ros.core import (
     StampedInput,
     tangent_center,
 )
+from isotruss_ros.core.control.grasp_monitor import _judge
 import numpy as np
 import pytest
 
@@ -199,6 +201,27 @@ def test_tubes_that_wrinkle_or_nearly_do_are_reported(indentation, code, text):
         assert f'{member} bears {used:.2f}' in report.message
     if code is GraspCode.WRINKLED:
         assert not report.force_closure
+
+
+@pytest.mark.parametrize(
+    ('used', 'code', 'told'),
+    [
+        (0.79, GraspCode.OK, False),
+        (0.81, GraspCode.OK, True),
+        (0.99, GraspCode.OK, True),
+        (1.01, GraspCode.WRINKLED, True),
+    ],
+)
+def test_tubes_wrinkle_beyond_the_whole_of_their_moment(used, code, told):
+    """From four fifths of it on that is told."""
+    analysis = SimpleNamespace(
+        contact_lengths={'a': 0.1},
+        utilisation={'a': used, 'b': 0.5 * used},
+        utilisation_places={'a': 0.3, 'b': 0.2},
+    )
+    found, message = _judge(analysis)
+    assert found is code
+    assert ('0.3 m from its start' in message) is told
 
 
 def test_no_configuration_no_answer():

@@ -282,6 +282,7 @@ def test_time_left_is_what_it_takes():
 
 def test_errors_so_far_are_kept():
     tracker = PathTracker(LINE, TrackingSettings(), PERIOD)
+    assert tracker.rms_position_error == 0.0
     errors = [0.001, 0.004, 0.002]
     for error in errors:
         tracker.update(Pose(0.0, error, -10.0 * error), 0.0, PERIOD, held=True)
