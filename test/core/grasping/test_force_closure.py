@@ -303,7 +303,8 @@ def test_an_open_grasp_is_left_with_the_least_whichever_way_it_is_found(way, mon
         )
 
 
-def test_open_grasps_of_two_members_are_left_with_the_least_without_a_program():
+@pytest.mark.parametrize('friction', [0.3, 0.03])
+def test_open_grasps_of_two_members_are_left_with_the_least_without_a_program(friction):
     rng, found_by_steps = np.random.default_rng(0), 0
     for _ in range(200):
         # Two regions of contact, as of two tubes, one of which presses more.
@@ -311,14 +312,14 @@ def test_open_grasps_of_two_members_are_left_with_the_least_without_a_program():
         angles = np.concatenate([rng.uniform(0.0, 0.2, count), rng.uniform(1.7, 1.9, count)])
         forces = rng.uniform(0.1, 1.0, 2 * count) * np.repeat([1.0, 1.5], count)
         segments = wrenches(tangents_at(angles), forces)
-        load, bound = 20.0 * rng.standard_normal(3), np.full(2 * count, 0.3)
+        load, bound = 67.0 * friction * rng.standard_normal(3), np.full(2 * count, friction)
         least = lsq_linear(segments.T, -load, (-bound, bound), method='bvls', tol=1e-14).x
-        steps = force_closure._exchange(segments, load, 0.3, np.zeros(2 * count))
+        steps = force_closure._exchange(segments, load, friction, np.zeros(2 * count))
         if steps is not None:
             found_by_steps += 1
             left, expected = (np.linalg.norm(x @ segments + load) for x in (steps, least))
             assert left == pytest.approx(expected, rel=1e-8)
-            assert np.abs(steps).max() <= 0.3
+            assert np.abs(steps).max() <= friction
     assert found_by_steps > 190
 
 
@@ -333,6 +334,36 @@ def test_what_is_left_without_a_program_is_at_right_angles_to_none_one_or_two():
         assert steps == pytest.approx(least, abs=1e-7)
         between.add(np.count_nonzero(np.abs(steps) < 0.3))
     assert between == {0, 1, 2}
+
+
+def test_a_step_of_the_descent_leads_to_the_least_value_on_its_way():
+    rng, met = np.random.default_rng(0), set()
+    for _ in range(60):
+        segments, load = rng.standard_normal((6, 3)), 2.0 * rng.standard_normal(3)
+        across, friction = segments @ load, rng.uniform(0.1, 1.0)
+        signs = np.sign(across)
+        way = -friction * signs @ segments
+        ahead = across + segments @ way
+        crossing = np.flatnonzero(across * ahead < 0.0)
+        if not len(crossing):
+            continue
+        turned = signs.copy()
+        share, plane = force_closure._find_step(
+            across, ahead, crossing, float(way @ way), friction, turned
+        )
+        shares = np.append(np.linspace(0.0, 1.0, 1001), share)
+        left = load + shares[:, None] * way
+        value = 0.5 * ((left - load) ** 2).sum(axis=1) + friction * np.abs(left @ segments.T).sum(
+            axis=1
+        )
+        assert value[-1] == value.min()
+        there = segments @ left[-1]
+        if plane is not None:
+            assert there[plane] == pytest.approx(0.0, abs=1e-12)
+            there[plane] = across[plane]
+        assert (np.sign(there) == turned).all()
+        met.add(plane is None)
+    assert met == {True, False}
 
 
 @pytest.mark.parametrize('way', ['_exchange', '_balance_by_qp'])

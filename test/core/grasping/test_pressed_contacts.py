@@ -2,7 +2,16 @@
 
 import itertools
 
-from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, place_between, Polygon
+from isotruss_ros.core import (
+    ConvexObject,
+    Cylinder,
+    Disc,
+    Ellipse,
+    load_robot,
+    place_between,
+    Polygon,
+)
+from isotruss_ros.core.grasping.held_members import held_object_statics
 from isotruss_ros.core.grasping.member_compliance import MemberCompliance
 from isotruss_ros.core.grasping.pressed_contacts import contact_statics, find_pressed, start_at
 from isotruss_ros.core.statics.structure import structure_of
@@ -96,3 +105,23 @@ def test_the_search_starts_where_straight_tubes_are_deepest_in_the_object(shape,
         less, more = (statics.indentation(forces)[0][k] for forces in around)
         slope = (more - less) / 0.02
         assert force * (own + slope) == pytest.approx(RADIUS - here, rel=1e-3)
+
+
+@pytest.mark.parametrize('side', [1.0, -1.0])
+def test_small_objects_are_on_the_side_of_a_member_on_which_they_are(side):
+    start, axis = member_line()
+    center = start + (0.4 - 0.08j * side) * axis
+    place = (center.real, center.imag)
+    outward = 1j * side * axis
+    small = regular_polygon(5, 0.04)
+    for shape in (Disc(0.08), small):
+        body = ConvexObject(shape, (*place, 0.3))
+        found = find_pressed(HOME, body, np.array([NUMBER]))
+        statics = contact_statics(HOME, body, found)
+        assert statics.sides.tolist() == [side]
+        assert statics.straight_normals == pytest.approx(np.array([outward]))
+    # The corner that is farthest out.
+    corners = np.array(small.vertices) @ [1.0, 1j] * body.turn
+    assert found.corners.tolist() == [(corners * outward.conjugate()).real.argmax()]
+    statics = held_object_statics(HOME, Cylinder(place, 0.08), np.array([NUMBER, NUMBER]))
+    assert statics.sides.tolist() == [side, side]
