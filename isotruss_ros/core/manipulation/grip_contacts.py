@@ -120,7 +120,7 @@ def find_touches(config: Configuration, grip: Grip) -> Touches:
         span = end - start
         axis = span / abs(span)
         across = (axis.conjugate() * (inside - start)).imag
-        side = math.copysign(1.0, across) if across else 0.0
+        side = math.copysign(1.0, across)
         spans.append(span)
         axes.append(axis)
         sides.append(side)

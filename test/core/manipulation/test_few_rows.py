@@ -44,6 +44,27 @@ def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
     assert few.roller_velocities == pytest.approx(every.roller_velocities, abs=1e-7 * size)
 
 
+def test_a_few_rows_do_where_none_binds():
+    rng = np.random.default_rng(0)
+    lower, upper = -np.ones(40), np.full(40, 10.0)
+    rows = StackedRows([Rows(np.eye(40), lower, upper)])
+    equality, wanted = rng.uniform(0.5, 1.0, (1, 40)), np.full(40, 2.0)
+    counts = []
+
+    def solve(cost, equality, rows, lower, upper):
+        counts.append((len(rows), len(lower), len(upper)))
+        return np.linalg.pinv(equality) @ task, 1.0
+
+    task = equality @ wanted
+    speeds, progress = few_rows.solve_by_few_rows(
+        solve, np.eye(40), equality, rows, np.arange(40), lower, upper, np.zeros(40)
+    )
+    assert counts == [(16, 16, 16)]
+    assert speeds == pytest.approx(np.linalg.pinv(equality) @ task)
+    assert 1.0 < speeds.min() < speeds.max() < 10.0
+    assert progress == 1.0
+
+
 def test_stacked_rows_are_those_of_the_limits_in_their_order():
     rng = np.random.default_rng(0)
     parts = [

@@ -10,7 +10,7 @@ from isotruss_ros.core import (
     tangent_center,
     task_jacobian,
 )
-from isotruss_ros.core.manipulation.grasp import members_at_module
+from isotruss_ros.core.manipulation.grasp import find_grasping_members, members_at_module
 from isotruss_ros.core.manipulation.task import grasp_rows
 import numpy as np
 import pytest
@@ -51,6 +51,29 @@ def test_jacobian_is_the_derivative_of_the_held_pose(robot, rng, number):
         ]
         found = jacobian[:, column] * 2.0 * EPSILON
         assert found == pytest.approx(np.array(wanted), abs=2e-6 * EPSILON * size + 1e-11)
+
+
+@pytest.mark.parametrize('way', [1, -1])
+def test_objects_are_found_between_the_members_of_small_robots(way):
+    """A tenth as large as the others, the area between two members is less than 0.1 m^2."""
+    document = robots.example()
+    document['joints'] = {name: [0.1 * x, 0.1 * y] for name, (x, y) in document['joints'].items()}
+    document['tubes']['south']['joints'] = ['P', 'Q', 'X'][::way]
+    document['module'].update(pinch_separation=0.012, rod_length=0.01, guide_ring_distance=0.008)
+    document['members'].update(min_length=0.025)
+    robot = robots.load(document)
+    center = complex(robot.home.points[:3].mean())
+    for module in robot.module_names:
+        members = find_grasping_members(
+            robot.home, Grasp(module, (center.real, center.imag), 0.01)
+        )
+        assert members.side == way
+        start, _, other, _ = robot.home.points[list(members.nodes)]
+        for node, side in ((start, members.ahead), (other, members.back)):
+            # The mirror image in one member is between the other one and its own.
+            image = node + ((center - node) / side).conjugate() * side
+            with pytest.raises(GraspError, match='is not between the two members'):
+                find_grasping_members(robot.home, Grasp(module, (image.real, image.imag), 0.01))
 
 
 @robots.examples(40)

@@ -115,20 +115,39 @@ def test_a_member_that_does_not_touch_is_named():
             find_contacts(ROBOT.home, other)
 
 
-def test_a_disc_beyond_the_end_of_a_member_is_not_touched():
+@pytest.mark.parametrize(
+    ('share', 'height', 'message'),
+    [
+        (0.01, 0.2, 'member north/P-Z'),
+        (-0.01, 0.2, r'member north/Z-R .* would touch at -0\.01 of its length'),
+        (0.99, 0.2, 'member north/P-Z'),
+        (1.01, 0.2, r'member north/Z-R .* would touch at 1\.01 of its length'),
+        (0.05, 0.4, r'member north/Z-R .* the gap is 0\.199 m'),
+        # The disc is on neither side.
+        (0.0, 0.0, 'member north/Z-R does not touch'),
+    ],
+)
+def test_a_member_touches_between_its_ends_and_on_its_surface(share, height, message):
     start, end = random_grips.member_ends(ROBOT.home, 'north/Z-R')
     axis = (end - start) / abs(end - start)
-    for along, touches in ((0.01, True), (-0.01, False)):
-        center = start + axis * (along + 0.2j)
-        grip = Grip(['north/Z-R', 'north/P-Z'], Cylinder((center.real, center.imag), 0.3))
-        if touches:
-            with pytest.raises(GraspError, match='member north/P-Z'):
-                find_contacts(ROBOT.home, grip)
-        else:
-            with pytest.raises(
-                GraspError, match=r'north/Z-R .* would touch at -0\.0098 of its length'
-            ):
-                find_contacts(ROBOT.home, grip)
+    center = start + share * (end - start) + 1j * height * axis
+    grip = Grip(['north/Z-R', 'north/P-Z'], Cylinder((center.real, center.imag), 0.3))
+    with pytest.raises(GraspError, match=message):
+        find_contacts(ROBOT.home, grip)
+
+
+def test_a_disc_in_a_corner_that_is_just_beyond_the_end_of_a_member_is_not_touched():
+    start, end = random_grips.member_ends(ROBOT.home, 'north/Z-R')
+    tangent = complex(*tangent_center(ROBOT.home, 'north/R', 0.06))
+    share = ((tangent - start) / (end - start)).real
+    for beyond, message in ((0.99, None), (1.01, r'would touch at 1\.01 of its length')):
+        center = tangent + (beyond - share) * (end - start)
+        grip = Grip(['north/Z-R', 'north/R-P'], Cylinder((center.real, center.imag), 0.06))
+        if message is None:
+            find_contacts(ROBOT.home, grip)
+            continue
+        with pytest.raises(GraspError, match=message):
+            find_contacts(ROBOT.home, grip)
 
 
 @robots.examples(40)

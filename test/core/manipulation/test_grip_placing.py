@@ -69,6 +69,15 @@ def test_three_members_are_touched_as_evenly_as_they_can_be():
     assert len(reachable_twists(NINE.home, grip)) == 3
 
 
+def test_an_object_between_parallel_members_is_in_their_middle():
+    members = ('south/P-Q', 'east/R-Y')
+    ends = np.array([random_grips.member_ends(NINE.home, name) for name in members])
+    along = (ends[0, 1] - ends[0, 0]) / abs(ends[0, 1] - ends[0, 0])
+    apart = abs(((ends[1, 0] - ends[0, 0]) / along).imag)
+    grip = place_between(NINE.home, members, Disc(apart - NINE.description.tube_diameter))
+    assert grip.center == pytest.approx(ends.mean(), abs=1e-12)
+
+
 def test_what_does_not_fit_is_refused():
     with pytest.raises(GraspError, match=r'reaches 0\.320156 m fits nowhere between'):
         place_between(NINE.home, ('south/X-P', 'north/Z-R'), BOX)
