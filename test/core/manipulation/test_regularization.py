@@ -1,0 +1,105 @@
+"""How progress is traded against roller speed where limits bind: in closed form."""
+
+from isotruss_ros.core import (
+    Grasp,
+    load_robot,
+    RollerSpeedLimit,
+    solve_twist,
+    Status,
+    tangent_center,
+)
+from isotruss_ros.core.manipulation.limit_handling import Regularization
+from isotruss_ros.core.manipulation.limits import Rows
+import numpy as np
+import pytest
+
+ROBOT = load_robot('triangle')
+MODULE = ROBOT.module_names[1]
+MAX_SPEED = ROBOT.description.max_speed
+GRASP = Grasp(MODULE, tangent_center(ROBOT.home, MODULE, 0.3), 0.3)
+
+
+class Stop:
+    """Keeps one roller from moving faster than a speed in one direction."""
+
+    status = Status.SLOWED_SELF_COLLISION
+
+    def __init__(self, roller, velocity):
+        self.roller, self.velocity = roller, velocity
+
+    def rows(self, config):
+        row = np.zeros((1, len(config.robot.roller_names)))
+        row[0, self.roller] = -np.sign(self.velocity)
+        return Rows(row, np.array([-abs(self.velocity)]), np.array([np.inf]))
+
+    def row_names(self, config):
+        return ('stop',)
+
+
+def solved(twist, weight, period, slide=False, others=()):
+    """Return the roller velocities of a twist with limited roller speeds."""
+    return solve_twist(
+        ROBOT.home,
+        GRASP,
+        twist,
+        limits=[RollerSpeedLimit(MAX_SPEED), *others],
+        slide_along_limits=slide,
+        period=period,
+        regularization=Regularization(progress_weight=weight),
+    ).roller_velocities
+
+
+@pytest.mark.parametrize('slide', [False, True])
+@pytest.mark.parametrize('speed', [0.05, 1.0])
+@pytest.mark.parametrize('twist', [(1.0, 0.0, 0.0), (0.3, 1.0, 0.0), (0.0, 0.0, 5.0)])
+def test_progress_costs_roller_speed_as_in_closed_form(twist, speed, slide):
+    """With p of the task of a largest roller speed 1: c p^2 / 2 - rho p + rho p^2 / (4 reach)."""
+    command = solve_twist(ROBOT.home, GRASP, speed * np.array(twist), limits=[])
+    free, wanted = command.roller_velocities, command.achieved_twist
+    surface = np.linalg.norm(wanted * (1.0, 1.0, 0.5 * GRASP.diameter))
+    asked = np.abs(free).max()
+    gain = asked / surface
+    unit = min(MAX_SPEED, asked)
+    # So small that neither the speeds nor the stop bind; the stop does for the free solution.
+    rho = 0.2
+    weight = rho * unit * gain / MAX_SPEED
+    cost = np.sum((ROBOT.topology.incidence @ free / asked) ** 2)
+    progress = rho / (cost + 0.5 * rho * unit / asked)
+    stop = Stop(0, 0.9 * free[0])
+    found = solved(wanted, weight, 1e-2, slide, [stop])
+    assert found == pytest.approx(progress * unit * free / asked, rel=1e-9, abs=1e-12)
+
+
+def test_the_weight_of_progress_falls_with_the_period_beyond_the_reference():
+    twist = (1.0, 0.0, 0.0)
+    weights = {period: solved(twist, 0.5, period) for period in (1e-3, 1e-2, 2e-2, 4e-2)}
+    assert weights[1e-3] == pytest.approx(weights[1e-2])
+    assert solved(twist, 1.0, 2e-2) == pytest.approx(weights[1e-2])
+    assert solved(twist, 2.0, 4e-2) == pytest.approx(weights[1e-2])
+    assert np.abs(weights[4e-2]).max() < 0.6 * np.abs(weights[2e-2]).max()
+    # Without a period there is no such trade: rollers have their largest speed.
+    assert np.abs(solved(twist, 0.5, 0.0)).max() == pytest.approx(MAX_SPEED)
+
+
+def test_sliding_trades_the_twist_against_roller_speed_in_loops_only():
+    robot, twist = load_robot('nine_member'), (0.05, 0.0, 0.0)
+    grasp = Grasp('east/Q', tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    free = solve_twist(robot.home, grasp, twist, limits=[]).roller_velocities
+    quickest = int(np.abs(free).argmax())
+
+    def slid(weight, period, share):
+        return solve_twist(
+            robot.home,
+            grasp,
+            twist,
+            limits=[Stop(quickest, share * free[quickest])],
+            slide_along_limits=True,
+            period=period,
+            regularization=Regularization(slide_weight=weight),
+        ).roller_velocities
+
+    little, much = slid(1e-2, 1e-2, 0.3), slid(1.0, 1e-2, 0.3)
+    assert np.linalg.norm(much) < 0.95 * np.linalg.norm(little)
+    assert slid(1.0, 0.0, 0.3) == pytest.approx(slid(1e-2, 0.0, 0.3))
+    # Nothing is traded where the stop is on the other side.
+    assert slid(1.0, 1e-2, -0.3) == pytest.approx(free)
