@@ -197,6 +197,25 @@ def test_commands_of_others_are_expected_to_be_carried_out():
     assert one.roller_velocities != pytest.approx(still.roller_velocities, abs=1e-6)
 
 
+@pytest.mark.parametrize(('silence', 'counts'), [(0.238, True), (0.242, False)])
+@pytest.mark.parametrize('again', [False, True])
+def test_commands_count_for_the_timeout_and_two_cycles(silence, counts, again):
+    """With 0.2 s and cycles of 20 ms; those of before count for as long when another one comes."""
+    velocities, later = 0.005 * np.array([1.0, -1.0, 0.5, 1.0, -0.5, 1.0]), NOW + silence
+
+    def commanded(*commands):
+        servo = squeezing_servo()
+        for name in ('twist', 'rollers', 'pose'):
+            setattr(servo, name, getattr(servo, name)._replace(time=NOW + 0.1))
+        for speeds, time in commands:
+            servo.note_command(speeds, time)
+        return servo.decide(later).command.roller_velocities
+
+    last = [(REST, later)] if again else []
+    found, expected = commanded((velocities, NOW), *last), commanded(*last)
+    assert (np.abs(found - expected).max() > 1e-9) == counts
+
+
 def test_a_twist_that_would_take_too_much_speed_is_told(monkeypatch):
     command = RollerCommand(REST, np.zeros(3), 0.25, Status.SLOWED_ROLLER_SPEED)
     monkeypatch.setattr(twist_servo, 'solve_twist', lambda *arguments, **options: command)
