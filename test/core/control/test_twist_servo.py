@@ -50,6 +50,27 @@ def servo(**given):
     return made
 
 
+class Noted:
+    """A detector that notes the times of the samples that it gets."""
+
+    failed: frozenset[str] = frozenset()
+
+    def __init__(self):
+        self.times = []
+
+    def update(self, positions, time, commanded):
+        self.times.append(round(1e3 * (time - NOW)))
+
+
+def test_rollers_are_compared_every_20_ms_and_where_their_clock_runs_back():
+    made = servo(detector=Noted())
+    for stamp in (0, 5, 15, 19, 21, 30, 40, 42, 30, 49, 51):
+        now = NOW + 1e-3 * stamp
+        made.rollers = StampedInput(at(HOME), now)
+        made.decide(now)
+    assert made.detector.times == [0, 21, 42, 30, 51]
+
+
 def test_moves_when_all_is_known():
     decision = servo().decide(NOW)
     assert decision.command.status is Status.OK
