@@ -199,7 +199,7 @@ def _at_right_angles(segments: Array, vector: Array) -> Array:
     (a, b, c), (u, v, w) = segments.tolist()
     normal = np.array([b * w - c * v, c * u - a * w, a * v - b * u])
     size = float(normal @ normal)
-    return (vector @ normal) / size * normal if size > 0.0 else 0.0 * normal
+    return (vector @ normal) / size * normal if size > 0.0 else normal
 
 
 def _is_settled(

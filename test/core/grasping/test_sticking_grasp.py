@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import Hold
 from isotruss_ros.core.grasping.slip_margin import slip_margin, weakest_direction, WrenchResponse
-from isotruss_ros.core.grasping.sticking_grasp import StickingGrasp
+from isotruss_ros.core.grasping.sticking_grasp import scaled_wrench, StickingGrasp
 import numpy as np
 import pytest
 
@@ -62,5 +62,36 @@ def test_a_member_slips_by_the_sums_over_its_contacts():
     assert slip_margin(state, response, 0.5) == pytest.approx(0.8 / size)
     direction = np.array([2.0, 0.0, -0.1]) / size
     assert weakest_direction(state, response, 0.5) == pytest.approx(direction)
+    # The other way round as well.
+    other_way = SimpleNamespace(
+        normal_forces=state.normal_forces, friction_forces=-state.friction_forces
+    )
+    assert slip_margin(other_way, response, 0.5) == pytest.approx(0.8 / size)
+    assert weakest_direction(other_way, response, 0.5)[0] == pytest.approx(-direction[0])
+    assert response.squeeze == pytest.approx([0.0, 0.0, 0.15])
     # Far from slipping, the first contact lets go.
     assert slip_margin(state, response, 50.0) == pytest.approx(1.0 / 0.1)
+
+
+def test_forces_of_members_are_sums_over_their_contacts():
+    grasp = StickingGrasp()
+    grasp.state = SimpleNamespace(
+        normal_forces=np.array([1.0, 3.0, 5.0]), friction_forces=np.array([0.4, 0.8, -2.0])
+    )
+    grasp.statics = SimpleNamespace(owners=np.array([0, 0, 1]))
+    assert grasp.normal_forces == pytest.approx([4.0, 5.0])
+    assert grasp.friction_forces == pytest.approx([1.2, -2.0])
+    assert grasp.squeeze == pytest.approx(4.5)
+    assert grasp.required_friction == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(('angle', 'within'), [(3.0, 3.0), (4.0, 4.0 - 2.0 * np.pi)])
+def test_the_angle_of_a_pose_is_within_half_a_turn(angle, within):
+    grasp = StickingGrasp()
+    grasp.state = SimpleNamespace(unknowns=np.array([1.0, 2.0, angle, 0.5]))
+    assert grasp.pose == pytest.approx((1.0, 2.0, within))
+
+
+def test_moments_compare_with_forces_by_the_arm():
+    assert scaled_wrench([3.0, 4.0, 0.5], 0.2) == pytest.approx([3.0, 4.0, 2.5])
+    assert scaled_wrench(None, 0.2).tolist() == [0.0, 0.0, 0.0]

@@ -1,0 +1,62 @@
+"""Which contacts of a grip press or pull, and which of them are tried."""
+
+from types import SimpleNamespace
+
+from isotruss_ros.core import Ellipse, load_robot, place_between
+from isotruss_ros.core.grasping.grip_equilibrium import GripEquilibrium
+from isotruss_ros.core.grasping.held_grip import _choices, HeldGrip
+from isotruss_ros.core.grasping.pressed_contacts import PressedContacts
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+APART = ('south/P-Q', 'north/R-P')
+
+
+def held(shape, angle):
+    """Return how an object is held that is pressed into two members at home."""
+    body = place_between(HOME, APART, shape, angle=angle, indentation=0.01).body
+    members = np.array([HOME.robot.member_names.index(name) for name in APART])
+    found = HeldGrip.attach(HOME, body, members)
+    assert isinstance(found, HeldGrip)
+    return found
+
+
+@pytest.mark.parametrize(
+    ('owners', 'forces', 'presses', 'pulling'),
+    [
+        ([0, 0, 1], [0.05, 2.0, 3.0], True, None),
+        ([0, 0, 1], [-0.05, 2.0, 3.0], False, 0),
+        ([0, 0, 1], [0.0, 2.0, 3.0], False, None),
+        # Of two members the only contacts, of three all.
+        ([0, 1], [-1.0, 2.0], True, None),
+        ([0, 0, 1], [1.0, 1.0, -1.0], True, None),
+        ([0, 1, 2], [1.0, -1.0, -0.5], True, 1),
+        ([0, 1, 2], [1.0, 0.05, 2.0], True, None),
+    ],
+)
+def test_ends_of_faces_and_third_members_pull_below_zero(owners, forces, presses, pulling):
+    grip = SimpleNamespace(
+        contacts=SimpleNamespace(owners=np.array(owners)),
+        state=SimpleNamespace(normal_forces=np.array(forces)),
+    )
+    assert GripEquilibrium.presses.fget(grip) == presses
+    assert GripEquilibrium.pulling.fget(grip) == pulling
+
+
+def test_faces_are_tried_with_both_ends_first_then_with_one_of_each():
+    cuts = np.tile([[np.inf, 0.1], [0.1, np.inf]], (2, 1))
+    contacts = PressedContacts(
+        np.array([3, 3, 5, 5]), np.array([0, 0, 1, 1]), np.array([0, 1, 2, 3]), cuts
+    )
+    tried = [set(chosen.corners.tolist()) for chosen in _choices(contacts)]
+    assert tried[0] == {0, 1, 2, 3}
+    assert [len(corners) for corners in tried] == [4, 3, 3, 3, 3, 2, 2, 2, 2]
+    assert len({frozenset(corners) for corners in tried}) == 9
+    assert all(corners & {0, 1} and corners & {2, 3} for corners in tried)
+
+
+def test_angles_of_contacts_are_those_of_the_normals_in_the_objects_frame():
+    grip = held(Ellipse((0.25, 0.2)), 0.4)
+    own = grip.state.normals * grip.body.turn.conjugate()
+    assert np.exp(1j * grip.angles) == pytest.approx(own)
