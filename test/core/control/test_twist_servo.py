@@ -71,6 +71,27 @@ def test_rollers_are_compared_every_20_ms_and_where_their_clock_runs_back():
     assert made.detector.times == [0, 21, 42, 30, 51]
 
 
+class NotedGuard:
+    """A guard without limits that notes which velocities are expected."""
+
+    limits = ()
+
+    def watch(self, config, grasp):
+        return self
+
+    def keep(self, command, velocities, duration):
+        self.velocities = velocities
+        return command
+
+
+def test_failed_rollers_are_expected_to_stand_still():
+    made = servo(guard=NotedGuard())
+    made.failed = {ROBOT.roller_names[1]}
+    made.note_command(np.full(len(HOME), 0.01), NOW - 0.005)
+    assert made.decide(NOW).command.status is not Status.HALT_KINEMATICS
+    assert made.guard.velocities.tolist() == [0.01, 0.0, *[0.01] * (len(HOME) - 2)]
+
+
 def test_moves_when_all_is_known():
     decision = servo().decide(NOW)
     assert decision.command.status is Status.OK
