@@ -1,7 +1,7 @@
 """What rollers can reach while rows of a grip are kept, against null spaces of these rows."""
 
 from hypothesis import assume, given, strategies
-from isotruss_ros.core.manipulation.task import Reach, Task
+from isotruss_ros.core.manipulation.task import _moves_freely, FREE_SHARE, Reach, Task
 import numpy as np
 import pytest
 import robots
@@ -89,3 +89,26 @@ def test_tasks_are_twists_of_any_size(rng, rollers):
     assert rows[3] @ speeds == pytest.approx(opening / size, abs=1e-9)
     # No other speeds of less cost do.
     assert kernel(rows).T @ speeds == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize('held', [1, 2, 3])
+def test_what_moves_freely_is_as_far_from_dependent_as_it_says(held):
+    """By eigenvalues, for rows of very different sizes and nearly parallel ones."""
+    rng, free = np.random.default_rng(held), 0
+    for _ in range(1000):
+        rows = rng.standard_normal((3 + held, 8)) * 10.0 ** rng.uniform(-3.5, 0.5, (3 + held, 1))
+        one, other = rng.permutation(3 + held)[:2]
+        rows[one] += 10.0 ** rng.uniform(-1.0, 2.0) * rows[other]
+        if not _moves_freely(rows):
+            continue
+        free += 1
+        grip = rows[3:]
+        assert np.linalg.eigvalsh(grip @ grip.T)[0] > 0.999 * FREE_SHARE
+        left = rows[:3] - rows[:3] @ np.linalg.pinv(grip) @ grip
+        assert np.linalg.eigvalsh(left @ left.T)[0] > 0.999 * FREE_SHARE
+    assert 100 < free < 900
+
+
+def test_only_the_first_row_of_a_grip_is_its_opening():
+    rows = np.random.default_rng(0).standard_normal((6, 8))
+    assert Reach.of(rows, 0.1, 0.5).opening.tolist() == [0.5, 0.0, 0.0]
