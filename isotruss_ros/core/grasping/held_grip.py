@@ -87,10 +87,11 @@ class HeldGrip(GripEquilibrium):
         closure = rest(statics, body.center, body.pose.angle)
         state = statics.solve(start_at(statics, body), wrench, closure)
         if state is not None and flattening and len(contacts.owners) > contacts.owners[-1] + 1:
-            # How deep a face's ends dent the skin rests on how the tube is bent over them.
-            normals = state.normals
-            options = (stiffness_scale, flattening, pressure, normals)
-            statics = contact_statics(config, body, contacts, *options)
+            # How deep a face's ends dent the skin rests on how the tube is bent over them, and on
+            # how the object has turned.
+            turned = body.moved_to(state.unknowns[:3])
+            options = (stiffness_scale, flattening, pressure, state.normals)
+            statics = contact_statics(config, turned, contacts, *options)
             closure = rest(statics, body.center, body.pose.angle)
             state = statics.solve(state.unknowns, wrench, closure)
         if state is None:

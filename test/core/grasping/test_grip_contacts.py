@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core import Ellipse, load_robot, place_between
+from isotruss_ros.core import Ellipse, load_robot, place_between, Polygon
 from isotruss_ros.core.grasping.grip_equilibrium import GripEquilibrium
 from isotruss_ros.core.grasping.held_grip import _choices, HeldGrip
 from isotruss_ros.core.grasping.pressed_contacts import PressedContacts
@@ -60,3 +60,13 @@ def test_angles_of_contacts_are_those_of_the_normals_in_the_objects_frame():
     grip = held(Ellipse((0.25, 0.2)), 0.4)
     own = grip.state.normals * grip.body.turn.conjugate()
     assert np.exp(1j * grip.angles) == pytest.approx(own)
+
+
+def test_an_object_that_has_settled_on_a_face_stays_where_it_is():
+    box = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
+    grip = held(box, 0.0)
+    assert len(grip.contacts.owners) == 3
+    assert grip.body.pose.angle > 0.01
+    again = HeldGrip.attach(HOME, grip.body, grip.members)
+    assert again.body.pose == pytest.approx(grip.body.pose, abs=1e-5)
+    assert again.state.normal_forces == pytest.approx(grip.state.normal_forces, rel=1e-3)
