@@ -7,6 +7,7 @@ import contextlib
 import math
 import time
 
+from action_msgs.msg import GoalInfo
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
@@ -18,11 +19,14 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import numpy as np
 import rclpy
+from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
 from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -158,9 +162,28 @@ class World:
     def call(self, client: Client, request: object) -> object:
         """Return what a service answers."""
         self.until(client.service_is_ready)
-        future = client.call_async(request)
-        self.until(future.done)
-        return future.result()
+        return self.ask(lambda: client.call_async(request))
+
+    def ask(self, send: Callable[[], Future], period: float = 5.0) -> object:
+        """
+        Return the first answer to what is sent again and again while there is none.
+
+        A server sends no answer to a client that it does not discover within 0.1 s.
+        """
+        sent: list[Future] = []
+        self.until(
+            lambda: any(future.done() for future in sent), lambda: sent.append(send()), period
+        )
+        return next(future.result() for future in sent if future.done())
+
+    def meet(self, client: ActionClient) -> None:
+        """
+        Wait until a server has discovered a client: it knows no goal that nobody has sent.
+
+        A goal is carried out even where its answer is lost, so it cannot be sent again.
+        """
+        self.until(client.server_is_ready)
+        self.ask(ClientGoalHandle(client, GoalInfo().goal_id, None).get_result_async)
 
     def report(self, name: str) -> DiagnosticStatus:
         """Return the last diagnostics of a node, stale before the first."""

@@ -76,14 +76,7 @@ class Paths:
 
     def ended(self, handle):
         """Wait for the end of a goal; return status of the action, code of the result."""
-        # A request that a new server has not discovered yet is lost: asked again, as in `go`.
-        futures = []
-        self._r.w.until(
-            lambda: any(future.done() for future in futures),
-            lambda: futures.append(handle.get_result_async()),
-            period=3.0,
-        )
-        found = next(future.result() for future in futures if future.done())
+        found = self._r.w.ask(handle.get_result_async)
         return found.status, found.result.code
 
 

@@ -53,7 +53,7 @@ class Client:
         """Send a goal; return its handle."""
         (kind,) = (kind for kind in ACTIONS if isinstance(goal, kind.Goal))
         client = self._clients[kind]
-        self._until(client.server_is_ready)
+        self._r.w.meet(client)
         self.feedback.clear()
         sent = client.send_goal_async(goal, lambda m: self.feedback.append(m.feedback))
         self._until(sent.done)
@@ -61,9 +61,8 @@ class Client:
 
     def end(self, handle):
         """Return status and result of a goal."""
-        result = handle.get_result_async()
-        self._until(result.done)
-        return result.result().status, result.result().result
+        found = self._r.w.ask(handle.get_result_async)
+        return found.status, found.result
 
     def execute(self, goal):
         """Send a goal, return how it ends; again while nodes have not discovered each other."""
