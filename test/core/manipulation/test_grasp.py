@@ -259,3 +259,19 @@ def test_object_that_does_not_fit_is_refused(module, diameter, message):
     config = load_robot('triangle').home
     with pytest.raises(GraspError, match=message):
         tangent_center(config, module, diameter)
+
+
+def test_a_member_is_touched_up_to_its_end():
+    """The larger the object, the farther from the corner; here both members alike."""
+    config = load_robot('triangle').home
+    start, end, _, _ = robots.side_ends(config, 'main/T')
+
+    def share(diameter):
+        center = complex(*tangent_center(config, 'main/T', diameter))
+        return ((center - start) / (end - start)).real
+
+    slope = (share(0.6) - share(0.2)) / 0.4
+    fitting, large = (0.2 + (wanted - share(0.2)) / slope for wanted in (0.95, 1.05))
+    assert share(fitting) == pytest.approx(0.95)
+    with pytest.raises(GraspError, match=r'touch them at \[1\.05, 1\.05\] of their lengths'):
+        tangent_center(config, 'main/T', large)
