@@ -227,7 +227,7 @@ def test_objects_beyond_the_reach_of_all_tubes_touch_nothing_without_friction():
 
 def test_nodes_that_are_not_the_robots_are_refused():
     robot = load_robot('triangle')
-    rods = robot.home_targets.lengths[robot.topology.n_modules :]
+    _, rods = np.split(robot.home_targets.lengths, [robot.topology.n_modules])
     near, off = (
         (1.0 + share * 1e-6 / rods.max()) * robot.home.nodes[None] for share in (0.99, 1.01)
     )

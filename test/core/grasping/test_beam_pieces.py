@@ -17,15 +17,17 @@ def respond(pinned, x, y):
     one = np.ones(count - 1)
     beams = local_stiffness(np.diff(places), AXIAL * one, FLEXURAL * one, SHEAR * one)
     stiffness = np.zeros((3 * count, 3 * count))
-    for i, beam in enumerate(beams):
-        stiffness[3 * i : 3 * i + 6, 3 * i : 3 * i + 6] += beam
+    # Displacements along and across and the rotation, of both ends of each beam.
+    ends = [np.arange(3 * i, 3 * i + 6) for i in range(len(beams))]
+    for beam, end in zip(beams, ends, strict=True):
+        stiffness[np.ix_(end, end)] += beam
     free = np.arange(2 if pinned else 3, 3 * count - 3)
     moved = np.zeros((3 * count, 3))
-    loads = np.eye(3 * count)[:, 3 * there : 3 * there + 3]
+    loads = np.eye(3 * count)[:, 3 * there + np.arange(3)]
     moved[free] = np.linalg.solve(stiffness[np.ix_(free, free)], loads[free])
     # The shear force before and behind the place leans the line against the sections.
-    sheared = [(beams[i] @ moved[3 * i : 3 * i + 6])[4] / SHEAR for i in (here - 1, here)]
-    own = moved[3 * here : 3 * here + 3]
+    sheared = [(beams[i] @ moved[ends[i]])[4] / SHEAR for i in (here - 1, here)]
+    own = moved[3 * here + np.arange(3)]
     return np.array([own[0], own[1], own[2] + 0.5 * sum(sheared)])
 
 

@@ -57,7 +57,8 @@ def test_how_many_points_a_face_has_does_not_count(cut):
     # Faces fall away from the point, each more steeply than the one before.
     places = np.array([-0.3, -0.2, -0.02, 0.0, 0.03, 0.2, 0.3])
     heights = np.array([0.5, 0.2, 0.005, 0.0, 0.004, 0.1, 0.3])
-    places, heights = places[cut : 7 - cut], heights[cut : 7 - cut]
+    kept = slice(cut, 7 - cut)
+    places, heights = places[kept], heights[kept]
     fine = np.unique(np.append(places, np.linspace(places[0], places[-1], 3000)))
     forces = [
         corner_dents._pressing_force(ROBOT, 0, *profile, np.array([np.inf, np.inf]), 0.01, None)
