@@ -56,7 +56,9 @@ class Robot:
         for log in self._logs.glob('*.log'):
             printed = log.read_text()
             # A node that is hardly started may be interrupted before Python comes to our code.
-            early = 'Failed to import the site module' in printed
+            early = (
+                'Failed to import the site module' in printed or 'Python error: init' in printed
+            )
             assert early or 'Traceback' not in printed, printed
 
     def travel(self) -> np.ndarray:

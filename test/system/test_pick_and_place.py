@@ -14,6 +14,7 @@ from nav_msgs.msg import Path as PathMessage
 import numpy as np
 import pytest
 from rclpy.action import ActionClient
+from rclpy.qos import QoSProfile
 from robot_processes import robot
 
 pytestmark = [pytest.mark.system, pytest.mark.xdist_group('many nodes')]
@@ -44,8 +45,11 @@ class Client:
         r.start('path_follower', rate=50.0, **PATIENT)
         r.start('grasp_planner', **PATIENT, **described)
         r.start('pick_and_place', **shared)
+        # Ten messages, as by default, are fewer than come while a busy machine holds this process.
+        every = QoSProfile(depth=1000)
         self._clients = {
-            kind: ActionClient(r.w.probe, kind, name) for kind, name in ACTIONS.items()
+            kind: ActionClient(r.w.probe, kind, name, feedback_sub_qos_profile=every)
+            for kind, name in ACTIONS.items()
         }
         self.feedback = []
 
