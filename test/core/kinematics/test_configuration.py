@@ -276,12 +276,17 @@ def test_a_member_without_length_is_refused_by_name_and_a_short_one_by_the_shape
             robot.configuration([length - left, 0.0])
 
 
+def share_reached(robot, travel):
+    """Return the share of a way at which shapes are said to end."""
+    with pytest.raises(ConfigurationError) as refused:
+        robot.configuration(travel)
+    return float(re.search(r'beyond ([0-9.]+) %', str(refused.value)).group(1)) / 100.0
+
+
 def test_the_end_of_the_shapes_is_found_by_shorter_and_shorter_steps():
     robot = load_robot('triangle')
     travel = np.array([robot.home.member_lengths[0] - 0.05, 0.0])
-    with pytest.raises(ConfigurationError) as refused:
-        robot.configuration(travel)
-    share = float(re.search(r'beyond ([0-9.]+) %', str(refused.value)).group(1)) / 100.0
+    share = share_reached(robot, travel)
     # There it is next to singular: at the last shape the velocities grow without bound.
     last = robot.configuration(share * (1.0 - 1e-5) * travel)
     assert np.linalg.cond(last.matrix) > 50.0 * np.linalg.cond(robot.home.matrix)
@@ -291,9 +296,7 @@ def test_the_way_back_from_the_end_of_the_shapes_is_straight_in_roller_travel():
     """In steps of a quarter of a member, of which none leads beyond the end."""
     robot = load_robot('triangle')
     end = np.array([robot.home.member_lengths[0] - 0.05, 0.0])
-    with pytest.raises(ConfigurationError) as refused:
-        robot.configuration(end)
-    share = float(re.search(r'beyond ([0-9.]+) %', str(refused.value)).group(1)) / 100.0
+    share = share_reached(robot, end)
     there = robot.configuration(0.98 * share * end)
     np.testing.assert_allclose(there.moved_to(np.zeros(2)).points, robot.home.points, atol=1e-11)
 

@@ -275,7 +275,7 @@ def test_module_fits_until_the_members_have_no_length():
 
 
 def obtuse(depth):
-    """Return a tube of four joints with an obtuse corner, this deep below its neighbours [m]."""
+    """Return a tube of four joints with a blunt corner, this far below its neighbours [m]."""
     document = robots.example()
     document['joints']['M'] = [0.5, -depth]
     document['tubes']['south']['joints'] = ['P', 'M', 'Q', 'X']
@@ -320,12 +320,8 @@ def test_corner_that_is_nearly_folded_is_refused():
 
 @pytest.mark.parametrize('bend', [-0.4, 0.4])
 def test_corner_that_is_nearly_straight_is_refused(bend):
-    document = robots.example()
-    document['joints']['M'] = [0.5, 0.5 * np.tan(np.deg2rad(0.5 * bend))]
-    document['tubes']['south']['joints'] = ['P', 'M', 'Q', 'X']
-    document['supports'] = {'P': ['x', 'y'], 'Q': ['y'], 'M': ['y']}
     with pytest.raises(RobotFileError) as caught:
-        robots.load(document)
+        robots.load(obtuse(-0.5 * np.tan(np.deg2rad(0.5 * bend))))
     assert 'module south/M does not fit its corner' in str(caught.value)
     assert 'at 180 degrees; must be between 1 and 179 degrees (move the joints)' in str(
         caught.value

@@ -22,21 +22,7 @@ import numpy as np
 import pytest
 import robots
 from scipy.optimize import linprog
-
-
-class Wall:
-    """Rows that a test makes up."""
-
-    status = Status.SLOWED_SELF_COLLISION
-
-    def __init__(self, matrix, bound):
-        self.matrix, self.bound = matrix, bound
-
-    def rows(self, config):
-        return Rows(self.matrix, -self.bound, np.full(len(self.bound), np.inf))
-
-    def row_names(self, config):
-        return tuple(f'wall {i}' for i in range(len(self.bound)))
+from walls import Wall
 
 
 def surface(grasp):

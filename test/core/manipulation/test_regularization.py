@@ -5,13 +5,12 @@ from isotruss_ros.core import (
     load_robot,
     RollerSpeedLimit,
     solve_twist,
-    Status,
     tangent_center,
 )
 from isotruss_ros.core.manipulation.limit_handling import Regularization
-from isotruss_ros.core.manipulation.limits import Rows
 import numpy as np
 import pytest
+from walls import Wall
 
 ROBOT = load_robot('triangle')
 MODULE = ROBOT.module_names[1]
@@ -19,21 +18,11 @@ MAX_SPEED = ROBOT.description.max_speed
 GRASP = Grasp(MODULE, tangent_center(ROBOT.home, MODULE, 0.3), 0.3)
 
 
-class Stop:
-    """Keeps one roller from moving faster than a speed in one direction."""
-
-    status = Status.SLOWED_SELF_COLLISION
-
-    def __init__(self, roller, velocity):
-        self.roller, self.velocity = roller, velocity
-
-    def rows(self, config):
-        row = np.zeros((1, len(config.robot.roller_names)))
-        row[0, self.roller] = -np.sign(self.velocity)
-        return Rows(row, np.array([-abs(self.velocity)]), np.array([np.inf]))
-
-    def row_names(self, config):
-        return ('stop',)
+def stop(count, roller, velocity):
+    """Return what keeps one of so many rollers from moving faster, in one direction."""
+    row = np.zeros((1, count))
+    row[0, roller] = -np.sign(velocity)
+    return Wall(row, np.array([abs(velocity)]))
 
 
 def solved(twist, weight, period, slide=False, others=()):
@@ -65,8 +54,7 @@ def test_progress_costs_roller_speed_as_in_closed_form(twist, speed, slide):
     weight = rho * unit * gain / MAX_SPEED
     cost = np.sum((ROBOT.topology.incidence @ free / asked) ** 2)
     progress = rho / (cost + 0.5 * rho * unit / asked)
-    stop = Stop(0, 0.9 * free[0])
-    found = solved(wanted, weight, 1e-2, slide, [stop])
+    found = solved(wanted, weight, 1e-2, slide, [stop(len(free), 0, 0.9 * free[0])])
     assert found == pytest.approx(progress * unit * free / asked, rel=1e-9, abs=1e-12)
 
 
@@ -92,7 +80,7 @@ def test_sliding_trades_the_twist_against_roller_speed_in_loops_only():
             robot.home,
             grasp,
             twist,
-            limits=[Stop(quickest, share * free[quickest])],
+            limits=[stop(len(free), quickest, share * free[quickest])],
             slide_along_limits=True,
             period=period,
             regularization=Regularization(slide_weight=weight),
