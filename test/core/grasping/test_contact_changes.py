@@ -2,33 +2,16 @@
 
 from dataclasses import replace
 
-from isotruss_ros.core import Disc, load_robot, place_between
+from held_grips import held, HOME, LOOP, numbers
+from isotruss_ros.core import Disc
 from isotruss_ros.core.grasping.contact_changes import _depth_in
 from isotruss_ros.core.grasping.depths import member_depths
-from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.member_compliance import MemberCompliance
 from isotruss_ros.core.model.segment_gaps import segment_gaps
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-
-NINE = load_robot('nine_member')
-HOME = NINE.home
-LOOP = ('south/P-Q', 'south/Q-X', 'south/X-P')
-
-
-def numbers(members):
-    """Return the numbers of members."""
-    return np.array([NINE.member_names.index(name) for name in members])
-
-
-def held_between(members, diameter):
-    """Return how a disc is held that is pressed into two members at home."""
-    body = place_between(HOME, members, Disc(diameter), indentation=0.012).body
-    found = HeldGrip.attach(HOME, body, numbers(members))
-    assert isinstance(found, HeldGrip)
-    return found
 
 
 @pytest.mark.parametrize(
@@ -41,9 +24,9 @@ def held_between(members, diameter):
     ],
 )
 def test_a_member_that_does_not_hold_moves_with_the_structure(members, diameter, other):
-    grip = held_between(members, diameter)
+    grip = held(Disc(diameter), 0.0, members, 0.012)
     number = int(numbers([other])[0])
-    topology = NINE.topology
+    topology = HOME.robot.topology
     start = HOME.points[topology.b[number]]
     end = HOME.points[topology.c[topology.following[number]]]
     # Where the object is, and close beside the member on its left.
@@ -67,7 +50,7 @@ def test_a_member_that_does_not_hold_moves_with_the_structure(members, diameter,
 
 def test_a_third_member_joins_as_soon_as_it_presses():
     def depth(diameter):
-        grip = held_between(LOOP[:2], diameter)
+        grip = held(Disc(diameter), 0.0, LOOP[:2], 0.012)
         third = int(numbers(LOOP[2:])[0])
         return grip, _depth_in(grip, third, float(member_depths(HOME, grip.body)[third]))
 

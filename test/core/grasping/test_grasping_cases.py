@@ -2,16 +2,16 @@
 
 from types import SimpleNamespace
 
+from apart_grips import APART
 from grips import gripped
+from held_grips import BOX, held, HOME, numbers
 from isotruss_ros.core import (
     analyze_grasp,
     analyze_grasps,
     ConvexObject,
     Disc,
     Hold,
-    load_robot,
     place_between,
-    Polygon,
     settle_grasp,
     SolverError,
 )
@@ -38,25 +38,9 @@ from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 
-HOME = load_robot('nine_member').home
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
 MODEL = RollingGrasp.attach(CONFIG, CYLINDER)
-BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
-APART = ('south/P-Q', 'north/R-P')
 AROUND = ('south/P-Q', 'east/Q-R', 'north/R-P')
-
-
-def numbers(members):
-    """Return the numbers of members."""
-    return np.array([HOME.robot.member_names.index(name) for name in members])
-
-
-def held_box():
-    """Return a box in the grip of two members that do not meet."""
-    body = place_between(HOME, APART, BOX, angle=0.2, indentation=0.01).body
-    found = HeldGrip.attach(HOME, body, numbers(APART))
-    assert isinstance(found, HeldGrip)
-    return found
 
 
 # Contact
@@ -183,7 +167,7 @@ def test_what_a_wrench_moves_without_bound_is_indifferent():
     assert found == pytest.approx(0.5 * np.eye(4, 3))
 
 
-@pytest.mark.parametrize('held', [MODEL, held_box()], ids=['disc', 'box'])
+@pytest.mark.parametrize('held', [MODEL, held(BOX, 0.2)], ids=['disc', 'box'])
 def test_an_indifferent_equilibrium_has_no_response(held, monkeypatch):
     module = 'slip_margin' if held is MODEL else 'grip_response'
     monkeypatch.setattr(f'isotruss_ros.core.grasping.{module}.solve_change', lambda *_: None)
@@ -192,14 +176,14 @@ def test_an_indifferent_equilibrium_has_no_response(held, monkeypatch):
     assert again.slip_margin(1.0) == 0.0
 
 
-@pytest.mark.parametrize('held', [MODEL, held_box()], ids=['disc', 'box'])
+@pytest.mark.parametrize('held', [MODEL, held(BOX, 0.2)], ids=['disc', 'box'])
 def test_there_is_no_equilibrium_under_any_load(held):
     pulled = 1e6 * np.array([0.3, -0.8, 0.0])
     assert held.moved_to(held.config, pulled) is None
 
 
 def test_a_box_that_is_pulled_away_has_no_balance():
-    body = held_box().body
+    body = held(BOX, 0.2).body
     found = HeldGrip.attach(HOME, body, numbers(APART), np.array([0.0, 1e6, 0.0]))
     assert found is Hold.NO_BALANCE
 

@@ -2,24 +2,13 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core import Ellipse, load_robot, place_between, Polygon
+from held_grips import BOX, held, HOME
+from isotruss_ros.core import Ellipse
 from isotruss_ros.core.grasping.grip_equilibrium import GripEquilibrium
 from isotruss_ros.core.grasping.held_grip import _choices, HeldGrip
 from isotruss_ros.core.grasping.pressed_contacts import PressedContacts
 import numpy as np
 import pytest
-
-HOME = load_robot('nine_member').home
-APART = ('south/P-Q', 'north/R-P')
-
-
-def held(shape, angle):
-    """Return how an object is held that is pressed into two members at home."""
-    body = place_between(HOME, APART, shape, angle=angle, indentation=0.01).body
-    members = np.array([HOME.robot.member_names.index(name) for name in APART])
-    found = HeldGrip.attach(HOME, body, members)
-    assert isinstance(found, HeldGrip)
-    return found
 
 
 @pytest.mark.parametrize(
@@ -63,8 +52,7 @@ def test_angles_of_contacts_are_those_of_the_normals_in_the_objects_frame():
 
 
 def test_an_object_that_has_settled_on_a_face_stays_where_it_is():
-    box = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
-    grip = held(box, 0.0)
+    grip = held(BOX, 0.0)
     assert len(grip.contacts.owners) == 3
     assert grip.body.pose.angle > 0.01
     again = HeldGrip.attach(HOME, grip.body, grip.members)

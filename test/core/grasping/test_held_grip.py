@@ -4,7 +4,9 @@ import copy
 from dataclasses import replace
 import math
 
+from apart_grips import APART, NINE
 from grips import gripped
+from held_grips import BOX, held, HOME, LOOP, numbers
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
@@ -14,7 +16,6 @@ from isotruss_ros.core import (
     GraspError,
     Grip,
     Hold,
-    load_robot,
     place_between,
     Polygon,
     settle_grasp,
@@ -33,28 +34,10 @@ import pytest
 from scipy.optimize import brentq
 from shapes import regular_polygon
 
-NINE = load_robot('nine_member')
-HOME = NINE.home
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
-BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
 SHARP = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
-APART = ('south/P-Q', 'north/R-P')  # sides of two tubes
 CORNER = ('north/P-Z', 'north/Z-R')
-LOOP = ('south/P-Q', 'south/Q-X', 'south/X-P')
 NOTHING = np.zeros(0, dtype=np.intp)
-
-
-def numbers(members):
-    """Return the numbers of members."""
-    return np.array([NINE.member_names.index(name) for name in members])
-
-
-def held(shape, angle, members=APART, depth=0.01, **options):
-    """Return how an object is held that is pressed into members at home."""
-    grip = place_between(HOME, members, shape, angle=angle, indentation=depth)
-    found = HeldGrip.attach(HOME, grip.body, numbers(members), **options)
-    assert isinstance(found, HeldGrip)
-    return found
 
 
 CASES = [

@@ -2,12 +2,12 @@
 
 import itertools
 
+from held_grips import BOX, HOME, numbers
 from isotruss_ros.core import (
     ConvexObject,
     Cylinder,
     Disc,
     Ellipse,
-    load_robot,
     place_between,
     Polygon,
 )
@@ -19,11 +19,9 @@ import numpy as np
 import pytest
 from shapes import regular_polygon
 
-HOME = load_robot('nine_member').home
 NUMBER = HOME.robot.member_names.index('south/P-Q')
 CORNER = ('north/P-Z', 'north/Z-R')
 RADIUS = 0.5 * HOME.robot.description.tube_diameter
-BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
 
 
 def member_line(number=NUMBER):
@@ -79,16 +77,16 @@ def test_a_face_that_is_shorter_than_a_tubes_radius_is_one_corner():
 )
 def test_the_search_starts_where_straight_tubes_are_deepest_in_the_object(shape, members):
     body = place_between(HOME, members, shape, angle=0.7, indentation=0.01).body
-    numbers = np.array([HOME.robot.member_names.index(name) for name in members])
-    contacts = find_pressed(HOME, body, numbers)
-    assert contacts.members.tolist() == numbers.tolist()
+    given = numbers(members)
+    contacts = find_pressed(HOME, body, given)
+    assert contacts.members.tolist() == given.tolist()
     statics = contact_statics(HOME, body, contacts)
     start, places = start_at(statics, body), statics.places
     pose = start[:3]
     assert pose == pytest.approx([*body.pose[:2], body.pose.angle])
     assert start[places.inclinations] == pytest.approx(0.0)
     assert start[places.friction] == pytest.approx(0.0)
-    for k, number in enumerate(numbers):
+    for k, number in enumerate(given):
         origin, axis = member_line(number)
         foot, force = start[places.feet][k], start[places.normal][k]
         lattice = foot + np.linspace(-0.2, 0.2, 401)
@@ -97,11 +95,11 @@ def test_the_search_starts_where_straight_tubes_are_deepest_in_the_object(shape,
         assert here <= gaps.min() + 1e-6
         # The tube, on its own, and its skin give by the force; the skin as where the tube alone
         # would give by all of the depth.
-        load = np.zeros((len(numbers), 3))
+        load = np.zeros((len(given), 3))
         load[k, 1] = 1.0
-        compliance = MemberCompliance(structure_of(HOME), numbers)
+        compliance = MemberCompliance(structure_of(HOME), given)
         own = compliance.at(start[places.feet]).respond(load)[k, 1]
-        around = (RADIUS - here) / own + np.array([[-0.01], [0.01]]) * np.ones(len(numbers))
+        around = (RADIUS - here) / own + np.array([[-0.01], [0.01]]) * np.ones(len(given))
         less, more = (statics.indentation(forces)[0][k] for forces in around)
         slope = (more - less) / 0.02
         assert force * (own + slope) == pytest.approx(RADIUS - here, rel=1e-3)

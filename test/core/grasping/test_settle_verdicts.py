@@ -2,15 +2,14 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core import ConvexObject, Hold, load_robot, place_between, Polygon, settle_grasp
+from held_grips import BOX, HOME
+from isotruss_ros.core import ConvexObject, Hold, place_between, Polygon, settle_grasp
 from isotruss_ros.core.grasping.settle_grasp import _judge
 import numpy as np
 import pytest
 
-HOME = load_robot('nine_member').home
 DIAMETER = HOME.robot.description.tube_diameter
 NAMES = HOME.robot.member_names
-BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
 
 
 def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True):
