@@ -11,6 +11,7 @@ from isotruss_ros.nodes.components.action_steps import (
     ActionStep,
     CancelledError,
     Outcome,
+    RETRY_TICKS,
     set_parameters,
     StepError,
 )
@@ -26,16 +27,24 @@ class Server:
     """Stands for an action client and the server behind it."""
 
     def __init__(self):
-        self.ready = True
+        self.ready, self.discovers_client = True, True
         self.sent, self.result = Future(), Future()
-        self.cancels = 0
+        self.goals = self.questions = self.cancels = 0
 
     def server_is_ready(self):
         """Return whether the server is there."""
         return self.ready
 
+    def _get_result_async(self, _unknown_goal):
+        self.questions += 1
+        answer = Future()
+        if self.discovers_client:
+            answer.set_result('no such goal')
+        return answer
+
     def send_goal_async(self, _goal, feedback):
         """Send a goal."""
+        self.goals += 1
         self.feedback = feedback
         return self.sent
 
@@ -90,6 +99,27 @@ def test_a_server_that_is_missing_ends_the_steps(server, when):
     with pytest.raises(StepError, match='no node offers the action work') as error:
         next(steps)
     assert error.value.outcome is Outcome.NOT_READY
+
+
+def test_a_goal_is_sent_only_once_the_server_answers(server):
+    server.discovers_client = False
+    steps = run()
+    for _ in range(2 * RETRY_TICKS + 1):
+        next(steps)
+    assert (server.questions, server.goals) == (3, 0)
+    server.discovers_client = True
+    for _ in range(RETRY_TICKS):
+        next(steps)
+    assert (server.questions, server.goals) == (4, 1)
+
+
+def test_a_cancel_before_the_goal_is_sent_ends_the_steps(server):
+    server.discovers_client = False
+    steps = run()
+    next(steps)
+    with pytest.raises(CancelledError):
+        steps.throw(CancelledError())
+    assert server.goals == 0
 
 
 def test_a_goal_that_is_rejected_ends_the_steps(server):
@@ -195,7 +225,7 @@ class Service:
     srv_name = '/manipulation/set_parameters'
 
     def __init__(self):
-        self.ready, self.answer, self.request = True, Future(), None
+        self.ready, self.answers, self.request = True, [], None
 
     def service_is_ready(self):
         """Return whether the service is there."""
@@ -204,7 +234,8 @@ class Service:
     def call_async(self, request):
         """Call the service."""
         self.request = request
-        return self.answer
+        self.answers.append(Future())
+        return self.answers[-1]
 
 
 def test_parameters_are_set_or_the_reason_is_told():
@@ -215,9 +246,34 @@ def test_parameters_are_set_or_the_reason_is_told():
     assert given['grip_module'].string_value == 'north/Z'
     assert given['squeeze_force'].double_value == 15.0
     results = [SimpleNamespace(successful=ok, reason='why') for ok in (True, False)]
-    service.answer.set_result(SimpleNamespace(results=results))
+    service.answers[0].set_result(SimpleNamespace(results=results))
     with pytest.raises(StepError, match='squeeze_force: why'):
         next(steps)
+
+
+@pytest.mark.parametrize('answered', [0, 1])
+def test_parameters_are_set_again_where_no_answer_comes(answered):
+    service = Service()
+    steps = set_parameters(service, {'squeeze_force': 15.0})
+    for _ in range(RETRY_TICKS + 1):
+        next(steps)
+    assert len(service.answers) == 2
+    result = SimpleNamespace(successful=True)
+    service.answers[answered].set_result(SimpleNamespace(results=[result]))
+    with pytest.raises(StopIteration):
+        next(steps)
+
+
+@pytest.mark.parametrize('waited', [0, 1])
+def test_a_service_that_is_missing_ends_the_steps(waited):
+    service = Service()
+    steps = set_parameters(service, {'squeeze_force': 15.0})
+    for _ in range(waited):
+        next(steps)
+    service.ready = False
+    with pytest.raises(StepError, match='no node offers the service') as error:
+        next(steps)
+    assert error.value.outcome is Outcome.NOT_READY
 
 
 def test_the_grip_is_the_module_whose_members_hold():

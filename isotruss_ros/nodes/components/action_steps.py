@@ -11,13 +11,20 @@ from collections.abc import Callable, Generator
 import enum
 from typing import Any
 
+from action_msgs.msg import GoalInfo
 from isotruss_ros.core import IsotrussError
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
 from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.task import Future
+
+#: Ticks after which a request without an answer is sent again: rmw_fastrtps sends no answer to a
+#: client that the server does not discover within 0.1 s, as at the start on a busy machine.
+RETRY_TICKS = 50
 
 #: Steps yield the progress of a stage, 0 to 1, and return a result.
 Steps = Generator[float, None, Any]
@@ -77,7 +84,10 @@ class ActionStep:
         :raises StepError: no server, or it rejects the goal or ends.
         :raises CancelledError: after the server has ended the goal.
         """
-        self._require_server()
+        # A goal is carried out even where its answer is lost, so it cannot be sent again. First,
+        # therefore, the server has to answer what the result is of a goal that nobody sent.
+        unknown = ClientGoalHandle(self._client, GoalInfo().goal_id, None)
+        yield from _ask(unknown.get_result_async, self._require_server)
         made = 0.0
 
         def note(message: Any) -> None:
@@ -127,6 +137,20 @@ def _cancel_goal(sent: Any) -> None:
         handle.cancel_goal_async()
 
 
+def _ask(send: Callable[[], Future], require_server: Callable[[], None]) -> Steps:
+    """Send a request again and again until it is answered; return the first answer."""
+    sent: list[Future] = []
+    while True:
+        require_server()
+        sent.append(send())
+        for _ in range(RETRY_TICKS):
+            for future in sent:
+                if future.done():
+                    return future.result()
+            require_server()
+            yield 0.0
+
+
 def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
     """
     Set parameters of another node, as steps.
@@ -135,17 +159,17 @@ def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
     :param values: by name.
     :raises StepError: no such node, or it refuses a value.
     """
-    if not client.service_is_ready():
-        raise StepError(Outcome.NOT_READY, f'no node offers the service {client.srv_name}')
+
+    def require_service() -> None:
+        if not client.service_is_ready():
+            raise StepError(Outcome.NOT_READY, f'no node offers the service {client.srv_name}')
+
     messages: list[ParameterMessage] = [
         Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
     ]
-    answer = client.call_async(SetParameters.Request(parameters=messages))
-    while not answer.done():
-        if not client.service_is_ready():
-            raise StepError(Outcome.STOPPED, f'the service {client.srv_name} is gone')
-        yield 0.0
-    for name, result in zip(values, answer.result().results, strict=True):
+    request = SetParameters.Request(parameters=messages)
+    answer = yield from _ask(lambda: client.call_async(request), require_service)
+    for name, result in zip(values, answer.results, strict=True):
         if not result.successful:
             raise StepError(Outcome.NOT_READY, f'{client.srv_name}: {name}: {result.reason}')
     return None
