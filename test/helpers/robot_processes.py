@@ -89,7 +89,14 @@ class Robot:
         self.w.until(what, each)
 
     def check_rests(self) -> None:
-        """Check that the rollers come to rest, and stay so, without a twist."""
+        """Check that the rollers come to rest, and stay so for some time, without a twist."""
+        self._check_rests(self.w.until)
+
+    def check_at_rest(self) -> None:
+        """Check that the rollers come to rest, and stay so for some time, in spite of twists."""
+        self._check_rests(self.until)
+
+    def _check_rests(self, until: Callable[[Callable[[], bool]], None]) -> None:
         joints = self.w.probe.seen['joints']
         begun, now = len(joints), 1e-9 * self.w.probe.past(0.0).nanoseconds
 
@@ -97,17 +104,10 @@ class Robot:
             # What comes late on a busy machine may be from before a motion.
             return [m for _, m in joints[begun:] if read_stamp(m.header) > now]
 
-        self.w.until(lambda: len(later()) > 20 and not any(any(m.velocity) for m in later()[-20:]))
+        until(lambda: len(later()) > 20 and not any(any(m.velocity) for m in later()[-20:]))
         at, counted = self.travel(), len(joints)
-        self.w.until(lambda: len(joints) > counted + 20)
-        assert np.array_equal(self.travel(), at)
-
-    def check_at_rest(self) -> None:
-        """Check that the rollers stand still for some time in spite of twists."""
-        at = self.travel()
-        count = len(self.w.probe.seen['joints'])
-        self.until(lambda: len(self.w.probe.seen['joints']) > count + 30)
-        assert not any(any(m.velocity) for _, m in self.w.probe.seen['joints'][count:])
+        until(lambda: len(joints) > counted + 30)
+        assert not any(any(m.velocity) for _, m in joints[counted:])
         assert np.array_equal(self.travel(), at)
 
 
