@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 import contextlib
+import os
 from pathlib import Path
 import signal
 import time
+from unittest import mock
 
 from isotruss_ros.core import Status
 from isotruss_ros.demo.processes import NodeProcess
@@ -17,6 +19,8 @@ from sensor_msgs.msg import JointState
 
 #: Of inputs [s].
 TIMEOUT = 0.5
+#: A node that is killed may leave a lock of Fast DDS's shared memory behind: docs/safety.md.
+UNSHARED = {'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
 
 
 class Robot:
@@ -114,7 +118,7 @@ class Robot:
 @contextlib.contextmanager
 def robot(logs: Path) -> Iterator[Robot]:
     """Return a robot of processes; they are stopped at the end."""
-    with world() as w:
+    with mock.patch.dict(os.environ, UNSHARED), world() as w:
         made = Robot(w, logs)
         try:
             yield made

@@ -1,18 +1,21 @@
 """The processes of grasp_planner: as many as asked for, and none that is left behind."""
 
+import os
 import signal
 import subprocess
 import sys
+from unittest import mock
 
 from action_msgs.msg import GoalStatus
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import Cylinder, GraspRequirements, plan_grasps
 from lifecycle_msgs.msg import Transition
 from planning import assert_same, CENTER, Client, DIAMETER, goal, NO_MARGIN, node, workers
-from probe import Manager, ROBOT, world
+from probe import DEADLINE, Manager, ROBOT, world
 import psutil
 import pytest
 from rclpy.action import ActionClient
+from robot_processes import UNSHARED
 
 pytestmark = pytest.mark.system
 
@@ -70,6 +73,7 @@ def test_leaves_no_process_when_it_is_deactivated_or_destroyed():
     assert not workers()
 
 
+@mock.patch.dict(os.environ, UNSHARED)
 @pytest.mark.parametrize('how', [signal.SIGKILL, signal.SIGINT])
 def test_leaves_no_process_when_its_own_is_ended(how):
     command = [sys.executable, '-m', 'isotruss_ros.executables', 'grasp_planner', '--ros-args']
@@ -88,8 +92,8 @@ def test_leaves_no_process_when_its_own_is_ended(how):
             w.until(lambda: len(workers(process.pid)) == 2, ask, 0.5)
             children = workers(process.pid)
             process.send_signal(how)
-            process.wait(20.0)
-            assert not psutil.wait_procs(children, 20.0)[1]
+            process.wait(DEADLINE)
+            assert not psutil.wait_procs(children, DEADLINE)[1]
             assert process.returncode == (-how if how == signal.SIGKILL else 0)
     finally:
         process.kill()
