@@ -198,8 +198,9 @@ def test_a_cancel_at_every_stage_leaves_the_robot_at_rest(tmp_path):
                 client.cancel_in_stage(goal, stage, PlaceObject.Goal() if goal is PICK else PICK)
                 r.check_rests()
                 if goal is PICK and stage == picking.CLOSING:
-                    # A grip that is half closed opens again.
-                    assert client.execute(PlaceObject.Goal())[1].code == 0
+                    # A grip that is half closed opens again, unless it came to no touch yet.
+                    result = client.execute(PlaceObject.Goal())[1]
+                    assert result.code == 0 or 'touches nothing' in result.message
                     assert client.execute(PICK)[1].code == 0
 
 
