@@ -19,8 +19,11 @@ from sensor_msgs.msg import JointState
 
 #: Of inputs [s].
 TIMEOUT = 0.5
-#: A node that is killed may leave a lock of Fast DDS's shared memory behind: docs/safety.md.
-UNSHARED = {'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
+#: Nodes without shared memory, in which one that is killed may leave a lock: docs/safety.md.
+UNSHARED = {
+    'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
+    'FASTRTPS_DEFAULT_PROFILES_FILE': str(Path(__file__).with_name('fast_dds_udp.xml')),
+}
 
 
 class Robot:
@@ -45,6 +48,9 @@ class Robot:
     def signal(self, name: str, which: int) -> None:
         """Send a signal to a node; after SIGKILL wait until it is gone."""
         process = self.alive[name].process
+        if which == signal.SIGKILL:
+            maps = Path(f'/proc/{process.pid}/maps').read_text()
+            assert '/dev/shm/fastrtps' not in maps, f'{name} shares memory: see UNSHARED'
         process.send_signal(which)
         if which == signal.SIGKILL:
             process.wait(DEADLINE)
@@ -118,7 +124,7 @@ class Robot:
 @contextlib.contextmanager
 def robot(logs: Path) -> Iterator[Robot]:
     """Return a robot of processes; they are stopped at the end."""
-    with mock.patch.dict(os.environ, UNSHARED), world() as w:
+    with world() as w, mock.patch.dict(os.environ, UNSHARED):
         made = Robot(w, logs)
         try:
             yield made

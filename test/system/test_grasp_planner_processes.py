@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-from unittest import mock
 
 from action_msgs.msg import GoalStatus
 from isotruss_msgs.action import PlanGrasp
@@ -73,12 +72,11 @@ def test_leaves_no_process_when_it_is_deactivated_or_destroyed():
     assert not workers()
 
 
-@mock.patch.dict(os.environ, UNSHARED)
 @pytest.mark.parametrize('how', [signal.SIGKILL, signal.SIGINT])
 def test_leaves_no_process_when_its_own_is_ended(how):
     command = [sys.executable, '-m', 'isotruss_ros.executables', 'grasp_planner', '--ros-args']
     command += ['-p', 'workers:=2', '-p', 'command_timeout:=5.0']
-    process = subprocess.Popen(command, start_new_session=True)
+    process = subprocess.Popen(command, env=os.environ | UNSHARED, start_new_session=True)
     try:
         with world() as w:
             client = ActionClient(w.probe, PlanGrasp, 'plan_grasp')
