@@ -108,7 +108,7 @@ def _balances(contacts: GripContacts, one: list[int], other: list[int], angle: f
     points, normals = contacts.points, contacts.normals
     point, normal = complex(points[other[0]]), complex(normals[one[0]])
     # Directions of the force at `other`: in its own cone, and against one in the cone of `one`.
-    between = math.remainder(float(np.angle(-normals[other[0]] / normal)), 2.0 * math.pi)
+    between = float(np.angle(-normals[other[0]] / normal))
     low, high = max(-angle, between - angle), min(angle, between + angle)
     if low > high:
         return False

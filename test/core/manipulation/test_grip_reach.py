@@ -45,6 +45,24 @@ def test_a_face_lifts_at_one_end_where_forces_at_the_other_balance(friction, rol
     assert lifting(grip, command) == pytest.approx(0.0, abs=1e-9)
 
 
+def test_an_object_rolls_where_that_comes_a_little_closer_to_the_twist():
+    """All that can be reached is far from the twist, and 9 % less so where it rolls."""
+    grip, failed, twist = inclined_grip(0.0, 1.0), ('south/P', 'north/R', 'north/Z'), [0, 0, -0.02]
+    weights = np.array([1.0, 1.0, grip.arm])
+
+    def missed(directions):
+        """Return the share of the twist that is no combination of some twists (k, 3)."""
+        found = np.linalg.lstsq((weights * directions).T, weights * twist, rcond=None)[0]
+        return np.linalg.norm(weights * (twist - found @ directions)) / (0.02 * grip.arm)
+
+    stays = missed(reachable_twists(NINE.home, grip, failed))
+    command = solve_twist(NINE.home, grip, twist, failed)
+    rolls = missed(command.achieved_twist[None])
+    assert rolls == pytest.approx(0.911 * stays, rel=1e-3)
+    assert command.reachable_dof == 2
+    assert sorted(lifting(grip, command) > 1e-3) == [False, False, True]
+
+
 def test_the_slowest_turn_there_is_moves_nothing():
     """Rolling would reach it, but its surface speed is less than any number but zero."""
     grip = inclined_grip(0.0, 1.0)

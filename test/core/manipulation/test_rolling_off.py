@@ -49,6 +49,7 @@ def test_twists_that_a_face_admits_leave_it_on_its_member():
     for twist in twists:
         command = solve_twist(NINE.home, GRIP, twist, FAILED)
         assert command.status is Status.OK
+        assert command.reachable_dof == 2
         assert command.achieved_twist == pytest.approx(twist, abs=1e-12)
         assert np.abs(slip(GRIP, command)).max() < 1e-12
 

@@ -709,3 +709,10 @@ def test_compliance_of_no_members_is_empty():
     points, found, held, _ = random_case(np.random.default_rng(5))
     no_members = np.zeros(0, dtype=np.intp)
     assert frames.frame(points, found, held).compliance(no_members).shape == (0, 0)
+
+
+def test_end_forces_without_loads_inside_are_none():
+    points, found, held, _ = random_case(np.random.default_rng(5))
+    no_members, no_loads = np.zeros(0, dtype=np.intp), np.zeros((0, 6))
+    forces = frames.frame(points, found, held).end_forces(no_members, no_loads)
+    assert np.array_equal(forces, np.zeros((len(found.start), 6)))
