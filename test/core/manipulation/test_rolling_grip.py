@@ -79,6 +79,17 @@ def test_carries_and_turns_an_object_between_sides_that_do_not_meet(body):
     assert difference(rolling.pose, start.pose) == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ('angle', 'within'), [(3.1, 3.1), (3.3, 3.3 - 2.0 * np.pi), (-9.0, 2.0 * np.pi - 9.0)]
+)
+def test_angles_are_those_within_half_a_turn(angle, within):
+    grasp = Grasp('east/Q', tangent_center(NINE.home, 'east/Q', 0.3), 0.3)
+    held = HeldObject.attach(NINE.home, grasp, angle)
+    rolling = RollingGrip.attach(NINE.home, Grip.at_module(NINE, grasp), angle)
+    for pose in (held.pose(NINE.home), rolling.pose):
+        assert pose.angle == pytest.approx(within, abs=1e-12)
+
+
 def test_the_pose_depends_on_the_configuration_and_not_on_the_path():
     body = ConvexObject(pentagon(0.02), Pose(CENTER.real, CENTER.imag, 0.1))
     start = RollingGrip.attach(NINE.home, Grip(APART, body))
