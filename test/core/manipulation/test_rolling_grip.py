@@ -90,6 +90,15 @@ def test_angles_are_those_within_half_a_turn(angle, within):
         assert pose.angle == pytest.approx(within, abs=1e-12)
 
 
+def test_a_disc_has_no_angle_and_fits_when_it_is_grasped():
+    grasp = Grasp('east/Q', tangent_center(NINE.home, 'east/Q', 0.3), 0.3)
+    held = HeldObject.attach(NINE.home, grasp)
+    rolling = RollingGrip.attach(NINE.home, Grip.at_module(NINE, grasp))
+    for pose in (held.pose(NINE.home), rolling.pose):
+        assert pose.angle == pytest.approx(0.0, abs=1e-12)
+    assert rolling.misfit == 0.0
+
+
 def test_the_pose_depends_on_the_configuration_and_not_on_the_path():
     body = ConvexObject(pentagon(0.02), Pose(CENTER.real, CENTER.imag, 0.1))
     start = RollingGrip.attach(NINE.home, Grip(APART, body))
