@@ -48,9 +48,8 @@ class Robot:
     def signal(self, name: str, which: int) -> None:
         """Send a signal to a node; after SIGKILL wait until it is gone."""
         process = self.alive[name].process
-        if which == signal.SIGKILL:
-            maps = Path(f'/proc/{process.pid}/maps').read_text()
-            assert '/dev/shm/fastrtps' not in maps, f'{name} shares memory: see UNSHARED'
+        maps = Path(f'/proc/{process.pid}/maps').read_text()
+        assert '/dev/shm/fastrtps' not in maps, f'{name} shares memory: see UNSHARED'
         process.send_signal(which)
         if which == signal.SIGKILL:
             process.wait(DEADLINE)

@@ -80,22 +80,15 @@ def test_carries_and_turns_an_object_between_sides_that_do_not_meet(body):
 
 
 @pytest.mark.parametrize(
-    ('angle', 'within'), [(3.1, 3.1), (3.3, 3.3 - 2.0 * np.pi), (-9.0, 2.0 * np.pi - 9.0)]
+    ('told', 'within'),
+    [((), 0.0), ((3.1,), 3.1), ((3.3,), 3.3 - 2.0 * np.pi), ((-9.0,), 2.0 * np.pi - 9.0)],
 )
-def test_angles_are_those_within_half_a_turn(angle, within):
+def test_a_disc_has_the_angle_that_is_told_within_half_a_turn(told, within):
     grasp = Grasp('east/Q', tangent_center(NINE.home, 'east/Q', 0.3), 0.3)
-    held = HeldObject.attach(NINE.home, grasp, angle)
-    rolling = RollingGrip.attach(NINE.home, Grip.at_module(NINE, grasp), angle)
+    held = HeldObject.attach(NINE.home, grasp, *told)
+    rolling = RollingGrip.attach(NINE.home, Grip.at_module(NINE, grasp), *told)
     for pose in (held.pose(NINE.home), rolling.pose):
         assert pose.angle == pytest.approx(within, abs=1e-12)
-
-
-def test_a_disc_has_no_angle_and_fits_when_it_is_grasped():
-    grasp = Grasp('east/Q', tangent_center(NINE.home, 'east/Q', 0.3), 0.3)
-    held = HeldObject.attach(NINE.home, grasp)
-    rolling = RollingGrip.attach(NINE.home, Grip.at_module(NINE, grasp))
-    for pose in (held.pose(NINE.home), rolling.pose):
-        assert pose.angle == pytest.approx(0.0, abs=1e-12)
     assert rolling.misfit == 0.0
 
 
