@@ -10,7 +10,7 @@ from pathlib import Path
 
 def find_uses(package: Path, path: Path, line: int) -> set[tuple[str, int]]:
     """Return file names and lines of a package that use what a line outside of functions sets."""
-    names, found = set(), set()
+    names, found = set(), {(path.name, number) for number in _body_at(_parse(path), line)}
     new = _names_at(_parse(path), line)
     while new:
         names |= new
@@ -50,6 +50,17 @@ def _names_at(tree: ast.Module | ast.ClassDef, line: int) -> set[str]:
                 return set() if inside else {statement.name}
             return {name for target in _targets(statement) for name in _ids(target)}
     return set()
+
+
+def _body_at(tree: ast.Module, line: int) -> set[int]:
+    """Return the lines of the function of whose arguments a line sets a default."""
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    return {
+        number
+        for function in functions
+        if function.lineno <= line < function.body[0].lineno
+        for number in range(function.body[0].lineno, function.end_lineno + 1)
+    }
 
 
 def _targets(statement: ast.stmt) -> list[ast.expr]:

@@ -46,7 +46,7 @@ class Step:
 
 
 def take_closing_step(
-    state: SearchState, closing: Closing, targets: Sequence[float], share: float = 1.0
+    state: SearchState, closing: Closing, targets: Sequence[float], share: float
 ) -> Step:
     """
     Bring the gaps of the grasping members closer to their targets.
@@ -54,7 +54,7 @@ def take_closing_step(
     :param state: where the step begins.
     :param closing: what closes.
     :param targets: one for each of `closing.members` [m].
-    :param share: of the longest step; `Step.share` of the step before is a good choice.
+    :param share: of the longest step, 1 at first; then `Step.share` of the step before.
     :raises SolverError: the quadratic program was not solved.
     """
     aims = np.asarray(targets)

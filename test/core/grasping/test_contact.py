@@ -598,6 +598,7 @@ def test_relaxation_finds_what_touches_by_the_force_at_another_point():
     exact, relaxed = (solve(points, surface) for solve in (solve_contact, relax_contact))
     assert exact.forces.min() > 0.1
     assert relaxed.forces == pytest.approx(exact.forces, rel=1e-4)
+    assert relaxed.push == pytest.approx(relaxed.forces * relaxed.normals)
 
 
 def test_relaxation_lets_small_forces_fade_where_nothing_touches(monkeypatch):

@@ -6,7 +6,7 @@ from isotruss_ros.core import analyze_grasp, Cylinder, IsotrussError, load_robot
 from isotruss_ros.core.grasping.flattening import flattening_of
 from isotruss_ros.core.grasping.refinement import DIVISIONS, refine_contact, REGION_POINTS
 from isotruss_ros.core.grasping.sliding_contact import solve_sliding_contact
-from isotruss_ros.core.grasping.surfaces import surface_of
+from isotruss_ros.core.grasping.surfaces import RoundSurface, surface_of
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -89,6 +89,22 @@ def test_a_small_object_that_the_search_alone_touches_is_not_touched():
     analysis = analyze_grasp(config, small)
     assert analysis.contact_forces == {}
     assert analysis.gaps.min() > 0.001
+
+
+def test_the_answer_has_all_points_from_a_spacing_before_contact_to_one_behind():
+    config, cylinder = pressed(1)
+    structure = structure_of(config)
+    points, _, extents, kept = refine_contact(
+        structure,
+        RoundSurface(complex(*cylinder.center), 0.5 * cylinder.diameter),
+        SPACING,
+        flattening_of(ROBOT, structure.pressures),
+        solve_sliding_contact,
+    )
+    first, last = extents.start[points.member] - SPACING, extents.end[points.member] + SPACING
+    within = (points.place >= first) & (points.place <= last)
+    assert kept.tolist() == np.flatnonzero(within).tolist()
+    assert 0 < len(kept) < len(points.points)
 
 
 def test_points_of_a_corner_are_as_close_as_a_budget_allows():

@@ -199,6 +199,25 @@ def test_the_squeeze_falls_by_the_opening_as_rolling_says(degrees):
     assert grasp.squeeze_by_opening() == pytest.approx(found, rel=0.02)
 
 
+def test_members_give_along_the_normals_of_the_bent_tubes():
+    grasp = RollingGrasp.attach(CONFIG, CYLINDER)
+    statics, state = grasp.statics, grasp.state
+    unknowns = state.unknowns.copy()
+    inclinations = state.places.inclinations
+    unknowns[inclinations] = 0.6, -0.4
+    steep = dataclasses.replace(grasp, state=dataclasses.replace(state, unknowns=unknowns))
+
+    def give(turned):
+        """Return how far the members give under unit forces along their normals."""
+        normals = 1j * statics.sides * np.exp(1j * np.array(turned))
+        pressed = np.column_stack([normals.real, normals.imag]).ravel()
+        matrix = statics.compliance.at(state.feet).matrix[:, :2, :, :2].reshape(4, 4)
+        return pressed @ matrix @ pressed + statics.indentation(state.normal_forces)[1].sum()
+
+    ratio = give(state.unknowns[inclinations]) / give((0.6, -0.4))
+    assert steep.squeeze_by_opening() == pytest.approx(ratio * grasp.squeeze_by_opening())
+
+
 def test_stiffness_is_what_a_small_wrench_meets():
     statics, state = balance(CONFIG, CYLINDER)
     closure = roll(find_anchors(state.unknowns, NOTHING[:2], statics), NOTHING[:2], statics)

@@ -205,6 +205,16 @@ def test_work_is_counted(monkeypatch):
     assert 1 <= search.analyses < len(grip.path)
 
 
+def test_the_shortest_path_is_the_best_where_the_travel_counts():
+    near, firm = (closing(measure=measure).close() for measure in ('travel', 'slip_margin'))
+    assert len(near.path) < len(firm.path)
+    assert near.squeeze < 0.7 * firm.squeeze
+
+
+def test_a_cylinder_that_stays_in_place_is_the_one_that_lay_there():
+    assert closing(squeeze=8.0).close().body is opened().closing.body
+
+
 def test_a_load_is_held_and_costs_margin():
     margins = [
         closing(squeeze=15.0, external_wrench=(0.0, load, 0.0)).close().slip_margin

@@ -1,5 +1,6 @@
 """Steps of closing on an object: the program is solved, and no step leads where it must not."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import closings
@@ -7,7 +8,7 @@ from isotruss_ros.core import ConfigurationError, Cylinder, load_robot, SolverEr
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.planning import closing_motion
 from isotruss_ros.core.planning import closing_qp as closing_program
-from isotruss_ros.core.planning.closing_motion import take_closing_step
+from isotruss_ros.core.planning.closing_motion import press, take_closing_step
 from isotruss_ros.core.planning.closing_qp import (
     Closing,
     evaluate_state,
@@ -334,7 +335,7 @@ def test_where_there_is_no_shape_there_is_no_rigidity(monkeypatch):
     )
     far[::2] *= -1.0
     monkeypatch.setattr(closing_motion, 'solve_step', lambda *_: far)
-    made = take_closing_step(place, closing, np.full(len(closing.members), STANDOFF))
+    made = take_closing_step(place, closing, np.full(len(closing.members), STANDOFF), 1.0)
     assert made.blocked == ('rigidity', 0.0)
     assert made.state is place
 
@@ -359,7 +360,7 @@ def test_who_stands_still_is_not_blocked_wherever_that_is(seed, monkeypatch):
     still = np.zeros(len(config.roller_positions))
     monkeypatch.setattr(closing_motion, 'solve_step', lambda *_: still)
     place, targets = evaluate_state(config, closing.body), np.full(len(closing.members), STANDOFF)
-    assert take_closing_step(place, closing, targets).blocked is None
+    assert take_closing_step(place, closing, targets, 1.0).blocked is None
 
 
 @pytest.mark.parametrize('seed', SEEDS)
@@ -375,3 +376,18 @@ def test_who_is_beyond_a_bound_goes_no_further(seed):
         place, share = made.state, made.share
         way.append(closings.rigidity(place.config))
     assert all(after > before - 1e-3 for before, after in pairwise(way))
+
+
+def test_members_that_do_not_reach_say_how_far_they_are():
+    config, (closing, _), _ = tasks(0)
+    few = with_fields(closing, settings=replace(closing.settings, max_press_steps=1))
+    gaps = closings.gaps(config, closing.body)[0][list(closing.members)]
+    found = [
+        press(config, few, np.full(len(closing.members), depth)).violation
+        for depth in (0.0, 0.01, 0.02)
+    ]
+    for violation, depth in zip(found, (0.0, 0.01, 0.02), strict=True):
+        assert (violation.requirement, violation.bound) == ('reach', 0.0)
+        assert violation.value == pytest.approx(np.abs(gaps + depth).max())
+    order = np.argsort([violation.value for violation in found])
+    assert order.tolist() == np.argsort([violation.distance for violation in found]).tolist()

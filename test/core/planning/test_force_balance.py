@@ -215,6 +215,13 @@ def test_a_side_that_does_not_press_leaves_nothing_to_be_balanced():
             assert contacts.imbalance(analysis=analysis) is None
 
 
+def test_a_side_that_presses_lightly_counts():
+    contacts = Contacts(3)
+    light = contacts.analysis(1e-3 * contacts.depths)
+    assert 0.0 < min(light.contact_forces.values()) < 0.1
+    assert contacts.imbalance(analysis=light) is not None
+
+
 @pytest.mark.parametrize(
     ('preset', 'module'),
     [('nine_member', 'north/Z'), ('triangle', 'main/T'), ('triangle', 'main/L')],

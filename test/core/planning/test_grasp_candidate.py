@@ -109,7 +109,9 @@ def test_a_grasp_without_a_path_is_none(monkeypatch):
     there = squeeze_candidate(sent(GraspRequirements()))
     assert len(there.positions) == 0
     assert there.analysis is None
-    assert there.violation.requirement == 'path'
+    violation = there.violation
+    assert (violation.requirement, violation.value, violation.bound) == ('path', 0.0, 1.0)
+    assert (there.squeeze, there.slip_margin, there.rigidity) == (0.0, 0.0, 0.0)
 
 
 def test_an_object_that_the_ground_holds_is_pressed_on_as_it_lies():

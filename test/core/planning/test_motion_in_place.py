@@ -93,6 +93,12 @@ def test_the_squeeze_becomes_what_is_wanted_in_place(held, squeeze):
     assert motion.closest_violation is None
 
 
+def test_a_squeeze_that_is_right_to_a_thousandth_is_left():
+    motion, grasp = three()
+    assert squeeze_around(motion, grasp, 1.0008 * grasp.squeeze) is grasp
+    assert squeeze_around(motion, grasp, 1.0012 * grasp.squeeze) is not grasp
+
+
 @BOTH
 def test_limits_end_the_squeeze(held, squeeze):
     motion, grasp = held(limits=(SLOW,))

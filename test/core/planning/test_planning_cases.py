@@ -83,7 +83,9 @@ def test_an_object_that_touches_nothing_is_not_held(count, monkeypatch):
     monkeypatch.setattr(closing_in_place, 'attach', lambda config, closing: Hold.NO_CONTACT)
     search = ClosingInPlace(HOME, SEED if count == 2 else closing_of_three(), NEEDS)
     assert search.close() is None
-    assert (search.closest_violation.requirement, search.analyses) == ('held', 0)
+    violation = search.closest_violation
+    assert (violation.requirement, violation.value, violation.bound) == ('held', 0.0, 1.0)
+    assert search.analyses == 0
 
 
 def test_a_path_that_cannot_be_pressed_closes_no_grip(monkeypatch):

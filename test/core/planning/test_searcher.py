@@ -93,7 +93,7 @@ def test_the_time_left_passes_and_ends_at_the_limit(told, limit, passed, left, m
         on_progress(Progress(5, 1, 2.0, 0.5, told))
 
     monkeypatch.setattr(searchers, 'plan_grasps', plan)
-    search = BackgroundSearch(*SEARCH, None, limit)
+    search = BackgroundSearch(*SEARCH, None, limit) if limit else BackgroundSearch(*SEARCH, None)
     search.wait()
     clock.now += passed
     found = search.progress()

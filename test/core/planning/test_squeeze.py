@@ -4,10 +4,18 @@ import dataclasses
 import functools
 
 import closings
-from isotruss_ros.core import analyze_grasp, Cylinder, GraspRequirements, load_robot
+from isotruss_ros.core import (
+    analyze_grasp,
+    Cylinder,
+    GraspRequirements,
+    Hold,
+    load_robot,
+    settle_grasp,
+)
 from isotruss_ros.core.planning import closing_motion, squeeze
 from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing_qp import Closing
+from isotruss_ros.core.planning.force_balance import Imbalance
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.settings import SearchSettings
 from isotruss_ros.core.planning.squeeze import Squeeze
@@ -323,10 +331,57 @@ def test_sides_that_do_not_press_are_brought_deeper(monkeypatch):
     closing = dataclasses.replace(closing, settings=SearchSettings(max_depths=1))
     search = Squeeze(start, closing, UNBOUNDED)
     assert search.search() is None
-    assert (search.closest_violation.requirement, search.closest_violation.value) == (
-        'force_closure',
-        0.0,
-    )
+    violation = search.closest_violation
+    assert (violation.requirement, violation.value, violation.bound) == ('force_closure', 0.0, 1.0)
+
+
+def test_a_grip_that_slips_is_pressed_deeper_where_it_misses_much():
+    needs = GraspRequirements(friction=0.5, min_margin=0.4, max_utilisation=np.inf)
+    search, pressed = Squeeze(*opened('tight'), needs), squeezed('tight', UNBOUNDED)[1]
+    force = total(pressed.analysis)
+    for friction, factor in ((1.45, 0.6), (1.55, 1.5)):
+        slips = dataclasses.replace(
+            pressed.analysis, force_closure=False, required_friction=friction, closure_margin=-2.0
+        )
+        violation, found = search._missing(slips)
+        assert found == factor
+        assert (violation.value, violation.bound) == (friction, 0.5)
+        assert violation.distance == pytest.approx(1.0 + 2.0 / force)
+    short = dataclasses.replace(pressed.analysis, force_closure=True, closure_margin=0.1)
+    violation, found = search._missing(short)
+    assert (violation.requirement, found) == ('min_margin', 1.5)
+    assert violation.distance == pytest.approx(0.75)
+
+
+def test_what_the_ground_alone_holds_has_no_slip_margin(monkeypatch):
+    def slips(*arguments):
+        return dataclasses.replace(settle_grasp(*arguments), hold=Hold.SLIPS)
+
+    assert Squeeze(*opened('tight'), UNBOUNDED).close().slip_margin > 0.0
+    monkeypatch.setattr(squeeze, 'settle_grasp', slips)
+    assert Squeeze(*opened('tight'), UNBOUNDED).close().slip_margin == 0.0
+
+
+def test_no_member_presses_less_deep_than_its_share(monkeypatch):
+    tried, press = [], Squeeze.press
+
+    def record(self, config, depths):
+        tried.append(depths / depths.mean())
+        return press(self, config, depths)
+
+    def lopsided(config, body, analysis, wrench, members, depths, friction):
+        # Balanced where the first is deeper by 0.46 of the mean.
+        load = np.array([depths[0] - depths[1] - 0.46 * depths.mean()])
+        return Imbalance(load, np.zeros(1), np.array([[1.0, -1.0]]))
+
+    monkeypatch.setattr(Squeeze, 'press', record)
+    monkeypatch.setattr(squeeze, 'imbalance', lopsided)
+    start, closing = opened('tight')
+    settings = SearchSettings(max_share=1.25, max_depths=2)
+    needs = dataclasses.replace(UNBOUNDED, min_margin=1e3)
+    assert Squeeze(start, dataclasses.replace(closing, settings=settings), needs).search() is None
+    assert len(tried) == 2
+    assert min(shares.min() for shares in tried) >= 0.8
 
 
 @pytest.mark.parametrize('fields', [{'force_closure': False}, {'closure_margin': -1e-9}])

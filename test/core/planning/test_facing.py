@@ -1,0 +1,68 @@
+"""Where members touch that face an object, and toward which directions they are to turn."""
+
+import math
+
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
+from isotruss_ros.core.planning.facing import contact_ends, find_facing, friction_angles
+import numpy as np
+import pytest
+
+BOX = ((-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1))
+RADII = (0.02, 0.05, 0.01, 0.03)
+TURNING = 0.5
+
+
+def box(radius=0.0, angle=0.0):
+    """Return a box that is turned."""
+    return ConvexObject(Polygon(BOX, corner_radius=radius), (0.3, -0.2, angle))
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.7, -2.0])
+def test_faces_are_touched_between_the_arcs_at_their_ends(angle):
+    body = box(RADII, angle)
+    own = np.array([-1.0j, 1.0, 1.0j, -1.0])
+    ends = contact_ends(body, own * body.turn)
+    one = np.array([-0.13 - 0.1j, 0.15 - 0.05j, 0.14 + 0.1j, -0.15 + 0.07j])
+    other = np.array([0.1 - 0.1j, 0.15 + 0.09j, -0.12 + 0.1j, -0.15 - 0.08j])
+    assert ends[0] == pytest.approx(one * body.turn, abs=1e-12)
+    assert ends[1] == pytest.approx(other * body.turn, abs=1e-12)
+
+
+def test_arcs_are_touched_where_they_face_the_member():
+    body, own = box(RADII, 0.4), np.exp(0.8j)
+    (one,), (other,) = contact_ends(body, np.array([own]) * body.turn)
+    assert one == other == pytest.approx((0.14 + 0.09j + 0.01 * own) * body.turn)
+
+
+def price_of(body, found, normals, angle):
+    """Return what directions take of friction and turning; no cone may be wider than the angle."""
+    used = friction_angles(body, found[:1], found[1:])[0]
+    assert used <= angle
+    return used + TURNING * np.abs(np.angle(found / normals)).sum()
+
+
+@pytest.mark.parametrize('shape', [Disc(0.3), Ellipse((0.2, 0.12)), Polygon(BOX, 0.02)])
+def test_no_directions_are_found_that_are_much_nearer(shape):
+    angle, rng = 0.3, np.random.default_rng(3)
+    body = ConvexObject(shape, (1.0, -0.5, 0.6))
+    # Ten times as many as the search tries.
+    firsts, wedges = np.meshgrid(np.arange(720) * math.pi / 360.0, np.linspace(-0.8, 0.8, 161))
+    firsts = np.exp(1j * firsts.ravel())
+    others = -firsts * np.exp(1j * wedges.ravel())
+    used = friction_angles(body, firsts, others)
+    for _ in range(20):
+        normals = np.exp(1j * rng.uniform(0.0, 2.0 * math.pi, 2))
+        turned = np.abs(np.angle(firsts / normals[0])) + np.abs(np.angle(others / normals[1]))
+        least = np.where(used <= angle, used + TURNING * turned, np.inf).min()
+        found = find_facing(body, normals, angle, TURNING)
+        # A step between two directions, and one between two angles of the members.
+        assert price_of(body, found, normals, angle) < least + 0.1
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.123, -1.0])
+def test_without_friction_members_are_to_lie_on_faces(angle):
+    body = box(angle=angle)
+    for own in (1.0, 1.0j, -1.0, -1.0j):
+        normals = own * body.turn * np.array([1.0, -1.0]) * np.exp([0.1j, -0.05j])
+        found = find_facing(body, normals, 1e-3, TURNING)
+        assert found == pytest.approx(own * body.turn * np.array([1.0, -1.0]), abs=1e-9)

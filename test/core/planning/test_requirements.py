@@ -1,0 +1,58 @@
+"""What a grasp must fulfil where nothing else is said, and which bounds it exceeds."""
+
+from types import SimpleNamespace
+
+from isotruss_ros.core import GraspRequirements, Measure
+from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
+from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads, GraspLoads
+from isotruss_ros.core.planning.requirements import rate_grasp
+import numpy as np
+import pytest
+
+
+def test_values_where_nothing_else_is_said():
+    needs = GraspRequirements()
+    assert (needs.friction, needs.min_slip_margin, needs.count) == (0.5, 0.0, 3)
+    assert needs.external_wrench == (0.0, 0.0, 0.0)
+    assert needs.direction == (0.0, 1.0, 0.0)
+    assert needs.min_rigidity == 0.15
+    assert needs.max_utilisation == MAX_UTILISATION
+
+
+def test_stiffness_is_that_along_y_where_nothing_else_is_said():
+    analysis = SimpleNamespace(stiffness=np.diag([3.0, 5.0, 7.0]))
+    needs = GraspRequirements(measure=Measure.STIFFNESS)
+    assert rate_grasp(needs, analysis, 0.0, 0.0, 0.0) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(
+    ('values', 'free'),
+    [
+        ({}, True),
+        ({'min_margin': 0.1}, False),
+        ({'min_margin': 0.1, 'squeeze': 5.0}, True),
+        ({'min_margin': 0.1, 'min_slip_margin': 0.05}, True),
+    ],
+)
+def test_the_ground_holds_the_object_where_only_the_closure_margin_counts(values, free):
+    assert GraspRequirements(**values).object_is_free == free
+
+
+def test_bounds_are_exceeded_from_where_they_are():
+    needs = GraspRequirements(max_contact_force=3.0, max_total_force=8.0, max_utilisation=0.5)
+    assert exceeded_bound(needs, GraspLoads(3.0, 8.0, 0.5)) is None
+    for loads, name, value, bound, distance in (
+        (GraspLoads(4.0, 9.0, 0.6), 'max_contact_force', 4.0, 3.0, 0.25),
+        (GraspLoads(2.0, 10.0, 0.6), 'max_total_force', 10.0, 8.0, 0.2),
+        (GraspLoads(2.0, 7.0, 0.625), 'max_utilisation', 0.625, 0.5, 0.2),
+    ):
+        violation = exceeded_bound(needs, loads)
+        assert (violation.requirement, violation.value, violation.bound) == (name, value, bound)
+        assert violation.distance == pytest.approx(distance)
+
+
+def test_what_does_not_press_has_no_loads():
+    analysis = SimpleNamespace(
+        contact_forces={}, normal_forces=np.zeros(2), utilisation={'main/T-L': 0.0}
+    )
+    assert grasp_loads(analysis) == GraspLoads(0.0, 0.0, 0.0)
