@@ -20,6 +20,7 @@ import argparse
 from collections.abc import Callable, Iterator
 import importlib
 import json
+import multiprocessing
 import os
 from pathlib import Path
 import random
@@ -57,6 +58,9 @@ RECORDS = Path(sys.prefix) / 'mutation'
 def run_tests(package: Path, plugin: object, share: str) -> int:
     """Run the tests of a package by a plugin; 0 if none fails."""
     os.environ['EXAMPLES_SHARE'] = share
+    # New interpreters would import the code without the change.
+    fork = multiprocessing.get_context('fork')
+    multiprocessing.get_context = lambda *_: fork
     import pytest
 
     quiet = os.open(os.devnull, os.O_RDWR)
