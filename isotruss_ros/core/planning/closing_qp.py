@@ -62,8 +62,7 @@ class Closing:
 
         :param requirement: its name.
         """
-        opening = self.opening if self.module is not None else 0.0
-        return {'rigidity': self.min_rigidity, 'opening': opening}.get(requirement, 0.0)
+        return {'rigidity': self.min_rigidity, 'opening': self.opening}.get(requirement, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -129,7 +129,8 @@ def _unload(
     if grasp.state.normal_forces.min() <= LEAST_FORCE:
         return path, closing
     if set(map(int, grasp.members)) != set(closing.members):
-        return Violation('grip', 2.0, 2.0, 15.0)
+        pressing, asked = float(len(grasp.members)), float(len(closing.members))
+        return Violation('grip', pressing, asked, 15.0)
     own = isinstance(closing.body, ConvexObject)
     motion = MotionInPlace(closing, 0.0 if own else angle)
     full = grasp.squeeze

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 from held_grips import held, HOME, LOOP, numbers
 from isotruss_ros.core import Disc
-from isotruss_ros.core.grasping.contact_changes import _depth_in
+from isotruss_ros.core.grasping.contact_changes import _depth_in, join
 from isotruss_ros.core.grasping.depths import member_depths
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.member_compliance import MemberCompliance
 from isotruss_ros.core.model.segment_gaps import segment_gaps
 from isotruss_ros.core.statics.structure import structure_of
@@ -58,3 +59,22 @@ def test_a_third_member_joins_as_soon_as_it_presses():
     grip = depth(size)[0].moved_to(HOME)
     assert len(grip.members) == 3
     assert 0.0 < grip.normal_forces[2] < 0.1
+
+
+@pytest.mark.parametrize('force', [None, -0.1])
+def test_a_third_member_that_would_not_press_stays_away(force, monkeypatch):
+    grip = held(Disc(0.65), 0.0, LOOP[:2], 0.012)
+    assert len(join(grip).members) == 3
+    rolled = HeldGrip.rolled
+
+    def pulled(*arguments):
+        """Return no equilibrium, or one that would pull at all contacts."""
+        if force is None:
+            return None
+        found = rolled(*arguments)
+        unknowns = found.state.unknowns.copy()
+        unknowns[found.state.places.normal] = force
+        return replace(found, state=replace(found.state, unknowns=unknowns))
+
+    monkeypatch.setattr(HeldGrip, 'rolled', pulled)
+    assert join(grip) is grip

@@ -3,6 +3,7 @@
 import copy
 from dataclasses import replace
 import math
+from types import SimpleNamespace
 
 from apart_grips import APART, NINE
 from grips import gripped
@@ -21,6 +22,7 @@ from isotruss_ros.core import (
     settle_grasp,
     solve_twist,
 )
+from isotruss_ros.core.grasping import contact_changes
 from isotruss_ros.core.grasping.contact_changes import lay_down
 from isotruss_ros.core.grasping.contact_closures import rest, stick
 from isotruss_ros.core.grasping.corner_dents import corner_dents
@@ -204,6 +206,19 @@ def test_short_faces_follow_each_other_as_often_as_they_may(changes):
     passed = (laid.contacts.corners - grip.contacts.corners + 48) % 96 - 48
     assert np.abs(passed).sum() == 1 + changes
     assert np.abs(lay_down(grip).contacts.corners - grip.contacts.corners).sum() > 3
+
+
+def test_a_face_that_would_not_press_does_not_lie_down(monkeypatch):
+    grip = rolled_over_corners()
+    tried = []
+
+    def pulled(*arguments):
+        tried.append(arguments)
+        return SimpleNamespace(presses=False)
+
+    monkeypatch.setattr(contact_changes, '_with_corner', pulled)
+    assert lay_down(grip) is grip
+    assert tried
 
 
 def test_both_ends_of_a_face_press_and_rub_alike():

@@ -3,6 +3,7 @@
 from comparison.wedge import pressed_into
 from hypothesis import given, settings, strategies
 from isotruss_ros.core import analyze_grasp, Cylinder, IsotrussError, load_robot, tangent_center
+from isotruss_ros.core.grasping import refinement
 from isotruss_ros.core.grasping.flattening import flattening_of
 from isotruss_ros.core.grasping.refinement import DIVISIONS, refine_contact, REGION_POINTS
 from isotruss_ros.core.grasping.sliding_contact import solve_sliding_contact
@@ -105,6 +106,15 @@ def test_the_answer_has_all_points_from_a_spacing_before_contact_to_one_behind()
     within = (points.place >= first) & (points.place <= last)
     assert kept.tolist() == np.flatnonzero(within).tolist()
     assert 0 < len(kept) < len(points.points)
+
+
+def test_regions_that_do_not_settle_have_points_everywhere(monkeypatch):
+    config, cylinder = pressed(1)
+    settled = analyze_grasp(config, cylinder)
+    monkeypatch.setattr(refinement, 'MAX_STEPS', 1)
+    found = analyze_grasp(config, cylinder)
+    assert found.contact_forces == pytest.approx(settled.contact_forces, rel=1e-3)
+    assert found.required_friction == pytest.approx(settled.required_friction, rel=1e-2)
 
 
 def test_points_of_a_corner_are_as_close_as_a_budget_allows():

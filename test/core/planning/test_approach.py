@@ -3,11 +3,21 @@
 from dataclasses import replace
 import functools
 import itertools
+from types import SimpleNamespace
 
 import closings
-from isotruss_ros.core import Cylinder, GraspRequirements, plan_grasps
-from isotruss_ros.core.planning.approach import approach
-from isotruss_ros.core.planning.closing_qp import Closing
+from isotruss_ros.core import (
+    ConvexObject,
+    Cylinder,
+    Disc,
+    GraspRequirements,
+    load_robot,
+    plan_grasps,
+)
+from isotruss_ros.core.planning import approach as approaching
+from isotruss_ros.core.planning.approach import approach, missing_direction, turned_closing
+from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state, outward_normals
+from isotruss_ros.core.planning.facing import friction_angles
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.settings import SearchSettings
 from isotruss_ros.core.safety.margins import shape_margins
@@ -15,6 +25,7 @@ import numpy as np
 import pytest
 import robots
 
+HOME = load_robot('nine_member').home
 SEEDS = range(10)
 NEEDS = GraspRequirements()
 
@@ -315,3 +326,83 @@ def test_symmetric_robot_moves_symmetrically():
             assert one == pytest.approx(-other, abs=1e-6)
             near = closings.gaps(config, cylinder)[0][list(closing.members)]
             assert near[0] == pytest.approx(near[1], abs=1e-5)
+
+
+class Place:
+    """A state that an approach comes to: its gap, against the tube, and what is too wide [rad]."""
+
+    def __init__(self, config, gap, wide):
+        diameter = config.robot.description.tube_diameter
+        self.config, self.wide = config, wide
+        gaps = np.full(len(config.robot.member_names), (0.06 + gap) * diameter)
+        self.gaps = SimpleNamespace(members=gaps)
+
+
+def approach_places(places, closing, monkeypatch):
+    """Return an approach whose steps lead from place to place, and the shares of its steps."""
+    left, shares = list(places), []
+
+    def step(state, turned, targets, share):
+        shares.append(share)
+        return SimpleNamespace(state=left.pop(0), evaluations=1, share=0.5, blocked=None)
+
+    monkeypatch.setattr(approaching, 'evaluate_state', lambda *_: left.pop(0))
+    monkeypatch.setattr(approaching, 'missing_direction', lambda state, _: state.wide)
+    monkeypatch.setattr(approaching, 'turned_closing', lambda _, closing, __: closing)
+    monkeypatch.setattr(approaching, 'take_closing_step', step)
+    return approach(places[0].config, closing, None), shares
+
+
+@pytest.mark.parametrize(
+    ('of_module', 'gap', 'wide', 'kept'),
+    [
+        (True, 0.11, 0.0, True),
+        (True, 0.0, 0.11, True),
+        (True, 0.09, 0.0, False),
+        (True, 0.0, 0.09, False),
+        (False, 0.011, 0.0, True),
+        (False, 0.0, 0.011, True),
+        (False, 0.009, 0.0, False),
+        (False, 0.0, 0.009, False),
+    ],
+)
+def test_a_tenth_of_a_diameter_or_of_a_radian_is_progress(of_module, gap, wide, kept, monkeypatch):
+    config, _, ways = reached(0)
+    closing = replace(ways[0].closing, settings=SearchSettings(max_approach_steps=20))
+    if not of_module:
+        # Members of any grip turn slowly.
+        closing = replace(closing, module=None)
+    ahead = np.arange(21, -1, -1)
+    places = [Place(config, 0.1 + n * gap, 0.001 + n * wide) for n in ahead]
+    way, shares = approach_places(places, closing, monkeypatch)
+    assert len(way.path) == (21 if kept else 14)
+    assert way.unmet[0] == 'reach'
+    assert shares[0] == 1.0
+    assert set(shares[1:]) == {0.5}
+
+
+@pytest.mark.parametrize('of_module', [True, False])
+def test_what_is_too_wide_or_faces_elsewhere_is_told(of_module, monkeypatch):
+    config, _, ways = reached(0)
+    closing = ways[0].closing if of_module else replace(ways[0].closing, module=None)
+    way, _ = approach_places([Place(config, 0.0, 0.3)] * 20, closing, monkeypatch)
+    expected = ('opening', closing.opening + 0.3) if of_module else ('facing', 0.3)
+    assert way.unmet == (expected[0], pytest.approx(expected[1]))
+
+
+def test_members_turn_to_where_friction_holds_to_spare():
+    config, body = HOME, ConvexObject(Disc(0.2), (0.716, 0.43, 0.0))
+    members = tuple(config.robot.member_names.index(name) for name in ('north/P-Z', 'north/Z-R'))
+    closing = Closing(body, None, members, 0.4, (), 0.0, facing=np.array([1.0, -1.0 + 0j]))
+    state, normals = evaluate_state(config, body), outward_normals(config, closing)
+    assert turned_closing(state, closing, 0.0).facing is None
+    # They turn as little as they can.
+    lazy = replace(closing, settings=SearchSettings(turning_price=2.0))
+    for missing in (0.05, 1.0):
+        facing = turned_closing(state, lazy, missing).facing
+        used = friction_angles(body, facing[:1], facing[1:])[0]
+        assert 0.2 <= used <= 0.75 * 0.4 + 1e-9
+    tight = replace(closing, opening=0.01)
+    assert missing_direction(state, tight) == pytest.approx(
+        np.abs(np.angle(closing.facing * normals.conj())).sum()
+    )

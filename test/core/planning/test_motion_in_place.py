@@ -13,6 +13,7 @@ from isotruss_ros.core import (
     GraspRequirements,
     load_robot,
     plan_grasps,
+    Polygon,
     Status,
     tangent_center,
 )
@@ -34,6 +35,7 @@ HOME = load_robot('nine_member').home
 MODULE = 'north/Z'
 CYLINDER = Cylinder(tangent_center(HOME, MODULE, 0.3, 0.01), 0.3)
 SLOW = RollerSpeedLimit(1e-6)
+BOX = ((-0.12, -0.09), (0.12, -0.09), (0.12, 0.09), (-0.12, 0.09))
 
 
 def pair(**fields):
@@ -93,10 +95,53 @@ def test_the_squeeze_becomes_what_is_wanted_in_place(held, squeeze):
     assert motion.closest_violation is None
 
 
-def test_a_squeeze_that_is_right_to_a_thousandth_is_left():
-    motion, grasp = three()
-    assert squeeze_around(motion, grasp, 1.0008 * grasp.squeeze) is grasp
-    assert squeeze_around(motion, grasp, 1.0012 * grasp.squeeze) is not grasp
+@BOTH
+def test_a_squeeze_that_is_right_to_a_thousandth_is_left(held, squeeze):
+    motion, grasp = held()
+    assert squeeze(motion, grasp, 1.0008 * grasp.squeeze) is grasp
+    assert squeeze(motion, grasp, 1.0012 * grasp.squeeze) is not grasp
+
+
+@pytest.mark.parametrize(
+    ('away', 'turned'), [(5e-4, False), (0.02, True), (2.0 * math.pi, False), (6.3, True)]
+)
+def test_what_has_been_turned_comes_back(away, turned):
+    body = ConvexObject(Polygon(BOX, 0.02), (0.6, 0.3, 0.3))
+    needs = GraspRequirements(module=MODULE, squeeze=10.0, count=1)
+    found = plan_grasps(HOME, body, needs, settings=replace(DEFAULT, max_rounds=1))[0]
+    members = tuple(HOME.robot.member_names.index(name) for name in found.grip.members)
+    closing = Closing(found.grip.body, None, members, 2.8, (), 0.15)
+    grasp = attach(found.config, closing)
+    x, y, angle = grasp.pose
+    motion = MotionInPlace(replace(closing, body=body.moved_to((x, y, angle + away))))
+    placed = motion.squeeze(grasp, grasp.squeeze)
+    assert (placed is not grasp) == turned
+    assert math.remainder(placed.pose.angle - angle - away, 2.0 * math.pi) == pytest.approx(
+        0.0, abs=1e-3
+    )
+
+
+def test_a_command_that_limits_scale_down_is_not_followed(monkeypatch):
+    motion, grasp = pair()
+    still = np.zeros(len(HOME.roller_positions))
+    for scale, followed in ((0.9995, True), (0.95, False)):
+        command = SimpleNamespace(status=Status.OK, scale=scale, roller_velocities=still)
+        monkeypatch.setattr(MotionInPlace, '_command', lambda *_, own=command: own)
+        assert (motion.open_grip(grasp, 1e-3) is not None) == followed
+
+
+def test_where_the_object_cannot_be_turned_its_place_is_kept(monkeypatch):
+    motion, grasp = pair()
+    asked = []
+
+    def solve(config, held, twist, **options):
+        asked.append(np.array(twist))
+        status = Status.UNREACHABLE if twist[2] else Status.OK
+        return SimpleNamespace(status=status)
+
+    monkeypatch.setattr(motion_in_place, 'solve_twist', solve)
+    assert motion._command(grasp, np.array([1.0, 2.0, 3.0]), 0.1).status is Status.OK
+    assert [twist.tolist() for twist in asked] == [[1.0, 2.0, 3.0], [1.0, 2.0, 0.0]]
 
 
 @BOTH

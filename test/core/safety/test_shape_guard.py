@@ -295,3 +295,13 @@ def test_without_an_object_all_but_its_barrier_is_watched():
     assert [limit.status for limit in held] == [*(x.status for x in bare), Status.SLOWED_OBJECT]
     for one, other in zip(held, bare, strict=False):
         assert one.rows(config).matrix == pytest.approx(other.rows(config).matrix, abs=0.0)
+
+
+def test_bounds_where_nothing_else_is_said():
+    bounds = ShapeBounds()
+    assert (bounds.min_rigidity, bounds.min_clearance, bounds.min_object_clearance) == (
+        0.2,
+        0.02,
+        0.02,
+    )
+    assert (bounds.rigidity_band, bounds.clearance_band, bounds.rate) == (0.2, 0.1, 5.0)

@@ -1,0 +1,78 @@
+"""The program of a step, row by row: where members face, how they turn, what keeps apart."""
+
+from dataclasses import replace
+
+import closings
+from isotruss_ros.core import ConvexObject, Cylinder, Disc, load_robot
+from isotruss_ros.core.planning.closing_qp import (
+    _separation,
+    _shape,
+    Closing,
+    evaluate_state,
+    outward_normals,
+    solve_step,
+    turning_rows,
+)
+from isotruss_ros.core.planning.settings import SearchSettings
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+BODY = ConvexObject(Disc(0.2), (0.716, 0.43, 0.0))
+
+
+def grip(*names, body=BODY, **fields):
+    """Return what closes any members on an object, within no limits."""
+    members = tuple(HOME.robot.member_names.index(name) for name in names)
+    return Closing(body, None, members, 0.4, (), 0.0, **fields)
+
+
+PAIR = grip('north/P-Z', 'north/Z-R')
+
+
+def test_normals_go_out_of_the_object_across_the_members():
+    begin, end, _ = closings.parts(HOME)
+    every = replace(PAIR, members=tuple(range(len(begin))))
+    normals = outward_normals(HOME, every)
+    assert np.abs(normals) == pytest.approx(1.0)
+    assert (normals.conj() * (end - begin)).real == pytest.approx(0.0, abs=1e-12)
+    assert (normals.conj() * (begin - BODY.center)).real.min() > 0.0
+
+
+@pytest.mark.parametrize('turns', [(0.02, -0.03), (-0.01, 0.03)])
+def test_members_turn_toward_where_they_are_to_face(turns):
+    state = evaluate_state(HOME, PAIR.body)
+    normals = outward_normals(HOME, PAIR)
+    facing = replace(PAIR, facing=normals * np.exp(1j * np.array(turns)))
+    members = list(PAIR.members)
+    move = solve_step(state, facing, state.gaps.members[members], 1.0)
+    assert turning_rows(HOME, members) @ move == pytest.approx(turns, rel=0.05)
+    moved = outward_normals(HOME.moved_to(HOME.roller_positions + move), PAIR)
+    assert np.angle(moved / normals) == pytest.approx(turns, rel=0.1)
+
+
+def test_parts_that_are_not_to_touch_come_nearer_by_half_of_what_is_left():
+    state = evaluate_state(HOME, PAIR.body)
+    members = list(PAIR.members)
+    (part,) = _separation(state, PAIR, np.full(2, 0.006))
+    gaps = np.concatenate(closings.gaps(HOME, Cylinder(BODY.pose[:2], BODY.shape.diameter)))
+    expected = 0.5 * (0.1 * HOME.robot.description.tube_diameter - gaps)
+    expected[members] = 0.006 - gaps[members]
+    assert part.lower == pytest.approx(np.minimum(0.0, expected), abs=1e-9)
+    assert np.isposinf(part.upper).all()
+
+
+@pytest.mark.parametrize('seed', [3, 8, 18])
+@pytest.mark.parametrize(('near', 'apart'), [(0.2, 0.01), (0.6, 0.05)])
+def test_parts_of_the_robot_that_are_near_keep_apart(seed, near, apart):
+    config, cylinder, tube = closings.scene(seed)
+    length = config.member_lengths.mean()
+    closing = closings.closing(config, cylinder, tube, np.random.default_rng(0))
+    settings = SearchSettings(near=near, self_clearance=apart)
+    state = evaluate_state(config, cylinder)
+    part = _shape(state, replace(closing, settings=settings))
+    left = state.distances[state.distances < near * length] - apart * length
+    assert 0 < len(left) < len(state.distances)
+    rigid = state.modes.values[:2] - closing.min_rigidity
+    assert part.lower == pytest.approx(np.minimum(0.0, -0.5 * np.append(rigid, left)))
+    assert part.matrix.shape == (2 + len(left), len(config.roller_positions))
