@@ -118,7 +118,7 @@ class _Search:
         self._began = time.perf_counter()
         self._grasps: list[PlannedGrasp] = []
         self._closest: Violation | None = None
-        self._evaluations = self._analyses = self._judged = self._known = self._rounds = 0
+        self._evaluations = self._analyses = self._judged = self._known = 0
         self.stopped = False
 
     def is_free(self) -> bool:
@@ -131,7 +131,6 @@ class _Search:
 
     def approach(self, closings: Sequence[Closing]) -> list[Approach]:
         """Bring the seeds of a round to open grips; return these."""
-        self._rounds += 1
         opened = []
         for closing in closings:
             if self._check_stop():

@@ -393,7 +393,7 @@ def test_what_is_too_wide_or_faces_elsewhere_is_told(of_module, monkeypatch):
 def test_members_turn_to_where_friction_holds_to_spare():
     config, body = HOME, ConvexObject(Disc(0.2), (0.716, 0.43, 0.0))
     members = tuple(config.robot.member_names.index(name) for name in ('north/P-Z', 'north/Z-R'))
-    closing = Closing(body, None, members, 0.4, (), 0.0, facing=np.array([1.0, -1.0 + 0j]))
+    closing = Closing(body, None, members, 0.4, (), 0.0, facing=np.exp([0.3j, 2.0j]))
     state, normals = evaluate_state(config, body), outward_normals(config, closing)
     assert turned_closing(state, closing, 0.0).facing is None
     # They turn as little as they can.

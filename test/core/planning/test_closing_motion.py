@@ -391,3 +391,17 @@ def test_members_that_do_not_reach_say_how_far_they_are():
         assert violation.value == pytest.approx(np.abs(gaps + depth).max())
     order = np.argsort([violation.value for violation in found])
     assert order.tolist() == np.argsort([violation.distance for violation in found]).tolist()
+
+
+def test_members_press_by_the_longest_steps_at_first(monkeypatch):
+    config, (closing, _), _ = tasks(0)
+    take, shares = closing_motion.take_closing_step, []
+
+    def record(state, closing, targets, share):
+        shares.append(share)
+        return replace(take(state, closing, targets, share), share=0.5)
+
+    monkeypatch.setattr(closing_motion, 'take_closing_step', record)
+    press(config, closing, np.full(len(closing.members), 0.01))
+    assert shares[0] == 1.0
+    assert set(shares[1:]) == {0.5}

@@ -33,10 +33,14 @@ PAIR = grip('north/P-Z', 'north/Z-R')
 def test_normals_go_out_of_the_object_across_the_members():
     begin, end, _ = closings.parts(HOME)
     every = replace(PAIR, members=tuple(range(len(begin))))
-    normals = outward_normals(HOME, every)
-    assert np.abs(normals) == pytest.approx(1.0)
-    assert (normals.conj() * (end - begin)).real == pytest.approx(0.0, abs=1e-12)
-    assert (normals.conj() * (begin - BODY.center)).real.min() > 0.0
+    # However near the object is to one of them.
+    beside = 0.5 * (begin[0] + end[0]) + np.array([0.05j, -0.05j]) * (end[0] - begin[0])
+    for center in (BODY.center, *beside):
+        body = ConvexObject(Disc(0.2), (center.real, center.imag, 0.0))
+        normals = outward_normals(HOME, replace(every, body=body))
+        assert np.abs(normals) == pytest.approx(1.0)
+        assert (normals.conj() * (end - begin)).real == pytest.approx(0.0, abs=1e-12)
+        assert (normals.conj() * (begin - center)).real.min() > 0.0
 
 
 @pytest.mark.parametrize('turns', [(0.02, -0.03), (-0.01, 0.03)])

@@ -224,6 +224,9 @@ def test_none_found_comes_with_what_is_missed(cylinder, needs, missed):
         assert miss.bound == getattr(needs, missed)
     if missed == 'enclosed':
         assert (miss.value, miss.bound) == (0.0, 1.0)
+    if missed == 'free':
+        assert miss.value == pytest.approx(distances(ROBOT.home, cylinder).min(), abs=1e-4)
+        assert miss.bound == 0.0
 
 
 @pytest.mark.parametrize(('count', 'rounds'), [(1, [0]), (99, [0, 1])])
@@ -241,6 +244,46 @@ def test_rounds_follow_until_there_are_enough_grasps(count, rounds, monkeypatch)
     )
     assert len(plan) > 0
     assert begun == rounds
+
+
+def test_a_search_that_is_not_thorough_ends_with_the_first_grasp():
+    needs = replace(NEEDS, count=1)
+    judged = []
+    for thorough in (False, True):
+        told = []
+        plan_grasps(
+            ROBOT.home, OBJECTS['north'], needs, on_progress=told.append, thorough=thorough
+        )
+        judged.append(len(told) - 1)
+    assert judged[0] == 1 < judged[1]
+
+
+def fresh_search(cylinder=OBJECTS['north'], needs=NEEDS):
+    """Return a search that has not begun."""
+    return search._Search(ROBOT.home, cylinder, needs, lambda _: None, lambda: False, DEFAULT)
+
+
+def test_an_object_that_is_near_is_free():
+    near = Cylinder((0.716, 0.5), 0.4)
+    assert 0.0 < distances(ROBOT.home, near).min() < 0.08
+    begun = fresh_search(near)
+    assert begun.is_free()
+    assert begun.plan().closest_violation is None
+    assert begun.progress().share == 0.0
+
+
+def test_grasps_of_the_same_members_nearby_are_one():
+    begun, length = fresh_search(needs=replace(NEEDS, count=9)), ROBOT.home.member_lengths.mean()
+    one, other = ('a', 'b'), ('a', 'c')
+    for score, members, place in (
+        (4.0, one, 0.3),
+        (5.0, one, 0.3 + 0.019 * length),
+        (3.0, one, 0.3 + 0.0395 * length),
+        (2.0, other, 0.3),
+    ):
+        path = np.array([np.zeros(2), np.full(2, place)])
+        begun._grasps.append(SimpleNamespace(score=score, members=members, path=path))
+    assert [grasp.score for grasp in begun.best()] == [5.0, 3.0, 2.0]
 
 
 @pytest.mark.parametrize(('number', 'found'), [(1, 0), (2, 1)])
@@ -261,6 +304,8 @@ def test_a_seed_that_cannot_be_computed_is_skipped(number, found, monkeypatch):
     if not found:
         why = violation_in_words(plan.closest_violation)
         assert why == 'the closest grasp candidate cannot be computed: no solution'
+        violation = plan.closest_violation
+        assert (violation.value, violation.bound) == (0.0, 0.0)
 
 
 def test_grasps_outside_of_the_model_say_so(plans):
@@ -300,15 +345,16 @@ def test_stops_when_asked_with_what_it_has():
 
 
 def test_time_left_is_that_of_the_candidates_so_far(monkeypatch):
-    told, ticks = [], itertools.count()
+    told, ticks = [], itertools.count(50)
     monkeypatch.setattr(search, 'time', SimpleNamespace(perf_counter=lambda: float(next(ticks))))
-    plan_grasps(
+    plan = plan_grasps(
         ROBOT.home,
         OBJECTS['north'],
         GraspRequirements(squeeze=10.0),
         on_progress=told.append,
         should_stop=lambda: len(told) >= 3,
     )
+    assert plan.computing_time == len(told) + 1.0
     # A tick with each report: first of open grips alone.
     assert (told[0].share, told[0].time_left) == (0.0, None)
     assert told[2].share == 2.0 * told[1].share < 1.0

@@ -252,11 +252,11 @@ class AtOnce:
 
 def test_another_executor_finds_the_same(monkeypatch):
     violation = Violation('grip', 1.0, 2.0, 15.0)
-    asked = []
+    asked, costs = [], SimpleNamespace(evaluations=2, analysed=1, violation=violation)
 
     def squeeze_candidate(candidate):
         asked.append(candidate)
-        return SimpleNamespace(evaluations=2, analysed=1, violation=violation)
+        return costs
 
     monkeypatch.setattr(plan_module, 'squeeze_candidate', squeeze_candidate)
     settings = replace(DEFAULT, max_rounds=2)
@@ -269,3 +269,6 @@ def test_another_executor_finds_the_same(monkeypatch):
     assert (alone.evaluations, alone.analyses) == (other.evaluations, other.analyses)
     assert alone.analyses == other.analyses == len(asked) / 2 > 1
     assert other.closest_violation == violation
+    costs.evaluations, costs.analysed = 7, 3
+    more = plan_grasps(HOME, CYLINDER, NEEDS, settings=settings)
+    assert more.evaluations - alone.evaluations == alone.analyses * (7 + 3 - 2 - 1)
