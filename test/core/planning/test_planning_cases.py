@@ -2,6 +2,7 @@
 
 from concurrent.futures import Future
 from dataclasses import replace
+import math
 from types import SimpleNamespace
 
 from isotruss_ros.core import (
@@ -25,6 +26,7 @@ from isotruss_ros.core.planning.closing_motion import press, Pressing
 from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
 from isotruss_ros.core.planning.facing import find_facing
 from isotruss_ros.core.planning.grasp_plan import Violation
+from isotruss_ros.core.planning.grip_seeds import find_grip_seeds
 from isotruss_ros.core.planning.motion_in_place import MotionInPlace
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.planning.searcher import Outcome, Searcher
@@ -86,6 +88,18 @@ def test_an_object_that_touches_nothing_is_not_held(count, monkeypatch):
     violation = search.closest_violation
     assert (violation.requirement, violation.value, violation.bound) == ('held', 0.0, 1.0)
     assert search.analyses == 0
+
+
+@pytest.mark.parametrize('steps', [1, 4])
+def test_three_members_press_first_so_that_the_object_stays(steps, monkeypatch):
+    monkeypatch.setattr(closing_in_place, 'MAX_BALANCE_STEPS', steps)
+    (seed,) = find_grip_seeds(HOME, DISC, GraspRequirements(members=AROUND), 0, 0)
+    reached = approach(HOME, seed)
+    search = ClosingInPlace(reached.path[-1], reached.closing, NEEDS)
+    held = next(search._surround(search._press(reached.path[-1], 0.0)))
+    # As deep as each other they would push it aside.
+    away = math.dist(held.pose[:2], DISC.pose[:2])
+    assert away > 5e-4 if steps == 1 else away < 1e-4
 
 
 def test_a_path_that_cannot_be_pressed_closes_no_grip(monkeypatch):
