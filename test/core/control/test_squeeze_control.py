@@ -253,10 +253,8 @@ def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
         assert regulated == pytest.approx(loaded.squeeze, abs=0.05 * abs(wrench[0]) + 0.01)
 
 
-def test_a_slowed_command_uses_its_share_of_what_is_left_and_the_model_goes_there():
-    model = RollingGrasp.attach(CONFIG, CYLINDER)
-    used = held_utilisation(model).max()
-    bound, rate = 1.02 * used, 4.0
+def close_near_the_bound(model, bound, rate):
+    """Return a control that has slowed a command for the utilisation, the command, the grasp."""
     control = SqueezeControl(
         SqueezeSettings(100.0, FRICTION, max_utilisation=bound, utilisation_rate=rate)
     )
@@ -268,6 +266,14 @@ def test_a_slowed_command_uses_its_share_of_what_is_left_and_the_model_goes_ther
 
     command = control.solve(np.zeros(3), PERIOD, solve)
     assert command.status is Status.SLOWED_UTILISATION
+    return control, command, grasp
+
+
+def test_a_slowed_command_uses_its_share_of_what_is_left_and_the_model_goes_there():
+    model = RollingGrasp.attach(CONFIG, CYLINDER)
+    used = held_utilisation(model).max()
+    bound, rate = 1.02 * used, 4.0
+    control, command, grasp = close_near_the_bound(model, bound, rate)
     rows = task_jacobian(CONFIG, grasp)[:3]
     assert command.achieved_twist == pytest.approx(rows @ command.roller_velocities, abs=1e-9)
     travel = control.grasp.config.roller_positions - CONFIG.roller_positions
@@ -275,6 +281,24 @@ def test_a_slowed_command_uses_its_share_of_what_is_left_and_the_model_goes_ther
     more = held_utilisation(control.grasp).max() - used
     # But for the curvature of the utilisation.
     assert more == pytest.approx(PERIOD * rate * (bound - used), rel=0.06)
+
+
+def test_a_slowed_command_that_leads_to_no_equilibrium_leaves_the_model_ahead(monkeypatch):
+    model = RollingGrasp.attach(CONFIG, CYLINDER)
+    bound, move, found = 1.02 * held_utilisation(model).max(), RollingGrasp.moved_to, []
+    fails_at = math.inf
+
+    def move_until(*arguments):
+        found.append(move(*arguments) if len(found) + 1 < fails_at else None)
+        return found[-1]
+
+    monkeypatch.setattr(RollingGrasp, 'moved_to', move_until)
+    control, _, _ = close_near_the_bound(model, bound, 4.0)
+    assert control.grasp is found[-1]
+    fails_at = len(found)
+    found.clear()
+    control, _, _ = close_near_the_bound(model, bound, 4.0)
+    assert found[-2:] == [control.grasp, None]
 
 
 def test_the_slope_by_the_opening_is_near_to_what_a_small_change_does():

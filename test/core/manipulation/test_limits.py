@@ -54,6 +54,12 @@ def test_rows_bound_rollers_and_members(robot, rng):
     assert RollerSpeedLimit(0.3).row_names(config) == robot.roller_names
 
 
+def test_members_approach_their_bounds_in_a_tenth_of_a_second_where_nothing_else_is_said():
+    config = load_robot('nine_member').home
+    rows = MemberLengthLimit(0.5, 2.0).rows(config)
+    assert rows.upper == pytest.approx(10.0 * (2.0 - config.member_lengths))
+
+
 def narrow(shortest, longest):
     """Return the nine-member robot with other limits of its members."""
     document = robots.example()

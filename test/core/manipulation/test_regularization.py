@@ -58,6 +58,12 @@ def test_progress_costs_roller_speed_as_in_closed_form(twist, speed, slide):
     assert found == pytest.approx(progress * unit * free / asked, rel=1e-9, abs=1e-12)
 
 
+def test_weights_where_nothing_else_is_said():
+    weights = Regularization()
+    assert (weights.progress_weight, weights.slide_weight) == (100.0, 0.01)
+    assert weights.reference_period == 0.01
+
+
 def test_the_weight_of_progress_falls_with_the_period_beyond_the_reference():
     twist = (1.0, 0.0, 0.0)
     weights = {period: solved(twist, 0.5, period) for period in (1e-3, 1e-2, 2e-2, 4e-2)}

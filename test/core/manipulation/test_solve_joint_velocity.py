@@ -2,7 +2,14 @@
 
 import inspect
 
-from isotruss_ros.core import GraspError, load_robot, solve_joint_velocity, solve_twist, Status
+from isotruss_ros.core import (
+    GraspError,
+    load_robot,
+    RollerSpeedLimit,
+    solve_joint_velocity,
+    solve_twist,
+    Status,
+)
 import numpy as np
 import pytest
 import robots
@@ -47,6 +54,19 @@ def test_several_joints_move_at_once_and_no_cheaper_command_does_it():
         for step in (-1e-3, 1e-3):
             other = command.roller_velocities + step * direction
             assert np.linalg.norm(incidence @ other) >= cost - 1e-12
+
+
+def test_nothing_is_traded_against_roller_speed_where_no_period_is_given():
+    config = robots.random_state(ROBOT, np.random.default_rng(0))
+    velocities = {'Z': VELOCITY, 'Q': (0.0, 0.01)}
+    free = solve_joint_velocity(config, velocities, (), []).roller_velocities
+    limits = [RollerSpeedLimit(0.5 * np.abs(free).max())]
+    plain, timed, loop = (
+        solve_joint_velocity(config, velocities, (), limits, **period).roller_velocities
+        for period in ({}, {'period': 0.0}, {'period': 0.1})
+    )
+    assert (plain == timed).all()
+    assert np.abs(loop - plain).max() > 0.1 * np.abs(plain).max()
 
 
 def test_zero_is_idle_and_limits_scale():

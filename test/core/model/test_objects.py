@@ -28,6 +28,8 @@ def test_diameters_within_range_are_taken_as_they_are(number, size):
         ((0.0, -1.01 * MAX_DISTANCE), 0.1, 'must be within'),
         ((-1.01 * MAX_DISTANCE, 0.0), 0.1, 'must be within'),
         ((0.0, 1.01 * MAX_DISTANCE), 0.1, 'must be within'),
+        ((0.0, 0.0, 0.0), 0.1, "the object's centre"),
+        ((0.0,), 0.1, "the object's centre"),
     ],
 )
 def test_what_is_out_of_range_is_refused(number, center, size, words):

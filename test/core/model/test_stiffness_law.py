@@ -3,6 +3,7 @@
 from isotruss_ros.core import RobotFileError
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.stiffness_law import find_contradictions, Law
+import numpy as np
 import pytest
 import robots
 
@@ -17,6 +18,11 @@ def complaints(axial=1e3, rotary=4.0 * EULER):
         'rotary': Law(rotary, 0.0, -1.0),
     }
     return list(find_contradictions(laws, {'main': 34.5e3}, (0.3, 3.0), 0.1))
+
+
+def test_a_law_is_a_power_of_the_pressure_times_one_of_the_length():
+    found = Law(3.0, 0.5, -1.5).stiffness(np.array([0.25, 4.0]), np.array([1e4, 4e4]))
+    assert found == pytest.approx([3.0 * 100.0 * 8.0, 3.0 * 200.0 / 8.0])
 
 
 @pytest.mark.parametrize('axial', [1.05e-30, 0.95e30])

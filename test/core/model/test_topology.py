@@ -24,6 +24,18 @@ def test_a_roller_feeds_the_member_that_leaves_it_and_takes_from_the_one_before(
     assert topology.following[topology.before_driven].tolist() == topology.driven.tolist()
 
 
+@pytest.mark.parametrize('name', robots.PRESETS)
+def test_grounded_coordinates_are_x_and_y_of_the_supported_joints(name):
+    robot = load_robot(name)
+    found = {
+        (robot.topology.joint_names[number // 2], 'xy'[number % 2])
+        for number in robot.topology.grounded.tolist()
+    }
+    supports = robot.description.supports
+    assert found == {(joint, axis) for joint, axes in supports.items() for axis in axes}
+    assert len(robot.topology.grounded) == len(found)
+
+
 def test_names_of_no_rollers_are_refused():
     names = load_robot('triangle').roller_names
     check_roller_names('these', names[:1], names)
