@@ -253,7 +253,7 @@ def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
         assert regulated == pytest.approx(loaded.squeeze, abs=0.05 * abs(wrench[0]) + 0.01)
 
 
-def close_near_the_bound(model, bound, rate):
+def close_near_the_bound(model, bound, rate, scale=1.0):
     """Return a control that has slowed a command for the utilisation, the command, the grasp."""
     control = SqueezeControl(
         SqueezeSettings(100.0, FRICTION, max_utilisation=bound, utilisation_rate=rate)
@@ -262,11 +262,19 @@ def close_near_the_bound(model, bound, rate):
     control.follow(CONFIG, grasp, model.pose.angle, PERIOD)
 
     def solve(twist, opening_rate):
-        return solve_twist(CONFIG, grasp, twist, opening_rate=opening_rate)
+        return replace(solve_twist(CONFIG, grasp, twist, opening_rate=opening_rate), scale=scale)
 
     command = control.solve(np.zeros(3), PERIOD, solve)
     assert command.status is Status.SLOWED_UTILISATION
     return control, command, grasp
+
+
+def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
+    model = RollingGrasp.attach(CONFIG, CYLINDER)
+    bound = 1.02 * held_utilisation(model).max()
+    whole, half = (close_near_the_bound(model, bound, 4.0, scale)[1] for scale in (1.0, 0.5))
+    assert whole.scale < 0.9
+    assert half.scale == pytest.approx(0.5 * whole.scale, rel=1e-2)
 
 
 def test_a_slowed_command_uses_its_share_of_what_is_left_and_the_model_goes_there():

@@ -1,9 +1,11 @@
 """What the control of the squeeze asks for in a single cycle, and what that leads to."""
 
+from dataclasses import replace
 import math
 
 from grips import gripped
 from isotruss_ros.core import Grasp, Hold, RollerCommand, solve_twist, Status
+from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 import numpy as np
@@ -77,3 +79,73 @@ def test_a_cycle_changes_the_squeeze_as_asked(missing):
     there = CONFIG.moved_to(CONFIG.roller_positions + period * command.roller_velocities)
     after = MODEL.moved_to(there).squeeze
     assert after - before == pytest.approx(5.0 * missing * period, rel=0.01)
+
+
+AT_REST = Grasp('north/Z', MODEL.pose[:2], CYLINDER.diameter)
+
+
+def at_rest(missing=0.0, **settings):
+    """Return a control whose object is where the model has it."""
+    force = MODEL.squeeze + missing
+    control = SqueezeControl(SqueezeSettings(force, FRICTION, **settings))
+    assert control.slip_margin == 0.0
+    assert control.follow(CONFIG, AT_REST, MODEL.pose.angle, 0.0) is Hold.HELD
+    return control
+
+
+def solve_at_rest(twist, opening_rate):
+    return solve_twist(CONFIG, AT_REST, twist, opening_rate=opening_rate)
+
+
+def measured(model):
+    """Return the grasp and the angle of an object that is where a model has it."""
+    return Grasp('north/Z', model.pose[:2], CYLINDER.diameter), model.pose.angle
+
+
+@pytest.mark.parametrize('missing', [2.0, -2.0])
+def test_between_evaluations_the_squeeze_follows_slope_and_trend(missing):
+    # No load is estimated.
+    control = at_rest(missing, model_period=10.0, near=1.0, load=LoadSettings(time=1e9))
+    period = 0.02
+    command = control.solve(np.zeros(3), period, solve_at_rest)
+    there = CONFIG.moved_to(CONFIG.roller_positions + 2.0 * period * command.roller_velocities)
+    travel = there.roller_positions - control.grasp.config.roller_positions
+    beyond = control._trend.squeeze * control._trend.along(travel)
+    truth = MODEL.moved_to(there)
+    control.follow(there, *measured(truth), period)
+    assert abs(beyond) > 5e-3
+    assert control._squeeze == pytest.approx(truth.squeeze, abs=0.6 * abs(beyond))
+
+
+def test_a_load_that_comes_later_is_estimated_as_one_that_is_there_at_once():
+    control, once = at_rest(), at_rest()
+    loaded = measured(MODEL.moved_to(CONFIG, np.array([0.5, -1.0, 0.1])))
+    for _ in range(40):
+        control.follow(CONFIG, *loaded, 0.02)
+    once.follow(CONFIG, *loaded, 100.0)
+    assert np.abs(once.load.wrench).max() > 0.4
+    assert control.load.wrench == pytest.approx(once.load.wrench, rel=1e-3)
+
+
+def test_a_load_is_no_trend():
+    control, moved = at_rest(), CONFIG.moved_to(CONFIG.roller_positions + 1e-3)
+    plain, loaded = (
+        control._find_trend(MODEL, MODEL.moved_to(moved, wrench))
+        for wrench in (None, np.array([0.5, -1.0, 0.1]))
+    )
+    change = MODEL.moved_to(CONFIG, np.array([0.5, -1.0, 0.1])).squeeze - MODEL.squeeze
+    length = np.linalg.norm(moved.roller_positions - CONFIG.roller_positions)
+    assert abs(loaded.squeeze - plain.squeeze) < 0.3 * abs(change) / length
+
+
+@pytest.mark.parametrize('scale', [1.0, 0.5])
+def test_a_trend_goes_by_the_command_before_limits_scale_it(scale):
+    control = at_rest(1.0)
+
+    def solve(twist, opening_rate):
+        found = solve_at_rest(twist, opening_rate)
+        return replace(found, roller_velocities=scale * found.roller_velocities, scale=scale)
+
+    asked = solve_at_rest(np.zeros(3), 5.0 / MODEL.squeeze_by_opening()).roller_velocities
+    control.solve(np.zeros(3), 0.02, solve)
+    assert control._rollers == pytest.approx(asked, rel=1e-6, abs=1e-9)
