@@ -90,8 +90,10 @@ def analyze_grasps(
     wrong = np.flatnonzero(far | (size < MIN_DIAMETER))
     if len(wrong):
         i = int(wrong[0])
-        # Says what is wrong with it.
-        validate_disc(middle[i], size[i])
+        try:
+            validate_disc(middle[i], size[i])
+        except GraspError as error:
+            raise GraspError(f'grasp {i}: {error}') from None
     grasps = _Grasps(
         robot,
         np.ascontiguousarray(given).view(np.complex128)[:, :, 0],
