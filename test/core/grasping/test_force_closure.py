@@ -336,6 +336,16 @@ def test_what_is_left_without_a_program_is_at_right_angles_to_none_one_or_two():
     assert between == {0, 1, 2}
 
 
+@pytest.mark.parametrize('size', [1e-3, 0.3, 1.0])
+@pytest.mark.parametrize('count', [0, 1, 2])
+def test_what_is_at_right_angles_to_segments_of_any_size(count, size):
+    rng = np.random.default_rng(count)
+    segments, vector = size * rng.standard_normal((count, 3)), rng.standard_normal(3)
+    part = force_closure._at_right_angles(segments, vector)
+    weights = np.linalg.lstsq(segments.T, vector, rcond=None)[0]
+    assert part == pytest.approx(vector - weights @ segments)
+
+
 def test_a_step_of_the_descent_leads_to_the_least_value_on_its_way():
     rng, met = np.random.default_rng(0), set()
     for _ in range(60):
