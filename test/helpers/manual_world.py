@@ -353,6 +353,16 @@ class Manager:
 READ_CLOCK = Clock.now
 
 
+def _keep_participant() -> None:
+    """
+    Let the participant live as long as the context, not only while there are nodes.
+
+    Fast DDS 2.14 may hang where it destroys one that just discovers another.
+    """
+    kept = rclpy.create_node('kept', start_parameter_services=False)
+    rclpy.get_default_context().on_shutdown(lambda: kept.destroy_node())
+
+
 @contextlib.contextmanager
 def world(
     *makers: Callable[[], ManagedNode],
@@ -367,6 +377,7 @@ def world(
     """
     if not rclpy.ok():
         rclpy.init()
+        _keep_participant()
     made = World(remaps or {})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Clock, 'now', lambda clock: made.read(clock))
