@@ -360,6 +360,7 @@ def _keep_participant() -> None:
     Fast DDS 2.14 may hang where it destroys one that just discovers another.
     """
     kept = rclpy.create_node('kept', start_parameter_services=False)
+    # A method would be held weakly, and the node with it.
     rclpy.get_default_context().on_shutdown(lambda: kept.destroy_node())
 
 

@@ -109,12 +109,6 @@ class Program:
         self.rigid = np.isin(np.arange(len(self.rows)), [count, count + 1])
 
 
-def with_fields(closing, **fields):
-    """Return the same closing, with some other values."""
-    given = {name: getattr(closing, name) for name in closing.__dataclass_fields__}
-    return Closing(**(given | fields))
-
-
 @pytest.mark.parametrize('seed', range(24))
 def test_no_admissible_motion_is_better(seed):
     # The cost is convex, so this is so where its slope is balanced by bounds that are reached.
@@ -130,7 +124,7 @@ def test_no_admissible_motion_is_better(seed):
         if rng.random() < 0.5:
             opening = closings.openings(config)[closing.module]
             given['opening'] = opening + rng.uniform(-0.02, 0.02)
-        closing = with_fields(closing, **given)
+        closing = replace(closing, **given)
         share = rng.uniform(0.1, 1.0)
         targets = rng.uniform(-0.02, 0.01, len(closing.members))
         program = Program(config, closing, targets, share)
@@ -155,7 +149,7 @@ def weakest(config):
 def test_the_two_weakest_modes_get_no_weaker_where_they_are_too_weak(seed):
     config, todo, _ = tasks(seed, count=4)
     for closing in todo:
-        closing = with_fields(closing, min_rigidity=100.0)
+        closing = replace(closing, min_rigidity=100.0)
         targets = np.full(len(closing.members), -0.02)
         move = solve_step(evaluate_state(config, closing.body), closing, targets, 1.0)
         little = 1e-4 * move
@@ -286,9 +280,9 @@ def crowded(seed):
         # The nearest part is one that is not to touch.
         nearest = int(gaps.argmin()) % len(config.robot.member_names)
         away = [i for i in np.flatnonzero(config.robot.topology.tube == tube) if i != nearest]
-        closing = with_fields(closing, members=tuple(int(i) for i in away[:2]))
+        closing = replace(closing, members=tuple(int(i) for i in away[:2]))
     least = closings.rigidity(config) * rng.uniform(0.98, 1.02)
-    return config, with_fields(closing, min_rigidity=least), rng
+    return config, replace(closing, min_rigidity=least), rng
 
 
 @pytest.mark.parametrize('seed', range(40))
@@ -366,7 +360,7 @@ def test_who_stands_still_is_not_blocked_wherever_that_is(seed, monkeypatch):
 @pytest.mark.parametrize('seed', SEEDS)
 def test_who_is_beyond_a_bound_goes_no_further(seed):
     config, (closing, _), _ = tasks(seed)
-    closing = with_fields(closing, min_rigidity=100.0)
+    closing = replace(closing, min_rigidity=100.0)
     place, share = evaluate_state(config, closing.body), 1.0
     way = [closings.rigidity(config)]
     for _ in range(6):
@@ -380,7 +374,7 @@ def test_who_is_beyond_a_bound_goes_no_further(seed):
 
 def test_members_that_do_not_reach_say_how_far_they_are():
     config, (closing, _), _ = tasks(0)
-    few = with_fields(closing, settings=replace(closing.settings, max_press_steps=1))
+    few = replace(closing, settings=replace(closing.settings, max_press_steps=1))
     gaps = closings.gaps(config, closing.body)[0][list(closing.members)]
     found = [
         press(config, few, np.full(len(closing.members), depth)).violation

@@ -19,15 +19,9 @@ import pytest
 
 HOME = load_robot('nine_member').home
 BODY = ConvexObject(Disc(0.2), (0.716, 0.43, 0.0))
-
-
-def grip(*names, body=BODY, **fields):
-    """Return what closes any members on an object, within no limits."""
-    members = tuple(HOME.robot.member_names.index(name) for name in names)
-    return Closing(body, None, members, 0.4, (), 0.0, **fields)
-
-
-PAIR = grip('north/P-Z', 'north/Z-R')
+MEMBERS = tuple(HOME.robot.member_names.index(name) for name in ('north/P-Z', 'north/Z-R'))
+#: Closes two members, within no limits.
+PAIR = Closing(BODY, None, MEMBERS, 0.4, (), 0.0)
 
 
 def test_normals_go_out_of_the_object_across_the_members():
