@@ -1,6 +1,7 @@
 """The quadratic program: solutions known by hand, conditions of optimality, other solvers."""
 
 from hypothesis import given, strategies
+from isotruss_ros.core.numerics import qp
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
 import pytest
@@ -37,6 +38,17 @@ def random_program(rng, n, degenerate=False):
         upper,
         equality,
         np.zeros(k) if k else None,
+    )
+
+
+def corner_program(rng, n, flat, far, extra):
+    """Return a program whose solution is x = 0, where planes meet that are next to dependent."""
+    normals = rng.standard_normal((n + extra, n))
+    normals[:, -1] *= flat
+    # What pushes against the planes, so that the minimum without them is far beyond all of them.
+    push = rng.uniform(0.1, 1.0, len(normals)) @ normals
+    return QuadraticProgram(
+        np.eye(n), -far * push / np.linalg.norm(push), normals, np.zeros(len(normals))
     )
 
 
@@ -91,18 +103,24 @@ def test_variables_without_bounds_need_none():
     assert solve_qp(program) == pytest.approx([-0.6, -0.8])
 
 
-@pytest.mark.parametrize('bound', [1.0, 2.0, 3.0])
-def test_a_row_that_the_equalities_settle_is_kept_or_contradicts_them(bound):
-    rows = np.array([[1.0, 1.0], [1.0, -1.0]])
-    # The other one is fulfilled, x = y = 1.
+@pytest.mark.parametrize('length', [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize('bound', [1.0, 4.0, 5.0])
+def test_a_row_that_the_equalities_settle_is_kept_or_contradicts_them(bound, length):
+    rows, bounds = np.array([[1.0, 1.0], [1.0, -1.0]]), np.array([bound, 0.5])
+    # The other one is fulfilled, x = y = 2.
     program = QuadraticProgram(
-        np.eye(2), np.zeros(2), rows, np.array([bound, 0.5]), equality=rows[:1], target=[2.0]
+        np.eye(2),
+        np.zeros(2),
+        length * rows,
+        length * bounds,
+        equality=rows[:1],
+        target=np.array([4.0]),
     )
     found = solve_qp(program)
-    if bound < 2.0:
+    if bound < 4.0:
         assert found is None
     else:
-        assert found == pytest.approx([1.0, 1.0])
+        assert found == pytest.approx([2.0, 2.0])
 
 
 def test_an_equality_and_a_bound():
@@ -154,6 +172,36 @@ def test_a_search_that_goes_wrong_at_a_corner_starts_again(rng, n):
         patch.setattr(optimize, 'nnls', wrong)
         found = solve_qp(program)
     assert found == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize('n', [3, 6])
+@pytest.mark.parametrize('flat', [1.0, 1e-4, 1e-8])
+def test_planes_that_are_next_to_dependent_meet_in_a_corner(n, flat):
+    rng = np.random.default_rng(23)
+    for _ in range(100):
+        program = corner_program(rng, n, flat, 30.0, int(rng.integers(0, 15)))
+        found = solve_qp(program)
+        assert np.abs(found[:-1]).max() <= 1e-10
+        assert flat * abs(found[-1]) <= 1e-10
+
+
+@pytest.mark.parametrize('n', [3, 6])
+def test_a_corner_far_from_the_minimum_keeps_its_digits(n):
+    rng = np.random.default_rng(29)
+    for _ in range(100):
+        program = corner_program(rng, n, 1e-2, 1e6, 0)
+        rows = np.concatenate([program.rows, rng.standard_normal((1, n))])
+        found = solve_qp(program._replace(rows=rows, bounds=np.zeros(len(rows))))
+        assert (rows @ found).max() <= 1e-8
+        assert np.abs(found).max() <= 1e-6
+
+
+def test_where_no_search_keeps_to_the_tolerance_the_closest_one_counts(monkeypatch):
+    program = corner_program(np.random.default_rng(41), 4, 1.0, 30.0, 3)
+    monkeypatch.setattr(qp, 'TOLERANCE', -1.0)
+    assert solve_qp(program) == pytest.approx(np.zeros(4), abs=1e-10)
+    monkeypatch.setattr(qp, 'LOOSE_TOLERANCE', -1.0)
+    assert solve_qp(program) is None
 
 
 def test_exchanges_without_end_are_no_solution(monkeypatch):
