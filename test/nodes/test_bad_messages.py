@@ -18,7 +18,7 @@ from geometry_msgs.msg import (
     WrenchStamped,
 )
 from geometry_msgs.msg import Pose as PoseMessage
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_msgs.msg import GraspState, ManipulationStatus
@@ -38,6 +38,7 @@ from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.serialization import deserialize_message
+import robots
 from sensor_msgs.msg import JointState
 from std_msgs.msg import (
     Float64MultiArray,
@@ -216,6 +217,7 @@ values = st.one_of(
 rows = st.lists(values, max_size=N + 2)
 
 
+@robots.examples(150)
 @given(
     names=st.one_of(
         st.just(NAMES), st.permutations(NAMES), st.lists(st.text(max_size=9), max_size=8)
@@ -225,7 +227,6 @@ rows = st.lists(values, max_size=N + 2)
     center=st.tuples(values, values),
     twist=st.tuples(values, values, values),
 )
-@settings(max_examples=150, deadline=None)
 def test_any_numbers_move_the_rollers_within_their_limits_or_not_at_all(
     names, positions, speeds, center, twist
 ):

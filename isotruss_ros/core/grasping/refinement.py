@@ -31,6 +31,8 @@ SEARCH = 2.0
 #: A region of contact has this many points, or the spacing is divided by the last of these.
 REGION_POINTS = 10
 DIVISIONS = (1, 2, 4)
+#: Lengths of a region with points of one spacing and of half of it differ by less than this share.
+LENGTH_SPREAD = 0.02
 #: Regions are found in so many steps, or points are placed wherever tubes are within reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
@@ -115,7 +117,8 @@ def refine_contact(
     settled = False
     if previous is not None:
         before = np.array([previous.spans.get(name, -EVERYWHERE) for name in names])
-        points, contact, extents, regions, settled = solve(before, previous, limited=True)
+        points, contact, extents, regions, fits = solve(before, previous, limited=True)
+        settled = fits and (budget is not None or _is_division_clear(regions, spacing))
     if not settled:
         points, seen = place(SEARCH * spacing)
         contact = estimate_contact(points, seen)
@@ -166,6 +169,14 @@ def _division(regions: Array, spacing: float, budget: int | None = None) -> int:
     shortest = length.min(initial=np.inf)
     enough = REGION_POINTS * spacing / shortest
     return next((n for n in DIVISIONS if n >= enough), DIVISIONS[-1])
+
+
+def _is_division_clear(regions: Array, spacing: float) -> bool:
+    """Return whether points of another spacing would find regions that need the same division."""
+    shorter, longer = (
+        _division((1.0 + change) * regions, spacing) for change in (-LENGTH_SPREAD, LENGTH_SPREAD)
+    )
+    return shorter == longer
 
 
 def _within(points: ContactPoints, regions: Array) -> Flags:

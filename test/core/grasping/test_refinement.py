@@ -1,7 +1,7 @@
 """Contact points as fine as the regions need: convergence, whatever the search began with."""
 
 from comparison.wedge import pressed_into
-from hypothesis import given, settings, strategies
+from hypothesis import given, strategies
 from isotruss_ros.core import analyze_grasp, Cylinder, IsotrussError, load_robot, tangent_center
 from isotruss_ros.core.grasping import refinement
 from isotruss_ros.core.grasping.flattening import flattening_of
@@ -11,6 +11,7 @@ from isotruss_ros.core.grasping.surfaces import RoundSurface, surface_of
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
+import robots
 from shapes import regular_polygon
 
 ROBOT = load_robot('nine_member')
@@ -30,10 +31,23 @@ def pressed(seed):
             continue
 
 
+def check_same_from_anywhere(seed):
+    """Check that the contact of grasps near and far leads to the same contact."""
+    config, cylinder = pressed(seed)
+    cold = analyze_grasp(config, cylinder)
+    x, y = cylinder.center
+    for shift in (0.0, 2e-3, 0.012, 0.05, 50.0):
+        begun = analyze_grasp(config, Cylinder((x + shift, y), cylinder.diameter))
+        warm = analyze_grasp(config, cylinder, previous=begun)
+        slack = 1e-6 * cold.normal_forces.sum()
+        assert warm.places == pytest.approx(cold.places)
+        assert warm.normal_forces == pytest.approx(cold.normal_forces, abs=slack)
+
+
 seeds = given(strategies.integers(0, 2**32 - 1))
 
 
-@settings(max_examples=15, deadline=None)
+@robots.examples(15)
 @seeds
 def test_all_figures_are_converged_at_the_default_spacing(seed):
     config, cylinder = pressed(seed)
@@ -46,7 +60,7 @@ def test_all_figures_are_converged_at_the_default_spacing(seed):
     assert coarse.closure_residual == pytest.approx(fine.closure_residual, abs=0.02 * size)
 
 
-@settings(max_examples=15, deadline=None)
+@robots.examples(15)
 @seeds
 def test_points_lie_where_contact_is_and_are_enough(seed):
     config, cylinder = pressed(seed)
@@ -61,18 +75,15 @@ def test_points_lie_where_contact_is_and_are_enough(seed):
         assert touching >= REGION_POINTS - 2 or step == pytest.approx(SPACING / DIVISIONS[-1])
 
 
-@settings(max_examples=15, deadline=None)
+@robots.examples(15)
 @seeds
 def test_the_answer_is_the_same_from_anywhere(seed):
-    config, cylinder = pressed(seed)
-    cold = analyze_grasp(config, cylinder)
-    x, y = cylinder.center
-    for shift in (0.0, 2e-3, 0.012, 0.05, 50.0):
-        begun = analyze_grasp(config, Cylinder((x + shift, y), cylinder.diameter))
-        warm = analyze_grasp(config, cylinder, previous=begun)
-        slack = 1e-6 * cold.normal_forces.sum()
-        assert warm.places == pytest.approx(cold.places)
-        assert warm.normal_forces == pytest.approx(cold.normal_forces, abs=slack)
+    check_same_from_anywhere(seed)
+
+
+@pytest.mark.parametrize('seed', [1910, 2126, 2189])
+def test_the_answer_is_the_same_where_two_spacings_are_enough_for_themselves(seed):
+    check_same_from_anywhere(seed)
 
 
 def test_an_object_that_is_not_touched_has_points_and_no_forces():

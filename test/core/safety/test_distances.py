@@ -1,6 +1,6 @@
 """Distances of parts from each other and from an object: against points along the parts."""
 
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from isotruss_ros.core import ConfigurationError, Cylinder, load_robot
 from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment, object_gaps
@@ -184,7 +184,7 @@ def test_object_distances_are_those_of_points_along_the_parts(robot, rng):
     assert model.object_distances(config, cylinder, grip) == pytest.approx(wanted, abs=3e-4)
 
 
-@settings(max_examples=25, deadline=None)
+@robots.examples(25)
 @given(positions=POSITIONS, center=CENTERS, diameter=st.floats(0.05, 0.6))
 def test_gaps_are_the_object_distances_and_openings(positions, center, diameter):
     config, cylinder = ROBOT.configuration(positions), Cylinder(center, diameter)
@@ -199,7 +199,7 @@ def test_gaps_are_the_object_distances_and_openings(positions, center, diameter)
         assert opening == pytest.approx(np.arccos(cosine), abs=1e-7)
 
 
-@settings(max_examples=25, deadline=None)
+@robots.examples(25)
 @given(positions=POSITIONS, center=CENTERS)
 def test_derivatives_of_gaps_are_those_of_differences(positions, center):
     config, cylinder, step = ROBOT.configuration(positions), Cylinder(center, 0.3), 1e-6
