@@ -5,7 +5,12 @@ from hypothesis import given, strategies
 from isotruss_ros.core import analyze_grasp, Cylinder, IsotrussError, load_robot, tangent_center
 from isotruss_ros.core.grasping import refinement
 from isotruss_ros.core.grasping.flattening import flattening_of
-from isotruss_ros.core.grasping.refinement import DIVISIONS, refine_contact, REGION_POINTS
+from isotruss_ros.core.grasping.refinement import (
+    DIVISIONS,
+    PreviousContact,
+    refine_contact,
+    REGION_POINTS,
+)
 from isotruss_ros.core.grasping.sliding_contact import solve_sliding_contact
 from isotruss_ros.core.grasping.surfaces import RoundSurface, surface_of
 from isotruss_ros.core.statics.structure import structure_of
@@ -142,3 +147,24 @@ def test_points_of_a_corner_are_as_close_as_a_budget_allows():
     count = len(points(0).points)
     for share, division in ((0.9, 1), (1.7, 1), (2.3, 2), (3.5, 2), (4.5, 4), (100.0, 4)):
         assert points(int(share * count)).spacing == pytest.approx(SPACING / division)
+
+
+def test_a_contact_that_is_known_is_solved_once():
+    config, cylinder = pressed(1)
+    structure, calls = structure_of(config), []
+
+    def solver(*arguments):
+        calls.append(arguments)
+        return solve_sliding_contact(*arguments)
+
+    surface = RoundSurface(complex(*cylinder.center), 0.5 * cylinder.diameter)
+    given_to = (structure, surface, SPACING, flattening_of(ROBOT, structure.pressures), solver)
+    points, contact, extents, kept = refine_contact(*given_to)
+    spans = dict(
+        zip(ROBOT.member_names, zip(extents.start, extents.end, strict=True), strict=True)
+    )
+    previous = PreviousContact(spans, points.member, points.place, contact.normals)
+    calls.clear()
+    again, _, _, same = refine_contact(*given_to, previous=previous)
+    assert len(calls) == 1
+    assert again.place[same] == pytest.approx(points.place[kept])
