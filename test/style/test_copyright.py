@@ -1,0 +1,29 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Every source file names its licence and who holds the copyright, as ament_copyright reads it."""
+
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+NOTICE = Path(__file__).read_text(encoding='utf-8').split('\n\n')[0]
+BUILT = {'build', 'install', 'log', '_build'}
+
+
+@pytest.mark.copyright
+def test_source_files_begin_with_the_notice():
+    for pattern in ('*.py', '*.sh'):
+        for path in ROOT.rglob(pattern):
+            parts = path.relative_to(ROOT).parts
+            if BUILT.isdisjoint(parts) and not any(part.startswith('.') for part in parts):
+                text = path.read_text(encoding='utf-8')
+                first, _, rest = text.partition('\n')
+                assert (rest if first.startswith('#!') else text).startswith(NOTICE), path
