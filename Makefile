@@ -29,7 +29,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test noble demo view paper plant docs colcon bench fuzz soak mutate coverage format clean noble-tests noble-venv FORCE
+.PHONY: help venv test noble demo view paper plant docs colcon bench fuzz soak coverage format clean noble-tests noble-venv FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation; PLANT=mujoco'
@@ -44,7 +44,6 @@ help:
 	@echo 'make fuzz     fuzz the readers of files, MINUTES=10 each (x86-64)'
 	@echo 'make soak     run the nodes at 1 kHz for MINUTES=15, and WALKS=1000 walks at the edge of the shapes'
 	@echo 'make coverage run the tests and list lines and branches of the core that none of them runs'
-	@echo 'make mutate   list changes of the core that no test notices, FILES=isotruss_ros/core/...'
 	@echo 'make format   format the sources and fix what can be fixed'
 	@echo 'make venv     only set up .venv'
 	@echo 'make clean    remove .venv and all that was built'
@@ -104,9 +103,6 @@ soak: venv
 coverage: venv
 	EXAMPLES_SHARE=1 $(PYTEST) -m 'not system and not linter' --cov=isotruss_ros.core --cov-branch \
 		--cov-report=term-missing:skip-covered
-
-mutate: venv
-	$(BIN)/python tools/mutate.py $(FILES)
 
 format: venv
 	$(BIN)/ruff check --fix .

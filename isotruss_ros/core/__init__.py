@@ -37,8 +37,6 @@ from isotruss_ros.core.errors import (
     StructureError,
 )
 from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
-from isotruss_ros.core.grasping.analyze_grasps import analyze_grasps
-from isotruss_ros.core.grasping.grasp_analyses import GraspAnalyses
 from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.grasping.settle_grasp import settle_grasp, SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -95,7 +93,6 @@ __all__ = [
     'FailureDetector',
     'FreeObject',
     'Grasp',
-    'GraspAnalyses',
     'GraspAnalysis',
     'GraspCode',
     'GraspError',
@@ -146,7 +143,6 @@ __all__ = [
     'TwistServo',
     'Violation',
     'analyze_grasp',
-    'analyze_grasps',
     'deform',
     'grip_jacobian',
     'load_robot',

@@ -12,8 +12,7 @@
 import itertools
 
 from hypothesis import given, strategies
-from isotruss_ros.core.grasping import closure_stack, force_closure
-from isotruss_ros.core.grasping.closure_stack import check_closure_stack
+from isotruss_ros.core.grasping import force_closure
 from isotruss_ros.core.grasping.force_closure import check_force_closure
 import numpy as np
 import pytest
@@ -482,45 +481,3 @@ def test_no_direction_is_shorter_than_the_margin_with_levers(rng, count, frictio
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     reached = [reach_along(tangents, forces, load, friction, way, levers) for way in directions]
     assert -1e-9 <= margin <= min(reached) * (1.0 + 1e-6) + 1e-6
-
-
-def many_contacts(scale):
-    """Return normals, forces and loads of 400 grasps; every tenth has all contacts on a line."""
-    rng, shape = np.random.default_rng(0), (400, 4)
-    normals = np.exp(1j * rng.uniform(0.0, 2.0 * np.pi, shape))
-    normals[::10] = normals[::10, :1]
-    forces = scale * rng.uniform(0.1, 10.0, shape) * 10.0 ** rng.uniform(-4.0, 0.0, shape)
-    forces *= np.arange(4) < rng.integers(0, 5, (400, 1))
-    segments = forces[:, :, None] * np.stack([-normals.imag, normals.real, np.ones(shape)], axis=2)
-    return normals, forces, (rng.uniform(-1.0, 1.0, (400, 1, 4)) @ segments)[:, 0]
-
-
-@pytest.mark.parametrize(
-    ('friction', 'scale'),
-    [(0.0, 1.0), (0.1, 1.0), (0.5, 1.0), (1.0, 1.0), (0.5, 1e-6), (0.5, 1e6)],
-)
-def test_numbers_of_many_are_those_of_one_by_one(friction, scale):
-    normals, forces, load = many_contacts(scale)
-    tangents = [tangents_at(np.angle(own)) for own in normals]
-    found = check_closure_stack(1j * normals, forces, load, friction)
-    for i in range(len(load)):
-        one = check_force_closure(tangents[i], forces[i], load[i], friction)
-        assert found.closed[i] == one.closed
-        assert found.tolerance[i] == pytest.approx(one.tolerance)
-        assert found.residual[i] == pytest.approx(one.residual, abs=0.1 * one.tolerance)
-        assert found.required_friction[i] == pytest.approx(one.required_friction)
-        assert found.margin[i] == pytest.approx(one.margin, abs=one.tolerance)
-
-
-@pytest.mark.parametrize(('friction', 'scale'), [(0.1, 1.0), (0.5, 1.0), (0.5, 1e-6)])
-def test_few_of_many_take_a_search_of_their_own(friction, scale, monkeypatch):
-    normals, forces, load = many_contacts(scale)
-    calls = []
-
-    def noted(*arguments):
-        calls.append(arguments)
-        return check_force_closure(*arguments)
-
-    monkeypatch.setattr(closure_stack, 'check_force_closure', noted)
-    check_closure_stack(1j * normals, forces, load, friction)
-    assert len(calls) < len(load) / 3

@@ -16,7 +16,6 @@ from grips import gripped
 from held_grips import BOX, held, HOME, numbers
 from isotruss_ros.core import (
     analyze_grasp,
-    analyze_grasps,
     ConvexObject,
     Disc,
     Hold,
@@ -27,7 +26,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.grasping import (
     analysis,
     contact,
-    contact_stack,
     force_closure,
     lcp,
     relaxation,
@@ -132,16 +130,6 @@ def test_shares_at_more_than_three_bounds_go_to_the_program(monkeypatch):
         off, least = (np.linalg.norm(segments.T @ found + load) for found in (quick, slow))
         assert off == pytest.approx(least, abs=1e-7)
     assert 0 < given_up < 300
-
-
-def test_normals_that_follow_in_one_step_each_lead_to_the_same_contact(monkeypatch):
-    monkeypatch.setattr(contact_stack, 'MAX_NORMAL_UPDATES', 1)
-    center, size = np.array([CYLINDER.center]), np.array([CYLINDER.diameter])
-    found = analyze_grasps(CONFIG.robot, CONFIG.nodes[None], center, size)
-    alone = analyze_grasp(CONFIG, CYLINDER, flattening=False)
-    assert not found.errors
-    wanted = [alone.contact_forces.get(name, 0.0) for name in CONFIG.robot.member_names]
-    assert found.contact_forces[0] == pytest.approx(np.array(wanted), rel=1e-6, abs=1e-6)
 
 
 def test_a_box_beside_the_tubes_touches_nothing():
