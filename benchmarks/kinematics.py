@@ -28,7 +28,7 @@ os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy
 
 from isotruss_ros import core
 from isotruss_ros.core.kinematics.constraints import Targets
-from isotruss_ros.core.manipulation.grasp import module_index
+from isotruss_ros.core.manipulation.grip import module_index
 from isotruss_ros.core.manipulation.limits import default_limits
 from isotruss_ros.core.manipulation.task import grasp_rows
 from isotruss_ros.core.manipulation.twist_qp import PENALTIES

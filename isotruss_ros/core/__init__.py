@@ -61,7 +61,7 @@ from isotruss_ros.core.manipulation.task import task_jacobian
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
 from isotruss_ros.core.model.object_file import object_from_mapping, read_object
-from isotruss_ros.core.model.objects import Cylinder, Pose
+from isotruss_ros.core.model.pose import Cylinder, Pose
 from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.presets import preset_names
 from isotruss_ros.core.model.shapes import Disc

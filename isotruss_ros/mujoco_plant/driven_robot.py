@@ -14,7 +14,7 @@ from __future__ import annotations
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.objects import Cylinder, Pose
+from isotruss_ros.core.model.pose import Cylinder, Pose
 from isotruss_ros.core.simulation.roller_drive import RollerDrive, RollerFaults
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant

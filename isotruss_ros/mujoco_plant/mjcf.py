@@ -23,7 +23,7 @@ import xml.etree.ElementTree as ET
 
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.pose import Cylinder
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.safety.distances import nearest_on_segment
 from isotruss_ros.mujoco_plant.object_geoms import object_geoms

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.objects import Cylinder, Pose
+from isotruss_ros.core.model.pose import Cylinder, Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
 from isotruss_ros.mujoco_plant.engine import load_mujoco
 from isotruss_ros.mujoco_plant.mjcf import ARMATURE, export_mjcf, segment_counts, spring_damping

@@ -34,7 +34,7 @@ from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.pose import Cylinder
 
 #: The code for each fault of an input; a wrench that was never received is zero.
 FAULTS = {

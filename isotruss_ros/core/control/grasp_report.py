@@ -19,7 +19,7 @@ from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.grasping.settle_grasp import SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.pose import Cylinder
 
 
 class GraspCode(enum.IntEnum):

@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 
 from isotruss_ros.core.errors import NoMotionError, PathError
-from isotruss_ros.core.model.objects import MAX_DISTANCE
+from isotruss_ros.core.model.pose import MAX_DISTANCE
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike

@@ -32,7 +32,7 @@ from isotruss_ros.core.control.path_tracking import (
 )
 from isotruss_ros.core.errors import PathError
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 

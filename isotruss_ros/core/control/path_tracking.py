@@ -28,7 +28,7 @@ from typing import NamedTuple
 from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_timing import PathClock
 from isotruss_ros.core.errors import PathError
-from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 

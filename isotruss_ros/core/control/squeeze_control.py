@@ -10,8 +10,8 @@
 """
 How hard the robot squeezes: the model of the held object in the loop of the twist program.
 
-The squeeze and the opening angle of the grip are one thing: each degree less presses by some
-newtons more. The fourth row of (19), which keeps the angle, gets a right-hand side, and what the
+The squeeze and the opening of the grip are one thing: each millimetre less presses by some
+newtons more. The fourth row of (19), which keeps the grip, gets a right-hand side, and what the
 elastic tubes do to the object's pose is predicted by the model and corrected in the same cycle.
 The model is evaluated where the command leads, in every few cycles; from there to where the robot
 comes to be it goes on by the rows of (19), and by what the model does beyond them.
@@ -25,22 +25,20 @@ import math
 
 from isotruss_ros.core.control.held_model import (
     attach_model,
-    HeldModel,
-    measured_pose,
     motion_of,
     Sensitivity,
     sensitivity,
 )
 from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
 from isotruss_ros.core.control.model_trend import ModelTrend
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import Grasp
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -49,7 +47,7 @@ MIN_SCALE = 0.05
 #: From this share of the largest utilisation on, the model is evaluated in every cycle.
 CAREFUL_FROM = 0.8
 
-#: Solves the program for a twist (3,) and a rate of the grip's opening [rad/s] or [m/s].
+#: Solves the program for a twist (3,) and a rate of the grip's opening [m/s].
 Solve = Callable[[Array, float], RollerCommand]
 
 
@@ -107,7 +105,7 @@ class SqueezeControl:
 
     def reset(self) -> None:
         """Forget how and where the object is held: both follow from the next measured pose."""
-        self.grasp: HeldModel | None = None
+        self.grasp: HeldGrip | None = None
         self.load = LoadEstimate(self.settings.load)
         self.reference: Array | None = None
         self.slip_margin = 0.0
@@ -125,7 +123,7 @@ class SqueezeControl:
         return f'the slip margin of {margin:.3g} N is below {least:.3g} N'
 
     def follow(
-        self, config: Configuration, held: Grasp | Grip, angle: float, elapsed: float
+        self, config: Configuration, grip: Grip, elapsed: float
     ) -> Hold:
         """
         Take model and reference to now, and the load from where the object was measured.
@@ -134,11 +132,10 @@ class SqueezeControl:
         starts again from the measured pose where it has lost the object.
 
         :param config: where the robot is.
-        :param held: the grasp, at a module or of any members; its object is where it was measured.
-        :param angle: of a cylinder, measured [rad]; a convex object has its own.
+        :param grip: how it holds the object, which is where it was measured.
         :param elapsed: since the cycle before, for which its command held [s].
         :return: whether the object is held in the model; if not, why.
-        :raises GraspError: see `grasp_rows` and `find_contacts`.
+        :raises GraspError: see `find_contacts`.
         :raises ConfigurationError: the configuration is singular.
         :raises StructureError: see `structure_of`.
         """
@@ -154,9 +151,9 @@ class SqueezeControl:
         if grasp is not None and grasp.hold(friction) is Hold.HELD:
             found = sensitivity(grasp, friction)
             if found is not None:
-                self._observe(grasp, found, config, held, angle, travel, elapsed)
+                self._observe(grasp, found, config, grip, travel, elapsed)
                 return Hold.HELD
-        return self._start(config, held, angle)
+        return self._start(config, grip)
 
     def solve(self, twist: Array, period: float, solve: Solve) -> RollerCommand:
         """
@@ -213,7 +210,7 @@ class SqueezeControl:
             wanted = wanted - along * trend.pose
         return solve(wanted, (rate - along * trend.squeeze) / slope)
 
-    def _find_trend(self, grasp: HeldModel, ahead: HeldModel) -> ModelTrend:
+    def _find_trend(self, grasp: HeldGrip, ahead: HeldGrip) -> ModelTrend:
         """Return what lies between two evaluations beyond the rows of (19), and the load."""
         given = sensitivity(grasp, self.settings.friction)
         travel = ahead.config.roller_positions - grasp.config.roller_positions
@@ -249,7 +246,7 @@ class SqueezeControl:
         self._velocity = command.scale * np.asarray(twist)
 
     def _limit_utilisation(
-        self, command: RollerCommand, ahead: HeldModel, period: float, since: float
+        self, command: RollerCommand, ahead: HeldGrip, period: float, since: float
     ) -> RollerCommand:
         """
         Return a command, slowed where it would use too much of what is left of the tubes.
@@ -282,16 +279,16 @@ class SqueezeControl:
             self.grasp, self._utilisation = reached, float(held_utilisation(reached).max())
         return slowed
 
-    def _start(self, config: Configuration, held: Grasp | Grip, angle: float) -> Hold:
+    def _start(self, config: Configuration, grip: Grip) -> Hold:
         """Begin with the equilibrium near the measured pose."""
         self.load = LoadEstimate(self.settings.load)
         self._trend = None
-        found = attach_model(config, held, angle)
+        found = attach_model(config, grip)
         if isinstance(found, Hold):
             self.grasp = None
             return found
-        grasp = self._explain(found, measured_pose(held, angle))
-        self.grasp, self._config, self._held = grasp, config, held
+        grasp = self._explain(found, grip.body.pose)
+        self.grasp, self._config, self._held = grasp, config, grip
         self._pose, self._squeeze = np.array(grasp.pose), grasp.squeeze
         given = sensitivity(grasp, self.settings.friction)
         if given is None:
@@ -301,7 +298,7 @@ class SqueezeControl:
         self._utilisation = float(held_utilisation(grasp).max())
         return found.hold(self.settings.friction)
 
-    def _explain(self, found: HeldModel, measured: Pose) -> HeldModel:
+    def _explain(self, found: HeldGrip, measured: Pose) -> HeldGrip:
         """Return the equilibrium under the load that explains where the object was measured."""
         given = sensitivity(found, self.settings.friction)
         if given is None:
@@ -317,32 +314,31 @@ class SqueezeControl:
 
     def _observe(
         self,
-        grasp: HeldModel,
+        grasp: HeldGrip,
         given: Sensitivity,
         config: Configuration,
-        held: Grasp | Grip,
-        angle: float,
+        grip: Grip,
         travel: Array,
         elapsed: float,
     ) -> None:
         """Take the model on by the rows of (19), and the load from what is left."""
-        moved, opened = motion_of(config, held, travel)
+        moved, opened = motion_of(config, grip, travel)
         pose, squeeze = np.array(grasp.pose) + moved, grasp.squeeze + given.slope * opened
         if self._trend is not None:
             along = self._trend.along(travel)
             pose, squeeze = pose + along * self._trend.pose, squeeze + along * self._trend.squeeze
         loaded = self.load.wrench - grasp.wrench  # since the model was evaluated
-        offset = _difference(np.array(measured_pose(held, angle)), pose + given.pose @ loaded)
+        offset = _difference(np.array(grip.body.pose), pose + given.pose @ loaded)
         loaded = loaded + self.load.update(
             offset, given.pose, grasp.arm, elapsed, self.settings.bias_gain
         )
-        self.grasp, self._config, self._held = grasp, config, held
+        self.grasp, self._config, self._held = grasp, config, grip
         self._pose = pose + given.pose @ loaded
         self._squeeze = squeeze + float(given.squeeze @ loaded)
         self._slope = given.slope
         self.slip_margin = given.slip_margin
 
-    def _wrench(self, grasp: HeldModel) -> Array:
+    def _wrench(self, grasp: HeldGrip) -> Array:
         """Return the estimated wrench (fx, fy, m) [N, N m]."""
         return self.load.wrench * (1.0, 1.0, grasp.arm)
 

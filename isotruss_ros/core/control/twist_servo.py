@@ -39,7 +39,6 @@ from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.grasp import check_members_are_near, Grasp, predict_grasp
 from isotruss_ros.core.manipulation.grip import Grip, members_at
 from isotruss_ros.core.manipulation.limit_handling import working_rollers
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
@@ -47,7 +46,7 @@ from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, sol
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.roller_failure import FailureDetector
@@ -200,15 +199,13 @@ class TwistServo:
         if self.squeeze is not None:
             self.squeeze.reset()
 
-    def held(self, pose: Pose) -> Grasp | Grip:
+    def grip_at(self, pose: Pose) -> Grip:
         """
-        Return what the robot holds: in the short form `Grasp`, or as a `Grip`.
+        Return the grip with the object in a place.
 
         :param pose: of the object.
         :raises GraspError: the robot has no such members or module; or the pose is out of range.
         """
-        if self.body is None and not self.members:
-            return Grasp(self.grip_module, (pose[0], pose[1]), self.object_diameter)
         names = self.members or members_at(self.robot, self.grip_module)
         body = self.body or ConvexObject(Disc(self.object_diameter))
         return Grip(names, body.moved_to(pose), self.friction)
@@ -236,7 +233,7 @@ class TwistServo:
             given, rollers, *pose = require_fresh(now, self.timeout, self.clock_skew, **inputs)
             twist = np.asarray(given.value)
             command = self._solve(rollers, pose[0] if pose else None, twist, now, failed)
-            keeps_contacts = self._joint is None and bool(self.members or self.body)
+            keeps_contacts = self._joint is None
             warning = self.squeeze.warning() if self.squeeze else ''
             notes = (_describe(command, keeps_contacts), warning)
             message = '; '.join(note for note in notes if note)
@@ -300,26 +297,19 @@ class TwistServo:
         pose_time = rollers.time if pose is None else pose.time
         before, travel, last = self._expected_travel(rollers, pose_time, now, failed)
         try:
-            config, grasp = self._tracker.configuration(rollers.value.positions), None
-            moving, angle = before.any() or travel.any(), 0.0
+            config, grip = self._tracker.configuration(rollers.value.positions), None
             if pose is not None:
-                angle, grasp = pose.value[2], self.held(pose.value)
-                if isinstance(grasp, Grip):
-                    config, grasp = predict_grip(config, grasp, before, travel)
-                else:
-                    check_members_are_near(config, grasp)
-                    if moving:
-                        config, grasp, angle = predict_grasp(config, grasp, angle, before, travel)
-            elif moving:
+                config, grip = predict_grip(config, self.grip_at(pose.value), before, travel)
+            elif travel.any():
                 config = config.predict(travel)
             self._tracker.ahead = config
-            watch = None if self.guard is None else self.guard.watch(config, grasp)
+            watch = None if self.guard is None else self.guard.watch(config, grip)
             limits = self._limits if watch is None else (*self._limits, *watch.limits)
 
             def solve(twist: Array, opening_rate: float) -> RollerCommand:
                 return solve_twist(
                     config,
-                    grasp,
+                    grip,
                     twist,
                     failed,
                     limits,
@@ -328,12 +318,12 @@ class TwistServo:
                     opening_rate=opening_rate,
                 )
 
-            if grasp is None:
+            if grip is None:
                 command = self._solve_joint(config, twist, failed, limits)
             elif self.squeeze is None:
                 command = solve(twist, 0.0)
             else:
-                command = self._regulate(self.squeeze, config, grasp, angle, twist, solve, now)
+                command = self._regulate(self.squeeze, config, grip, twist, solve, now)
             return command if watch is None else watch.keep(command, last, self.period)
         except HaltError:
             raise
@@ -367,8 +357,7 @@ class TwistServo:
         self,
         squeeze: SqueezeControl,
         config: Configuration,
-        grasp: Grasp | Grip,
-        angle: float,
+        grip: Grip,
         twist: Array,
         solve: Solve,
         now: float,
@@ -377,7 +366,7 @@ class TwistServo:
         # A loop that is late holds its commands for longer than its period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, self.timeout)
-        hold = squeeze.follow(config, grasp, angle, elapsed)
+        hold = squeeze.follow(config, grip, elapsed)
         if hold is not Hold.HELD:
             raise HaltError(Status.HALT_NOT_HELD, f'the object is not held: {hold.value}')
         command = squeeze.solve(twist, self.period, solve)

@@ -27,7 +27,7 @@ from isotruss_ros.core.grasping.surfaces import surface_of
 from isotruss_ros.core.grasping.wrinkling import find_wrinkling
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.pose import Cylinder
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array, as_xy, finite_array, Indices
 from isotruss_ros.core.statics.pressures import Pressure

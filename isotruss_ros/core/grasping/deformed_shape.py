@@ -15,7 +15,7 @@ from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.grasping.loaded_tubes import interior_points, LoadedTubes
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.pose import Cylinder
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import structure_of, tube_pieces

@@ -23,7 +23,7 @@ from isotruss_ros.core.grasping.equilibrium import (
 from isotruss_ros.core.grasping.indentation import Indentation, skin_indentation
 from isotruss_ros.core.grasping.member_compliance import MemberCompliance
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.pose import Cylinder
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.pressures import Pressure
 from isotruss_ros.core.statics.structure import structure_of

@@ -38,7 +38,7 @@ from isotruss_ros.core.grasping.sticking_grasp import (
     travel_into,
 )
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.pose import Cylinder
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.pressures import Pressure
 import numpy as np

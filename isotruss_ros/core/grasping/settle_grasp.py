@@ -24,7 +24,7 @@ from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.objects import Cylinder, Pose
+from isotruss_ros.core.model.pose import Cylinder, Pose
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
 from isotruss_ros.core.statics.pressures import Pressure

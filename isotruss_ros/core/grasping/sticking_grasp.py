@@ -19,7 +19,7 @@ from isotruss_ros.core.grasping.equilibrium import HeldObjectStatics
 from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.grasping.slip_margin import slip_margin, WrenchResponse
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 

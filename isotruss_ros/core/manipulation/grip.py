@@ -18,9 +18,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.grasp import Grasp, module_index
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.numerics.arrays import Indices
 import numpy as np
 
@@ -33,23 +31,20 @@ class Grip:
     """
     An object and the members that hold it, wherever these are.
 
-    `Grasp(module, center, diameter)` is short for the two members that meet at a module, see
-    `at_module`.
-
     :ivar members: names `t/j-k` of two members, or three.
-    :ivar body: the object in its place in the robot frame: a cylinder, or any convex object.
+    :ivar body: the object in its place in the robot frame.
     :ivar friction: coefficient between tubes and object; of an object that has its own, that one.
     :raises GraspError: not two or three different names, no such object, or no such coefficient.
     """
 
     members: tuple[str, ...]
-    body: Cylinder | ConvexObject
+    body: ConvexObject
     friction: float = 0.5
 
     def __post_init__(self) -> None:
         """Check the number of members; their names are checked against a robot when used."""
-        if not isinstance(self.body, Cylinder | ConvexObject):
-            raise GraspError(f'object {self.body!r}: must be a Cylinder or a ConvexObject')
+        if not isinstance(self.body, ConvexObject):
+            raise GraspError(f'object {self.body!r}: must be a ConvexObject')
         names = (self.members,) if isinstance(self.members, str) else tuple(self.members)
         fits = all(isinstance(name, str) for name in names) and len(names) == len(set(names))
         if not (fits and FEWEST <= len(names) <= MOST):
@@ -58,7 +53,7 @@ class Grip:
                 'members'
             )
         object.__setattr__(self, 'members', names)
-        own = self.body.friction if isinstance(self.body, ConvexObject) else None
+        own = self.body.friction
         friction = self.friction if own is None else own
         if not 0.0 <= friction < math.inf:
             raise GraspError(f'friction {friction!r}: must be a finite number, not negative')
@@ -67,25 +62,45 @@ class Grip:
     @property
     def center(self) -> complex:
         """Return the origin of the object's frame, to which its twist belongs, x + iy [m]."""
-        body = self.body
-        return complex(*body.center) if isinstance(body, Cylinder) else body.center
+        return self.body.center
 
     @property
     def arm(self) -> float:
         """Return the arm by which turning is compared with moving: of a disc d/2 [m]."""
-        body = self.body
-        return 0.5 * body.diameter if isinstance(body, Cylinder) else body.arm
+        return self.body.arm
 
     @classmethod
-    def at_module(cls, robot: Robot, grasp: Grasp) -> Grip:
+    def at_module(
+        cls, robot: Robot, module: str, body: ConvexObject, friction: float = 0.5
+    ) -> Grip:
         """
-        Return a grasp between the two members of a module as a grip of these members.
+        Return the grip by the two members that meet at a module, as the paper's.
 
         :param robot: the robot.
-        :param grasp: the grasp.
-        :raises GraspError: the robot has no such module.
+        :param module: name `t/j` of the module.
+        :param body: the object in its place in the robot frame.
+        :param friction: coefficient between tubes and object; of an object that has its own, that
+            one.
+        :raises GraspError: the robot has no such module, or see `Grip`.
         """
-        return cls(members_at(robot, grasp.module), Cylinder(grasp.center, grasp.diameter))
+        return cls(members_at(robot, module), body, friction)
+
+
+def module_index(robot: Robot, name: str) -> int:
+    """
+    Return the number of a module.
+
+    :param robot: the robot.
+    :param name: name `t/j` of the module.
+    :raises GraspError: the robot has no such module.
+    """
+    try:
+        return robot.module_names.index(name)
+    except ValueError:
+        raise GraspError(
+            f'module {name!r}: robot {robot.name} has no such module; '
+            f'its modules are {", ".join(robot.module_names)}'
+        ) from None
 
 
 def members_at(robot: Robot, module: str) -> tuple[str, str]:
@@ -149,7 +164,7 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
             f'members; its members are {", ".join(robot.member_names)}'
         )
     topology = robot.topology
-    members = np.array([robot.member_names.index(name) for name in names])
+    members = np.array([robot.member_names.index(name) for name in names], dtype=np.intp)
     starts, ends = topology.b[members], topology.c[topology.following[members]]
     rows = np.arange(2 * len(members)).reshape(-1, 2) * topology.n_nodes
     places = np.stack([starts[:, None] + rows, ends[:, None] + rows], axis=1).ravel()

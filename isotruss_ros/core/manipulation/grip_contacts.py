@@ -26,7 +26,6 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip, MemberNodes
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -123,7 +122,7 @@ def find_touches(config: Configuration, grip: Grip) -> Touches:
     body, nodes = grip.body, find_members(config.robot, grip.members)
     both = config.points.take(nodes.both).tolist()
     starts, ends = both[::2], both[1::2]
-    inside = grip.center if isinstance(body, Cylinder) else body.middle
+    inside = body.middle
     spans, axes, sides, normals = [], [], [], []
     for start, end in zip(starts, ends, strict=True):
         span = end - start
@@ -134,16 +133,11 @@ def find_touches(config: Configuration, grip: Grip) -> Touches:
         axes.append(axis)
         sides.append(side)
         normals.append(-1j * side * axis)
-    owners = list(range(len(starts)))
-    radius = _radius(body)
-    if not math.isnan(radius):
-        points = [inside + radius * normal for normal in normals]
-    else:
-        owners, points = touched_points(body, normals)
-        if len(owners) > len(starts):
-            starts, spans, axes, normals, sides = (
-                [values[i] for i in owners] for values in (starts, spans, axes, normals, sides)
-            )
+    owners, points = touched_points(body, normals)
+    if len(owners) > len(starts):
+        starts, spans, axes, normals, sides = (
+            [values[i] for i in owners] for values in (starts, spans, axes, normals, sides)
+        )
     tube = config.robot.description.tube_diameter
     gaps: list[float] = []
     shares: list[float] = []
@@ -156,13 +150,6 @@ def find_touches(config: Configuration, grip: Grip) -> Touches:
     ):
         _check_touch(grip, owners, gaps, shares, tube)
     return Touches(starts, spans, axes, points, normals, sides, owners)
-
-
-def _radius(body: Cylinder | ConvexObject) -> float:
-    """Return the radius of a round object [m], nan of another."""
-    if isinstance(body, Cylinder):
-        return 0.5 * body.diameter
-    return 0.5 * body.shape.diameter if isinstance(body.shape, Disc) else math.nan
 
 
 def touched_points(body: ConvexObject, normals: list[complex]) -> tuple[list[int], list[complex]]:

@@ -20,7 +20,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import finite_array
 import numpy as np

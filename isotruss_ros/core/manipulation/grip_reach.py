@@ -53,7 +53,7 @@ def find_grip_reach(
     :raises ConfigurationError: the configuration is singular.
     """
     jacobian, places = grip_jacobian(config, grip), working.places
-    reach = Reach.of(jacobian if working.whole else jacobian[:, places], grip.arm, 1.0)
+    reach = Reach.of(jacobian if working.whole else jacobian[:, places], grip.arm)
     faces = len(grip.members) == 2 and len(jacobian) > 4
     if not faces or reach.directions is EVERYWHERE or twist is None or not twist.any():
         return jacobian, reach
@@ -64,7 +64,7 @@ def find_grip_reach(
     inward = np.repeat(-contacts.normals, 2).view(np.float64).reshape(-1, 2, 2)[:, 0]
     for kept in rolled_corners(contacts, grip.friction):
         tried = rows_of_two(config, grip, touches.kept(kept))
-        found = Reach.of(tried[:, places], grip.arm, 1.0)
+        found = Reach.of(tried[:, places], grip.arm)
         missed = _missed(found, twist)
         task = Task(found, twist, working.even)
         if missed >= least * (1.0 - LEAST_GAIN) or task.speed == 0.0:

@@ -32,7 +32,7 @@ from isotruss_ros.core.manipulation.grip_contacts import (
     GripContacts,
     Touches,
 )
-from isotruss_ros.core.model.objects import MIN_DIAMETER
+from isotruss_ros.core.model.pose import MIN_DIAMETER
 from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
 from scipy.linalg import lapack

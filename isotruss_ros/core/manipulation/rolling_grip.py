@@ -36,8 +36,8 @@ from isotruss_ros.core.manipulation.grip_contacts import (
     find_touches,
     touched_corners,
 )
-from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.model.unrolled_arc import unrolled_arc
@@ -83,19 +83,15 @@ class RollingGrip:
     misfit: float = 0.0
 
     @classmethod
-    def attach(cls, config: Configuration, grip: Grip, angle: float = 0.0) -> RollingGrip:
+    def attach(cls, config: Configuration, grip: Grip) -> RollingGrip:
         """
         Close the grip around an object.
 
         :param config: configuration of the robot.
         :param grip: the grip, with the object in its place.
-        :param angle: the orientation of a cylinder [rad]; a convex object has its own.
         :raises GraspError: see `find_contacts`.
         """
-        body = as_convex_object(grip.body)
-        if body is not grip.body:
-            body = body.moved_to((*body.pose[:2], angle))
-        grip = replace(grip, body=body)
+        body = grip.body
         contacts = find_contacts(config, grip)
         first = np.searchsorted(contacts.owners, np.arange(len(grip.members)))
         sides = contacts.sides[first]
@@ -115,7 +111,6 @@ class RollingGrip:
 
     @property
     def _body(self) -> ConvexObject:
-        assert isinstance(self.grip.body, ConvexObject)
         return self.grip.body
 
     def moved_to(self, config: Configuration) -> RollingGrip:

@@ -18,7 +18,6 @@ import math
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject, members_at_module
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_reach import find_grip_reach
 from isotruss_ros.core.manipulation.limit_handling import (
@@ -35,7 +34,7 @@ from isotruss_ros.core.manipulation.limits import (
 )
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.manipulation.task import find_reach, Reach, Task
+from isotruss_ros.core.manipulation.task import Reach, Task
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 import numpy as np
 from numpy.typing import ArrayLike
@@ -70,7 +69,7 @@ class RollerCommand:
 
 def solve_twist(
     config: Configuration,
-    grasp: Grasp | Grip,
+    grip: Grip,
     twist: ArrayLike,
     failed: Collection[str] = (),
     limits: Sequence[Limit] | None = None,
@@ -82,8 +81,8 @@ def solve_twist(
     """
     Find the roller velocities of the least cost (11) that move the object with a twist (20).
 
-    The grip keeps its opening angle (14), or a `Grip` its contacts, unless its rate is given, and
-    every tube its length (13) in all cases. A twist that is unreachable, or that would leave the
+    The object keeps its contacts, of two with a disc the opening angle (14), unless the opening
+    rate is given, and every tube its length (13) in all cases. A twist that is unreachable, or that would leave the
     contacts, is replaced by the closest reachable one, in the measure |v|^2 + |omega d/2|^2, and
     the status is `UNREACHABLE`; a polygon rolls off a face for it where statics admits that, see
     `grip_reach`. When limits bind, the direction is kept and the size scaled; or,
@@ -91,7 +90,7 @@ def solve_twist(
     `apply_limits`.
 
     :param config: configuration of the robot.
-    :param grasp: the grasp, at a module or as a grip of any two members, or three.
+    :param grip: the object, and the members that hold it.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
     :param failed: names of the rollers that have failed and stand still.
     :param limits: limits in place of those of the robot file.
@@ -99,12 +98,11 @@ def solve_twist(
     :param period: period of the loop [s]: where limits bind, progress that takes far more roller
         speed than it yields is left, see `Regularization`. Zero for the largest progress.
     :param regularization: weights where limits bind.
-    :param opening_rate: of the angle between the grasping members [rad/s], or of the distance
-        between the two members of a `Grip` where they touch [m/s], of three twice that with which
+    :param opening_rate: of the distance between two members where they touch [m/s], of three twice that with which
         each moves away from the object: the right-hand side of the fourth row of (19), scaled with
         the twist; while sliding along limits as far as those of the roller speeds scale it, and
         zero where the others do not admit that.
-    :raises GraspError: the grasp, the twist or a name in `failed` is not usable.
+    :raises GraspError: the grip, the twist or a name in `failed` is not usable.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
     """
@@ -113,12 +111,7 @@ def solve_twist(
     if desired.dtype != float or desired.shape != (3,) or not _finite(*desired.tolist()):
         desired = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
-    if isinstance(grasp, Grip):
-        jacobian, reach = find_grip_reach(config, grasp, working, desired)
-    else:
-        jacobian, reach = find_reach(config, grasp, None if working.whole else working.places)
-    if opening_rate != 0.0:
-        opening_rate = _opening(config, grasp, opening_rate)
+    jacobian, reach = find_grip_reach(config, grip, working, desired)
     limits = default_limits(robot) if limits is None else limits
     return carry_out(
         config,
@@ -136,13 +129,6 @@ def solve_twist(
 
 def _finite(x: float, y: float, angle: float) -> bool:
     return math.isfinite(x) and math.isfinite(y) and math.isfinite(angle)
-
-
-def _opening(config: Configuration, grasp: Grasp | Grip, rate: float) -> float:
-    """Return the right-hand side of the grip's row for an opening rate."""
-    if isinstance(grasp, Grasp):  # (14) counts it with the sign of the side that holds the object
-        return rate * members_at_module(config, grasp.module).side
-    return rate
 
 
 def carry_out(
@@ -169,7 +155,7 @@ def carry_out(
     :param slide_along_limits: rather than stop at limits of lengths and shapes.
     :param period: period of the loop [s], see `solve_twist`.
     :param regularization: weights where limits bind.
-    :param opening_rate: right-hand side of the grip's row [rad/s].
+    :param opening_rate: right-hand side of the grip's row [m/s].
     :raises SolverError: a quadratic program was not solved.
     """
     robot = config.robot
@@ -214,7 +200,7 @@ def _standing(robot: Robot, count: int, status: Status, dof: int) -> RollerComma
 
 def solve_twist_ahead(
     config: Configuration,
-    grasp: Grasp | Grip,
+    grip: Grip,
     twist: ArrayLike,
     lead: float,
     failed: Collection[str] = (),
@@ -228,7 +214,7 @@ def solve_twist_ahead(
     of a step falls from second to third order (the explicit midpoint rule).
 
     :param config: configuration of the robot.
-    :param grasp: the grasp, at a module or as a grip of any two members, or three.
+    :param grip: the object, and the members that hold it.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
     :param lead: not negative [s].
     :param failed: names of the rollers that have failed and stand still.
@@ -239,35 +225,29 @@ def solve_twist_ahead(
     """
     if not (math.isfinite(lead) and lead >= 0.0):
         raise GraspError(f'lead {lead!r} s: must be a finite number, not negative')
-    command = solve_twist(config, grasp, twist, failed, limits)
+    command = solve_twist(config, grip, twist, failed, limits)
     if lead == 0.0 or not command.roller_velocities.any():
         return command
     ahead = config.moved_to(config.roller_positions + lead * command.roller_velocities)
-    if isinstance(grasp, Grip):
-        rolled = RollingGrip.attach(config, grasp).moved_to(ahead)
-        return solve_twist(ahead, rolled.grip, twist, failed, limits)
-    held = HeldObject.attach(config, grasp)
-    return solve_twist(ahead, held.grasp_in(ahead), twist, failed, limits)
+    rolled = RollingGrip.attach(config, grip).moved_to(ahead)
+    return solve_twist(ahead, rolled.grip, twist, failed, limits)
 
 
 def reachable_twists(
-    config: Configuration, grasp: Grasp | Grip, failed: Collection[str] = ()
+    config: Configuration, grip: Grip, failed: Collection[str] = ()
 ) -> Array:
     """
     Return the motions of the object that the working rollers can produce.
 
     :param config: configuration of the robot.
-    :param grasp: the grasp, at a module or as a grip of any two members, or three.
+    :param grip: the object, and the members that hold it.
     :param failed: names of the rollers that have failed and stand still.
     :return: (k, 3) twists vx, vy [m/s], omega [rad/s] in the robot frame, as many as are
-        independent, orthonormal in the measure |v|^2 + |omega d/2|^2; the grip keeps its angle,
-        a `Grip` its contacts, and faces that lie on members stay there.
-    :raises GraspError: the grasp or a name in `failed` is not usable.
+        independent, orthonormal in the measure |v|^2 + |omega d/2|^2; the object keeps its contacts, and
+        faces that lie on members stay there.
+    :raises GraspError: the grip or a name in `failed` is not usable.
     :raises ConfigurationError: the configuration is singular.
     """
     working = working_rollers(config.robot, frozenset(failed))
-    if isinstance(grasp, Grip):
-        _, reach = find_grip_reach(config, grasp, working)
-    else:
-        _, reach = find_reach(config, grasp, None if working.whole else working.places)
+    _, reach = find_grip_reach(config, grip, working)
     return reach.directions / reach.weights

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import Grasp, members_at_module
+from isotruss_ros.core.manipulation.grip import find_members, members_at
+from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import finite_array
 import numpy as np
 
@@ -33,10 +34,12 @@ def tangent_center(
         object would have to be behind the module or beyond the end of a member.
     """
     (depth,) = finite_array([indentation], 1, 'indentation [m]', GraspError)
-    members = members_at_module(config, module)
-    ahead, back, side = members.ahead, members.back, members.side
-    b, c = config.points[members.nodes[0]], config.points[members.nodes[2]]
-    own_radius = 0.5 * Grasp(module, (0.0, 0.0), diameter).diameter
+    nodes, points = find_members(config.robot, members_at(config.robot, module)), config.points
+    # The member ahead starts at the module's B, the one behind ends at its C.
+    b, c = points.item(nodes.starts[0]), points.item(nodes.ends[1])
+    ahead, back = points.item(nodes.ends[0]) - b, points.item(nodes.starts[1]) - c
+    side = 1.0 if (ahead.conjugate() * back).imag > 0.0 else -1.0
+    own_radius = 0.5 * Disc(diameter).diameter
     reach = own_radius + 0.5 * config.robot.description.tube_diameter
     normals = np.array([1j * side * ahead / abs(ahead), -1j * side * back / abs(back)])
     # Distance from both lines is `reach`: Re(conj(normal) (center - foot)) = reach.

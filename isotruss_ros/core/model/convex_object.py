@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.objects import Cylinder, MAX_DISTANCE, Pose
+from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
 import numpy as np
@@ -69,6 +69,21 @@ class ConvexObject:
             if friction < 0.0:
                 raise GraspError(f"the object's friction {self.friction!r}: must not be negative")
             object.__setattr__(self, 'friction', float(friction))
+
+    @classmethod
+    def disc(
+        cls, center: tuple[float, float], diameter: float, friction: float | None = None
+    ) -> ConvexObject:
+        """
+        Return an object with a circular cross-section: a cylinder at angle 0.
+
+        :param center: (x, y) in the robot frame [m].
+        :param diameter: its own diameter d [m].
+        :param friction: coefficient between it and the tubes; None for that of the grasp.
+        :raises GraspError: a number is not usable.
+        """
+        x, y = finite_array(center, 2, "the object's centre [m]", GraspError)
+        return cls(Disc(diameter), Pose(float(x), float(y), 0.0), friction=friction)
 
     def moved_to(self, pose: ArrayLike) -> ConvexObject:
         """
@@ -125,14 +140,3 @@ class ConvexObject:
         :param spacing: largest distance of the points where the surface is curved [m].
         """
         return self.center + self.turn * self.shape.outline(spacing)
-
-
-def as_convex_object(given: Cylinder | ConvexObject) -> ConvexObject:
-    """
-    Return an object in its place as a convex one; a cylinder is a disc at angle 0.
-
-    :param given: the object.
-    """
-    if isinstance(given, ConvexObject):
-        return given
-    return ConvexObject(Disc(given.diameter), Pose(*given.center, 0.0))

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.objects import MAX_DISTANCE, MIN_DIAMETER
+from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
 from isotruss_ros.core.model.shapes import normalize, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
 import numpy as np

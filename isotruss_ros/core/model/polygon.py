@@ -20,7 +20,7 @@ from functools import cached_property
 import math
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.objects import MAX_DISTANCE, MIN_DIAMETER
+from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
 from isotruss_ros.core.model.shapes import SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 import numpy as np

@@ -21,8 +21,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
-from isotruss_ros.core.model.objects import validate_disc
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
 import numpy as np
 
 
@@ -113,7 +114,15 @@ class Disc:
 
     def __post_init__(self) -> None:
         """Check the number."""
-        object.__setattr__(self, 'diameter', validate_disc((0.0, 0.0), self.diameter)[1])
+        (size,) = finite_array([self.diameter], 1, "the object's diameter [m]", GraspError)
+        if size <= 0.0:
+            raise GraspError(f"the object's diameter {self.diameter!r} m: must be positive")
+        if not MIN_DIAMETER <= size <= MAX_DISTANCE:
+            raise GraspError(
+                f"the object's diameter {size:g} m: must be from {MIN_DIAMETER:g} to "
+                f'{MAX_DISTANCE:g} m'
+            )
+        object.__setattr__(self, 'diameter', float(size))
 
     @property
     def area(self) -> float:

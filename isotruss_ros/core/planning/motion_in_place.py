@@ -28,7 +28,7 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.pose import Cylinder
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
 from isotruss_ros.core.planning.grasp_plan import Violation

@@ -23,11 +23,11 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import module_index
+from isotruss_ros.core.manipulation.grip import module_index
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.pose import Cylinder
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closing_in_place import attach
 from isotruss_ros.core.planning.closing_motion import press

@@ -28,7 +28,6 @@ from functools import cached_property
 from typing import NamedTuple, Protocol, TypeAlias
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import Grasp
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Indices
@@ -138,25 +137,33 @@ class Barrier(Protocol):
         """Return the status of a command that this barrier slows."""
 
     @property
+    def needs_object(self) -> bool:
+        """
+        Return whether the values depend on the object.
+
+        Such a barrier counts only while one is held, which the guard then moves along a step.
+        """
+
+    @property
     def law(self) -> BarrierLaw:
         """Return the bound, and how it may be approached."""
 
-    def active(self, config: Configuration, grasp: Grasp | Grip | None) -> ActiveValues:
+    def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """
         Return the values within the band of the law, for a robot and what it holds.
 
         :param config: configuration of the robot.
-        :param grasp: the grasp; None without an object.
+        :param grip: the grip; None without an object.
         """
 
     def values(
-        self, config: Configuration, grasp: Grasp | Grip | None, indices: Selection
+        self, config: Configuration, grip: Grip | None, indices: Selection
     ) -> Array:
         """
         Return values of these numbers in one configuration.
 
         :param config: configuration of the robot.
-        :param grasp: the grasp; None without an object.
+        :param grip: the grip; None without an object.
         :param indices: numbers of the values.
         """
 

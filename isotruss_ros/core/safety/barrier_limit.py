@@ -14,7 +14,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import Grasp
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.status import Status
@@ -82,7 +81,7 @@ class BarrierLimit:
     def violation(
         self,
         end: Configuration,
-        grasp: Grasp | Grip | None,
+        grip: Grip | None,
         travel: Array,
         velocities: Array,
         duration: float,
@@ -91,14 +90,14 @@ class BarrierLimit:
         Return how a motion violates the discrete-time bound, None where it does not.
 
         :param end: where it leads.
-        :param grasp: what the robot holds there; None without an object.
+        :param grip: what the robot holds there; None without an object.
         :param travel: (r,) of the rollers in it [m].
         :param velocities: (r,) of the rollers before it [m/s].
         :param duration: of the motion, in whose middle the rows were found [s].
         """
         law = self.barrier.law
         before = self.margins - 0.5 * duration * (self.matrix @ velocities)
-        left = law.margin(self.barrier.values(end, grasp, self.indices))
+        left = law.margin(self.barrier.values(end, grip, self.indices))
         bound = law.discrete_bound(before, duration)
         below = np.flatnonzero(left < bound)
         if not len(below):

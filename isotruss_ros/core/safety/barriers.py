@@ -14,10 +14,8 @@ from __future__ import annotations
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.grasp import Grasp
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.manipulation.task import grasp_rows
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.safety.barrier_law import (
     ActiveValues,
@@ -27,7 +25,7 @@ from isotruss_ros.core.safety.barrier_law import (
 )
 from isotruss_ros.core.safety.distances import collision_model
 from isotruss_ros.core.safety.neighbor_list import NeighborList, SKIN
-from isotruss_ros.core.safety.object_distances import grip_distances, grip_gradients
+from isotruss_ros.core.safety.object_distances import grip_gradients, object_distances
 import numpy as np
 
 
@@ -43,18 +41,19 @@ class RigidityBarrier:
     """
 
     status = Status.SLOWED_RIGIDITY
+    needs_object = False
 
     def __init__(self, robot: Robot, law: BarrierLaw) -> None:
         self.law = law
         self._index = rigidity_index(robot)
         self._far: tuple[Configuration, float] | None = None
 
-    def active(self, config: Configuration, grasp: Grasp | Grip | None) -> ActiveValues:
+    def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """
         Return the least rigid modes.
 
         :param config: where the robot is.
-        :param grasp: not used.
+        :param grip: not used.
         """
         if self._far is not None and self._index.change(config, self._far[0]) < self._far[1]:
             return NOTHING
@@ -68,13 +67,13 @@ class RigidityBarrier:
         return ActiveValues(np.arange(count), few.values, self._index.gradients(config, few))
 
     def values(
-        self, config: Configuration, grasp: Grasp | Grip | None, indices: Selection
+        self, config: Configuration, grip: Grip | None, indices: Selection
     ) -> Array:
         """
         Return the rigidity index of modes, least first.
 
         :param config: where the robot is.
-        :param grasp: not used.
+        :param grip: not used.
         :param indices: of the modes.
         """
         return self._index.modes(config).values[indices]
@@ -97,34 +96,35 @@ class SelfCollisionBarrier:
     """
 
     status = Status.SLOWED_SELF_COLLISION
+    needs_object = False
 
     def __init__(self, robot: Robot, law: BarrierLaw) -> None:
         self.law = law
         self._model = collision_model(robot)
         self._neighbors = NeighborList(law.active_below)
 
-    def active(self, config: Configuration, grasp: Grasp | Grip | None) -> ActiveValues:
+    def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """
         Return the pairs that are close.
 
         :param config: where the robot is.
-        :param grasp: not used.
+        :param grip: not used.
         """
         pairs, distances = self._neighbors.find_close(
-            config, None, lambda indices: self.values(config, grasp, indices)
+            config, None, lambda indices: self.values(config, grip, indices)
         )
         if not len(pairs):
             return NOTHING
         return ActiveValues(pairs, distances, self._model.gradients(config, pairs))
 
     def values(
-        self, config: Configuration, grasp: Grasp | Grip | None, indices: Selection
+        self, config: Configuration, grip: Grip | None, indices: Selection
     ) -> Array:
         """
         Return the distances of pairs [m].
 
         :param config: where the robot is.
-        :param grasp: not used.
+        :param grip: not used.
         :param indices: of the pairs.
         """
         return self._model.distances(config, indices)
@@ -147,41 +147,37 @@ class ObjectBarrier:
     """
 
     status = Status.SLOWED_OBJECT
+    needs_object = True
 
     def __init__(self, robot: Robot, law: BarrierLaw) -> None:
         self.law = law
         self._model = collision_model(robot)
         self._neighbors = NeighborList(law.active_below)
 
-    def active(self, config: Configuration, grasp: Grasp | Grip) -> ActiveValues:
+    def active(self, config: Configuration, grip: Grip) -> ActiveValues:
         """
         Return the parts that are close to the object.
 
         :param config: where the robot is.
-        :param grasp: what it holds.
+        :param grip: what it holds.
         """
         parts, distances = self._neighbors.find_close(
-            config, grasp, lambda indices: self.values(config, grasp, indices)
+            config, grip, lambda indices: self.values(config, grip, indices)
         )
         if not len(parts):
             return NOTHING
-        if isinstance(grasp, Grip):
-            return ActiveValues(parts, distances, *grip_gradients(config, grasp, parts))
-        motion = grasp_rows(config, grasp).nodes[:2]
-        rows = self._model.object_gradients(config, complex(*grasp.center), parts, motion)
-        return ActiveValues(parts, distances, rows)
+        return ActiveValues(parts, distances, *grip_gradients(config, grip, parts))
 
-    def values(self, config: Configuration, grasp: Grasp | Grip, indices: Selection) -> Array:
+    def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
         """
         Return the distances of parts from the object; inf for those at the grip [m].
 
         :param config: where the robot is.
-        :param grasp: what it holds.
+        :param grip: what it holds.
         :param indices: of the parts.
         """
-        if isinstance(grasp, Grip):
-            return grip_distances(config, grasp, self.law.active_below + SKIN, indices)
-        return self._model.object_distances(config, grasp, grasp.module)[indices]
+        far = self.law.active_below + SKIN
+        return object_distances(config, grip.body, grip.members, far, indices)
 
     def names(self, indices: Indices) -> list[str]:
         """

@@ -36,11 +36,9 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.grasp import Grasp, module_index
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.model.segment_gaps import segment_gaps
-from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
 #: Points closer than this are one [m]; it keeps directions between them finite.
@@ -170,74 +168,6 @@ class CollisionModel:
         _Ends(self._point.nodes[:, pairs]).add(rows, near.normal)
         return rows.view(np.float64)
 
-    def object_distances(
-        self, config: Configuration, cylinder: Cylinder | Grasp, grip: str | None = None
-    ) -> Array:
-        """
-        Return the distances between an object and the parts of the robot [m].
-
-        :param config: where the robot is.
-        :param cylinder: the object.
-        :param grip: the module `t/j` that holds it, or None for a free object. Left out are the
-            two members that hold the object and their module, to which it keeps its place, and
-            the rods that meet at the joint of the grip, which are behind that.
-        :return: (3m,) members, modules, rods; inf for what is left out.
-        :raises GraspError: no such module.
-        """
-        points, center = config.points, complex(*cylinder.center)
-        near = nearest_on_segment(
-            center, self._start.positions(points), self._end.positions(points)
-        )
-        distances = near.distance - (0.5 * cylinder.diameter + self._radius)
-        if grip is not None:
-            topology, i = self._robot.topology, module_index(self._robot, grip)
-            members, modules, rods = distances.reshape(3, -1)
-            members[[i, topology.previous[i]]] = modules[i] = np.inf
-            rods[topology.joint == topology.joint[i]] = np.inf
-        return distances
-
-    def object_gradients(
-        self,
-        config: Configuration,
-        center: complex,
-        parts: Indices,
-        motion: Array | None = None,
-    ) -> Array:
-        """
-        Return how the distances of an object from some parts change as nodes move.
-
-        :param config: where the robot is.
-        :param center: of the object, x + iy in the robot frame [m].
-        :param parts: (k,) numbers as in `object_distances`.
-        :param motion: (2, 2n) the velocity of a held object as rows on the node velocities (15);
-            None for one that stands still.
-        :return: (k, 2n) rows on the node velocities [-].
-        """
-        points = config.points
-        start, end = (_Ends(ends.nodes[:, parts]) for ends in (self._start, self._end))
-        near = nearest_on_segment(center, start.positions(points), end.positions(points))
-        rows = self.part_rows(config, parts, near.share, near.normal).view(np.float64)
-        return rows if motion is None else rows + as_xy(near.normal) @ motion
-
-    def gaps_of_disc(
-        self, config: Configuration, cylinder: Cylinder, moved: Points
-    ) -> tuple[Array, Array]:
-        """
-        Return the distances of all parts from a cylinder, and how they change with the rollers.
-
-        :param config: where the robot is.
-        :param cylinder: the object, which stands still.
-        :param moved: (n, r) velocities of the nodes for 1 m/s at each roller, x + iy [-].
-        :return: (3m,) distances as in `object_distances` [m], and (3m, r) their derivatives [-].
-        """
-        start, end = self.part_ends(config)
-        near = nearest_on_segment(complex(*cylinder.center), start, end)
-        share = near.share[:, None]
-        velocity = (1.0 - share) * self._start.positions(moved)
-        velocity += share * self._end.positions(moved)
-        rates = -(near.normal.conj()[:, None] * velocity).real
-        return near.distance - (0.5 * cylinder.diameter + self._radius), rates
-
     def body_distances(self, config: Configuration, body: ConvexObject) -> tuple[Array, Array]:
         """
         Return the distances between an object that stands still and all parts of the robot.
@@ -345,7 +275,7 @@ class ObjectGaps(NamedTuple):
     by_rollers: Array
 
 
-def object_gaps(config: Configuration, body: Cylinder | ConvexObject) -> ObjectGaps:
+def object_gaps(config: Configuration, body: ConvexObject) -> ObjectGaps:
     """
     Measure the distances of an object, and how they change when the rollers move.
 
@@ -360,11 +290,8 @@ def object_gaps(config: Configuration, body: Cylinder | ConvexObject) -> ObjectG
     turn = np.angle(along.conj() * -along[previous])
     # Velocities of the nodes, vx + i vy, for 1 m/s at each roller.
     moved = config.node_jacobian[0::2] + 1j * config.node_jacobian[1::2]
-    if isinstance(body, Cylinder):
-        distances, by_rollers = model.gaps_of_disc(config, body, moved)
-    else:
-        distances, rows = model.body_distances(config, body)
-        by_rollers = rows @ config.node_jacobian
+    distances, rows = model.body_distances(config, body)
+    by_rollers = rows @ config.node_jacobian
     turning = ((moved[end] - moved[begin]) / along[:, None]).imag
     opening = np.sign(turn)[:, None] * (turning[previous] - turning)
     by_rollers = np.concatenate([by_rollers, opening])

@@ -16,8 +16,9 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
-from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.safety.distances import collision_model
+from isotruss_ros.core.safety.object_distances import object_distances
 import numpy as np
 
 
@@ -42,16 +43,16 @@ class ShapeMargins(NamedTuple):
 
 
 def shape_margins(
-    config: Configuration, cylinder: Cylinder | None = None, grip: str | None = None
+    config: Configuration, body: ConvexObject | None = None, members: tuple[str, ...] = ()
 ) -> ShapeMargins:
     """
     Measure how far a shape is from losing its rigidity, self-collision and pushing an object.
 
     :param config: where the robot is.
-    :param cylinder: an object in the plane of the robot; None for none.
-    :param grip: the module `t/j` that holds the object: the parts that hold it do not count, see
-        `CollisionModel.object_distances`. None for a free object: everything counts.
-    :raises GraspError: the robot has no such module.
+    :param body: an object in the plane of the robot; None for none.
+    :param members: names of the members that hold the object: the parts that hold it do not count,
+        see `object_distances`. None for a free object: everything counts.
+    :raises GraspError: the robot has no such members.
     """
     try:
         rigidity = float(rigidity_index(config.robot).modes(config).values[0])
@@ -61,9 +62,9 @@ def shape_margins(
     distances = model.distances(config)
     least = int(distances.argmin())
     clearance, (nearest,) = float(distances[least]), model.names(np.array([least]))
-    if cylinder is None:
+    if body is None:
         return ShapeMargins(rigidity, clearance, float('inf'), nearest, '')
-    distances = model.object_distances(config, cylinder, grip)
+    distances = object_distances(config, body, members)
     least = int(distances.argmin())
     part = model.part_names()[least] if distances[least] < np.inf else ''
     return ShapeMargins(rigidity, clearance, float(distances[least]), nearest, part)

@@ -16,9 +16,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import Grasp
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.safety.barrier_law import EVERYTHING, Selection
 import numpy as np
@@ -33,39 +31,35 @@ class Measured(NamedTuple):
     A state in which distances were measured.
 
     :ivar config: where the robot was.
-    :ivar grasp: what it held; None where no distance depends on that.
+    :ivar grip: what it held; None where no distance depends on that.
     :ivar spare: how far the smallest of the distances was from being close [m].
     """
 
     config: Configuration
-    grasp: Grasp | Grip | None
+    grip: Grip | None
     spare: float
 
-    def holds(self, config: Configuration, grasp: Grasp | Grip | None) -> bool:
+    def holds(self, config: Configuration, grip: Grip | None) -> bool:
         """
         Return whether none of the distances can be close in another state.
 
         :param config: where the robot is.
-        :param grasp: what it holds, None as in the measured state.
+        :param grip: what it holds, None as in the measured state.
         """
         if self.spare <= 0.0:
             return False
-        then = self.grasp
+        then = self.grip
         moved = float(np.abs(config.points - self.config.points).max())
-        if grasp is None or then is None:
-            return grasp is then and 2.0 * moved < self.spare
-        return moved + max(moved, _moved(grasp, then)) < self.spare
+        if grip is None or then is None:
+            return grip is then and 2.0 * moved < self.spare
+        return moved + max(moved, _moved(grip, then)) < self.spare
 
 
-def _moved(grasp: Grasp | Grip, then: Grasp | Grip) -> float:
+def _moved(grip: Grip, then: Grip) -> float:
     """Return how far no point of the object has moved [m]; infinite where it is another."""
-    if isinstance(grasp, Grasp) and isinstance(then, Grasp):
-        if grasp.module != then.module or grasp.diameter != then.diameter:
-            return math.inf
-        return math.dist(grasp.center, then.center)
-    if isinstance(grasp, Grasp) or isinstance(then, Grasp) or grasp.members != then.members:
+    if grip.members != then.members:
         return math.inf
-    body, before = as_convex_object(grasp.body), as_convex_object(then.body)
+    body, before = grip.body, then.body
     if body.shape is not before.shape and body.shape != before.shape:
         return math.inf
     return abs(body.center - before.center) + abs(body.turn - before.turn) * body.shape.reach
@@ -91,27 +85,27 @@ class NeighborList:
     def find_close(
         self,
         config: Configuration,
-        grasp: Grasp | Grip | None,
+        grip: Grip | None,
         measure: Callable[[Selection], Array],
     ) -> tuple[Indices, Array]:
         """
         Return the numbers of the pairs that are close, and their distances [m].
 
         :param config: where the robot is.
-        :param grasp: what it holds; None where no distance depends on that.
+        :param grip: what it holds; None where no distance depends on that.
         :param measure: distances [m] of pairs of these numbers, in this state.
         """
-        if self._others is None or not self._others.holds(config, grasp):
+        if self._others is None or not self._others.holds(config, grip):
             distances = measure(EVERYTHING)
             self._pairs = np.flatnonzero(distances < self._near + SKIN)
             spare = SKIN if len(self._pairs) else distances.min(initial=np.inf) - self._near
-            self._others = Measured(config, grasp, float(spare))
+            self._others = Measured(config, grip, float(spare))
             distances = distances[self._pairs]
-        elif not len(self._pairs) or (self._listed and self._listed.holds(config, grasp)):
+        elif not len(self._pairs) or (self._listed and self._listed.holds(config, grip)):
             return NO_PAIRS, np.zeros(0)
         else:
             distances = measure(self._pairs)
         smallest = float(distances.min(initial=np.inf))
-        self._listed = Measured(config, grasp, smallest - self._near)
+        self._listed = Measured(config, grip, smallest - self._near)
         close = distances < self._near
         return self._pairs[close], distances[close]

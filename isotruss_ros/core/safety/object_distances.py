@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Distances of the parts of a robot from an object in a grip of any members."""
+"""Distances of the parts of a robot from an object, free or in a grip."""
 
 from __future__ import annotations
 
@@ -17,28 +17,33 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.model.convex_object import as_convex_object
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.segment_gaps import segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices
 from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment
 import numpy as np
 
 
-def grip_distances(
-    config: Configuration, grip: Grip, far: float, parts: Indices | slice = slice(None)
+def object_distances(
+    config: Configuration,
+    body: ConvexObject,
+    members: tuple[str, ...] = (),
+    far: float = np.inf,
+    parts: Indices | slice = slice(None),
 ) -> Array:
     """
     Return the distances between an object and the parts of the robot [m].
 
     :param config: where the robot is.
-    :param grip: what it holds. Left out are the members that hold it; and, as for a `Grasp`, a
-        module at which two of them meet with the rods at its joint.
+    :param body: the object in its place.
+    :param members: names of the members that hold it; none where it is free. They are left out;
+        and a module at which two of them meet with the rods at its joint.
     :param far: of parts that are certainly farther off the distance is a lower bound [m].
     :param parts: numbers of parts: members, modules, rods, m of each; all when left out.
     :return: (k,), inf for what is left out.
     :raises GraspError: no such members.
     """
-    model, body = collision_model(config.robot), as_convex_object(grip.body)
+    model = collision_model(config.robot)
     starts, ends = model.part_ends(config, parts)
     radii = model.part_radii[parts]
     # The circle that contains the object is no farther.
@@ -46,7 +51,7 @@ def grip_distances(
     near = np.flatnonzero(distances < far)
     if len(near):
         distances[near] = segment_gaps(body, starts[near], ends[near]).gaps - radii[near]
-    distances[_left_out(config.robot, grip.members)[parts]] = np.inf
+    distances[_left_out(config.robot, members)[parts]] = np.inf
     return distances
 
 
@@ -62,7 +67,7 @@ def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[A
     :raises GraspError: see `find_contacts`.
     :raises ConfigurationError: the configuration is singular.
     """
-    model, body = collision_model(config.robot), as_convex_object(grip.body)
+    model, body = collision_model(config.robot), grip.body
     starts, ends = model.part_ends(config, parts)
     near = segment_gaps(body, starts, ends)
     rows = model.part_rows(config, parts, near.shares, -near.normals)

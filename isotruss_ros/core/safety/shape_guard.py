@@ -18,12 +18,12 @@ until it is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
@@ -91,29 +91,37 @@ class ShapeGuard:
     :ivar bounds: what its shapes must keep.
     :param robot: the robot.
     :param bounds: what its shapes must keep.
+    :param barriers: those beside rigidity, self-collision and the object.
     """
 
-    def __init__(self, robot: Robot, bounds: ShapeBounds) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        bounds: ShapeBounds | None = None,
+        barriers: Sequence[Barrier] = (),
+    ) -> None:
+        bounds = ShapeBounds() if bounds is None else bounds
         self.bounds = bounds
         rigidity, clearance, rate = bounds.rigidity_band, bounds.clearance_band, bounds.rate
         self._barriers: tuple[Barrier, ...] = (
             RigidityBarrier(robot, BarrierLaw(bounds.min_rigidity, rigidity, rate)),
             SelfCollisionBarrier(robot, BarrierLaw(bounds.min_clearance, clearance, rate)),
             ObjectBarrier(robot, BarrierLaw(bounds.min_object_clearance, clearance, rate)),
+            *barriers,
         )
-        self._without_object = self._barriers[:-1]
+        self._without_object = tuple(each for each in self._barriers if not each.needs_object)
 
-    def watch(self, config: Configuration, grasp: Grasp | Grip | None) -> Watch:
+    def watch(self, config: Configuration, grip: Grip | None) -> Watch:
         """
         Find what is near its bound.
 
         :param config: where the robot is in the middle of the sample that a command is for.
-        :param grasp: what it holds then; None without an object, of which nothing is kept clear.
+        :param grip: what it holds then; None without an object, of which nothing is kept clear.
         :raises ConfigurationError: the configuration is singular.
-        :raises GraspError: see `grasp_rows`.
+        :raises GraspError: see `find_contacts`.
         """
-        barriers = self._barriers if grasp is not None else self._without_object
-        found = [(barrier, barrier.active(config, grasp)) for barrier in barriers]
+        barriers = self._barriers if grip is not None else self._without_object
+        found = [(barrier, barrier.active(config, grip)) for barrier in barriers]
         found = [(barrier, active) for barrier, active in found if len(active.indices)]
         limits: list[BarrierLimit] = []
         if found:
@@ -126,7 +134,7 @@ class ShapeGuard:
                 own = rows[start:stop]
                 own[np.abs(own) < NOISE] = 0.0
                 limits.append(BarrierLimit(barrier, active, rows[start:stop]))
-        return Watch(config, grasp, barriers, tuple(limits))
+        return Watch(config, grip, barriers, tuple(limits))
 
 
 class Watch:
@@ -135,19 +143,19 @@ class Watch:
 
     :ivar limits: for `solve_twist`.
     :param config: configuration in the middle of the interval of the command.
-    :param grasp: the grasp there; None without an object.
+    :param grip: the grip there; None without an object.
     :param barriers: those that count.
     """
 
     def __init__(
         self,
         config: Configuration,
-        grasp: Grasp | Grip | None,
+        grip: Grip | None,
         barriers: tuple[Barrier, ...],
         limits: tuple[BarrierLimit, ...],
     ) -> None:
         self.limits = limits
-        self._config, self._grasp = config, grasp
+        self._config, self._grasp = config, grip
         self._barriers = barriers
 
     def keep(self, command: RollerCommand, velocities: Array, duration: float) -> RollerCommand:
@@ -189,30 +197,30 @@ class Watch:
         duration: float,
     ) -> BarrierViolation | None:
         """Return why a motion is not admissible, None where it is."""
-        start, grasp = self._config, self._grasp
+        start, grip = self._config, self._grasp
         travel = duration * rollers
         try:
             end = start.moved_to(start.roller_positions + travel - 0.5 * duration * velocities)
         except ConfigurationError:
             return BarrierViolation(0.5, Status.SLOWED_RIGIDITY, ())
         long = bool(np.abs(travel).max() > BAND_STEP)
-        if grasp is not None and (
-            long or any(isinstance(limit.barrier, ObjectBarrier) for limit in limits)
+        if grip is not None and (
+            long or any(limit.barrier.needs_object for limit in limits)
         ):
             try:
-                grasp = _moved_along(start, grasp, end)
+                grip = RollingGrip.attach(start, grip).moved_to(end).grip
             except GraspError:  # a contact is lost on the way there
                 return BarrierViolation(0.5, Status.SLOWED_OBJECT, ('the contacts of the grip',))
-        found = [limit.violation(end, grasp, travel, velocities, duration) for limit in limits]
+        found = [limit.violation(end, grip, travel, velocities, duration) for limit in limits]
         if long:
-            found += [self._jumped(barrier, end, grasp) for barrier in self._barriers]
+            found += [self._jumped(barrier, end, grip) for barrier in self._barriers]
         return min((one for one in found if one is not None), default=None)
 
     def _jumped(
-        self, barrier: Barrier, end: Configuration, grasp: Grasp | Grip | None
+        self, barrier: Barrier, end: Configuration, grip: Grip | None
     ) -> BarrierViolation | None:
         """Return what has got beyond a bound from outside of its band."""
-        left = barrier.law.margin(barrier.values(end, grasp, EVERYTHING))
+        left = barrier.law.margin(barrier.values(end, grip, EVERYTHING))
         for limit in self.limits:
             if limit.barrier is barrier:
                 left[limit.indices] = np.inf
@@ -220,13 +228,6 @@ class Watch:
         if not len(below):
             return None
         return BarrierViolation(0.5, barrier.status, tuple(barrier.names(below)))
-
-
-def _moved_along(start: Configuration, grasp: Grasp | Grip, end: Configuration) -> Grasp | Grip:
-    """Return what is held after a motion."""
-    if isinstance(grasp, Grip):
-        return RollingGrip.attach(start, grasp).moved_to(end).grip
-    return HeldObject.attach(start, grasp).grasp_in(end)
 
 
 def _scaled(command: RollerCommand, share: float, violation: BarrierViolation) -> RollerCommand:

@@ -17,12 +17,11 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_members import Hold
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.objects import Cylinder, Pose
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
-from isotruss_ros.core.simulation.pushing import push_out, push_out_convex
+from isotruss_ros.core.simulation.pushing import push_out
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -43,18 +42,16 @@ class ElasticObject:
     out of the grip as far as the members push it, and lies there.
 
     :ivar dropped: why it was dropped last; None while it is held or never was.
-    :param body: the object, where it lies: a cylinder, which two members hold, or any shape.
+    :param body: the object, where it lies.
     :param friction: coefficient between tube and object in this plant, not negative.
-    :param angle: orientation of a cylinder in the robot frame; another object has its own [rad].
     :param stiffness_scale: stiffness of this plant against that of the model, positive.
     :raises GraspError: friction or stiffness are not usable.
     """
 
     def __init__(
         self,
-        body: Cylinder | ConvexObject,
+        body: ConvexObject,
         friction: float,
-        angle: float = 0.0,
         stiffness_scale: float = 1.0,
     ) -> None:
         mu, scale = finite_array([friction, stiffness_scale], 2, 'friction, stiffness', GraspError)
@@ -64,16 +61,15 @@ class ElasticObject:
                 'must not be negative, and the latter not zero'
             )
         self._body, self._friction, self._scale = body, float(mu), float(scale)
-        place = body.pose if isinstance(body, ConvexObject) else Pose(*body.center, angle)
-        self._lies = place._replace(angle=math.remainder(place.angle, 2.0 * math.pi))
-        self._grasp: RollingGrasp | HeldGrip | None = None
+        self._lies = body.pose._replace(angle=math.remainder(body.pose.angle, 2.0 * math.pi))
+        self._grasp: HeldGrip | None = None
         self._wrench = np.zeros(3)
         self._pulled_anew = False
         self._followed: Configuration | None = None
         self.dropped: Hold | None = None
 
     @property
-    def grasp(self) -> RollingGrasp | HeldGrip | None:
+    def grasp(self) -> HeldGrip | None:
         """Return how it is held; None while it lies."""
         return self._grasp
 
@@ -156,36 +152,24 @@ class ElasticObject:
         """Return whether two members press on the object where it lies."""
         return bool(np.sort(member_depths(config, self._lying()))[-2] > 0.0)
 
-    def _lying(self) -> Cylinder | ConvexObject:
+    def _lying(self) -> ConvexObject:
         """Return the object where it lies."""
-        if isinstance(self._body, Cylinder):
-            return Cylinder(self._lies[:2], self._body.diameter)
         return self._body.moved_to(self._lies)
 
     def _pushed(self, config: Configuration) -> Pose:
         """Return where the members push it."""
-        lying = self._lying()
-        if isinstance(lying, Cylinder):
-            center = push_out(config, complex(*lying.center), lying.diameter)
-            return self._lies._replace(x=center.real, y=center.imag)
-        return push_out_convex(config, lying).pose
+        return push_out(config, self._lying()).pose
 
     def _try_to_hold(self, config: Configuration) -> None:
         """Be held if the members press so that friction holds."""
-        lying = self._lying()
-        found: RollingGrasp | HeldGrip | Hold
-        if isinstance(lying, Cylinder):
-            found = RollingGrasp.attach(config, lying, self._lies.angle, self._wrench, self._scale)
-        else:
-            found = HeldGrip.attach(config, lying, None, self._wrench, self._scale)
+        found = HeldGrip.attach(config, self._lying(), None, self._wrench, self._scale)
         if not isinstance(found, Hold) and found.hold(self._friction) is Hold.HELD:
             self._grasp, self.dropped = found, None
 
-    def _roll(self, before: RollingGrasp | HeldGrip, config: Configuration) -> None:
+    def _roll(self, before: HeldGrip, config: Configuration) -> None:
         """Roll to a configuration, in smaller and smaller parts where the contacts let go."""
         start, end = before.config.roller_positions, config.roller_positions
-        arm = before.statics.radius if isinstance(before, RollingGrasp) else before.body.arm
-        pulled, wrench = before.wrench * (1.0, 1.0, arm), self._wrench
+        pulled, wrench = before.wrench * (1.0, 1.0, before.arm), self._wrench
         done, part = 0.0, 1.0
         why = Hold.NO_BALANCE
         while done < 1.0:

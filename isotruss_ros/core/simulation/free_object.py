@@ -7,47 +7,46 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""A simulated object that lies free until the robot has closed around it."""
+"""A simulated object that lies free until members have closed around it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import math
 
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.core.grasping.analysis import analyze_grasp
-from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject
-from isotruss_ros.core.model.objects import Cylinder, Pose
-from isotruss_ros.core.safety.distances import object_gaps
+from isotruss_ros.core.manipulation.grip import Grip, MOST
+from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.simulation.rolling_object import RollingObject
+import numpy as np
 
 
 class FreeObject:
     """
-    An object that lies where it is, and goes with the grip once friction holds it.
+    An object that lies where it is, and rolls in a grip once friction can hold it there.
 
     Whether it does is looked at whenever the rollers have come to rest: then the object moves to
-    its equilibrium between the two members, and from there on it is at rest in the grip.
-    Where no two sides of a module press on it any more, it lies free again. While it lies, the
-    ground holds it: the model knows no pushing. A tube that would be indented by more than
-    its own diameter lies on the object, and does not grip it.
+    its equilibrium between the two members, or three, that press on it, and rolls with them from
+    there on. While it lies, the ground holds it: the model knows no pushing. Where a member of the
+    grip does not press any more when the rollers rest, it lies again.
 
-    :param cylinder: the object, where it lies.
-    :param friction: coefficient between tube and object.
-    :param angle: its orientation in the robot frame [rad].
+    :param body: the object, where it lies.
+    :param friction: coefficient between tube and object; one of its own counts instead.
     """
 
-    def __init__(self, cylinder: Cylinder, friction: float, angle: float = 0.0) -> None:
-        self._diameter, self._friction = cylinder.diameter, friction
-        self._lies = Pose(*cylinder.center, math.remainder(angle, 2.0 * math.pi))
-        self._held: HeldObject | None = None
+    def __init__(self, body: ConvexObject, friction: float) -> None:
+        self._body = body
+        self._friction = friction if body.friction is None else body.friction
+        self._held: RollingObject | None = None
 
     @property
-    def grip(self) -> str | None:
-        """Return the module that holds it; None while it lies free."""
-        return None if self._held is None else self._held.grasp.module
+    def members(self) -> tuple[str, ...]:
+        """Return the members that hold it; none while it lies."""
+        return () if self._held is None else self._held.rolling.grip.members
 
     def pose(self, config: Configuration) -> Pose:
         """
@@ -55,14 +54,21 @@ class FreeObject:
 
         :param config: configuration of the robot.
         """
-        return self._lies if self._held is None else self._held.pose(config)
+        if self._held is not None:
+            return self._held.pose(config)
+        x, y, angle = self._body.pose
+        return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
 
     def follow(self, config: Configuration) -> None:
         """
-        Stay where it is, or at rest in the grip.
+        Stay where it is, or roll in the grip.
 
         :param config: configuration of the robot.
         """
+        if self._held is not None:
+            self._held.follow(config)
+            if self._held.lost is not None:
+                self._lie(config)
 
     def come_to_rest(self, config: Configuration) -> None:
         """
@@ -70,42 +76,36 @@ class FreeObject:
 
         :param config: configuration of the robot.
         """
-        pose = self.pose(config)
-        lying = Cylinder((pose.x, pose.y), self._diameter)
+        body = self._body.moved_to(self.pose(config))
+        names = pressing_members(config, body)
+        if self._held is not None:
+            if not set(self.members) <= set(names):
+                self._lie(config)
+            return
+        if not 2 <= len(names) <= MOST:
+            return
         try:
-            if self._held is not None:
-                analysis = analyze_grasp(config, lying, self._friction)
-                if grip_module(config, analysis.contact_forces) is None:
-                    self._lies, self._held = pose, None
-                return
-            if object_gaps(config, lying).members.min() < -config.robot.description.tube_diameter:
-                return
-            settled = settle_grasp(config, lying, self._friction)
-            held, forces, center = settled.held, settled.normal_forces, settled.pose[:2]
-            if settled.hold is Hold.OTHER_CONTACT or len(forces) > 2:
-                # Three members and more fix its place: it is held where it is, by (10).
-                analysis = analyze_grasp(config, lying, self._friction)
-                held, forces = analysis.force_closure, analysis.contact_forces
-                center = lying.center
-            module = grip_module(config, forces)
-            if held and module is not None:
-                grasp = Grasp(module, center, self._diameter)
-                self._held = HeldObject.attach(config, grasp, pose.angle)
+            settled = settle_grasp(config, body, self._friction, members=names)
+            if settled.held:
+                grip = Grip(names, body.moved_to(settled.pose), self._friction)
+                self._held = RollingObject(RollingGrip.attach(config, grip))
         except IsotrussError:
-            return  # forces that cannot be computed hold nothing new, and let nothing go
+            return  # a member presses with its end, or the forces cannot be computed
+
+    def _lie(self, config: Configuration) -> None:
+        """Be let go, where it is."""
+        self._body, self._held = self._body.moved_to(self.pose(config)), None
 
 
-def grip_module(config: Configuration, forces: Mapping[str, float]) -> str | None:
+def pressing_members(config: Configuration, body: ConvexObject) -> tuple[str, ...]:
     """
-    Return the module whose two sides press hardest on an object, the weaker one counts.
+    Return the names of the members whose straight tubes an object indents, the deepest first.
+
+    Left out are tubes that it indents by more than they are thick: these lie on it.
 
     :param config: configuration of the robot.
-    :param forces: with which members press, by member [N].
+    :param body: the object in its place.
     """
-    robot = config.robot
-    pressing = [forces.get(name, 0.0) for name in robot.member_names]
-    weaker = [
-        min(force, pressing[i]) for force, i in zip(pressing, robot.topology.previous, strict=True)
-    ]
-    hardest = max(range(len(weaker)), key=weaker.__getitem__)
-    return robot.module_names[hardest] if weaker[hardest] > 0.0 else None
+    tube, depths = config.robot.description.tube_diameter, member_depths(config, body)
+    order = np.argsort(-depths, kind='stable')
+    return tuple(config.robot.member_names[i] for i in order if 0.0 < depths[i] <= tube)

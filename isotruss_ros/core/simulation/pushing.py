@@ -14,7 +14,6 @@ from __future__ import annotations
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.segment_gaps import segment_gaps
-from isotruss_ros.core.safety.distances import nearest_on_segment
 import numpy as np
 
 #: The object is out of the way when no member overlaps it by more than this [m].
@@ -23,11 +22,12 @@ TOLERANCE = 1e-9
 MAX_PUSHES = 200
 
 
-def push_out_convex(config: Configuration, body: ConvexObject) -> ConvexObject:
+def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
     """
     Return an object where members push one that overlaps them, without turning it.
 
-    As `push_out`, for any shape.
+    Quasi-static, without friction: along the normal of the deepest member, until none overlaps.
+    Members that enclose it can leave no such place: then it stays where the last push led.
 
     :param config: configuration of the robot.
     :param body: the object in its place.
@@ -45,27 +45,3 @@ def push_out_convex(config: Configuration, body: ConvexObject) -> ConvexObject:
         x, y, angle = body.pose
         body = body.moved_to((x + away.real, y + away.imag, angle))
     return body
-
-
-def push_out(config: Configuration, center: complex, diameter: float) -> complex:
-    """
-    Return where members push an object that overlaps them.
-
-    Quasi-static, without friction: along the normal of the deepest member, until none overlaps.
-    Members that enclose it can leave no such place: then it stays where the last push led.
-
-    :param config: configuration of the robot.
-    :param center: of the object, x + iy in the robot frame [m].
-    :param diameter: of the object [m].
-    """
-    topology, points = config.robot.topology, config.points
-    begin, end = points[topology.b], points[topology.c[topology.following]]
-    reach = 0.5 * (diameter + config.robot.description.tube_diameter)
-    for _ in range(MAX_PUSHES):
-        nearest = nearest_on_segment(center, begin, end)
-        deepest = int(np.argmin(nearest.distance))
-        depth = reach - float(nearest.distance[deepest])
-        if depth <= TOLERANCE:
-            break
-        center += depth * complex(nearest.normal[deepest])
-    return center

@@ -14,7 +14,7 @@ from __future__ import annotations
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
-from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.model.pose import Pose
 
 
 class RollingObject:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.simulation.roller_drive import RollerDrive, RollerFaults
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,7 +53,7 @@ class SimulatedRobot:
     :ivar roller_positions: (r,) travel as the encoders tell it; that of `config` without slip [m].
     :ivar roller_velocities: (r,) speeds during the last step as the encoders tell them [m/s].
     :param config: where it starts.
-    :param simulated: the object: `HeldObject`, `RollingObject`, `FreeObject` or `ElasticObject`.
+    :param simulated: the object: `RollingObject`, `FreeObject` or `ElasticObject`.
     :param faults: how the rollers differ from perfect ones.
     :param seed: of the noise.
     :raises GraspError: a stuck roller that the robot does not have.
@@ -83,7 +83,7 @@ class SimulatedRobot:
         """
         Put another object in place of the present one; the robot stays as it is.
 
-        :param simulated: the object: `HeldObject`, `RollingObject`, `FreeObject`, `ElasticObject`.
+        :param simulated: the object: `RollingObject`, `FreeObject` or `ElasticObject`.
         """
         self._object, self._rests = simulated, False
 

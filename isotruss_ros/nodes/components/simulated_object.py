@@ -30,7 +30,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.model.convex_object import as_convex_object
-from isotruss_ros.core.model.objects import Pose
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.simulation.free_convex_object import FreeConvexObject
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.nodes.framework import parameters as params

@@ -10,7 +10,7 @@
 """Discs: numbers of any kind within range are taken, and what is out of range is refused."""
 
 from isotruss_ros.core import Cylinder, GraspError
-from isotruss_ros.core.model.objects import validate_disc
+from isotruss_ros.core.model.pose import validate_disc
 import numpy as np
 import pytest
 

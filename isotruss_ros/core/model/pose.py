@@ -1,0 +1,31 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Poses in the robot frame, and the range of what is placed there."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+#: No object is smaller or farther away [m]; products of such numbers neither vanish nor overflow.
+MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
+
+
+class Pose(NamedTuple):
+    """
+    Position x, y [m] and angle [rad] in the robot frame.
+
+    :ivar x: in the robot frame [m].
+    :ivar y: in the robot frame [m].
+    :ivar angle: counter-clockwise from the x axis [rad].
+    """
+
+    x: float
+    y: float
+    angle: float
