@@ -16,15 +16,16 @@ from typing import NamedTuple
 from isotruss_ros.core.grasping.force_closure import (
     check_force_closure,
     CLOSURE_TOLERANCE,
-    EYE,
     FACET_TOLERANCE,
-    REGULARIZATION,
 )
 from isotruss_ros.core.numerics.arrays import Array, as_xy, Flags, Points
 import numpy as np
 
 #: Exchanges of what is at its bounds before a grasp is handed to `check_force_closure`.
 MAX_EXCHANGES = 8
+#: Weight of small friction forces against a small residual.
+REGULARIZATION = 1e-12
+EYE = np.eye(3)
 
 
 class ClosureStack(NamedTuple):
