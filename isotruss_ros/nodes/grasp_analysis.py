@@ -208,7 +208,7 @@ class GraspAnalysisNode(ManagedNode):
             grasp = report.grasp
             pose = as_convex_object(grasp.body).pose
             self._transforms.broadcast(grasp.config, pose[:2], measured)
-            used = max(report.grasp.analysis.utilisation.values())
+            used, _ = max(grasp.utilisation.values())
             level = Level.OK if used <= MAX_UTILISATION else Level.WARN
             if report.code is not GraspCode.OK:
                 self._throttle.warn(report.code.name, f'{report.code}: {report.message}')

@@ -28,7 +28,7 @@ from isotruss_ros.core.errors import (
     SolverError,
     StructureError,
 )
-from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
+from isotruss_ros.core.grasping.analysis import analyze_grasp
 from isotruss_ros.core.grasping.settle_grasp import settle_grasp
 from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
@@ -185,18 +185,17 @@ def _analyze(
         return GraspReport(code, str(error), 0.0)
     duration = time.perf_counter() - begin
     grasp = AnalyzedGrasp(config, body, question.spacing, analysis, settled, duration)
-    code, message = _judge(analysis)
+    code, message = _judge(grasp)
     return GraspReport(code, message, 0.0, grasp)
 
 
-def _judge(analysis: GraspAnalysis) -> tuple[GraspCode, str]:
+def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:
     """Return the code of an answer, and what is special about it."""
-    if not analysis.contact_lengths:
+    if not grasp.analysis.contact_lengths:
         return GraspCode.OK, NO_CONTACT
-    member, used = max(analysis.utilisation.items(), key=lambda item: item[1])
+    member, (used, place) = max(grasp.utilisation.items(), key=lambda item: item[1])
     if used <= MAX_UTILISATION:
         return GraspCode.OK, ''
-    place = analysis.utilisation_places[member]
     message = (
         f'member {member} bears {used:.2f} of its wrinkling moment, {place:.3g} m from its start'
     )

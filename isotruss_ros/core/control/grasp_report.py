@@ -88,6 +88,22 @@ class AnalyzedGrasp:
     settled: SettledGrasp
     computing_time: float
 
+    @property
+    def utilisation(self) -> dict[str, tuple[float, float]]:
+        """
+        Return how much of its wrinkling moment each member bears, friction included if it holds.
+
+        :return: by member the larger one of the object held fast and, where it is at rest, the
+            free one [-], and where that is, from its start [m].
+        """
+        grasps = (self.analysis, self.settled) if self.settled.hold.at_rest else (self.analysis,)
+        return {
+            name: max(
+                (grasp.utilisation[name], grasp.utilisation_places[name]) for grasp in grasps
+            )
+            for name in self.analysis.utilisation
+        }
+
 
 @dataclass(frozen=True)
 class GraspReport:

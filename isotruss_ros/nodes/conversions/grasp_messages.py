@@ -156,9 +156,10 @@ def to_state_message(
     state.contact_areas = list(analysis.contact_areas.values())
     state.contact_pressures = list(analysis.contact_pressures.values())
     state.peak_pressures = list(analysis.peak_pressures.values())
-    state.members = list(analysis.utilisation)
-    state.utilisation = list(analysis.utilisation.values())
-    state.utilisation_places = list(analysis.utilisation_places.values())
+    utilisation = report.grasp.utilisation
+    state.members = list(utilisation)
+    state.utilisation = [used for used, _ in utilisation.values()]
+    state.utilisation_places = [place for _, place in utilisation.values()]
     state.stiffness = analysis.stiffness.ravel()
     state.computing_time = report.grasp.computing_time
     return state
