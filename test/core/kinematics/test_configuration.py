@@ -405,7 +405,7 @@ def test_a_loop_searches_for_a_shape_in_a_bounded_number_of_steps(name, travel, 
     tracker = ConfigurationTracker(robot.home)
     tracker.configuration(np.full(len(travel), 0.01))
     steps.clear()
-    with pytest.raises(ConfigurationError, match='beyond .* % of the way'):
+    with pytest.raises(ConfigurationError, match=r'beyond .* % of the way'):
         tracker.configuration(np.array(travel))
     assert len(steps) <= 2 * 50
 
