@@ -24,7 +24,10 @@ from numpy.typing import ArrayLike
 #: No member changes by more than this share of the shortest in one step along a branch.
 MAX_STEP = 0.25
 #: Where a step in which no member changes by more than this fails, the branch ends [m].
-MIN_STEP = 1e-9
+MIN_STEP = 1e-6
+#: A way that takes more steps than this passes next to a singular shape; two such searches take a
+#: loop 20 ms at most.
+MAX_STEPS = 50
 MAX_ITERATIONS = 12
 #: Travel of any roller up to which shapes are predicted to first order [m].
 FIRST_ORDER = 3e-3
@@ -142,7 +145,8 @@ class Configuration:
         :param nearby: factored matrix of a shape nearby, to begin with, and for the
             configuration that is returned.
         :raises ConfigurationError: wrong shape or not finite; a member would have no length; or
-            the straight line there in roller travel passes a singular configuration.
+            the straight line there in roller travel passes a singular configuration, or so near
+            to one that it takes more than `MAX_STEPS` steps.
         """
         robot = self.robot
         start = self.roller_positions
@@ -160,25 +164,30 @@ class Configuration:
                 f'{robot.member_names[worst]} {shortest:.6g} m long; must be positive'
             )
         lengths = self.member_lengths
-        change = float(np.abs(goal_lengths - lengths).max())
-        longest = MAX_STEP * min(float(lengths.min()), shortest)
+        difference = goal_lengths - lengths
+        change = float(np.abs(difference).max())
         points, factor = self.points, nearby or self.__dict__.get('factor', self._nearby)
-        done, step = 0.0, min(change, longest)
+        done, step, steps = 0.0, change, 0
         while done < change:
+            steps += 1
+            step = min(step, MAX_STEP * float((lengths + (done / change) * difference).min()))
             end = change if done + step > change * (1.0 - 1e-9) else done + step
             targets = goal_targets
             if end < change:
                 targets = _targets(robot, start + (end / change) * (goal - start))
             found = follow_branch(robot.constraints, points, targets, factor)
             if found is not None:
-                points, factor, done, step = found, None, end, min(2.0 * step, longest)
-            elif step < MIN_STEP:
-                raise ConfigurationError(
-                    f'robot {robot.name}: roller positions {goal.tolist()} m: no shape of the '
-                    f'robot beyond {100 * done / change:.6g} % of the way from {start.tolist()} m'
-                )
+                points, factor, done, step = found, None, end, 2.0 * step
             else:
-                step *= 0.5
+                step *= 0.25
+            if done < change and (step < MIN_STEP or steps == MAX_STEPS):
+                why = 'no shape of the robot'
+                if step >= MIN_STEP:
+                    why = f'next to a singular shape, none found in {MAX_STEPS} steps'
+                raise ConfigurationError(
+                    f'robot {robot.name}: roller positions {goal.tolist()} m: {why} '
+                    f'beyond {100 * done / change:.6g} % of the way from {start.tolist()} m'
+                )
         return Configuration(robot, goal, points, nearby)
 
     def has_factor_for(self, roller_positions: Array) -> bool:
