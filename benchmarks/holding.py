@@ -36,7 +36,7 @@ from isotruss_ros.core import (
     Cylinder,
     ElasticObject,
     Grasp,
-    Hold,
+    HoldStatus,
     IsotrussError,
     load_robot,
     RollerCommand,
@@ -128,7 +128,7 @@ def follow(
     plant = SimulatedRobot(path.config, plant_object, RollerFaults())
     plant.advance(0.0)
     model = RollingGrasp.attach(path.config, path.cylinder)
-    if plant_object.grasp is None or isinstance(model, Hold):
+    if plant_object.grasp is None or isinstance(model, HoldStatus):
         return 'not held'
     if plant_object.slip_margin < least and scale == 1.0:
         return 'margin'
@@ -177,7 +177,7 @@ def decide(
 
     if mode != MODEL:
         command = solve(wanted, 0.0)
-    elif control.follow(config, grasp, pose.angle, PERIOD) is Hold.HELD:
+    elif control.follow(config, grasp, pose.angle, PERIOD) is HoldStatus.HELD:
         command = control.solve(wanted, PERIOD, solve)
     else:
         return 'not held'

@@ -23,7 +23,7 @@ from isotruss_ros.core import (
     Cylinder,
     Grasp,
     HeldObject,
-    Hold,
+    HoldStatus,
     solve_twist,
     StructureError,
 )
@@ -214,7 +214,7 @@ def _is_worth(case: Case) -> bool:
         model = RollingGrasp.attach(config, cylinder)
     except (ConfigurationError, StructureError):
         return False
-    if not isinstance(model, RollingGrasp) or model.hold(case.friction) is not Hold.HELD:
+    if not isinstance(model, RollingGrasp) or model.hold(case.friction) is not HoldStatus.HELD:
         return False
     wrinkles = float(held_utilisation(model).max()) > 1.0
     return model.slip_margin(case.friction) > LEAST and not wrinkles
@@ -238,7 +238,7 @@ def _least_margin(model: RollingGrasp, travels: Sequence[Array], friction: float
     least, there = model.slip_margin(friction), model
     for travel in travels:
         moved = there.moved_to(there.config.moved_to(travel))
-        if moved is None or moved.hold(friction) is not Hold.HELD:
+        if moved is None or moved.hold(friction) is not HoldStatus.HELD:
             return 0.0
         there, least = moved, min(least, moved.slip_margin(friction))
     return least

@@ -16,7 +16,7 @@ import math
 
 from comparison.grips import Grip, press, release
 from comparison.section import Check, Section
-from isotruss_ros.core import Configuration, Cylinder, Hold
+from isotruss_ros.core import Configuration, Cylinder, HoldStatus
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
@@ -98,7 +98,7 @@ def predicted(model: RollingGrasp, config: Configuration, along: Array) -> float
     size, step = 0.0, STEP
     while step > FINEST and size < LARGEST:
         there = model.moved_to(config, (size + step) * along)
-        if there is not None and there.hold(FRICTION) is Hold.HELD:
+        if there is not None and there.hold(FRICTION) is HoldStatus.HELD:
             size, model = size + step, there
         else:
             step *= 0.5

@@ -15,7 +15,12 @@ robot -> structure -> contact -> closure (docs/statics.md).
 """
 
 from isotruss_ros.core.control.grasp_monitor import GraspMonitor
-from isotruss_ros.core.control.grasp_report import AnalyzedGrasp, GraspCode, GraspReport, Question
+from isotruss_ros.core.control.grasp_report import (
+    AnalyzedGrasp,
+    GraspCode,
+    GraspQuery,
+    GraspReport,
+)
 from isotruss_ros.core.control.inputs import RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_tracking import (
@@ -37,12 +42,11 @@ from isotruss_ros.core.errors import (
     StructureError,
 )
 from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
-from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.grasping.settle_grasp import settle_grasp, SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import worst_case_rigidity_index
 from isotruss_ros.core.kinematics.robot import load_robot, Robot
-from isotruss_ros.core.manipulation.grasp import Grasp, HeldObject
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_placing import place_between
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -57,12 +61,11 @@ from isotruss_ros.core.manipulation.solve_twist import (
 )
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.tangent_center import tangent_center
-from isotruss_ros.core.manipulation.task import task_jacobian
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
 from isotruss_ros.core.model.object_file import object_from_mapping, read_object
-from isotruss_ros.core.model.pose import Cylinder, Pose
 from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.presets import preset_names
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, Violation
@@ -83,7 +86,6 @@ __all__ = [
     'Configuration',
     'ConfigurationError',
     'ConvexObject',
-    'Cylinder',
     'Decision',
     'Deformation',
     'Disc',
@@ -92,17 +94,16 @@ __all__ = [
     'FailureCriterion',
     'FailureDetector',
     'FreeObject',
-    'Grasp',
     'GraspAnalysis',
     'GraspCode',
     'GraspError',
     'GraspMonitor',
     'GraspPlan',
+    'GraspQuery',
     'GraspReport',
     'GraspRequirements',
     'Grip',
-    'HeldObject',
-    'Hold',
+    'HoldStatus',
     'IsotrussError',
     'JointCommand',
     'Limit',
@@ -117,7 +118,6 @@ __all__ = [
     'Polygon',
     'Pose',
     'Progress',
-    'Question',
     'RejectedInput',
     'Release',
     'Robot',
@@ -159,6 +159,5 @@ __all__ = [
     'solve_twist',
     'solve_twist_ahead',
     'tangent_center',
-    'task_jacobian',
     'worst_case_rigidity_index',
 ]

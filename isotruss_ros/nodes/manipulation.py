@@ -284,7 +284,7 @@ class Manipulation(ManagedNode):
         self._servo.stopped = self._halt()
 
     def _apply_failures(self) -> None:
-        """Hold the rollers at zero that the topic or the parameter names."""
+        """HoldStatus the rollers at zero that the topic or the parameter names."""
         if self._servo is None:
             return
         by_parameter = set(self.values[FAILED_ROLLERS]) - {''}

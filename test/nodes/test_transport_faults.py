@@ -105,7 +105,7 @@ def frozen():
 
 
 def delayed(count):
-    """Hold messages back until so many more have come (5 ms each)."""
+    """HoldStatus messages back until so many more have come (5 ms each)."""
     waiting = deque()
 
     def distort(message):

@@ -20,10 +20,16 @@ from collections.abc import Callable
 from dataclasses import replace
 import time
 
-from isotruss_ros.core.control.grasp_report import AnalyzedGrasp, GraspCode, GraspReport, Question
+from isotruss_ros.core.control.grasp_report import (
+    AnalyzedGrasp,
+    GraspCode,
+    GraspQuery,
+    GraspReport,
+)
 from isotruss_ros.core.control.inputs import Input, InputError, InputFault, require_fresh
 from isotruss_ros.core.errors import (
     ConfigurationError,
+    GraspError,
     IsotrussError,
     SolverError,
     StructureError,
@@ -34,7 +40,7 @@ from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.pose import Cylinder
+from isotruss_ros.core.model.shapes import Disc
 
 #: The code for each fault of an input; a wrench that was never received is zero.
 FAULTS = {
@@ -63,8 +69,7 @@ class GraspMonitor:
     The latest input of each kind, and the analysis for them.
 
     :ivar rollers: input of the measured `RollerState`.
-    :ivar center: input of (x, y), the measured centre of the object in the robot frame [m]; with
-        `body` of its `Pose`, (x, y, angle) [m, rad].
+    :ivar pose: input of the measured `Pose` of the object, robot frame.
     :ivar wrench: input of (fx, fy, m), the external wrench on the object [N, N m]; zero if None.
     :param robot: the robot.
     :param object_diameter: the object's own diameter [m].
@@ -91,10 +96,10 @@ class GraspMonitor:
         self.timeout = timeout
         self.body = body
         self.rollers: Input = None
-        self.center: Input = None
+        self.pose: Input = None
         self.wrench: Input = None
         self._tracker = ConfigurationTracker(robot.home)
-        self._question: Question | None = None
+        self._query: GraspQuery | None = None
         self._report = GraspReport(GraspCode.NO_JOINT_STATES, '', 0.0)
 
     def report(self, now: float) -> GraspReport:
@@ -105,51 +110,49 @@ class GraspMonitor:
 
         :param now: time on the clock of the inputs [s].
         """
-        inputs = {'joint_states': self.rollers, 'object_pose': self.center}
+        inputs = {'joint_states': self.rollers, 'object_pose': self.pose}
         if self.wrench is not None:
             inputs['external_wrench'] = self.wrench
         try:
-            rollers, center, *wrench = require_fresh(now, self.timeout, **inputs)
+            rollers, pose, *wrench = require_fresh(now, self.timeout, **inputs)
         except InputError as error:
             return GraspReport(FAULTS[error.name, error.fault], str(error), now)
-        body, friction = self.body, self.friction
-        if body is not None:
-            body = body.moved_to(center.value)
-            friction = friction if body.friction is None else body.friction
-        question = Question(
+        try:
+            body = (self.body or ConvexObject(Disc(self.object_diameter))).moved_to(pose.value)
+        except GraspError as error:
+            return GraspReport(GraspCode.INVALID_REQUEST, str(error), now)
+        query = GraspQuery(
             tuple(rollers.value.positions.tolist()),
-            center.value,
-            self.object_diameter,
-            friction,
+            body,
+            self.friction if body.friction is None else body.friction,
             wrench[0].value if wrench else NO_WRENCH,
             self.spacing,
-            body,
         )
-        if question != self._question:
-            self._report = _analyze(question, self._tracker.configuration, self._report.grasp)
-            self._question = question
+        if query != self._query:
+            self._report = _analyze(query, self._tracker.configuration, self._report.grasp)
+            self._query = query
         analyzed = self._report.grasp is not None
-        return replace(self._report, time=min(rollers.time, center.time) if analyzed else now)
+        return replace(self._report, time=min(rollers.time, pose.time) if analyzed else now)
 
-    def analyze_request(self, question: Question, now: float) -> GraspReport:
+    def analyze_request(self, query: GraspQuery, now: float) -> GraspReport:
         """
         Return the analysis for other values; that of `report` stays as it is.
 
-        :param question: no roller positions at all mean the measured ones, which must be fresh.
+        :param query: no roller positions at all mean the measured ones, which must be fresh.
         :param now: time on the clock of the inputs [s].
         """
-        if question.roller_positions:
-            return replace(_analyze(question, self.robot.configuration), time=now)
+        if query.roller_positions:
+            return replace(_analyze(query, self.robot.configuration), time=now)
         try:
             (rollers,) = require_fresh(now, self.timeout, joint_states=self.rollers)
         except InputError as error:
             return GraspReport(FAULTS[error.name, error.fault], str(error), now)
-        question = question._replace(roller_positions=tuple(rollers.value.positions.tolist()))
-        return replace(_analyze(question, self._tracker.configuration), time=rollers.time)
+        query = query._replace(roller_positions=tuple(rollers.value.positions.tolist()))
+        return replace(_analyze(query, self._tracker.configuration), time=rollers.time)
 
 
 def _analyze(
-    question: Question,
+    query: GraspQuery,
     find: Callable[[tuple[float, ...]], Configuration],
     last: AnalyzedGrasp | None = None,
 ) -> GraspReport:
@@ -161,30 +164,27 @@ def _analyze(
     """
     begin = time.perf_counter()
     try:
-        body = question.body
-        if body is None:
-            body = Cylinder(question.center, question.diameter)
-        config = find(question.roller_positions)
+        config = find(query.roller_positions)
         analysis = analyze_grasp(
             config,
-            body,
-            question.friction,
-            question.external_wrench,
-            spacing=question.spacing,
+            query.body,
+            query.friction,
+            query.external_wrench,
+            spacing=query.spacing,
             previous=None if last is None else last.analysis,
         )
         settled = settle_grasp(
             config,
-            body,
-            question.friction,
-            question.external_wrench,
+            query.body,
+            query.friction,
+            query.external_wrench,
             previous=None if last is None else last.settled,
         )
     except IsotrussError as error:
         code = next(code for kind, code in ERRORS if isinstance(error, kind))
         return GraspReport(code, str(error), 0.0)
     duration = time.perf_counter() - begin
-    grasp = AnalyzedGrasp(config, body, question.spacing, analysis, settled, duration)
+    grasp = AnalyzedGrasp(config, query.body, query.spacing, analysis, settled, duration)
     code, message = _judge(grasp)
     return GraspReport(code, message, 0.0, grasp)
 

@@ -19,7 +19,6 @@ from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.grasping.settle_grasp import SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.pose import Cylinder
 
 
 class GraspCode(enum.IntEnum):
@@ -46,26 +45,22 @@ class GraspCode(enum.IntEnum):
         return self.name.lower().replace('_', ' ')
 
 
-class Question(NamedTuple):
+class GraspQuery(NamedTuple):
     """
     All that an analysis depends on.
 
     :ivar roller_positions: (r,) travel since home [m].
-    :ivar center: (x, y) of the object in the robot frame [m].
-    :ivar diameter: the object's own [m].
+    :ivar body: the object, where it was measured.
     :ivar friction: coefficient between tube and object.
-    :ivar external_wrench: (fx, fy, m) on the object about its centre [N, N m].
+    :ivar external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
     :ivar spacing: of the contact points along the tubes [m].
-    :ivar body: an object that is no disc, in its pose; centre and diameter do not count then.
     """
 
     roller_positions: tuple[float, ...]
-    center: tuple[float, float]
-    diameter: float
+    body: ConvexObject
     friction: float
     external_wrench: tuple[float, float, float]
     spacing: float
-    body: ConvexObject | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +77,7 @@ class AnalyzedGrasp:
     """
 
     config: Configuration
-    body: Cylinder | ConvexObject
+    body: ConvexObject
     spacing: float
     analysis: GraspAnalysis
     settled: SettledGrasp

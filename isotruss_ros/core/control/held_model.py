@@ -15,12 +15,13 @@ from dataclasses import dataclass
 import functools
 
 from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.grasping.slip_margin import slip_margin
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.numerics.arrays import Array
+
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
@@ -39,7 +40,7 @@ class Sensitivity:
     slip_margin: float
 
 
-def attach_model(config: Configuration, grip: Grip) -> HeldGrip | Hold:
+def attach_model(config: Configuration, grip: Grip) -> HeldGrip | HoldStatus:
     """
     Return the equilibrium near the measured pose, or why there is none.
 

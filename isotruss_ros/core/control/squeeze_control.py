@@ -32,8 +32,8 @@ from isotruss_ros.core.control.held_model import (
 from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
 from isotruss_ros.core.control.model_trend import ModelTrend
 from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
+from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
@@ -122,9 +122,7 @@ class SqueezeControl:
             return ''
         return f'the slip margin of {margin:.3g} N is below {least:.3g} N'
 
-    def follow(
-        self, config: Configuration, grip: Grip, elapsed: float
-    ) -> Hold:
+    def follow(self, config: Configuration, grip: Grip, elapsed: float) -> HoldStatus:
         """
         Take model and reference to now, and the load from where the object was measured.
 
@@ -148,11 +146,11 @@ class SqueezeControl:
             if float(np.abs(travel).max()) > self.settings.near:
                 grasp = grasp.moved_to(config, self._wrench(grasp))
                 travel = np.zeros(len(travel))
-        if grasp is not None and grasp.hold(friction) is Hold.HELD:
+        if grasp is not None and grasp.hold(friction) is HoldStatus.HELD:
             found = sensitivity(grasp, friction)
             if found is not None:
                 self._observe(grasp, found, config, grip, travel, elapsed)
-                return Hold.HELD
+                return HoldStatus.HELD
         return self._start(config, grip)
 
     def solve(self, twist: Array, period: float, solve: Solve) -> RollerCommand:
@@ -279,12 +277,12 @@ class SqueezeControl:
             self.grasp, self._utilisation = reached, float(held_utilisation(reached).max())
         return slowed
 
-    def _start(self, config: Configuration, grip: Grip) -> Hold:
+    def _start(self, config: Configuration, grip: Grip) -> HoldStatus:
         """Begin with the equilibrium near the measured pose."""
         self.load = LoadEstimate(self.settings.load)
         self._trend = None
         found = attach_model(config, grip)
-        if isinstance(found, Hold):
+        if isinstance(found, HoldStatus):
             self.grasp = None
             return found
         grasp = self._explain(found, grip.body.pose)
@@ -293,7 +291,7 @@ class SqueezeControl:
         given = sensitivity(grasp, self.settings.friction)
         if given is None:
             self.grasp = None
-            return Hold.UNSTABLE
+            return HoldStatus.UNSTABLE
         self._slope, self.slip_margin = given.slope, given.slip_margin
         self._utilisation = float(held_utilisation(grasp).max())
         return found.hold(self.settings.friction)
@@ -307,7 +305,7 @@ class SqueezeControl:
         # At once: so that the object is wanted where it is, and not where the model has it.
         self.load.update(offset, given.pose, found.arm, math.inf, 1.0)
         loaded = found.moved_to(found.config, self._wrench(found))
-        if loaded is None or loaded.hold(self.settings.friction) is not Hold.HELD:
+        if loaded is None or loaded.hold(self.settings.friction) is not HoldStatus.HELD:
             self.load.wrench, self.load.bias = np.zeros(3), offset
             return found
         return loaded

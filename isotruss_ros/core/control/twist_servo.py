@@ -36,7 +36,7 @@ from isotruss_ros.core.control.inputs import (
 )
 from isotruss_ros.core.control.squeeze_control import Solve, SqueezeControl
 from isotruss_ros.core.errors import GraspError, IsotrussError
-from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip, members_at
@@ -367,7 +367,7 @@ class TwistServo:
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, self.timeout)
         hold = squeeze.follow(config, grip, elapsed)
-        if hold is not Hold.HELD:
+        if hold is not HoldStatus.HELD:
             raise HaltError(Status.HALT_NOT_HELD, f'the object is not held: {hold.value}')
         command = squeeze.solve(twist, self.period, solve)
         squeeze.advance(twist, command)

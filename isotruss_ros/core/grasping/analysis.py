@@ -26,8 +26,7 @@ from isotruss_ros.core.grasping.sliding_contact import solve_sliding_contact, tu
 from isotruss_ros.core.grasping.surfaces import surface_of
 from isotruss_ros.core.grasping.wrinkling import find_wrinkling
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.pose import Cylinder
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array, as_xy, finite_array, Indices
 from isotruss_ros.core.statics.pressures import Pressure
@@ -111,7 +110,7 @@ class GraspAnalysis:
 
 def analyze_grasp(
     config: Configuration,
-    body: Cylinder | ConvexObject,
+    body: ConvexObject,
     friction: float | None = None,
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
     method: Literal['exact', 'relaxation'] = 'exact',
@@ -144,16 +143,14 @@ def analyze_grasp(
     :raises SolverError: the contact problem was not solved.
     """
     if friction is None:
-        own = getattr(body, 'friction', None)
-        friction = FRICTION if own is None else own
+        friction = FRICTION if body.friction is None else body.friction
     mu, gap = finite_array([friction, spacing], 2, 'friction and spacing [m]', GraspError)
     if mu < 0.0:
         raise GraspError(f'friction {friction!r}: must not be negative')
     if not SPACINGS[0] <= gap <= SPACINGS[1]:
         raise GraspError(f'spacing {spacing!r} m: must be from {SPACINGS[0]} to {SPACINGS[1]} m')
     wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
-    held = as_convex_object(body)
-    sliding = flattening and not isinstance(held.shape, Disc)
+    sliding = flattening and not isinstance(body.shape, Disc)
     solvers = {
         'exact': solve_sliding_contact if sliding else solve_contact,
         'relaxation': relax_contact,
@@ -162,7 +159,7 @@ def analyze_grasp(
         raise GraspError(f'method {method!r}: must be one of {", ".join(solvers)}')
     structure = structure_of(config, pressure)
     margin = 0.0 if flattening else 0.5 * config.robot.description.tube_diameter
-    surface = surface_of(held, margin)
+    surface = surface_of(body, margin)
     if flattening:
         kernel = flattening_of(config.robot, structure.pressures)
         before = None
@@ -187,9 +184,9 @@ def analyze_grasp(
         extents = contact_extents(contact_points, contact, len(config.robot.member_names))
         kept = np.arange(len(contact_points.points))
     normals = as_xy(contact.normals)
-    pressed, levers = _pressed(held, contact_points, contact, margin)
+    pressed, levers = _pressed(body, contact_points, contact, margin)
     tangents = as_xy(1j * contact.normals)
-    load = (pressed + wrench) / np.array([1.0, 1.0, held.arm])
+    load = (pressed + wrench) / np.array([1.0, 1.0, body.arm])
     closure = check_force_closure(tangents, contact.forces, load, float(mu), levers)
     gauge = np.array(structure.pressures)[config.robot.topology.tube]
     wrinkling = find_wrinkling(structure, gauge, contact_points, contact)
@@ -210,7 +207,7 @@ def analyze_grasp(
         normal_forces=contact.forces[kept],
         friction_forces=closure.friction_forces[kept],
         normal_wrench=pressed,
-        # Without a touch all is in balance, but nothing is held.
+        # Without a touch all is in balance, but nothing is body.
         force_closure=closure.closed and bool((contact.forces > 0.0).any()),
         closure_residual=closure.residual,
         closure_tolerance=closure.tolerance,
@@ -227,12 +224,12 @@ def analyze_grasp(
         peak_pressures=by_member(regions.peak_pressure, wide),
         utilisation=dict(zip(names, wrinkling.utilisation.tolist(), strict=True)),
         utilisation_places=dict(zip(names, wrinkling.place.tolist(), strict=True)),
-        stiffness=_stiffness(contact_points, contact, held.center),
+        stiffness=_stiffness(contact_points, contact, body.center),
     )
 
 
 def _pressed(
-    held: ConvexObject, contact_points: ContactPoints, contact: ContactState, margin: float
+    body: ConvexObject, contact_points: ContactPoints, contact: ContactState, margin: float
 ) -> tuple[Array, Array | None]:
     """
     Return the wrench (3,) of the tubes on the object, and the levers of friction.
@@ -240,13 +237,13 @@ def _pressed(
     :param margin: how far the surface that the points meet is from the object's own [m].
     :return: levers (k,) of forces along the tangents over half of the mean width; None for a disc.
     """
-    if isinstance(held.shape, Disc):
+    if isinstance(body.shape, Disc):
         return np.append(-contact.forces @ as_xy(contact.normals), 0.0), None
     # Where the forces act on the object's own surface, from the origin of its frame.
-    arms = contact_points.skin + contact.displacements - held.center
+    arms = contact_points.skin + contact.displacements - body.center
     arms = arms - (contact.gaps + margin) * contact.normals
     force, moment = contact.push.sum(), (arms.conj() * contact.push).imag.sum()
-    levers = (arms * contact.normals.conj()).real / held.arm
+    levers = (arms * contact.normals.conj()).real / body.arm
     return -np.array([force.real, force.imag, moment]), levers
 
 

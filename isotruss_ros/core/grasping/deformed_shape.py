@@ -14,8 +14,7 @@ from __future__ import annotations
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.grasping.loaded_tubes import interior_points, LoadedTubes
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.pose import Cylinder
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import structure_of, tube_pieces
@@ -60,7 +59,7 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     return np.concatenate([lines[0], lines[1][:, 1:], lines[2][:, 1:]], axis=1)
 
 
-def force_lines(body: Cylinder | ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
+def force_lines(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
     """
     Return (k, 2) tails and tips [m] of the forces on the object, which push at its surface.
 
@@ -76,7 +75,7 @@ def force_lines(body: Cylinder | ConvexObject, analysis: GraspAnalysis, scale: f
 
 
 def region_lines(
-    config: Configuration, body: Cylinder | ConvexObject, analysis: GraspAnalysis
+    config: Configuration, body: ConvexObject, analysis: GraspAnalysis
 ) -> list[Points]:
     """
     Return the regions of contact along the object's surface, (k,) points each [m].
@@ -98,9 +97,9 @@ def region_lines(
     return regions
 
 
-def _feet(body: Cylinder | ConvexObject, points: Points) -> Points:
+def _feet(body: ConvexObject, points: Points) -> Points:
     """Return what is nearest to points on the object's surface, (c,) [m]."""
-    found = as_convex_object(body).nearest(points)
+    found = body.nearest(points)
     return points - found.gaps * found.normals
 
 

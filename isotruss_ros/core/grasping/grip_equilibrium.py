@@ -13,21 +13,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 import functools
+import math
 from typing import TypeVar
 
 from isotruss_ros.core.grasping.balance import ContactForces
 from isotruss_ros.core.grasping.contact_closures import find_anchors, stick, unwrapped
 from isotruss_ros.core.grasping.contact_statics import ContactStatics
 from isotruss_ros.core.grasping.grip_response import grip_response, GripResponse
+from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.grasping.pressed_contacts import (
     contact_statics,
     moved_statics,
     PressedContacts,
     start_at,
 )
-from isotruss_ros.core.grasping.sticking_grasp import StickingGrasp, travel_into
+from isotruss_ros.core.grasping.slip_margin import slip_margin
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.pressures import Pressure
 import numpy as np
@@ -40,7 +43,7 @@ GripT = TypeVar('GripT', bound='GripEquilibrium')
 
 
 @dataclass(frozen=True, eq=False)
-class GripEquilibrium(StickingGrasp):
+class GripEquilibrium:
     """
     A convex object held by two members or three in one configuration, and what stays as it rolls.
 
@@ -68,6 +71,73 @@ class GripEquilibrium(StickingGrasp):
     stiffness_scale: float
     flattening: bool = True
     pressure: Pressure | None = None
+
+    @property
+    def pose(self) -> Pose:
+        """Return the object's pose; the angle is in (-pi, pi]."""
+        x, y, angle = map(float, self.state.unknowns[:3])
+        return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
+
+    @property
+    def arm(self) -> float:
+        """Return the arm by which moments compare with forces, see `ConvexObject.arm` [m]."""
+        return self.statics.arm
+
+    @property
+    def member_names(self) -> tuple[str, ...]:
+        """Return the names of the grasping members."""
+        return tuple(self.config.robot.member_names[i] for i in self.members)
+
+    @property
+    def normal_forces(self) -> Array:
+        """Return how hard the members press, (m,) [N]."""
+        return self._of_members(self.state.normal_forces)
+
+    @property
+    def friction_forces(self) -> Array:
+        """Return (m,) on the tubes, counter-clockwise around the object [N]."""
+        return self._of_members(self.state.friction_forces)
+
+    def _of_members(self, forces: Array) -> Array:
+        """Return the sums (m,) of forces (k,) of contacts."""
+        owners = self.statics.owners
+        alone = len(owners) == owners[-1] + 1
+        return forces if alone else np.bincount(owners, weights=forces)
+
+    @property
+    def squeeze(self) -> float:
+        """Return the mean normal force of the members [N]."""
+        forces = self.normal_forces.tolist()
+        return sum(forces) / len(forces)
+
+    @property
+    def required_friction(self) -> float:
+        """Return the smallest coefficient of friction with which all contacts stick."""
+        return float((np.abs(self.friction_forces) / self.normal_forces).max())
+
+    def hold(self, friction: float) -> HoldStatus:
+        """
+        Return whether the contacts stick; if not, what happens.
+
+        :param friction: coefficient between tube and object.
+        """
+        # One by one: a few numbers of Python are quicker than arrays of them.
+        if min(self.normal_forces.tolist()) <= 0.0:
+            return HoldStatus.NO_CONTACT
+        feet, lengths = self.state.feet.tolist(), self.statics.compliance.length.tolist()
+        if not all(0.0 <= foot <= end for foot, end in zip(feet, lengths, strict=True)):
+            return HoldStatus.OFF_MEMBER
+        return HoldStatus.SLIPS if self.required_friction > friction else HoldStatus.HELD
+
+    def slip_margin(self, friction: float) -> float:
+        """
+        Return the smallest extra wrench at which a contact slips or lets go, see `slip_margin`.
+
+        :param friction: coefficient between tube and object.
+        :return: [N], moments over the arm; zero where the equilibrium is indifferent.
+        """
+        response = self.response
+        return 0.0 if response is None else slip_margin(self.state, response, friction)
 
     @property
     def members(self) -> Indices:
@@ -103,7 +173,7 @@ class GripEquilibrium(StickingGrasp):
         closure = stick(self.statics, self.anchors, travel, self.angles, NOTHING)
         return grip_response(self.statics, self.state, closure)
 
-    def squeeze_by_opening(self) -> float:
+    def squeeze_stiffness(self) -> float:
         """
         Return by how much the squeeze changes as the members move apart, negative [N/m].
 
@@ -111,7 +181,7 @@ class GripEquilibrium(StickingGrasp):
         away from the object.
         """
         response = self.response
-        return -0.0 if response is None else response.squeeze_by_opening
+        return -0.0 if response is None else response.squeeze_stiffness
 
     def rolled(
         self: GripT,
@@ -169,3 +239,26 @@ class GripEquilibrium(StickingGrasp):
             state=state,
             wrench=wrench,
         )
+
+
+def scaled_wrench(wrench: Array | None, arm: float) -> Array:
+    """
+    Return (fx, fy, m / arm) of (fx, fy, m), zero for None [N].
+
+    :param wrench: (fx, fy, m) about the origin of the object's frame [N, N m]; zero if None.
+    :param arm: of the object [m].
+    """
+    return np.zeros(3) if wrench is None else np.asarray(wrench) / (1.0, 1.0, arm)
+
+
+def travel_into(config: Configuration, members: Indices) -> Array:
+    """
+    Return the travel of the tube through the modules at which members start, (k,) [m].
+
+    :param config: configuration of the robot.
+    :param members: (k,) numbers of the members.
+    """
+    topology = config.robot.topology
+    travel = np.zeros(topology.n_modules)
+    travel[topology.driven] = config.roller_positions
+    return travel[members]

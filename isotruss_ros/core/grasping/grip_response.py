@@ -34,7 +34,7 @@ class GripResponse(WrenchResponse):
     openings: Array
 
     @property
-    def squeeze_by_opening(self) -> float:
+    def squeeze_stiffness(self) -> float:
         """Return the change of the mean normal force of the members as they move apart [N/m]."""
         return float(self.opening.sum()) / (int(self.owners[-1]) + 1)
 

@@ -17,15 +17,18 @@ import itertools
 from isotruss_ros.core.grasping.contact_changes import join, lay_down, lift_ends, MOST
 from isotruss_ros.core.grasping.contact_closures import find_anchors, rest
 from isotruss_ros.core.grasping.depths import member_depths
-from isotruss_ros.core.grasping.grip_equilibrium import GripEquilibrium
-from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.grip_equilibrium import (
+    GripEquilibrium,
+    scaled_wrench,
+    travel_into,
+)
+from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.grasping.pressed_contacts import (
     contact_statics,
     find_pressed,
     PressedContacts,
     start_at,
 )
-from isotruss_ros.core.grasping.sticking_grasp import scaled_wrench, travel_into
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices
@@ -47,7 +50,8 @@ class HeldGrip(GripEquilibrium):
         stiffness_scale: float = 1.0,
         flattening: bool = True,
         pressure: Pressure | None = None,
-    ) -> HeldGrip | Hold:
+        before: HeldGrip | None = None,
+    ) -> HeldGrip | HoldStatus:
         """
         Find the equilibrium near a pose, of which the past is not known, see `rest`.
 
@@ -60,6 +64,8 @@ class HeldGrip(GripEquilibrium):
         :param stiffness_scale: stiffness of the robot against that of the model.
         :param flattening: whether the tubes' sections flatten where they are touched.
         :param pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
+        :param before: the same a moment ago: the search begins there where the contacts are alike,
+            and goes on from the given pose unless it ends close by.
         :return: which condition has no solution, if one has none.
         :raises StructureError: see `structure_of`.
         """
@@ -67,18 +73,18 @@ class HeldGrip(GripEquilibrium):
         if members is None:
             count = max(int(np.count_nonzero(depths > 0.0)), 2)
             if count > MOST:
-                return Hold.OTHER_CONTACT
+                return HoldStatus.OTHER_CONTACT
             members = np.argsort(depths, kind='stable')[-count:]
         members = np.sort(np.asarray(members, dtype=np.intp))
         if depths[members].min() <= -config.robot.description.tube_diameter:
-            return Hold.NO_CONTACT
+            return HoldStatus.NO_CONTACT
         scaled = scaled_wrench(external_wrench, body.arm)
         options = (stiffness_scale, flattening, pressure)
         for contacts in _choices(find_pressed(config, body, members)):
             found = cls._at_rest(config, body, contacts, scaled, *options)
             if found is not None and found.presses:
                 return found
-        return Hold.NO_BALANCE
+        return HoldStatus.NO_BALANCE
 
     @classmethod
     def _at_rest(

@@ -12,14 +12,13 @@
 from __future__ import annotations
 
 from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.grasping.wrinkling import load_sections, SectionLoads, SectionPoints
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
 
-def held_utilisation(grasp: RollingGrasp | HeldGrip) -> Array:
+def held_utilisation(grasp: HeldGrip) -> Array:
     """
     Return the largest |M| / M_w of each member under the forces of a held object, (m,) [-].
 
@@ -29,7 +28,7 @@ def held_utilisation(grasp: RollingGrasp | HeldGrip) -> Array:
     return held_sections(grasp).largest(grasp.config.robot.topology.n_modules)[0]
 
 
-def held_sections(grasp: RollingGrasp | HeldGrip) -> SectionLoads:
+def held_sections(grasp: HeldGrip) -> SectionLoads:
     """
     Return what the sections of the tubes bear under the forces of a held object.
 

@@ -72,6 +72,15 @@ class SkinIndentation:
         return math.copysign(depth, force), slope * POWER * place / size
 
 
+def no_indentation(forces: Array) -> tuple[Array, Array]:
+    """
+    Return depths and derivatives of tubes that stay round: zero.
+
+    :param forces: (k,) normal forces [N].
+    """
+    return np.zeros(len(forces)), np.zeros(len(forces))
+
+
 class Indentation:
     """
     The dents of several tubes by one object.

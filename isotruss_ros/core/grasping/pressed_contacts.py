@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 from isotruss_ros.core.grasping.contact_statics import ContactStatics, surface_points
 from isotruss_ros.core.grasping.corner_dents import corner_dents
-from isotruss_ros.core.grasping.equilibrium import no_indentation
 from isotruss_ros.core.grasping.indentation import (
     Indentation,
+    no_indentation,
     skin_indentation,
     SkinIndentation,
 )

@@ -20,13 +20,11 @@ from isotruss_ros.core.grasping.analysis import FRICTION
 from isotruss_ros.core.grasping.contact_changes import MOST
 from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.core.grasping.held_utilisation import held_sections
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.pose import Cylinder, Pose
-from isotruss_ros.core.model.shapes import Disc
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
 from isotruss_ros.core.statics.pressures import Pressure
 import numpy as np
@@ -61,11 +59,10 @@ class SettledGrasp:
     :ivar utilisation_places: where along the member that is, from its start, of all members [m].
     :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
         takes while the contacts stick [N/m, N, N m]; zero without an equilibrium.
-    :ivar equilibrium: of a disc between two members, to begin with for a similar grasp; None of
-        others.
+    :ivar equilibrium: to begin with for a similar grasp; None where there is none.
     """
 
-    hold: Hold
+    hold: HoldStatus
     reason: str
     pose: Pose
     displacement: Array
@@ -77,17 +74,17 @@ class SettledGrasp:
     utilisation: dict[str, float] = field(default_factory=dict)
     utilisation_places: dict[str, float] = field(default_factory=dict)
     stiffness: Array = field(default_factory=lambda: np.zeros((3, 3)))
-    equilibrium: RollingGrasp | None = None
+    equilibrium: HeldGrip | None = None
 
     @property
     def held(self) -> bool:
         """Return whether the object is held, and no tube wrinkles."""
-        return self.hold is Hold.HELD
+        return self.hold is HoldStatus.HELD
 
 
 def settle_grasp(
     config: Configuration,
-    body: Cylinder | ConvexObject,
+    body: ConvexObject,
     friction: float | None = None,
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
     pressure: Pressure | None = None,
@@ -106,44 +103,25 @@ def settle_grasp(
     :param body: the object, where it was measured.
     :param friction: coefficient between tube and object, not negative; if None the object's own,
         0.5 where it has none.
-    :param external_wrench: (fx, fy, m) on the object about the origin of its frame, the centre of
-        a cylinder [N, N m].
+    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
     :param pressure: gauge, measured [Pa], see `tube_pressures`; that of the robot file if None.
     :param members: names `t/j-k` of the two members or three that hold it, as of a `Grip`. If None
-        those that it presses into, and of a disc in fewer than two the nearest.
-    :param previous: that of a similar grasp, where the search for that of a disc begins.
+        those that it presses into; of one in fewer than two the nearest.
+    :param previous: that of a similar grasp, where the search begins.
     :raises GraspError: an argument is not usable.
     :raises StructureError: a pressure is not usable, the robot is a mechanism, or its stiffness
         laws are contradictory.
     """
     if friction is None:
-        own = getattr(body, 'friction', None)
-        friction = FRICTION if own is None else own
+        friction = FRICTION if body.friction is None else body.friction
     (mu,) = finite_array([friction], 1, 'friction', GraspError)
     if mu < 0.0:
         raise GraspError(f'friction {friction!r}: must not be negative')
     wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
-    held = as_convex_object(body)
-    depths = None
-    if isinstance(held.shape, Disc) and members is None:
-        depths = member_depths(config, held)
-    if depths is None or np.count_nonzero(depths > 0.0) > 2:
-        numbers = None if members is None else _numbers(config, members)
-        grip = HeldGrip.attach(config, held, numbers, wrench, pressure=pressure)
-        return _assess(held.pose, grip, float(mu))
-    cylinder = Cylinder(held.pose[:2], held.shape.diameter)
+    numbers = None if members is None else _numbers(config, members)
     before = None if previous is None else previous.equilibrium
-    if before is not None and before.diameter != cylinder.diameter:
-        before = None
-    found = RollingGrasp.attach(
-        config,
-        cylinder,
-        external_wrench=wrench,
-        pressure=pressure,
-        before=before,
-        depths=depths,
-    )
-    return _assess(Pose(*cylinder.center, 0.0), found, float(mu))
+    found = HeldGrip.attach(config, body, numbers, wrench, pressure=pressure, before=before)
+    return assess_equilibrium(body.pose, found, float(mu))
 
 
 def _numbers(config: Configuration, members: Sequence[str]) -> Indices:
@@ -159,15 +137,16 @@ def _numbers(config: Configuration, members: Sequence[str]) -> Indices:
     return np.array([known.index(name) for name in names])
 
 
-def _assess(given: Pose, found: RollingGrasp | HeldGrip | Hold, friction: float) -> SettledGrasp:
+def assess_equilibrium(given: Pose, found: HeldGrip | HoldStatus, friction: float) -> SettledGrasp:
     """
-    Return what an equilibrium is worth.
+    Assess an equilibrium: whether it holds the object, and how well.
 
     :param given: the measured pose.
     :param found: the equilibrium, or why there is none.
+    :param friction: coefficient between tube and object.
     """
-    sticks = found if isinstance(found, Hold) else found.hold(friction)
-    if isinstance(found, Hold) or sticks in (Hold.NO_CONTACT, Hold.OFF_MEMBER):
+    sticks = found if isinstance(found, HoldStatus) else found.hold(friction)
+    if isinstance(found, HoldStatus) or sticks in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
         return SettledGrasp(sticks, sticks.value, given, np.zeros(3))
     moved = np.array(found.pose) - given
     moved[2] = math.remainder(moved[2], 2.0 * math.pi)
@@ -191,13 +170,11 @@ def _assess(given: Pose, found: RollingGrasp | HeldGrip | Hold, friction: float)
         dict(zip(all_names, used.tolist(), strict=True)),
         dict(zip(all_names, places.tolist(), strict=True)),
         np.zeros((3, 3)) if response is None else response.stiffness,
-        found if isinstance(found, RollingGrasp) else None,
+        found,
     )
 
 
-def _judge(
-    found: RollingGrasp | HeldGrip, shift: float, friction: float, used: Array
-) -> tuple[Hold, str]:
+def _judge(found: HeldGrip, shift: float, friction: float, used: Array) -> tuple[HoldStatus, str]:
     """
     Return whether an equilibrium holds the object, and why not.
 
@@ -206,19 +183,22 @@ def _judge(
     """
     robot = found.config.robot
     if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:
-        return Hold.FAR, f'{Hold.FAR.value}: {1e3 * shift:.3g} mm'
+        return HoldStatus.FAR, f'{HoldStatus.FAR.value}: {1e3 * shift:.3g} mm'
     depths = member_depths(found.config, found.body)
     depths[found.members] = -np.inf
     other = int(depths.argmax())
     if depths[other] > 0.0:
-        return Hold.OTHER_CONTACT, f'{Hold.OTHER_CONTACT.value}: {robot.member_names[other]}'
+        return (
+            HoldStatus.OTHER_CONTACT,
+            f'{HoldStatus.OTHER_CONTACT.value}: {robot.member_names[other]}',
+        )
     if found.required_friction > friction:
         need = f'coefficient {found.required_friction:.3g} against {friction:.3g}'
-        return Hold.SLIPS, f'{Hold.SLIPS.value}: {need}'
+        return HoldStatus.SLIPS, f'{HoldStatus.SLIPS.value}: {need}'
     if found.response is None or not found.response.stable:
-        return Hold.UNSTABLE, Hold.UNSTABLE.value
+        return HoldStatus.UNSTABLE, HoldStatus.UNSTABLE.value
     worst = int(used.argmax())
     if used[worst] > 1.0:
         bears = f'{robot.member_names[worst]} bears {used[worst]:.3g} of its wrinkling moment'
-        return Hold.WRINKLES, f'{Hold.WRINKLES.value}: {bears}'
-    return Hold.HELD, ''
+        return HoldStatus.WRINKLES, f'{HoldStatus.WRINKLES.value}: {bears}'
+    return HoldStatus.HELD, ''

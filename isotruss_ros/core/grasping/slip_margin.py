@@ -14,15 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isotruss_ros.core.grasping.balance import ContactForces
-from isotruss_ros.core.grasping.equilibrium import (
-    BALANCE,
-    CLOSURE,
-    FRICTION,
-    HeldObjectStatics,
-    NORMAL,
-    rolling_rows,
-    SIZE,
-)
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 from scipy.linalg import lapack
@@ -63,24 +54,6 @@ class WrenchResponse:
     def squeeze(self) -> Array:
         """Return the change of the mean normal force of the members, (3,) [-]."""
         return self.normal.sum(axis=0) / (int(self.owners[-1]) + 1)
-
-
-def wrench_response(statics: HeldObjectStatics, state: ContactForces) -> WrenchResponse | None:
-    """
-    Return how pose and forces of a held object answer to a wrench while the contacts stick.
-
-    :param statics: the equations.
-    :param state: the equilibrium.
-    :return: None where the equilibrium is indifferent: its Jacobian is singular.
-    """
-    jacobian, right = state.jacobian.copy(), np.zeros((SIZE, 3))
-    jacobian[CLOSURE] = rolling_rows(statics)
-    right[BALANCE] = -np.eye(3)
-    change = solve_change(jacobian, right)
-    if change is None:
-        return None
-    pose, normal, friction = change[:3], change[NORMAL], change[FRICTION]
-    return WrenchResponse(pose, normal, friction, statics.owners, statics.arm)
 
 
 def solve_change(jacobian: Array, right: Array) -> Array | None:

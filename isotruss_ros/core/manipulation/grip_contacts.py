@@ -27,7 +27,6 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip, MemberNodes
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.polygon import Polygon
-from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 

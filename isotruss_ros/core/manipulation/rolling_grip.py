@@ -37,8 +37,8 @@ from isotruss_ros.core.manipulation.grip_contacts import (
     touched_corners,
 )
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.model.unrolled_arc import unrolled_arc
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points

@@ -233,9 +233,7 @@ def solve_twist_ahead(
     return solve_twist(ahead, rolled.grip, twist, failed, limits)
 
 
-def reachable_twists(
-    config: Configuration, grip: Grip, failed: Collection[str] = ()
-) -> Array:
+def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] = ()) -> Array:
     """
     Return the motions of the object that the working rollers can produce.
 

@@ -24,7 +24,7 @@ import math
 
 from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
 from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
@@ -135,7 +135,7 @@ class ClosingInPlace:
         if pressed is None:
             return
         found = attach(pressed, closing)
-        if isinstance(found, Hold):
+        if isinstance(found, HoldStatus):
             self._motion.record(Violation('held', 0.0, 1.0, 30.0))
             return
         grasp: RollingGrasp | HeldGrip | None = found
@@ -187,14 +187,14 @@ class ClosingInPlace:
         """Return whether the contacts stick."""
         friction = self._needs.friction
         hold = grasp.hold(friction)
-        if hold is Hold.SLIPS:
+        if hold is HoldStatus.SLIPS:
             needed = grasp.required_friction
             self._motion.record(
                 Violation('force_closure', needed, friction, 1.0 - friction / needed)
             )
-        elif hold is not Hold.HELD:
+        elif hold is not HoldStatus.HELD:
             self._motion.record(Violation('held', 0.0, 1.0, 10.0))
-        return hold is Hold.HELD
+        return hold is HoldStatus.HELD
 
     def _require(
         self,
@@ -256,7 +256,7 @@ class ClosingInPlace:
 
 def attach(
     config: Configuration, closing: Closing, angle: float = 0.0
-) -> RollingGrasp | HeldGrip | Hold:
+) -> RollingGrasp | HeldGrip | HoldStatus:
     """
     Return how the grasping members hold the object that they press on, or why they do not.
 

@@ -15,8 +15,7 @@ import itertools
 import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import module_index
-from isotruss_ros.core.manipulation.grip import find_members
+from isotruss_ros.core.manipulation.grip import find_members, module_index
 from isotruss_ros.core.manipulation.limits import Limit, MemberLengthLimit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.segment_gaps import segment_gaps

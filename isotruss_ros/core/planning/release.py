@@ -21,10 +21,9 @@ from dataclasses import dataclass, replace
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasping.depths import member_depths
-from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import module_index
-from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.manipulation.grip import find_members, Grip, module_index
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.pose import Cylinder
@@ -133,7 +132,7 @@ def _unload(
     if depth <= closing.settings.first_contact * diameter:
         return path, closing
     grasp = attach(config, closing, angle)
-    if isinstance(grasp, Hold):
+    if isinstance(grasp, HoldStatus):
         return Violation('held', 0.0, 1.0, 10.0)
     if grasp.state.normal_forces.min() <= LEAST_FORCE:
         return path, closing

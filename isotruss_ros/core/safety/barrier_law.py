@@ -156,9 +156,7 @@ class Barrier(Protocol):
         :param grip: the grip; None without an object.
         """
 
-    def values(
-        self, config: Configuration, grip: Grip | None, indices: Selection
-    ) -> Array:
+    def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
         """
         Return values of these numbers in one configuration.
 

@@ -66,9 +66,7 @@ class RigidityBarrier:
         few = Modes(modes.values[:count], modes.rows[:, :count], modes.nodes[:, :count])
         return ActiveValues(np.arange(count), few.values, self._index.gradients(config, few))
 
-    def values(
-        self, config: Configuration, grip: Grip | None, indices: Selection
-    ) -> Array:
+    def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
         """
         Return the rigidity index of modes, least first.
 
@@ -117,9 +115,7 @@ class SelfCollisionBarrier:
             return NOTHING
         return ActiveValues(pairs, distances, self._model.gradients(config, pairs))
 
-    def values(
-        self, config: Configuration, grip: Grip | None, indices: Selection
-    ) -> Array:
+    def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
         """
         Return the distances of pairs [m].
 

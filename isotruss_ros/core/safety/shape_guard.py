@@ -204,9 +204,7 @@ class Watch:
         except ConfigurationError:
             return BarrierViolation(0.5, Status.SLOWED_RIGIDITY, ())
         long = bool(np.abs(travel).max() > BAND_STEP)
-        if grip is not None and (
-            long or any(limit.barrier.needs_object for limit in limits)
-        ):
+        if grip is not None and (long or any(limit.barrier.needs_object for limit in limits)):
             try:
                 grip = RollingGrip.attach(start, grip).moved_to(end).grip
             except GraspError:  # a contact is lost on the way there

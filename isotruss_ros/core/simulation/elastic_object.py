@@ -16,7 +16,7 @@ import math
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
@@ -66,7 +66,7 @@ class ElasticObject:
         self._wrench = np.zeros(3)
         self._pulled_anew = False
         self._followed: Configuration | None = None
-        self.dropped: Hold | None = None
+        self.dropped: HoldStatus | None = None
 
     @property
     def grasp(self) -> HeldGrip | None:
@@ -163,7 +163,7 @@ class ElasticObject:
     def _try_to_hold(self, config: Configuration) -> None:
         """Be held if the members press so that friction holds."""
         found = HeldGrip.attach(config, self._lying(), None, self._wrench, self._scale)
-        if not isinstance(found, Hold) and found.hold(self._friction) is Hold.HELD:
+        if not isinstance(found, HoldStatus) and found.hold(self._friction) is HoldStatus.HELD:
             self._grasp, self.dropped = found, None
 
     def _roll(self, before: HeldGrip, config: Configuration) -> None:
@@ -171,15 +171,15 @@ class ElasticObject:
         start, end = before.config.roller_positions, config.roller_positions
         pulled, wrench = before.wrench * (1.0, 1.0, before.arm), self._wrench
         done, part = 0.0, 1.0
-        why = Hold.NO_BALANCE
+        why = HoldStatus.NO_BALANCE
         while done < 1.0:
             share = min(1.0, done + part)
             there = config
             if share < 1.0:
                 there = before.config.moved_to(start + share * (end - start))
             found = before.moved_to(there, pulled + share * (wrench - pulled))
-            hold = Hold.NO_BALANCE if found is None else found.hold(self._friction)
-            if found is not None and hold is Hold.HELD:
+            hold = HoldStatus.NO_BALANCE if found is None else found.hold(self._friction)
+            if found is not None and hold is HoldStatus.HELD:
                 before, done = found, share
                 self._grasp = found
                 continue

@@ -19,7 +19,7 @@ from isotruss_ros.core import (
     GraspCode,
     GraspMonitor,
     Grip,
-    Hold,
+    HoldStatus,
     load_robot,
     ObjectPath,
     PathError,
@@ -89,7 +89,7 @@ def controlled(force=10.0):
         return solve_twist(ROBOT.home, GRIP, twist, opening_rate=opening_rate)
 
     control = SqueezeControl(SqueezeSettings(force, FRICTION))
-    assert control.follow(ROBOT.home, GRIP, 0.0, 0.0) is Hold.HELD
+    assert control.follow(ROBOT.home, GRIP, 0.0, 0.0) is HoldStatus.HELD
     return control, solve
 
 
@@ -103,7 +103,7 @@ def test_an_indifferent_equilibrium_is_not_held(monkeypatch):
     assert sensitivity(Indifferent(), FRICTION) is None
     control, _ = controlled()
     monkeypatch.setattr(squeeze_control, 'sensitivity', lambda grasp, friction: None)
-    assert control.follow(ROBOT.home, GRIP, 0.0, PERIOD) is Hold.UNSTABLE
+    assert control.follow(ROBOT.home, GRIP, 0.0, PERIOD) is HoldStatus.UNSTABLE
     assert control.grasp is None
     with pytest.raises(ValueError, match='follow comes before solve'):
         control.solve(np.zeros(3), PERIOD, solve_twist)

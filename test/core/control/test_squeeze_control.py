@@ -17,7 +17,7 @@ from grips import gripped
 from isotruss_ros.core import (
     ElasticObject,
     Grasp,
-    Hold,
+    HoldStatus,
     Pose,
     RollerCommand,
     RollerFaults,
@@ -90,7 +90,7 @@ class Loop:
             command = solve(wanted, 0.0)
             if self.regulated:
                 held = self.control.follow(config, grasp, pose.angle, self.period)
-                assert held is Hold.HELD
+                assert held is HoldStatus.HELD
                 command = self.control.solve(rate * np.array(twist), self.period, solve)
                 self.control.advance(rate * np.array(twist), command)
             self.statuses.append(command.status)
@@ -255,7 +255,7 @@ def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
     for measured in (model.pose, model.moved_to(CONFIG, np.array(wrench)).pose):
         grasp = Grasp(MODULE, measured[:2], CYLINDER.diameter)
         # After so long the load that is most probable is the estimated one.
-        assert control.follow(CONFIG, grasp, measured[2], 100.0) is Hold.HELD
+        assert control.follow(CONFIG, grasp, measured[2], 100.0) is HoldStatus.HELD
         control.solve(np.zeros(3), PERIOD, still(len(CONFIG.roller_positions), asked))
         loaded = model.moved_to(CONFIG, control.load.wrench * (1.0, 1.0, model.arm))
         regulated = force - asked[-1][1] * model.squeeze_by_opening() / gain
@@ -334,11 +334,11 @@ def test_without_an_object_nothing_is_held_and_the_model_starts_again():
     control = SqueezeControl(SqueezeSettings(10.0, FRICTION))
     here = Grasp(MODULE, RollingGrasp.attach(CONFIG, CYLINDER).pose[:2], CYLINDER.diameter)
     away = replace(here, center=(5.0, 5.0))
-    assert control.follow(CONFIG, away, 0.0, PERIOD) is Hold.NO_CONTACT
+    assert control.follow(CONFIG, away, 0.0, PERIOD) is HoldStatus.NO_CONTACT
     assert control.grasp is None
-    assert control.follow(CONFIG, here, 0.0, PERIOD) is Hold.HELD
+    assert control.follow(CONFIG, here, 0.0, PERIOD) is HoldStatus.HELD
     slippery = SqueezeControl(SqueezeSettings(10.0, 0.1))
-    assert slippery.follow(CONFIG, here, 0.0, PERIOD) is Hold.SLIPS
+    assert slippery.follow(CONFIG, here, 0.0, PERIOD) is HoldStatus.SLIPS
 
 
 # In the twist servo

@@ -13,7 +13,7 @@ from dataclasses import replace
 import math
 
 from grips import gripped
-from isotruss_ros.core import Grasp, Hold, RollerCommand, solve_twist, Status
+from isotruss_ros.core import Grasp, HoldStatus, RollerCommand, solve_twist, Status
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
@@ -29,7 +29,7 @@ FRICTION = 0.5
 def controlled(missing=0.0, **settings):
     """Return a control of which so much of the squeeze is missing."""
     control = SqueezeControl(SqueezeSettings(0.0, FRICTION, **settings))
-    assert control.follow(CONFIG, GRASP, 0.0, 0.0) is Hold.HELD
+    assert control.follow(CONFIG, GRASP, 0.0, 0.0) is HoldStatus.HELD
     force = control.grasp.squeeze + missing
     control.settings = SqueezeSettings(force, FRICTION, **settings)
     return control
@@ -98,7 +98,7 @@ def at_rest(missing=0.0, **settings):
     force = MODEL.squeeze + missing
     control = SqueezeControl(SqueezeSettings(force, FRICTION, **settings))
     assert control.slip_margin == 0.0
-    assert control.follow(CONFIG, AT_REST, MODEL.pose.angle, 0.0) is Hold.HELD
+    assert control.follow(CONFIG, AT_REST, MODEL.pose.angle, 0.0) is HoldStatus.HELD
     return control
 
 

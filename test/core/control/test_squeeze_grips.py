@@ -19,7 +19,7 @@ from isotruss_ros.core import (
     Ellipse,
     Grasp,
     Grip,
-    Hold,
+    HoldStatus,
     load_robot,
     place_between,
     Polygon,
@@ -73,7 +73,7 @@ class Loop:
             def solve(twist, opening_rate, config=config, grip=grip):
                 return solve_twist(config, grip, twist, opening_rate=opening_rate)
 
-            assert self.control.follow(config, grip, 0.0, PERIOD) is Hold.HELD
+            assert self.control.follow(config, grip, 0.0, PERIOD) is HoldStatus.HELD
             command = self.control.solve(wanted, PERIOD, solve)
             self.control.advance(wanted, command)
             self.plant.command(command.roller_velocities)

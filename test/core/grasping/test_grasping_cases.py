@@ -18,7 +18,7 @@ from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
     Disc,
-    Hold,
+    HoldStatus,
     place_between,
     settle_grasp,
     SolverError,
@@ -162,7 +162,7 @@ def test_there_is_no_equilibrium_under_any_load(held):
 def test_a_box_that_is_pulled_away_has_no_balance():
     body = held(BOX, 0.2).body
     found = HeldGrip.attach(HOME, body, numbers(APART), np.array([0.0, 1e6, 0.0]))
-    assert found is Hold.NO_BALANCE
+    assert found is HoldStatus.NO_BALANCE
 
 
 class Pulling:
@@ -196,12 +196,12 @@ def test_a_third_member_in_contact_is_named():
     body = place_between(HOME, AROUND, Disc(0.83), indentation=0.01).body
     there = ConvexObject(body.shape, body.pose)
     found = settle_grasp(HOME, there, 2.0, members=AROUND[:2])
-    assert found.hold is Hold.OTHER_CONTACT
+    assert found.hold is HoldStatus.OTHER_CONTACT
     assert AROUND[2] in found.reason
 
 
 def test_an_equilibrium_that_takes_no_work_to_leave_is_unstable(monkeypatch):
-    assert settle_grasp(CONFIG, CYLINDER, 0.5).hold is Hold.HELD
+    assert settle_grasp(CONFIG, CYLINDER, 0.5).hold is HoldStatus.HELD
     monkeypatch.setattr(slip_margin.WrenchResponse, 'stable', False)
     found = settle_grasp(CONFIG, CYLINDER, 0.5)
-    assert (found.hold, found.held) == (Hold.UNSTABLE, False)
+    assert (found.hold, found.held) == (HoldStatus.UNSTABLE, False)

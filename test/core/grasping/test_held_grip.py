@@ -25,7 +25,7 @@ from isotruss_ros.core import (
     Ellipse,
     GraspError,
     Grip,
-    Hold,
+    HoldStatus,
     place_between,
     Polygon,
     settle_grasp,
@@ -69,7 +69,7 @@ def test_a_disc_at_a_module_is_held_as_by_the_equations_of_two_members():
     wrench = (0.5, -0.3, 0.1)
     one = settle_grasp(CONFIG, CYLINDER, 0.5, wrench)
     other = settle_grasp(CONFIG, as_body(CYLINDER), 0.5, wrench, members=CORNER)
-    assert one.hold is other.hold is Hold.HELD
+    assert one.hold is other.hold is HoldStatus.HELD
     assert other.pose == pytest.approx(one.pose, abs=1e-9)
     for name in ('normal_forces', 'friction_forces', 'friction_used'):
         assert getattr(other, name) == pytest.approx(getattr(one, name), rel=1e-7)
@@ -328,7 +328,7 @@ def test_openings_are_those_of_members_that_move_apart(shape, angle, members):
 def test_at_the_slip_margin_a_member_slips_or_lets_go(kind):
     shape, friction = (BOX, 0.8) if kind == 'slips' else (Disc(0.4), 5.0)
     grip = held(shape, 1.0 if kind == 'slips' else 0.4)
-    assert grip.hold(friction) is Hold.HELD
+    assert grip.hold(friction) is HoldStatus.HELD
     margin = grip.slip_margin(friction)
     assert margin > 0.0
     sticking = []
@@ -338,9 +338,9 @@ def test_at_the_slip_margin_a_member_slips_or_lets_go(kind):
             unit = np.append(along, across * grip.body.arm)
             loaded = grip.moved_to(HOME, 0.9 * margin * unit)
             assert loaded is not None
-            assert loaded.hold(friction) is Hold.HELD
+            assert loaded.hold(friction) is HoldStatus.HELD
             more = grip.moved_to(HOME, 1.3 * margin * unit)
-            sticking.append(more is not None and more.hold(friction) is Hold.HELD)
+            sticking.append(more is not None and more.hold(friction) is HoldStatus.HELD)
     # Beyond it holds in some directions only.
     assert not all(sticking)
     assert any(sticking)
@@ -369,7 +369,7 @@ def test_three_members_hold_a_disc_by_equal_friction():
     shape = Disc(0.65)
     grip = place_between(HOME, LOOP, shape, indentation=0.01)
     settled = settle_grasp(HOME, grip.body, 0.5, (0.0, 0.0, 1.0), members=LOOP)
-    assert settled.hold is Hold.HELD
+    assert settled.hold is HoldStatus.HELD
     assert set(settled.normal_forces) == set(LOOP)
     rubs = np.array(list(settled.friction_forces.values()))
     assert rubs == pytest.approx([rubs.mean()] * 3, rel=1e-6)
@@ -451,7 +451,7 @@ def test_a_face_between_three_members_settles_the_angle_without_friction():
     triangle = Polygon([(z.real, z.imag) for z in vertices], corner_radius=0.12)
     grip = place_between(HOME, LOOP, triangle, indentation=0.012)
     settled = settle_grasp(HOME, grip.body, 0.5)
-    assert settled.hold is Hold.HELD
+    assert settled.hold is HoldStatus.HELD
     assert max(map(abs, settled.friction_forces.values())) < 1e-6
     turned = grip.body.moved_to(np.add(grip.body.pose, (0.0, 0.0, 0.005)))
     # Tables of dents are made for angles in steps.
@@ -475,14 +475,14 @@ def test_a_face_dents_less_than_a_corner_and_a_disc_as_in_its_own_table():
 
 def test_what_is_not_held_says_why():
     far = ConvexObject(BOX, (3.0, 3.0, 0.0))
-    assert settle_grasp(HOME, far, 0.5).hold is Hold.NO_CONTACT
+    assert settle_grasp(HOME, far, 0.5).hold is HoldStatus.NO_CONTACT
     grip = place_between(HOME, APART, BOX, angle=0.2, indentation=0.01)
     slips = settle_grasp(HOME, grip.body, 0.3)
-    assert slips.hold is Hold.SLIPS
+    assert slips.hold is HoldStatus.SLIPS
     assert 'coefficient' in slips.reason
-    assert settle_grasp(HOME, grip.body, 1.5, members=APART).hold is Hold.HELD
+    assert settle_grasp(HOME, grip.body, 1.5, members=APART).hold is HoldStatus.HELD
     own = ConvexObject(BOX, grip.body.pose, friction=1.5)
-    assert settle_grasp(HOME, own, members=APART).hold is Hold.HELD
+    assert settle_grasp(HOME, own, members=APART).hold is HoldStatus.HELD
     with pytest.raises(GraspError, match='south/P-X'):
         settle_grasp(HOME, grip.body, 0.5, members=('south/P-Q', 'south/P-X'))
     with pytest.raises(GraspError, match='two or three'):

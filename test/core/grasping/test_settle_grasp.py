@@ -19,7 +19,7 @@ from isotruss_ros.core import (
     Grasp,
     GraspError,
     HeldObject,
-    Hold,
+    HoldStatus,
     load_robot,
     settle_grasp,
     solve_twist,
@@ -73,7 +73,7 @@ def moved(cylinder, shift):
 def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
     settled = settle_grasp(CONFIG, CYLINDER, FRICTION)
     assert settled.pose == settle_grasp(CONFIG, CYLINDER, FRICTION, (0.0, 0.0, 0.0)).pose
-    assert settled.hold is Hold.HELD
+    assert settled.hold is HoldStatus.HELD
     assert settled.held
     assert settled.reason == ''
     assert set(settled.normal_forces) == {'north/P-Z', 'north/Z-R'}
@@ -262,7 +262,7 @@ def test_what_lies_deep_in_one_tube_and_far_from_the_other_is_not_in_the_grip():
     _, state = balance(CONFIG, CYLINDER)
     across = complex(state.normals[0] - state.normals[1])
     settled = settle_grasp(CONFIG, moved(CYLINDER, 0.05 * across / abs(across)), FRICTION)
-    assert settled.hold is Hold.FAR
+    assert settled.hold is HoldStatus.FAR
     assert not settled.held
 
 
@@ -279,7 +279,7 @@ def test_a_cylinder_that_three_members_press_on_is_held_by_these():
 def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatch):
     monkeypatch.setattr(held_grip, 'MOST', 2)
     settled = settle_grasp(HOME, Cylinder((0.0, -0.8267), 0.65), FRICTION)
-    assert settled.hold is Hold.OTHER_CONTACT
+    assert settled.hold is HoldStatus.OTHER_CONTACT
     assert not settled.held
     assert 'another member' in settled.reason
 
@@ -288,7 +288,7 @@ def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatc
 def test_a_wide_wedge_needs_more_friction_than_there_is(friction):
     cylinder = Cylinder(tangent_center(HOME, 'north/Z', 0.3, 0.01), 0.3)
     settled = settle_grasp(HOME, cylinder, friction)
-    assert settled.hold is Hold.SLIPS
+    assert settled.hold is HoldStatus.SLIPS
     assert settled.slip_margin < 0.0
     assert f'{friction:.3g}' in settled.reason
     assert settle_grasp(HOME, cylinder, 1.1 * settled.required_friction).held
@@ -297,7 +297,7 @@ def test_a_wide_wedge_needs_more_friction_than_there_is(friction):
 @pytest.mark.parametrize('center', [(9.0, 9.0), (0.5, 0.2)])
 def test_what_two_members_do_not_touch_is_not_held(center):
     settled = settle_grasp(HOME, Cylinder(center, 0.1), FRICTION, (0.0, -5.0, 0.0))
-    assert settled.hold is Hold.NO_CONTACT
+    assert settled.hold is HoldStatus.NO_CONTACT
     assert settled.pose == (*center, 0.0)
     assert settled.normal_forces == {}
     assert settled.required_friction == np.inf
@@ -311,7 +311,7 @@ def test_the_load_is_carried_by_friction_until_it_slips():
     margins = [pulled(load).slip_margin for load in (0.0, 1.0, 2.0)]
     assert margins == sorted(margins, reverse=True)
     assert pulled(1.0).held
-    assert pulled(30.0).hold in (Hold.SLIPS, Hold.NO_CONTACT, Hold.NO_BALANCE)
+    assert pulled(30.0).hold in (HoldStatus.SLIPS, HoldStatus.NO_CONTACT, HoldStatus.NO_BALANCE)
 
 
 def grasps(count):
@@ -371,13 +371,13 @@ def test_random_grasps_are_balanced_or_say_what_has_no_solution(monkeypatch):
         assert max(*forces, load) <= forces.sum() + load - max(*forces, load) + slack
         assert 0.5 * cylinder.diameter * rubbing.sum() == pytest.approx(-wrench[2], abs=slack)
         ratio = np.abs(rubbing) / normal
-        assert settled.held == (settled.hold is Hold.HELD)
+        assert settled.held == (settled.hold is HoldStatus.HELD)
         assert settled.required_friction == pytest.approx(ratio.max())
         if settled.held:
             assert ratio.max() <= friction
             assert settled.slip_margin >= 0.0
-    assert outcomes[Hold.HELD] > 100
-    assert outcomes[Hold.SLIPS] > 100
+    assert outcomes[HoldStatus.HELD] > 100
+    assert outcomes[HoldStatus.SLIPS] > 100
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
     Cylinder,
-    Hold,
+    HoldStatus,
     place_between,
     Polygon,
     settle_grasp,
@@ -50,23 +50,23 @@ def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True, used=0.
 @pytest.mark.parametrize(
     ('given', 'hold', 'words'),
     [
-        ({}, Hold.HELD, ''),
-        ({'shift': 0.249 * DIAMETER}, Hold.HELD, ''),
-        ({'shift': 0.251 * DIAMETER}, Hold.FAR, f'{251.0 * DIAMETER:.3g} mm'),
-        ({'other': 0.001}, Hold.OTHER_CONTACT, NAMES[4]),
-        ({'needed': 0.5}, Hold.HELD, ''),
-        ({'needed': 0.51}, Hold.SLIPS, '0.51 against 0.5'),
-        ({'stable': False}, Hold.UNSTABLE, ''),
-        ({'used': 1.0}, Hold.HELD, ''),
-        ({'used': 1.01}, Hold.WRINKLES, f'{NAMES[0]} bears 1.01 of its wrinkling moment'),
-        ({'shift': 1.0, 'other': 0.1, 'stable': False}, Hold.FAR, 'too far'),
+        ({}, HoldStatus.HELD, ''),
+        ({'shift': 0.249 * DIAMETER}, HoldStatus.HELD, ''),
+        ({'shift': 0.251 * DIAMETER}, HoldStatus.FAR, f'{251.0 * DIAMETER:.3g} mm'),
+        ({'other': 0.001}, HoldStatus.OTHER_CONTACT, NAMES[4]),
+        ({'needed': 0.5}, HoldStatus.HELD, ''),
+        ({'needed': 0.51}, HoldStatus.SLIPS, '0.51 against 0.5'),
+        ({'stable': False}, HoldStatus.UNSTABLE, ''),
+        ({'used': 1.0}, HoldStatus.HELD, ''),
+        ({'used': 1.01}, HoldStatus.WRINKLES, f'{NAMES[0]} bears 1.01 of its wrinkling moment'),
+        ({'shift': 1.0, 'other': 0.1, 'stable': False}, HoldStatus.FAR, 'too far'),
     ],
 )
 def test_an_equilibrium_holds_within_all_bounds(given, hold, words):
     found, reason = judge(**given)
     assert found is hold
     assert words in reason
-    assert (reason == '') == (hold is Hold.HELD)
+    assert (reason == '') == (hold is HoldStatus.HELD)
 
 
 def test_an_angle_is_displaced_by_less_than_half_a_turn():
@@ -89,7 +89,7 @@ def test_an_angle_is_displaced_by_less_than_half_a_turn():
 
 def test_what_has_no_equilibrium_has_no_margin():
     found = settle_grasp(HOME, ConvexObject(BOX, (5.0, 5.0, 0.0)))
-    assert found.hold is Hold.NO_CONTACT
+    assert found.hold is HoldStatus.NO_CONTACT
     assert found.slip_margin == 0.0
     assert found.required_friction == np.inf
     assert not found.stiffness.any()
@@ -100,5 +100,5 @@ def test_friction_loads_the_tubes_until_they_wrinkle():
     fast = analyze_grasp(HOME, cylinder, 0.8)
     free = settle_grasp(HOME, cylinder, 0.8)
     assert max(fast.utilisation.values()) < 1.0 < max(free.utilisation.values())
-    assert free.hold is Hold.WRINKLES
+    assert free.hold is HoldStatus.WRINKLES
     assert list(free.utilisation) == list(NAMES)

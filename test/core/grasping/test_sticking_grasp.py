@@ -12,7 +12,7 @@
 import itertools
 from types import SimpleNamespace
 
-from isotruss_ros.core import Hold
+from isotruss_ros.core import HoldStatus
 from isotruss_ros.core.grasping.slip_margin import slip_margin, weakest_direction, WrenchResponse
 from isotruss_ros.core.grasping.sticking_grasp import scaled_wrench, StickingGrasp
 import numpy as np
@@ -22,12 +22,12 @@ import pytest
 @pytest.mark.parametrize(
     ('normal', 'feet', 'hold'),
     [
-        ([0.05, 1.0], [0.0, 0.8], Hold.HELD),
-        ([0.0, 1.0], [0.3, 0.3], Hold.NO_CONTACT),
-        ([1.0, -0.05], [0.3, 0.3], Hold.NO_CONTACT),
-        ([1.0, 1.0], [-0.01, 0.3], Hold.OFF_MEMBER),
-        ([1.0, 1.0], [0.3, 0.81], Hold.OFF_MEMBER),
-        ([1.0, 0.1], [0.3, 0.3], Hold.SLIPS),
+        ([0.05, 1.0], [0.0, 0.8], HoldStatus.HELD),
+        ([0.0, 1.0], [0.3, 0.3], HoldStatus.NO_CONTACT),
+        ([1.0, -0.05], [0.3, 0.3], HoldStatus.NO_CONTACT),
+        ([1.0, 1.0], [-0.01, 0.3], HoldStatus.OFF_MEMBER),
+        ([1.0, 1.0], [0.3, 0.81], HoldStatus.OFF_MEMBER),
+        ([1.0, 0.1], [0.3, 0.3], HoldStatus.SLIPS),
     ],
 )
 def test_a_grasp_holds_where_all_members_press_on_their_length_and_stick(normal, feet, hold):

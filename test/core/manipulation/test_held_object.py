@@ -47,7 +47,7 @@ def difference(pose, wanted):
 
 
 def drive(twists, rate, command_for, start=None):
-    """Hold each command for one interval of the loop; return the end of it all."""
+    """HoldStatus each command for one interval of the loop; return the end of it all."""
     config = start or load_robot('nine_member').home
     held = HeldObject.attach(config, grasp_at(config))
     for twist in twists:

@@ -56,7 +56,7 @@ def difference(pose, other):
 
 
 def drive(rolling, twist, duration, rate=20.0):
-    """Hold each command, which is one for the middle of its interval, for the interval."""
+    """HoldStatus each command, which is one for the middle of its interval, for the interval."""
     for _ in range(round(duration * rate)):
         command = solve_twist_ahead(rolling.config, rolling.grip, twist, 0.5 / rate)
         assert command.status is Status.OK

@@ -25,7 +25,7 @@ from isotruss_ros.core import (
     settle_grasp,
     SimulatedRobot,
 )
-from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.planning import closing_in_place
@@ -190,7 +190,7 @@ def test_margins_that_are_too_small_are_compared_by_their_shares(
 
 @pytest.mark.parametrize(
     ('owner', 'name', 'found'),
-    [(closing_in_place, 'attach', Hold.NO_BALANCE), (RollingGrasp, 'hold', Hold.UNSTABLE)],
+    [(closing_in_place, 'attach', HoldStatus.NO_BALANCE), (RollingGrasp, 'hold', HoldStatus.UNSTABLE)],
 )
 def test_what_has_no_equilibrium_or_an_unstable_one_is_not_held(owner, name, found, monkeypatch):
     monkeypatch.setattr(owner, name, lambda *_: found)

@@ -21,7 +21,7 @@ from isotruss_ros.core import (
     Ellipse,
     GraspPlan,
     GraspRequirements,
-    Hold,
+    HoldStatus,
     load_robot,
     plan_grasps,
     Pose,
@@ -91,7 +91,7 @@ def test_members_that_cannot_press_close_no_grip(times, count, monkeypatch):
 @pytest.mark.parametrize('count', [2, 3])
 def test_an_object_that_touches_nothing_is_not_held(count, monkeypatch):
     pressing_only(9, monkeypatch, closing_in_place)
-    monkeypatch.setattr(closing_in_place, 'attach', lambda config, closing: Hold.NO_CONTACT)
+    monkeypatch.setattr(closing_in_place, 'attach', lambda config, closing: HoldStatus.NO_CONTACT)
     search = ClosingInPlace(HOME, SEED if count == 2 else closing_of_three(), NEEDS)
     assert search.close() is None
     violation = search.closest_violation

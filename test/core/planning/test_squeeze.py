@@ -17,7 +17,7 @@ from isotruss_ros.core import (
     analyze_grasp,
     Cylinder,
     GraspRequirements,
-    Hold,
+    HoldStatus,
     load_robot,
     settle_grasp,
 )
@@ -364,7 +364,7 @@ def test_a_grip_that_slips_is_pressed_deeper_where_it_misses_much():
 
 def test_what_the_ground_alone_holds_has_no_slip_margin(monkeypatch):
     def slips(*arguments):
-        return dataclasses.replace(settle_grasp(*arguments), hold=Hold.SLIPS)
+        return dataclasses.replace(settle_grasp(*arguments), hold=HoldStatus.SLIPS)
 
     assert Squeeze(*opened('tight'), UNBOUNDED).close().slip_margin > 0.0
     monkeypatch.setattr(squeeze, 'settle_grasp', slips)

@@ -16,7 +16,7 @@ from isotruss_ros.core import (
     ElasticObject,
     GraspError,
     Grip,
-    Hold,
+    HoldStatus,
     RollerFaults,
     settle_grasp,
     SimulatedRobot,
@@ -108,7 +108,7 @@ def test_it_is_dropped_where_the_margin_says_and_says_why():
     simulated.external_wrench = (200.0, 0.0, 0.0)
     before = simulated.pose(CONFIG)
     simulated.follow(CONFIG)
-    assert simulated.dropped in (Hold.SLIPS, Hold.NO_CONTACT, Hold.NO_BALANCE)
+    assert simulated.dropped in (HoldStatus.SLIPS, HoldStatus.NO_CONTACT, HoldStatus.NO_BALANCE)
     # It gave way until it slipped, out of the grip, and lies where the members end to push it.
     assert 0.0 < np.hypot(*np.subtract(simulated.pose(CONFIG)[:2], before[:2])) < 0.2
     lies = Cylinder(simulated.pose(CONFIG)[:2], CYLINDER.diameter)
@@ -263,7 +263,7 @@ def test_a_box_between_two_sides_is_held_rolls_and_is_pulled_out():
     box.external_wrench = (0.0, -200.0, 0.0)
     robot.advance(0.02)
     assert box.grasp is None
-    assert box.dropped is Hold.SLIPS
+    assert box.dropped is HoldStatus.SLIPS
     # It lies where no member enters it.
     lies = box_between().body.moved_to(robot.object_pose)
     assert member_depths(robot.config, lies).max() < 1e-6

@@ -18,7 +18,7 @@ from isotruss_ros.core import (
     ElasticObject,
     Grasp,
     GraspError,
-    Hold,
+    HoldStatus,
     RollerFaults,
 )
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
@@ -68,7 +68,7 @@ def test_in_one_long_step_an_object_slips_where_it_does_in_many():
             simulated.follow(there)
             if simulated.grasp is None:
                 break
-        assert simulated.dropped is Hold.SLIPS
+        assert simulated.dropped is HoldStatus.SLIPS
         # Members push what slips, and do not turn it.
         angles.append(simulated.pose(there).angle)
     assert angles[1] == pytest.approx(-0.057, abs=1e-3)
