@@ -94,7 +94,10 @@ def control_cycle() -> tuple[list[str], int]:
             core.RollerState(positions, np.zeros(len(positions))), now - 0.002
         )
         config = robot.configuration(positions)
-        held = held or core.HeldObject.attach(config, core.Grasp(MODULE, center, DIAMETER))
+        held = held or core.RollingGrip.attach(
+            config,
+            core.Grip.at_module(config.robot, MODULE, core.ConvexObject.disc(center, DIAMETER)),
+        )
         servo.pose = core.StampedInput(held.pose(config), now - 0.002)
         traced = trace(lambda now=now, found=found: found.append(servo.decide(now)))
         assert found[0].command.status is core.Status.OK, found[0].message
@@ -106,7 +109,9 @@ def control_cycle() -> tuple[list[str], int]:
 def closure() -> tuple[list[str], int]:
     """Trace one analysis of a grasp in a configuration that was not analysed before."""
     robot = core.load_robot('nine_member')
-    cylinder = core.Cylinder(core.tangent_center(robot.home, MODULE, DIAMETER, 0.002), DIAMETER)
+    cylinder = core.ConvexObject.disc(
+        core.tangent_center(robot.home, MODULE, DIAMETER, 0.002), DIAMETER
+    )
     core.analyze_grasp(robot.home, cylinder)
     config = robot.configuration(np.full(len(robot.roller_names), 1e-5))
     return trace(lambda: core.analyze_grasp(config, cylinder))
@@ -121,7 +126,7 @@ def analysis_cycle() -> tuple[list[str], int]:
         positions = np.full(len(robot.roller_names), 1e-5 * step)
         rollers = core.RollerState(positions, np.zeros(len(positions)))
         monitor.rollers = core.StampedInput(rollers, float(step))
-        monitor.center = core.StampedInput((x, y - 1e-5 * step), float(step))
+        monitor.pose = core.StampedInput((x, y - 1e-5 * step), float(step))
         traced = trace(lambda step=step: monitor.report(float(step)))
     assert monitor.report(4.0).code is core.GraspCode.OK
     return traced

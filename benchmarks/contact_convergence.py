@@ -30,7 +30,7 @@ os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy
 from isotruss_ros.core import (
     analyze_grasp,
     Configuration,
-    Cylinder,
+    ConvexObject,
     GraspAnalysis,
     IsotrussError,
     load_robot,
@@ -48,7 +48,7 @@ FRICTION = 0.5
 TARGET = 0.02
 
 
-def random_grasps(count: int) -> Iterator[tuple[Configuration, Cylinder]]:
+def random_grasps(count: int) -> Iterator[tuple[Configuration, ConvexObject]]:
     """Yield configurations with an object pressed into a corner."""
     draw = np.random.default_rng(SEED)
     while count:
@@ -59,7 +59,7 @@ def random_grasps(count: int) -> Iterator[tuple[Configuration, Cylinder]]:
             center = tangent_center(config, module, diameter, depth)
         except IsotrussError:
             continue  # no such shape, or no room for the object
-        yield config, Cylinder(center, diameter)
+        yield config, ConvexObject.disc(center, diameter)
         count -= 1
 
 

@@ -29,13 +29,14 @@ from collections.abc import Collection
 from isotruss_ros.core import (
     Configuration,
     ConfigurationError,
+    ConvexObject,
     FailureCriterion,
     FailureDetector,
-    Grasp,
-    HeldObject,
+    Grip,
     load_robot,
     RollerFaults,
     RollerState,
+    RollingGrip,
     ShapeBounds,
     ShapeGuard,
     SimulatedRobot,
@@ -56,8 +57,11 @@ STEP, PATIENCE, GAIN = 0.1, 5, 2e-4
 RADIUS, LAP, PERIOD = 0.1, 60.0, 0.02
 
 ROBOT = load_robot('nine_member')
-HELD = HeldObject.attach(
-    ROBOT.home, Grasp(MODULE, tangent_center(ROBOT.home, MODULE, DIAMETER), DIAMETER)
+HELD = RollingGrip.attach(
+    ROBOT.home,
+    Grip.at_module(
+        ROBOT, MODULE, ConvexObject.disc(tangent_center(ROBOT.home, MODULE, DIAMETER), DIAMETER)
+    ),
 )
 LIMITS = default_limits(ROBOT)
 STILL = np.zeros(len(ROBOT.roller_names))
@@ -79,7 +83,7 @@ def carry(
             return config
         velocity = missing * min(ROBOT.description.max_speed / abs(missing), 1.0 / STEP)
         twist = (velocity.real, velocity.imag, 0.0)
-        grasp = HELD.grasp_in(config)
+        grasp = HELD.moved_to(config)
         watch = guard.watch(config, grasp)
         limits = (*LIMITS, *watch.limits)
         command = solve_twist(

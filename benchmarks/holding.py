@@ -33,9 +33,9 @@ os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy
 
 from isotruss_ros.core import (
     Configuration,
-    Cylinder,
+    ConvexObject,
     ElasticObject,
-    Grasp,
+    Grip,
     HoldStatus,
     IsotrussError,
     load_robot,
@@ -48,7 +48,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.grasping.equilibrium import keep_place, NORMAL
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from measuring import print_machine, print_table, timed
 import numpy as np
 from scipy.optimize import root
@@ -70,7 +70,7 @@ class Path:
     """A grip, and the twist at the middle of a motion that begins and ends at rest."""
 
     config: Configuration
-    cylinder: Cylinder
+    cylinder: ConvexObject
     module: str
     twist: np.ndarray
 
@@ -95,7 +95,11 @@ def random_path(rng: np.random.Generator) -> Path | None:
             left = wanted - opening(config, module)
             if abs(left) < 1e-6:
                 break
-            grasp = Grasp(module, tangent_center(config, module, diameter), diameter)
+            grasp = Grip.at_module(
+                config.robot,
+                module,
+                ConvexObject.disc(tangent_center(config, module, diameter), diameter),
+            )
             step = float(np.clip(left, -0.03, 0.03))
             command = solve_twist(config, grasp, np.zeros(3), limits=(), opening_rate=step)
             config = config.moved_to(config.roller_positions + command.roller_velocities)
@@ -104,7 +108,7 @@ def random_path(rng: np.random.Generator) -> Path | None:
         return None
     speed, heading = rng.uniform(0.04, 0.08), rng.uniform(0.0, 2.0 * np.pi)
     twist = np.array([speed * np.cos(heading), speed * np.sin(heading), rng.uniform(-0.4, 0.4)])
-    return Path(config, Cylinder(center, diameter), module, twist)
+    return Path(config, ConvexObject.disc(center, diameter), module, twist)
 
 
 def opening(config: Configuration, module: str) -> float:
@@ -127,7 +131,7 @@ def follow(
     plant_object = ElasticObject(path.cylinder, FRICTION, stiffness_scale=scale)
     plant = SimulatedRobot(path.config, plant_object, RollerFaults())
     plant.advance(0.0)
-    model = RollingGrasp.attach(path.config, path.cylinder)
+    model = HeldGrip.attach(path.config, path.cylinder)
     if plant_object.grasp is None or isinstance(model, HoldStatus):
         return 'not held'
     if plant_object.slip_margin < least and scale == 1.0:
@@ -170,7 +174,7 @@ def decide(
 ) -> RollerCommand | str:
     """Return the command of one cycle, or why there is none."""
     config, pose = plant.config, plant.object_pose
-    grasp = Grasp(path.module, pose[:2], path.cylinder.diameter)
+    grasp = Grip.at_module(ROBOT, path.module, ConvexObject.disc(pose[:2], path.cylinder.diameter))
 
     def solve(twist: np.ndarray, opening_rate: float) -> RollerCommand:
         return solve_twist(config, grasp, twist, opening_rate=opening_rate)
@@ -252,7 +256,7 @@ def print_foretold(paths: list[Path]) -> None:
     """Print how many paths larger and larger loads end, and how many of them with a margin."""
     for load in (LOAD, 2.0 * LOAD, 3.0 * LOAD):
         lost = [path for path in paths if isinstance(follow(path, MODEL, constant(load)), str)]
-        models = [RollingGrasp.attach(path.config, path.cylinder) for path in lost]
+        models = [HeldGrip.attach(path.config, path.cylinder) for path in lost]
         missed = sum(model.slip_margin(FRICTION) >= load for model in models)
         print(
             f'constant {load:g} N: {len(lost)} of {len(paths)} lost; '
@@ -262,8 +266,8 @@ def print_foretold(paths: list[Path]) -> None:
 
 def print_ratio(path: Path) -> None:
     """Print how long a command takes against SciPy's solver of the equilibrium alone."""
-    grasp = RollingGrasp.attach(path.config, path.cylinder)
-    closure = keep_place(complex(*path.cylinder.center), 0.0)
+    grasp = HeldGrip.attach(path.config, path.cylinder)
+    closure = keep_place(path.cylinder.center, 0.0)
     start = grasp.state.unknowns.copy()
     start[NORMAL] *= 0.9
 

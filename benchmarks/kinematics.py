@@ -69,7 +69,11 @@ def random_states(robot: core.Robot, count: int, seed: int) -> list[State]:
         twist = direction / np.linalg.norm(direction) / surface
         try:
             config = robot.configuration(travel)
-            grasp = core.Grasp(module, core.tangent_center(config, module, DIAMETER), DIAMETER)
+            grasp = core.Grip.at_module(
+                config.robot,
+                module,
+                core.ConvexObject.disc(core.tangent_center(config, module, DIAMETER), DIAMETER),
+            )
             command = core.solve_twist(config, grasp, twist)
         except (core.ConfigurationError, core.GraspError):
             continue

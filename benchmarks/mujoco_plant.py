@@ -27,7 +27,12 @@ import time
 os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
 
 from diagnostic_msgs.msg import DiagnosticArray
-from isotruss_ros.core import Cylinder, load_robot, RollerFaults, tangent_center
+from isotruss_ros.core import (
+    ConvexObject,
+    load_robot,
+    RollerFaults,
+    tangent_center,
+)
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.options import PlantOptions
@@ -50,7 +55,7 @@ def driven(options: PlantOptions) -> DrivenRobot:
     """Return a robot that presses on an object."""
     robot = load_robot('nine_member')
     center = tangent_center(robot.home, 'north/Z', DIAMETER, INDENTATION)
-    return DrivenRobot(robot, Cylinder(center, DIAMETER), False, options, RollerFaults())
+    return DrivenRobot(robot, ConvexObject.disc(center, DIAMETER), False, options, RollerFaults())
 
 
 def plant_row(name: str, options: PlantOptions, speeds: np.ndarray) -> list[str]:

@@ -27,8 +27,8 @@ import os
 os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
 
 from isotruss_ros.core import (
-    Grasp,
-    HeldObject,
+    ConvexObject,
+    Grip,
     load_robot,
     ObjectPath,
     PathPhase,
@@ -36,6 +36,7 @@ from isotruss_ros.core import (
     Pose,
     RollerFaults,
     RollerState,
+    RollingGrip,
     SimulatedRobot,
     StampedInput,
     tangent_center,
@@ -48,7 +49,9 @@ import numpy as np
 
 ROBOT = load_robot('nine_member')
 MODULE, DIAMETER = 'north/Z', 0.3
-GRASP = Grasp(MODULE, tangent_center(ROBOT.home, MODULE, DIAMETER), DIAMETER)
+GRASP = Grip.at_module(
+    ROBOT, MODULE, ConvexObject.disc(tangent_center(ROBOT.home, MODULE, DIAMETER), DIAMETER)
+)
 SPEED, TURN_RATE = 0.03, 0.25
 #: Of the robot and the node `manipulation`; the tracker runs in every second cycle [s].
 PERIOD = 0.005
@@ -97,7 +100,7 @@ def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> 
     """Follow the path once."""
     roller_noise, position_noise, angle_noise = NOISE if noisy else (0.0, 0.0, 0.0)
     rng = np.random.default_rng([seed, 2])
-    held = HeldObject.attach(ROBOT.home, GRASP)
+    held = RollingGrip.attach(ROBOT.home, GRASP)
     faults = RollerFaults(noise=roller_noise, slip=slip)
     robot = SimulatedRobot(ROBOT.home, held, faults, seed)
     servo = TwistServo(ROBOT, MODULE, DIAMETER, PERIOD, 0.1)

@@ -29,7 +29,7 @@ import time
 os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
 sys.path.append(str(Path(__file__).parents[1] / 'test' / 'helpers'))
 
-from isotruss_ros.core import Cylinder, load_robot, plan_grasps
+from isotruss_ros.core import ConvexObject, load_robot, plan_grasps
 from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
@@ -60,7 +60,7 @@ def harvest() -> dict[str, list[QuadraticProgram]]:
         walks.walk(seed, 300, slide=seed % 3 == 2)
     home = load_robot('nine_member').home
     for diameter in (0.2, 0.25, 0.3, 0.35, 0.4):
-        plan_grasps(home, Cylinder((0.0, -0.8), diameter), thorough=False)
+        plan_grasps(home, ConvexObject.disc((0.0, -0.8), diameter), thorough=False)
     return kept
 
 

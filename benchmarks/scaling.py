@@ -80,7 +80,11 @@ def measure(robot: core.Robot, module: str, peer: bool = False) -> Times:
     rollers = len(robot.roller_names)
     state = robot.configuration(rng.uniform(-TRAVEL, TRAVEL, rollers))
     step = robot.description.max_speed / 200.0 * rng.choice([-1.0, 1.0], rollers)
-    grasp = core.Grasp(module, core.tangent_center(state, module, DIAMETER), DIAMETER)
+    grasp = core.Grip.at_module(
+        state.robot,
+        module,
+        core.ConvexObject.disc(core.tangent_center(state, module, DIAMETER), DIAMETER),
+    )
     twist = np.array([1.0, 0.5, 4.0])
     limit = core.solve_twist(state, grasp, twist).scale * twist
 

@@ -46,13 +46,15 @@ COLD_TARGET, WARM_TARGET = 2e-3, 1e-3
 LOAD = -10.0
 
 
-def pressed(config: core.Configuration, module: str, depth: float) -> core.Cylinder:
+def pressed(config: core.Configuration, module: str, depth: float) -> core.ConvexObject:
     """Return an object that is pressed toward the corner at a module."""
     robot = config.robot
     tangent = np.array(core.tangent_center(config, module, DIAMETER))
     pinch = [config.nodes[robot.node_names.index(f'{module}/{node}')] for node in 'BC']
     outward = np.mean(pinch, axis=0) - tangent
-    return core.Cylinder(tuple(tangent + depth * outward / np.linalg.norm(outward)), DIAMETER)
+    return core.ConvexObject.disc(
+        tuple(tangent + depth * outward / np.linalg.norm(outward)), DIAMETER
+    )
 
 
 def print_grasps() -> None:
@@ -69,7 +71,7 @@ def print_grasps() -> None:
             cold.append(seconds)
             contacts.append(len(analysis.points))
             x, y = cylinder.center
-            moved = core.Cylinder((x + 1e-4, y - 1e-4), DIAMETER)
+            moved = core.ConvexObject.disc((x + 1e-4, y - 1e-4), DIAMETER)
             warm.append(timed(partial(analyze, config, moved, flattening, analysis))[0])
         for name, times, target in (('cold', cold, COLD_TARGET), ('warm', warm, WARM_TARGET)):
             median, tail = np.percentile(times, [50.0, 99.0])
@@ -84,7 +86,10 @@ def print_grasps() -> None:
 def print_shapes() -> None:
     """Measure cold analyses of objects that are no discs against those of a disc."""
     robot, random = core.load_robot('nine_member'), np.random.default_rng(2)
-    grip = core.Grip.at_module(robot, core.Grasp(MODULE, (0.0, 0.0), DIAMETER))
+    grip = core.Grip.at_module(
+        robot,
+        core.Grip.at_module(robot, MODULE, core.ConvexObject.disc((0.0, 0.0), DIAMETER)),
+    )
     corners = [(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)]
     shapes = {
         'disc': core.Disc(DIAMETER),
@@ -112,7 +117,7 @@ def print_shapes() -> None:
 
 def analyze(
     config: core.Configuration,
-    cylinder: core.Cylinder,
+    cylinder: core.ConvexObject,
     flattening: bool = True,
     previous: core.GraspAnalysis | None = None,
 ) -> core.GraspAnalysis:
@@ -129,7 +134,9 @@ def print_growth() -> None:
         home = robot.home
         cylinder = pressed(home, module, 0.01)
 
-        def cold(home: core.Configuration = home, cylinder: core.Cylinder = cylinder) -> object:
+        def cold(
+            home: core.Configuration = home, cylinder: core.ConvexObject = cylinder
+        ) -> object:
             # A new object, for which no structure is cached.
             return analyze(
                 core.Configuration(home.robot, home.roller_positions, home.points), cylinder

@@ -17,7 +17,7 @@ from comparison.carrying import Carried, carry, Feedback, OpenLoop, Regulated, S
 from comparison.grips import Grip, press, release
 from comparison.section import Check, Section
 from comparison.wedge import MODULE
-from isotruss_ros.core import Cylinder, Grasp, settle_grasp
+from isotruss_ros.core import ConvexObject, Grip, settle_grasp
 from isotruss_ros.demo.path import figure_9, Phase
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from matplotlib import rc_context
@@ -108,14 +108,14 @@ def run(name: str, phases: Sequence[Phase]) -> Carried:
     plant, config, cylinder = press(GRIP, options=PlantOptions())
     release(plant, FRICTION)
     center = plant.object_pose()[:2]
-    grasp = Grasp(MODULE, center, cylinder.diameter)
+    grasp = Grip.at_module(config.robot, MODULE, ConvexObject.disc(center, cylinder.diameter))
     steering: Steering
     if name == OPEN:
         steering = OpenLoop(config, grasp)
     elif name == FEEDBACK:
         steering = Feedback(config, grasp)
     else:
-        settled = settle_grasp(config, Cylinder(center, cylinder.diameter), FRICTION)
+        settled = settle_grasp(config, ConvexObject.disc(center, cylinder.diameter), FRICTION)
         squeeze = float(np.mean(list(settled.normal_forces.values())))
         steering = Regulated(config, grasp, squeeze, FRICTION)
     return carry(plant, steering, phases)

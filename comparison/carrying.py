@@ -18,11 +18,11 @@ from typing import Protocol
 
 from isotruss_ros.core import (
     Configuration,
-    Grasp,
+    ConvexObject,
     Grip,
-    HeldObject,
     Pose,
     RollerState,
+    RollingGrip,
     solve_twist,
     solve_twist_ahead,
     StampedInput,
@@ -31,7 +31,6 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Phase
 from isotruss_ros.mujoco_plant.options import LOAD_TIME, POSE_GAIN
@@ -68,12 +67,12 @@ class OpenLoop:
     """
 
     def __init__(self, config: Configuration, grasp: Grasp) -> None:
-        self._config, self._held = config, HeldObject.attach(config, grasp)
+        self._config, self._held = config, RollingGrip.attach(config, grasp)
 
     def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
         """Return roller velocities for the middle of the cycle, see `Steering`."""
         self._config = self._config.moved_to(plant.travel)
-        grasp = self._held.grasp_in(self._config)
+        grasp = self._held.moved_to(self._config)
         found = solve_twist_ahead(self._config, grasp, twist, 0.5 / RATE)
         return found.roller_velocities
 
@@ -93,7 +92,11 @@ class Feedback:
     def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
         """Return roller velocities for the measured pose, see `Steering`."""
         self._config = self._config.moved_to(plant.travel)
-        grasp = Grasp(self._grasp.module, plant.object_pose()[:2], self._grasp.diameter)
+        grasp = Grip.at_module(
+            config.robot,
+            self._grasp.module,
+            ConvexObject.disc(plant.object_pose()[:2], self._grasp.diameter),
+        )
         found = solve_twist(self._config, grasp, twist + self._gain * error)
         return found.roller_velocities
 
@@ -111,7 +114,7 @@ class Regulated:
     """
 
     def __init__(
-        self, config: Configuration, grasp: Grasp | Grip, squeeze: float, friction: float
+        self, config: Configuration, grasp: Grip, squeeze: float, friction: float
     ) -> None:
         load = LoadSettings(time=LOAD_TIME)
         self.control = SqueezeControl(
@@ -122,7 +125,7 @@ class Regulated:
         self._servo = TwistServo(config.robot, *_short_form(grasp), 1.0 / RATE, 0.5)
         if isinstance(grasp, Grip):
             self._servo.members, self._servo.friction = grasp.members, friction
-            self._servo.body = as_convex_object(grasp.body)
+            self._servo.body = grasp.body
         self._servo.squeeze = self.control
 
     def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
@@ -138,7 +141,7 @@ class Regulated:
         return decision.command.roller_velocities
 
 
-def _short_form(grasp: Grasp | Grip) -> tuple[str, float]:
+def _short_form(grasp: Grip) -> tuple[str, float]:
     """Return module and diameter of the short form; they do not count in a grip."""
     return ('', 1.0) if isinstance(grasp, Grip) else (grasp.module, grasp.diameter)
 

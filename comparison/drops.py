@@ -20,15 +20,15 @@ from comparison.wedge import MODULE
 from isotruss_ros.core import (
     Configuration,
     ConfigurationError,
-    Cylinder,
-    Grasp,
-    HeldObject,
+    ConvexObject,
+    Grip,
     HoldStatus,
+    RollingGrip,
     solve_twist,
     StructureError,
 )
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.grasping.slip_margin import weakest_direction
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
@@ -183,8 +183,8 @@ def attempt(case: Case) -> Outcome | None:
     plant, config, cylinder = press(case.grip)
     release(plant, case.friction, REST)
     pose = plant.object_pose()
-    model = RollingGrasp.attach(config, Cylinder(pose[:2], cylinder.diameter), pose.angle)
-    if not isinstance(model, RollingGrasp):
+    model = HeldGrip.attach(config, ConvexObject.disc(pose[:2], cylinder.diameter), pose.angle)
+    if not isinstance(model, HeldGrip):
         return None
     travels = _travels(config, case, pose[:2])
     if travels is None:
@@ -211,10 +211,10 @@ def _is_worth(case: Case) -> bool:
     """Return whether the grasp seems to bear a load, which costs less than to simulate it."""
     try:
         config, cylinder = place(case.grip)
-        model = RollingGrasp.attach(config, cylinder)
+        model = HeldGrip.attach(config, cylinder)
     except (ConfigurationError, StructureError):
         return False
-    if not isinstance(model, RollingGrasp) or model.hold(case.friction) is not HoldStatus.HELD:
+    if not isinstance(model, HeldGrip) or model.hold(case.friction) is not HoldStatus.HELD:
         return False
     wrinkles = float(held_utilisation(model).max()) > 1.0
     return model.slip_margin(case.friction) > LEAST and not wrinkles
@@ -222,10 +222,12 @@ def _is_worth(case: Case) -> bool:
 
 def _travels(config: Configuration, case: Case, center: tuple[float, float]) -> list[Array] | None:
     """Return roller travels along the motion, at even times; None where it leads nowhere."""
-    held = HeldObject.attach(config, Grasp(MODULE, center, case.grip.diameter))
+    held = RollingGrip.attach(
+        config, Grip.at_module(config.robot, MODULE, ConvexObject.disc(center, case.grip.diameter))
+    )
     travels, lengths = [], 1.0 - np.cos(2.0 * np.pi * (np.arange(WAYPOINTS) + 0.5) / WAYPOINTS)
     for length in lengths * DURATION / WAYPOINTS:
-        command = solve_twist(config, held.grasp_in(config), case.twist)
+        command = solve_twist(config, held.moved_to(config), case.twist)
         if command.scale < 1.0:
             return None
         config = config.moved_to(config.roller_positions + length * command.roller_velocities)
@@ -233,7 +235,7 @@ def _travels(config: Configuration, case: Case, center: tuple[float, float]) -> 
     return travels
 
 
-def _least_margin(model: RollingGrasp, travels: Sequence[Array], friction: float) -> float:
+def _least_margin(model: HeldGrip, travels: Sequence[Array], friction: float) -> float:
     """Return the smallest slip margin without a load, zero where the object is not held [N]."""
     least, there = model.slip_margin(friction), model
     for travel in travels:
@@ -244,7 +246,7 @@ def _least_margin(model: RollingGrasp, travels: Sequence[Array], friction: float
     return least
 
 
-def _follow(model: RollingGrasp, travels: Sequence[Array], wrench: Array) -> RollingGrasp | None:
+def _follow(model: HeldGrip, travels: Sequence[Array], wrench: Array) -> HeldGrip | None:
     """Return our model of the grasp at the end of the motion, under the load."""
     there = model.moved_to(model.config, wrench)
     for travel in travels:

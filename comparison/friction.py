@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from comparison.grips import Grip, press, release
 from comparison.section import Check, Section
-from isotruss_ros.core import Cylinder, settle_grasp
+from isotruss_ros.core import ConvexObject, settle_grasp
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 from paper.tables import number, Table
@@ -40,7 +40,7 @@ def compare(grips: Sequence[Grip] = GRIPS) -> Section:
         plant, config, cylinder = press(grip)
         release(plant, FRICTION)
         pose = plant.object_pose()
-        settled = settle_grasp(config, Cylinder(pose[:2], cylinder.diameter), FRICTION)
+        settled = settle_grasp(config, ConvexObject.disc(pose[:2], cylinder.diameter), FRICTION)
         ours = settled.required_friction
         theirs = lost_at(plant, START * ours)
         errors.append(abs(theirs / ours - 1.0))

@@ -17,7 +17,13 @@ import itertools
 
 from comparison.grips import Grip, press, release, STILL
 from comparison.section import Check, Section
-from isotruss_ros.core import analyze_grasp, Configuration, Cylinder, GraspAnalysis, settle_grasp
+from isotruss_ros.core import (
+    analyze_grasp,
+    Configuration,
+    ConvexObject,
+    GraspAnalysis,
+    settle_grasp,
+)
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
@@ -104,7 +110,9 @@ def compare_one(grip: Grip) -> Compared:
     places = np.array([forces[name].point - _place(config, name, analysis) for name in names])
     release(plant, FRICTION)
     start = np.array(plant.object_pose())
-    settled = settle_grasp(config, Cylinder(tuple(start[:2]), cylinder.diameter), FRICTION)
+    settled = settle_grasp(
+        config, ConvexObject.disc(tuple(start[:2]), cylinder.diameter), FRICTION
+    )
     free = plant.contact_forces()
     gives = [start - (*cylinder.center, 0.0)]
     gives.append(np.linalg.solve(settled.stiffness, analysis.normal_wrench))

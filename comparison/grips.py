@@ -19,13 +19,11 @@ from comparison.wedge import closed_to, MODULE
 from isotruss_ros.core import (
     Configuration,
     ConvexObject,
-    Cylinder,
     load_robot,
     tangent_center,
 )
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grasp import members_at_module
-from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.options import PlantOptions, ROUND
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
@@ -82,7 +80,7 @@ def move_to(
     plant.settle(REST)
 
 
-def place(grip: Grip) -> tuple[Configuration, Cylinder]:
+def place(grip: Grip) -> tuple[Configuration, ConvexObject]:
     """
     Return the configuration of a grip, and the object in it.
 
@@ -90,12 +88,12 @@ def place(grip: Grip) -> tuple[Configuration, Cylinder]:
     """
     config = closed_to(round_robot().home, grip.degrees, grip.diameter)
     center = tangent_center(config, MODULE, grip.diameter, grip.indentation)
-    return config, Cylinder(center, grip.diameter)
+    return config, ConvexObject.disc(center, grip.diameter)
 
 
 def press(
     grip: Grip, friction: float = 0.0, options: PlantOptions = STILL
-) -> tuple[MujocoPlant, Configuration, Cylinder]:
+) -> tuple[MujocoPlant, Configuration, ConvexObject]:
     """
     Return a plant that presses on an object held fast, its configuration, and the object.
 
@@ -109,7 +107,7 @@ def press(
 
 def press_on(
     config: Configuration,
-    held: Cylinder | ConvexObject,
+    held: ConvexObject,
     friction: float = 0.0,
     options: PlantOptions = STILL,
 ) -> MujocoPlant:
@@ -129,7 +127,7 @@ def press_on(
     plant.set_friction(friction)
     plant.hold_object(AWAY)
     move_to(plant, config.roller_positions)
-    plant.hold_object(as_convex_object(held).pose)
+    plant.hold_object(held.pose)
     plant.settle(2.0 * REST)
     return plant
 

@@ -18,7 +18,12 @@ from typing import NamedTuple
 from comparison.carrying import carry, Regulated
 from comparison.grips import round_robot
 from comparison.section import Check, Section
-from isotruss_ros.core import Cylinder, GraspRequirements, plan_grasps, PlannedGrasp
+from isotruss_ros.core import (
+    ConvexObject,
+    GraspRequirements,
+    plan_grasps,
+    PlannedGrasp,
+)
 from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_tracking import (
     FINISHED,
@@ -190,7 +195,7 @@ def _plan(wanted: Wanted) -> PlannedGrasp:
     needs = GraspRequirements(
         friction=FRICTION, module=wanted.module, squeeze=wanted.squeeze, count=1
     )
-    cylinder = Cylinder(wanted.center, wanted.diameter)
+    cylinder = ConvexObject.disc(wanted.center, wanted.diameter)
     plan = plan_grasps(robot.home, cylinder, needs, thorough=False)
     return plan.grasps[0]
 
@@ -205,7 +210,7 @@ def follow(wanted: Wanted, grasp: PlannedGrasp) -> MujocoPlant:
     robot, exported = round_robot(), export_path(grasp)
     segments = np.full(len(robot.member_names), 4)
     segments[[robot.member_names.index(name) for name in grasp.members]] = 8
-    cylinder = Cylinder(wanted.center, wanted.diameter)
+    cylinder = ConvexObject.disc(wanted.center, wanted.diameter)
     plant = MujocoPlant(
         robot, [cylinder], PlantOptions(friction=FRICTION, ground_friction=GROUND), segments
     )

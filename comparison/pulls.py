@@ -16,8 +16,8 @@ import math
 
 from comparison.grips import Grip, press, release
 from comparison.section import Check, Section
-from isotruss_ros.core import Configuration, Cylinder, HoldStatus
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core import Configuration, ConvexObject, HoldStatus
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
@@ -50,8 +50,8 @@ def compare(grips: Sequence[Grip] = GRIPS, directions: Sequence[float] = DIRECTI
         release(plant, FRICTION)
         state = plant.save()
         pose = plant.object_pose()
-        model = RollingGrasp.attach(config, Cylinder(pose[:2], cylinder.diameter), pose.angle)
-        assert isinstance(model, RollingGrasp), model
+        model = HeldGrip.attach(config, ConvexObject.disc(pose[:2], cylinder.diameter), pose.angle)
+        assert isinstance(model, HeldGrip), model
         margin = model.slip_margin(FRICTION)
         for direction in directions:
             along = np.array([math.cos(direction), math.sin(direction), 0.0])
@@ -87,7 +87,7 @@ def compare(grips: Sequence[Grip] = GRIPS, directions: Sequence[float] = DIRECTI
     )
 
 
-def predicted(model: RollingGrasp, config: Configuration, along: Array) -> float:
+def predicted(model: HeldGrip, config: Configuration, along: Array) -> float:
     """
     Return the pull at which the equilibrium slips, lets go or ends [N].
 

@@ -15,9 +15,9 @@ from isotruss_ros.core import (
     Configuration,
     ConfigurationError,
     ConvexObject,
-    Grasp,
+    Grip,
+    grip_jacobian,
     tangent_center,
-    task_jacobian,
 )
 from isotruss_ros.core.manipulation.grasp import members_at_module
 from isotruss_ros.core.model.shapes import Shape
@@ -56,7 +56,9 @@ def closed_to(
         if abs(change) < TOLERANCE:
             return config
         center = tangent_center(config, module, diameter)
-        row = task_jacobian(config, Grasp(module, center, diameter))[3]
+        row = grip_jacobian(
+            config, Grip.at_module(config.robot, module, ConvexObject.disc(center, diameter))
+        )[3]
         # (14) counts the angle with the sign of the side that holds the object.
         side = members_at_module(config, module).side
         travel = side * row * np.clip(change, -MAX_STEP, MAX_STEP) / (row @ row)

@@ -13,7 +13,7 @@ from isotruss_ros import core
 
 config = core.load_robot('nine_member').home
 x, y = core.tangent_center(config, 'north/Z', 0.3)
-pressed = core.Cylinder((x, y + 0.01), 0.3)  # 1 cm deeper into the corner
+pressed = core.ConvexObject.disc((x, y + 0.01), 0.3)  # 1 cm deeper into the corner
 
 grasp = core.analyze_grasp(config, pressed, friction=0.5)
 print(f'{len(grasp.normal_forces)} contact points, {grasp.normal_forces.sum():.1f} N in all')

@@ -12,7 +12,9 @@
 from isotruss_ros import core
 
 home = core.load_robot('nine_member').home
-grasp = core.Grasp('north/Z', core.tangent_center(home, 'north/Z', 0.3), 0.3)
+grasp = core.Grip.at_module(
+    home.robot, 'north/Z', core.ConvexObject.disc(core.tangent_center(home, 'north/Z', 0.3), 0.3)
+)
 twist = (0.0, 0.02, 0.0)
 
 south_and_east = ('south/P', 'south/Q', 'east/Q', 'east/R')

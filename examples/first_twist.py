@@ -14,7 +14,7 @@ from isotruss_ros import core
 robot = core.load_robot('nine_member')  # or the path of a robot file
 config = robot.home
 center = core.tangent_center(config, 'north/Z', 0.3)  # an object 0.3 m wide touches both sides
-grasp = core.Grasp('north/Z', center, 0.3)
+grasp = core.Grip.at_module(config.robot, 'north/Z', core.ConvexObject.disc(center, 0.3))
 
 command = core.solve_twist(config, grasp, twist=(0.0, 0.02, 0.1))  # vx, vy [m/s], omega [rad/s]
 for name, velocity in zip(robot.roller_names, command.roller_velocities, strict=True):

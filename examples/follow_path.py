@@ -14,9 +14,11 @@ import numpy as np
 
 PERIOD = 0.02  # [s]
 home = core.load_robot('nine_member').home
-grasp = core.Grasp('north/Z', core.tangent_center(home, 'north/Z', 0.3), 0.3)
+grasp = core.Grip.at_module(
+    home.robot, 'north/Z', core.ConvexObject.disc(core.tangent_center(home, 'north/Z', 0.3), 0.3)
+)
 faults = core.RollerFaults(slip=0.05)  # every roller loses about 5 % of its travel, unseen
-robot = core.SimulatedRobot(home, core.HeldObject.attach(home, grasp), faults, seed=1)
+robot = core.SimulatedRobot(home, core.RollingGrip.attach(home, grasp), faults, seed=1)
 
 start = robot.object_pose
 poses = [(start.x, start.y, 0.0), (start.x, start.y + 0.05, 0.0), (start.x + 0.05, start.y, 0.2)]
@@ -28,7 +30,9 @@ while phase not in finished:
     pose = robot.object_pose
     tracking = tracker.update(pose, age=0.0, elapsed=PERIOD)
     phase = tracking.phase
-    held = core.Grasp('north/Z', (pose.x, pose.y), 0.3)
+    held = core.Grip.at_module(
+        home.robot, 'north/Z', core.ConvexObject.disc((pose.x, pose.y), 0.3)
+    )
     command = core.solve_twist(robot.config, held, tracking.twist)
     robot.command(command.roller_velocities)
     robot.advance(PERIOD)

@@ -13,7 +13,9 @@ from isotruss_ros import core
 
 robot = core.load_robot('nine_member')
 home = robot.home
-grasp = core.Grasp('north/Z', core.tangent_center(home, 'north/Z', 0.3), 0.3)
+grasp = core.Grip.at_module(
+    home.robot, 'north/Z', core.ConvexObject.disc(core.tangent_center(home, 'north/Z', 0.3), 0.3)
+)
 
 fast = core.solve_twist(home, grasp, twist=(0.5, 0.0, 0.0))
 print('too fast:', fast.status, 'scale', fast.scale)
@@ -21,7 +23,9 @@ assert fast.status is core.Status.SLOWED_ROLLER_SPEED
 assert 0.0 < fast.scale < 1.0
 
 # The joint of south/X is on the ground: of most twists only a part can be reached there.
-grounded = core.Grasp('south/X', core.tangent_center(home, 'south/X', 0.3), 0.3)
+grounded = core.Grip.at_module(
+    home.robot, 'south/X', core.ConvexObject.disc(core.tangent_center(home, 'south/X', 0.3), 0.3)
+)
 part = core.solve_twist(home, grounded, twist=(0.02, 0.0, 0.0))
 print('out of reach:', part.status, 'achieved', part.achieved_twist)
 print('reachable twists:', core.reachable_twists(home, grounded, failed=()))

@@ -13,7 +13,7 @@ from isotruss_ros import core
 
 config = core.load_robot('nine_member').home
 x, y = core.tangent_center(config, 'north/Z', 0.3)
-pressed = core.Cylinder((x, y + 0.02), 0.3)
+pressed = core.ConvexObject.disc((x, y + 0.02), 0.3)
 
 for friction in (0.4, 0.8):
     grasp = core.settle_grasp(config, pressed, friction)

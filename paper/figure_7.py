@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from isotruss_ros.core import (
-    Cylinder,
+    ConvexObject,
     GraspAnalysis,
     GraspRequirements,
     load_robot,
@@ -32,7 +32,7 @@ from paper.tables import number, Table
 
 #: The object, free inside the loop of one tube, and the driven modules of that loop with how many
 #: grasps each: the passive one, P, cannot roll an object.
-CYLINDER = Cylinder((0.5, 0.3), 0.35)
+CYLINDER = ConvexObject.disc((0.5, 0.3), 0.35)
 MODULES = {'north/R': 2, 'north/Z': 1}
 #: Coefficient between tube and object.
 FRICTION = 0.5

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from isotruss_ros.core import Cylinder
+from isotruss_ros.core import ConvexObject
 from isotruss_ros.plotting.grasp_drawing import draw_grasp, FORCE_COLOR
 from isotruss_ros.plotting.robot_drawing import draw_robot, frame, MODULE_COLOR, OBJECT_COLOR
 from matplotlib.axes import Axes
@@ -43,7 +43,7 @@ def draw(held: Sequence[Held]) -> Figure:
     above, below = figure.subplots(2, 3)
     for i, each in enumerate(held):
         grasp = each.plan.grasp
-        cylinder = Cylinder(grasp.center, grasp.diameter)
+        cylinder = ConvexObject.disc(grasp.center, grasp.diameter)
         _draw_robot(above[i], each, cylinder)
         frame(above[i], low, high)
         above[i].set_title(f'({"abc"[i]}) held at {grasp.module}', loc='left')
@@ -54,7 +54,7 @@ def draw(held: Sequence[Held]) -> Figure:
     return figure
 
 
-def _draw_robot(axes: Axes, each: Held, cylinder: Cylinder) -> None:
+def _draw_robot(axes: Axes, each: Held, cylinder: ConvexObject) -> None:
     draw_robot(axes, each.plan.config)
     disc = Circle(cylinder.center, 0.5 * cylinder.diameter, zorder=5)
     disc.set(facecolor=OBJECT_COLOR, edgecolor=MODULE_COLOR)
@@ -64,7 +64,7 @@ def _draw_robot(axes: Axes, each: Held, cylinder: Cylinder) -> None:
     axes.add_patch(view)
 
 
-def _draw_grasp(axes: Axes, each: Held, cylinder: Cylinder) -> None:
+def _draw_grasp(axes: Axes, each: Held, cylinder: ConvexObject) -> None:
     draw_grasp(axes, each.plan.config, cylinder, each.analysis, SCALE)
     analysis = each.analysis
     lengths = ' + '.join(f'{1e3 * length:.0f}' for length in analysis.contact_lengths.values())

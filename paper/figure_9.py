@@ -17,10 +17,11 @@ import math
 
 from isotruss_ros.core import (
     Configuration,
-    Grasp,
-    HeldObject,
+    ConvexObject,
+    Grip,
     load_robot,
     Pose,
+    RollingGrip,
     solve_twist_ahead,
     Status,
     tangent_center,
@@ -107,8 +108,13 @@ def follow_path(lead: float, rate: float, advance: Advance) -> list[Part]:
     """
     robot = load_robot('nine_member')
     config = robot.home
-    held = HeldObject.attach(
-        config, Grasp(MODULE, tangent_center(config, MODULE, DIAMETER), DIAMETER)
+    held = RollingGrip.attach(
+        config,
+        Grip.at_module(
+            config.robot,
+            MODULE,
+            ConvexObject.disc(tangent_center(config, MODULE, DIAMETER), DIAMETER),
+        ),
     )
     exact = np.array(held.pose(config))
     parts = [Part('start', config, exact[None], exact[None], frozenset(), 0.0)]
@@ -121,7 +127,7 @@ def follow_path(lead: float, rate: float, advance: Advance) -> list[Part]:
         for k in range(round(phase.duration * rate)):
             start, end = k / rate, (k + 1) / rate
             twist = phase.twist(0.5 * (start + end))
-            command = solve_twist_ahead(config, held.grasp_in(config), twist, lead)
+            command = solve_twist_ahead(config, held.moved_to(config), twist, lead)
             travel = config.roller_positions + command.roller_velocities / rate
             config = config.moved_to(travel)
             exact = exact + _integral(phase, start, end)

@@ -15,7 +15,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from isotruss_ros.core import analyze_grasp, Configuration, Cylinder, Pose, Robot, settle_grasp
+from isotruss_ros.core import (
+    analyze_grasp,
+    Configuration,
+    ConvexObject,
+    Pose,
+    Robot,
+    settle_grasp,
+)
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
@@ -100,7 +107,7 @@ def draw_panels(robot: Robot, diameter: float, records: Sequence[PhaseRecord], p
         draw_robot(axes, configs[i])
         _draw_path(axes, [snap for snap in travelled if snap.time <= stop.snapshot.time])
         draw_object(axes, pose, diameter)
-        cylinder = Cylinder(pose[:2], diameter)
+        cylinder = ConvexObject.disc(pose[:2], diameter)
         analysis = analyze_grasp(configs[i], cylinder)
         draw_forces(axes, cylinder, analysis, ARROW_SCALE)
         wrench = (0.0, 0.0, 0.0)
@@ -148,7 +155,7 @@ def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path:
             if record.pulled[0] <= chosen[i].time <= record.pulled[1]:
                 _draw_pull(axes, chosen[i].pose, record.pull)
         draw_object(axes, chosen[i].pose, diameter)
-        cylinder = Cylinder(chosen[i].pose[:2], diameter)
+        cylinder = ConvexObject.disc(chosen[i].pose[:2], diameter)
         draw_forces(axes, cylinder, analyze_grasp(configs[i], cylinder), ARROW_SCALE)
         frame(axes, *box)
 

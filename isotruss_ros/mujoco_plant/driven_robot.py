@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.pose import Cylinder, Pose
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.simulation.roller_drive import RollerDrive, RollerFaults
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
@@ -49,7 +49,7 @@ class DrivenRobot:
     def __init__(
         self,
         robot: Robot,
-        body: Cylinder | ConvexObject,
+        body: ConvexObject,
         is_free: bool,
         options: PlantOptions,
         faults: RollerFaults,
@@ -64,7 +64,7 @@ class DrivenRobot:
         self.lag = 0.0
         self._longest_step = longest_step
         if not is_free:
-            self.plant.hold_object(as_convex_object(body).pose)
+            self.plant.hold_object(body.pose)
             self.plant.settle(SETTLING)
             self.plant.release_object()
 

@@ -21,9 +21,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 import xml.etree.ElementTree as ET
 
+from isotruss_ros.core import ConvexObject
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.pose import Cylinder
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.safety.distances import nearest_on_segment
 from isotruss_ros.mujoco_plant.object_geoms import object_geoms
@@ -68,7 +68,7 @@ def spring_damping(stiffness: Array, along: Array, options: PlantOptions) -> Arr
 
 def segment_counts(
     robot: Robot,
-    objects: Sequence[Cylinder | ConvexObject],
+    objects: Sequence[ConvexObject],
     options: PlantOptions,
     reach: float = 0.5,
 ) -> Indices:
@@ -83,7 +83,7 @@ def segment_counts(
     topology, points = robot.topology, robot.home.points
     begin, end = points[topology.b], points[topology.c[topology.following]]
     counts = np.full(topology.n_modules, options.segments)
-    for held in map(as_convex_object, objects):
+    for held in objects:
         distance = nearest_on_segment(held.center, begin, end).distance
         near = held.shape.reach + 0.5 * robot.description.tube_diameter
         counts[distance < near + reach * 2.0 * held.shape.reach] = options.contact_segments
@@ -92,7 +92,7 @@ def segment_counts(
 
 def export_mjcf(
     robot: Robot,
-    objects: Sequence[Cylinder | ConvexObject] = (),
+    objects: Sequence[ConvexObject] = (),
     options: PlantOptions | None = None,
     segments: Indices | None = None,
 ) -> str:
@@ -118,7 +118,7 @@ def export_mjcf(
     for i in range(robot.topology.n_modules):
         _add_member(modules[i], robot, i, int(counts[i]), springs, options)
         _add_constraints(equality, tendon, robot, i, counts)
-    for number, held in enumerate(map(as_convex_object, objects)):
+    for number, held in enumerate(objects):
         body = _add_object(world, equality, number, held, options)
         add_look(root, body, held, robot.description.tube_diameter)
     root.extend([tendon, equality])

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.pose import Cylinder, Pose
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
 from isotruss_ros.mujoco_plant.engine import load_mujoco
 from isotruss_ros.mujoco_plant.mjcf import ARMATURE, export_mjcf, segment_counts, spring_damping
@@ -78,13 +78,13 @@ class MujocoPlant:
     def __init__(
         self,
         robot: Robot,
-        objects: Sequence[Cylinder | ConvexObject] = (),
+        objects: Sequence[ConvexObject] = (),
         options: PlantOptions | None = None,
         segments: Indices | None = None,
     ) -> None:
         self._mj = load_mujoco()
         self.robot, self.options = robot, options or PlantOptions()
-        self._objects = tuple(map(as_convex_object, objects))
+        self._objects = tuple(objects)
         counts = segment_counts(robot, objects, self.options) if segments is None else segments
         self._counts = counts
         self.text = export_mjcf(robot, objects, self.options, self._counts)

@@ -21,7 +21,6 @@ from isotruss_msgs.msg import Contact, GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import GraspCode, GraspMonitor, GraspReport, load_robot, read_object
 from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
-from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.nodes.components.sensors import (
     format_age,
     subscribe_input,
@@ -30,14 +29,13 @@ from isotruss_ros.nodes.components.sensors import (
 from isotruss_ros.nodes.components.transforms import TransformBroadcaster
 from isotruss_ros.nodes.conversions.grasp_messages import (
     read_external_wrench,
-    read_question,
+    read_query,
     to_state_message,
 )
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     name_object_frame,
-    read_object_center,
     read_object_pose,
     stamp_header,
     to_time,
@@ -110,15 +108,13 @@ class GraspAnalysisNode(ManagedNode):
         self._markers = GraspMarkers(self._robot.frame)
         self._inputs = PolledGroup()
         subscribe_joint_states(self, self._robot, self._monitor, self._inputs)
-        # The angle of a disc does not matter.
-        read_place = read_object_center if self._monitor.body is None else read_object_pose
         subscribe_input(
             self,
             PoseStamped,
             'object_pose',
-            partial(read_place, frame=self._robot.frame),
+            partial(read_object_pose, frame=self._robot.frame),
             self._monitor,
-            'center',
+            'pose',
             self._inputs,
             reuse=True,
         )
@@ -157,13 +153,13 @@ class GraspAnalysisNode(ManagedNode):
         now = self.now()
         return {
             'age of joint states [s]': format_age(monitor.rollers, now),
-            'age of object pose [s]': format_age(monitor.center, now),
+            'age of object pose [s]': format_age(monitor.pose, now),
             'age of external wrench [s]': format_age(monitor.wrench, now),
         } | self._cycle_times.summary(1.0 / self.values[RATE])
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
-        self._monitor.rollers = self._monitor.center = self._monitor.wrench = None
+        self._monitor.rollers = self._monitor.pose = self._monitor.wrench = None
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""
@@ -183,11 +179,11 @@ class GraspAnalysisNode(ManagedNode):
         self._inputs.take()
         now = self.now()
         try:
-            question = read_question(request, self.values[SPACING])
+            query = read_query(request, self.values[SPACING])
         except MessageError as error:
             report = GraspReport(GraspCode.INVALID_REQUEST, str(error), now)
         else:
-            report = self._monitor.analyze_request(question, now)
+            report = self._monitor.analyze_request(query, now)
         response.success = report.grasp is not None
         response.message = report.message
         response.state = to_state_message(report, self._robot.frame)
@@ -206,7 +202,7 @@ class GraspAnalysisNode(ManagedNode):
             stamp_header(wrench.header, measured, frame)
             self._wrenches.publish(wrench)
             grasp = report.grasp
-            pose = as_convex_object(grasp.body).pose
+            pose = grasp.body.pose
             self._transforms.broadcast(grasp.config, pose[:2], measured)
             used, _ = max(grasp.utilisation.values())
             level = Level.OK if used <= MAX_UTILISATION else Level.WARN

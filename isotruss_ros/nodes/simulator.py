@@ -192,7 +192,7 @@ class Simulator(ManagedNode):
         if values[PLANT] == MUJOCO:
             self._driven = make_driven_robot(
                 self._robot,
-                self._object.convex,
+                self._object.body,
                 self._object.is_free,
                 values[FRICTION],
                 values,

@@ -11,14 +11,13 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core import Configuration, ConvexObject, Cylinder, GraspAnalysis
+from isotruss_ros.core import Configuration, ConvexObject, GraspAnalysis
 from isotruss_ros.core.grasping.deformed_shape import (
     deformed_lines,
     force_lines,
     member_lines,
     region_lines,
 )
-from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.plotting.robot_drawing import MODULE_COLOR, OBJECT_COLOR, TUBE_COLORS
 from matplotlib.axes import Axes
@@ -37,7 +36,7 @@ AROUND = 1.0
 
 def draw_forces(
     axes: Axes,
-    body: Cylinder | ConvexObject,
+    body: ConvexObject,
     analysis: GraspAnalysis,
     scale: float = ARROW_SCALE,
 ) -> None:
@@ -68,7 +67,7 @@ def draw_forces(
 def draw_grasp(
     axes: Axes,
     config: Configuration,
-    body: Cylinder | ConvexObject,
+    body: ConvexObject,
     analysis: GraspAnalysis,
     scale: float = ARROW_SCALE,
 ) -> None:
@@ -94,7 +93,7 @@ def draw_grasp(
         axes.add_patch(patch)
     for line in member_lines(config):
         axes.plot(line.real, line.imag, '--', color=UNDEFORMED_COLOR, lw=1.0, zorder=6)
-    held = as_convex_object(body)
+    held = body
     outline = held.outline(0.01 * held.arm)
     corners = np.column_stack([outline.real, outline.imag])
     axes.add_patch(Polygon(corners, facecolor=OBJECT_COLOR, edgecolor=MODULE_COLOR, zorder=5))
@@ -114,7 +113,7 @@ def draw_grasp(
     axes.set_yticks([])
 
 
-def _resultants(body: Cylinder | ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
+def _resultants(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
     """Return (g, 2) tails and tips of the resultants by member [m]; tips at the mean contact."""
     lines = force_lines(body, analysis, scale)
     touching = analysis.normal_forces > 0.0

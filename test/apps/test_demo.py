@@ -15,7 +15,7 @@ import signal
 from isotruss_msgs.msg import PlannedGrasp
 from isotruss_ros.core import (
     analyze_grasp,
-    Cylinder,
+    ConvexObject,
     ElasticObject,
     GraspRequirements,
     load_robot,
@@ -89,7 +89,7 @@ def test_phases_begin_and_end_at_rest(phase):
 
 def grip(simulated, period):
     """Plan a grasp of the free object and move there; return the time of arrival."""
-    cylinder = Cylinder(OBJECT_CENTER, OBJECT_DIAMETER)
+    cylinder = ConvexObject.disc(OBJECT_CENTER, OBJECT_DIAMETER)
     needs = GraspRequirements(friction=FRICTION, module=GRIP_MODULE, squeeze=SQUEEZE, count=1)
     grasp = plan_grasps(ROBOT.home, cylinder, needs).grasps[0]
     ways = np.abs(np.diff(grasp.path, axis=0)).max(axis=1)
@@ -115,7 +115,7 @@ def grip(simulated, period):
 
 def check_grasp(simulated):
     """Check that the object is held, and that no tube is near to wrinkling."""
-    cylinder = Cylinder(simulated.object_pose[:2], OBJECT_DIAMETER)
+    cylinder = ConvexObject.disc(simulated.object_pose[:2], OBJECT_DIAMETER)
     assert settle_grasp(simulated.config, cylinder, FRICTION).held
     analysis = analyze_grasp(simulated.config, cylinder)
     assert max(analysis.utilisation.values()) < 0.8
@@ -124,7 +124,7 @@ def check_grasp(simulated):
 def play(rate):
     """Grip the object and move it along the whole path; return records and the exact end."""
     home, period = ROBOT.home, 1.0 / rate
-    lying = ElasticObject(Cylinder(OBJECT_CENTER, OBJECT_DIAMETER), FRICTION)
+    lying = ElasticObject(ConvexObject.disc(OBJECT_CENTER, OBJECT_DIAMETER), FRICTION)
     simulated = SimulatedRobot(home, lying, RollerFaults())
     now = grip(simulated, period)
     check_grasp(simulated)

@@ -10,7 +10,13 @@
 """Configurations of the nine-member robot with an object between two of its members."""
 
 from comparison.wedge import closed_to
-from isotruss_ros.core import Cylinder, Grasp, load_robot, tangent_center, task_jacobian
+from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
+    grip_jacobian,
+    load_robot,
+    tangent_center,
+)
 import numpy as np
 
 
@@ -18,7 +24,7 @@ def gripped(degrees=35.0, diameter=0.3, squeeze=0.02, module='north/Z', robot='n
     """Return a configuration and an object pressed into the wedge at a module."""
     config = closed_to(load_robot(robot).home, degrees, diameter, module)
     center = tangent_center(config, module, diameter, squeeze)
-    return config, Cylinder(center, diameter)
+    return config, ConvexObject.disc(center, diameter)
 
 
 def backed_off(config, cylinder, distance, module='north/Z', steps=10):
@@ -27,14 +33,16 @@ def backed_off(config, cylinder, distance, module='north/Z', steps=10):
 
     Its angle stays as it is, and it moves along its bisector.
     """
-    where = complex(*cylinder.center)
+    where = cylinder.center
     near = complex(*tangent_center(config, module, cylinder.diameter, 0.01))
     deep = complex(*tangent_center(config, module, cylinder.diameter, 0.02))
     back = distance / steps * (deep - near) / abs(deep - near)
     configs = [config]
     for _ in range(steps):
-        grasp = Grasp(module, (where.real, where.imag), cylinder.diameter)
-        rows = task_jacobian(configs[-1], grasp)
+        grasp = Grip.at_module(
+            config.robot, module, ConvexObject.disc((where.real, where.imag), cylinder.diameter)
+        )
+        rows = grip_jacobian(configs[-1], grasp)
         travel = np.linalg.pinv(rows) @ [back.real, back.imag, 0.0, 0.0]
         configs.append(configs[-1].moved_to(configs[-1].roller_positions + travel))
         where += back

@@ -14,7 +14,6 @@ import itertools
 from isotruss_ros.core import (
     ConfigurationError,
     ConvexObject,
-    Cylinder,
     Disc,
     Ellipse,
     GraspError,
@@ -23,7 +22,6 @@ from isotruss_ros.core import (
     Pose,
 )
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
-from isotruss_ros.core.model.convex_object import as_convex_object
 import numpy as np
 import robots
 from scipy.integrate import quad
@@ -97,7 +95,9 @@ def random_grip(robot, rng, kind, count=2, tries=100):
         on = all(0.0 < p.real < n for p, n in zip(places, lengths, strict=True))
         diameter = offs.min() + offs.max() - tube
         if on and np.ptp(offs) < 1.8 * tube and 0.02 < diameter < 2.0:
-            return config, Grip(names, Cylinder((center.real, center.imag), float(diameter)))
+            return config, Grip(
+                names, ConvexObject.disc((center.real, center.imag), float(diameter))
+            )
     return config, None
 
 
@@ -112,7 +112,7 @@ def random_convex_grip(robot, rng, kind, count=2, flat=False):
         return config, None
     size = 0.5 * round_grip.body.diameter
     shape = shapes.random_polygon(rng, size) if flat else shapes.random_shape(rng, size)
-    center = complex(*round_grip.body.center)
+    center = round_grip.body.center
     ends = [member_ends(config, name) for name in round_grip.members]
     normals = [toward(center, start, end) for start, end in ends]
     turn = np.exp(1j * rng.uniform(-3.0, 3.0))
@@ -201,7 +201,7 @@ def unroll(grip, point, normal, turn):
     :param normal: out of the object now.
     :param turn: of the object now.
     """
-    body = as_convex_object(grip.body)
+    body = grip.body
     shape, began = body.shape, (point - body.center) / body.turn
     now = normal / turn
     if isinstance(shape, Ellipse):

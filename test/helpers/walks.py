@@ -20,12 +20,12 @@ import sys
 
 from isotruss_ros.core import (
     ConfigurationError,
-    Cylinder,
-    Grasp,
-    HeldObject,
+    ConvexObject,
+    Grip,
     IsotrussError,
     load_robot,
     RollerState,
+    RollingGrip,
     ShapeBounds,
     StampedInput,
     Status,
@@ -65,7 +65,7 @@ class Walk:
 
 def margins(config, grasp):
     """Return what is left above the bounds."""
-    found = shape_margins(config, Cylinder(grasp.center, grasp.diameter), grasp.module)
+    found = shape_margins(config, ConvexObject.disc(grasp.center, grasp.diameter), grasp.module)
     return np.array(found[:3]) - LEAST
 
 
@@ -76,7 +76,11 @@ def begin(rng, module):
         try:
             config = ROBOT.configuration(rng.uniform(-0.35, 0.35, len(ROBOT.roller_names)))
             diameter = float(rng.uniform(0.1, 0.4))
-            grasp = Grasp(module, tangent_center(config, module, diameter), diameter)
+            grasp = Grip.at_module(
+                config.robot,
+                module,
+                ConvexObject.disc(tangent_center(config, module, diameter), diameter),
+            )
         except IsotrussError:
             continue
         lengths = config.member_lengths
@@ -119,7 +123,7 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
     """
     rng = np.random.default_rng(seed)
     config, grasp = begin(rng, GRIPS[seed % len(GRIPS)])
-    held = HeldObject.attach(config, grasp)
+    held = RollingGrip.attach(config, grasp)
     period = float(rng.choice(PERIODS, p=[0.15, 0.35, 0.3, 0.1, 0.1]))
     sensors = Sensors.of(seed, period) if sensors is None else sensors
     servo = TwistServo(ROBOT, grasp.module, grasp.diameter, period, timeout=0.2)
@@ -151,10 +155,10 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
         except ConfigurationError:
             assert not guarded
             return result
-        lowest = margins(end, held.grasp_in(end))
+        lowest = margins(end, held.moved_to(end))
         if lowest.min() < 0.01:
             half = config.moved_to(config.roller_positions + 0.5 * period * velocities)
-            lowest = np.minimum(lowest, margins(half, held.grasp_in(half)))
+            lowest = np.minimum(lowest, margins(half, held.moved_to(half)))
         config = end
         seen.append((config, velocities))
         result.lowest = np.minimum(result.lowest, lowest)

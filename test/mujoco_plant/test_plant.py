@@ -15,13 +15,13 @@ import importlib
 from comparison.grips import AWAY, Grip, move_to, press, release, round_robot, STILL
 from isotruss_ros.core import (
     analyze_grasp,
-    Cylinder,
+    ConvexObject,
     deform,
     load_robot,
     settle_grasp,
     tangent_center,
 )
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.mujoco_plant import engine
 from isotruss_ros.mujoco_plant.options import PlantError, PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
@@ -102,7 +102,7 @@ def test_a_grasp_presses_needs_friction_and_gives_as_statics_says():
     release(plant, 0.8)
     start = np.array(plant.object_pose())
     forces = plant.contact_forces().values()
-    settled = settle_grasp(config, Cylinder(tuple(start[:2]), cylinder.diameter), 0.8)
+    settled = settle_grasp(config, ConvexObject.disc(tuple(start[:2]), cylinder.diameter), 0.8)
     required = max(abs(force.friction) / force.normal for force in forces)
     assert required == pytest.approx(settled.required_friction, rel=0.03)
     plant.pull((1.0, 0.0, 0.0))
@@ -118,7 +118,7 @@ def test_a_grasp_presses_needs_friction_and_gives_as_statics_says():
 def test_it_presses_in_any_corner_as_statics_says(module):
     robot = load_robot('nine_member')
     center = tangent_center(robot.home, module, 0.25, 0.015)
-    cylinder = Cylinder(center, 0.25)
+    cylinder = ConvexObject.disc(center, 0.25)
     plant = MujocoPlant(robot, [cylinder], replace(STILL, friction=0.0, contact_segments=16))
     plant.hold_object((*center, 0.0))
     plant.settle(2.0)
@@ -134,7 +134,7 @@ def test_it_presses_in_any_corner_as_statics_says(module):
 def test_an_object_between_two_pieces_of_a_coarse_mesh_does_not_chatter():
     # By this posture an object crept away by 0.7 mm/s, while the robot shook.
     options = PlantOptions(ground_friction=0.5)
-    plant = MujocoPlant(round_robot(), [Cylinder((0.6, 0.3), 0.2)], options)
+    plant = MujocoPlant(round_robot(), [ConvexObject.disc((0.6, 0.3), 0.2)], options)
     plant.hold_object(AWAY)
     move_to(plant, [-0.2123, 0.1743, -0.1239, -0.3132, -0.2625, 0.1499])
     plant.set_friction(0.0)
@@ -158,7 +158,7 @@ def test_a_carried_object_follows_and_is_dropped_when_friction_is_too_low():
     plant, config, _ = press(Grip(40.0, 0.04))
     release(plant, 0.8)
     start = np.array(plant.object_pose())
-    held = RollingGrasp.attach(config, Cylinder(tuple(start[:2]), 0.3), start[2])
+    held = HeldGrip.attach(config, ConvexObject.disc(tuple(start[:2]), 0.3), start[2])
     travel = plant.travel + np.array([0.01, -0.01, 0.01, 0.01, -0.005, 0.01])
     there = config.moved_to(travel)
     move_to(plant, travel)
@@ -189,7 +189,9 @@ def test_the_same_commands_lead_to_the_same_state():
 @needs_mujoco
 def test_several_objects_in_one_world():
     robot = load_robot('nine_member')
-    plant = MujocoPlant(robot, [Cylinder((4.0, 4.0), 0.3), Cylinder((5.0, 4.0), 0.1)])
+    plant = MujocoPlant(
+        robot, [ConvexObject.disc((4.0, 4.0), 0.3), ConvexObject.disc((5.0, 4.0), 0.1)]
+    )
     plant.pull((1.0, 0.0, 0.0), number=0)
     plant.settle(0.5)
     assert plant.object_pose(0).x > 4.01

@@ -13,7 +13,12 @@ from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import PickObject, PlanGrasp
-from isotruss_ros.core import ConvexObject, Cylinder, Ellipse, Pose, StampedInput
+from isotruss_ros.core import (
+    ConvexObject,
+    Ellipse,
+    Pose,
+    StampedInput,
+)
 from isotruss_ros.core.control.path_tracking import RETURN
 from isotruss_ros.nodes.components import action_steps
 from isotruss_ros.nodes.components.action_steps import (
@@ -377,7 +382,7 @@ def test_object_and_members_are_those_that_are_planned_with(described):
         list(sequences.pick(PickObject.Goal(members=['south/P-Q', 'north/R-P'], squeeze=9.0)))
     arguments = read_goal(planner.goal, ROBOT)
     if described is None:
-        assert arguments.body == Cylinder((0.6, 0.3), 0.25)
+        assert arguments.body == ConvexObject.disc((0.6, 0.3), 0.25)
     else:
         assert arguments.body.moved_to((0.0, 0.0, 0.0)) == described
         assert arguments.body.pose == pytest.approx((0.6, 0.3, 0.1))

@@ -32,7 +32,6 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_angle,
-    read_object_center,
     read_object_pose,
     read_stamp,
     read_twist,
@@ -154,7 +153,7 @@ POSES = (
 
 
 @pytest.mark.parametrize('case', POSES)
-@pytest.mark.parametrize('read', [read_object_center, read_object_pose])
+@pytest.mark.parametrize('read', [read_object_pose, read_object_pose])
 def test_rejects_object_poses(read, case):
     changes, words = POSES[case]
     with pytest.raises(MessageError, match=words) as error:
@@ -165,7 +164,7 @@ def test_rejects_object_poses(read, case):
 @given(numbers, numbers, st.floats(-3.0, 3.0))
 def test_poses_there_and_back(x, y, angle):
     message = PoseStamped(header=Header(frame_id=FRAME), pose=to_pose_message(Pose(x, y, angle)))
-    assert read_object_center(message, FRAME) == (x, y)
+    assert read_object_pose(message, FRAME) == (x, y)
     assert read_object_pose(message, FRAME) == pytest.approx((x, y, angle), abs=1e-12)
     assert read_angle(message.pose) == pytest.approx(angle, abs=1e-12)
 

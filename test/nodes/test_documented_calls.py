@@ -16,7 +16,7 @@ import shlex
 
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import analyze_grasp, Cylinder, settle_grasp
+from isotruss_ros.core import analyze_grasp, ConvexObject, settle_grasp
 from isotruss_ros.nodes.conversions.grasp_messages import read_question
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
 from probe import ROBOT
@@ -78,7 +78,7 @@ def test_documented_grasps_are_held():
     assert len(requests) >= 2
     for request in requests:
         question = read_question(request, 0.005)
-        body = question.body or Cylinder(question.center, question.diameter)
+        body = question.body or ConvexObject.disc(question.center, question.diameter)
         assert analyze_grasp(ROBOT.home, body, question.friction).contact_forces
         assert settle_grasp(ROBOT.home, body, question.friction).held
 
@@ -87,4 +87,4 @@ def test_documented_searches_are_taken():
     goals = [fill(m, v) for _, m, v in CALLS if isinstance(m, PlanGrasp.Goal) and v]
     found = [read_goal(goal, ROBOT) for goal in goals]
     assert any(goal.requirements.members for goal in found)
-    assert any(isinstance(goal.body, Cylinder) for goal in found)
+    assert any(isinstance(goal.body, ConvexObject) for goal in found)

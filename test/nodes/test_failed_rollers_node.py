@@ -10,7 +10,13 @@
 """Rollers that fail, and the edge of the good shapes, as the manipulation node deals with them."""
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from isotruss_ros.core import Grasp, reachable_twists, solve_twist, Status
+from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
+    reachable_twists,
+    solve_twist,
+    Status,
+)
 from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
@@ -61,7 +67,11 @@ def assert_held(w, *names):
 
 
 def test_a_roller_that_failed_by_parameter_is_held_and_the_rest_goes_on():
-    expected = reachable_twists(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER), {FIRST})
+    expected = reachable_twists(
+        ROBOT.home,
+        Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER)),
+        {FIRST},
+    )
     with world(node(failed_rollers=[FIRST])) as w:
         status = until_failed(w, FIRST)
         w.until(lambda: w.code() < Status.HALT_NO_TWIST, w.probe.send_all)
@@ -283,7 +293,7 @@ def test_encoders_that_stand_still_stop_the_rollers():
 def test_slows_near_singular_configurations_and_slides_on_request():
     """With two rollers less nothing is left over to keep the shape while the object moves."""
     failed = ['east/Q', 'east/R']
-    grasp = Grasp(MODULE, CENTER, DIAMETER)
+    grasp = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
     lifted = solve_twist(ROBOT.home, grasp, (0.0, 0.02, 0.0), failed).roller_velocities
     least = shape_margins(ROBOT.configuration(lifted)).rigidity - 0.001
     assert least < shape_margins(ROBOT.home).rigidity

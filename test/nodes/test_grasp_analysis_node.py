@@ -20,7 +20,6 @@ from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
-    Cylinder,
     Disc,
     GraspCode,
     read_object,
@@ -83,7 +82,7 @@ def test_codes_are_those_of_the_message():
 
 
 def test_publishes_the_result_of_the_analysis():
-    expected = analyze_grasp(ROBOT.home, Cylinder(SQUEEZED, DIAMETER), 0.5)
+    expected = analyze_grasp(ROBOT.home, ConvexObject.disc(SQUEEZED, DIAMETER), 0.5)
     touching = expected.normal_forces > 0.0
     with world(node()) as w:
         state = until_ok(w)
@@ -213,7 +212,7 @@ def test_an_object_without_contact_is_reported():
 
 def test_an_external_wrench_counts_until_it_is_stale():
     load = (-3.0, 2.0, 0.1)
-    expected = analyze_grasp(ROBOT.home, Cylinder(SQUEEZED, DIAMETER), 0.5, load)
+    expected = analyze_grasp(ROBOT.home, ConvexObject.disc(SQUEEZED, DIAMETER), 0.5, load)
     with world(node()) as w:
         free = until_ok(w).closure_residual
         assert free != pytest.approx(expected.closure_residual, rel=0.01)
@@ -332,7 +331,9 @@ def test_the_service_answers_without_changing_the_state():
     with world(node()) as w:
         live = until_ok(w)
         answer = ask(w, diameter=0.31, friction=0.8, external_wrench=to_wrench_message((0, -1, 0)))
-        expected = analyze_grasp(ROBOT.home, Cylinder(SQUEEZED, 0.31), 0.8, (0.0, -1.0, 0.0))
+        expected = analyze_grasp(
+            ROBOT.home, ConvexObject.disc(SQUEEZED, 0.31), 0.8, (0.0, -1.0, 0.0)
+        )
         assert answer.success
         assert answer.message == ''
         assert answer.state.code == GraspState.OK
@@ -340,7 +341,9 @@ def test_the_service_answers_without_changing_the_state():
         assert len(answer.state.contacts) == (expected.normal_forces > 0.0).sum()
         there = np.linspace(-0.05, 0.05, N)
         moved = ask(w, roller_positions=there.tolist())
-        expected = analyze_grasp(ROBOT.configuration(there), Cylinder(SQUEEZED, DIAMETER), 0.5)
+        expected = analyze_grasp(
+            ROBOT.configuration(there), ConvexObject.disc(SQUEEZED, DIAMETER), 0.5
+        )
         assert moved.state.closure_residual == pytest.approx(expected.closure_residual)
         after = until_ok(w)
         assert after.computing_time == live.computing_time
@@ -479,7 +482,7 @@ def test_topic_names_are_relative():
 def test_what_is_held_is_published_beside_the_analysis():
     friction = 0.8
     center = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.05)
-    expected = settle_grasp(ROBOT.home, Cylinder(center, DIAMETER), friction)
+    expected = settle_grasp(ROBOT.home, ConvexObject.disc(center, DIAMETER), friction)
     assert expected.held
     with world(node(friction=friction)) as w:
         state = w.until_code(GraspCode.OK, feed(w, center=center), 'state')

@@ -19,7 +19,6 @@ from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_ros.core import (
     ConvexObject,
-    Cylinder,
     Disc,
     GraspRequirements,
     IsotrussError,
@@ -76,7 +75,7 @@ def test_the_object_of_a_goal_goes_before_that_of_the_parameter():
         body = read_goal(wanted, ROBOT, described).body
         assert body.moved_to(box.pose) == box
         assert body.pose == pytest.approx(box.pose)
-        assert read_goal(goal(), ROBOT, described).body == Cylinder(CENTER, DIAMETER)
+        assert read_goal(goal(), ROBOT, described).body == ConvexObject.disc(CENTER, DIAMETER)
 
 
 def test_members_are_named_beside_a_module():
@@ -203,7 +202,7 @@ def test_reads_every_requirement():
         ),
         ROBOT,
     )
-    assert arguments.body == Cylinder((0.52, 0.31), 0.25)
+    assert arguments.body == ConvexObject.disc((0.52, 0.31), 0.25)
     assert arguments.requirements == GraspRequirements(
         friction=0.7,
         external_wrench=(0.01, 0.0, 0.001),
@@ -228,7 +227,7 @@ def seconds(duration):
 
 
 def test_the_result_has_the_grasps_and_trajectories_that_can_be_followed():
-    plan = plan_grasps(ROBOT.home, Cylinder(CENTER, DIAMETER), thorough=False)
+    plan = plan_grasps(ROBOT.home, ConvexObject.disc(CENTER, DIAMETER), thorough=False)
     assert plan.grasps
     result = to_result_message(Answer(Outcome.FOUND, 'found', plan), ROBOT)
     assert (result.code, result.message) == (Result.FOUND, 'found')
@@ -249,7 +248,7 @@ def test_the_result_has_the_grasps_and_trajectories_that_can_be_followed():
 
 
 def test_the_result_names_the_closest_violation():
-    plan = plan_grasps(ROBOT.home, Cylinder((9.0, 9.0), DIAMETER))
+    plan = plan_grasps(ROBOT.home, ConvexObject.disc((9.0, 9.0), DIAMETER))
     result = to_result_message(Answer(Outcome.NONE_FOUND, 'none', plan), ROBOT)
     assert not result.grasps
     violation = (result.violated_requirement, result.violation_value, result.violation_bound)

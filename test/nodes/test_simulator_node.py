@@ -11,7 +11,12 @@
 
 import math
 
-from isotruss_ros.core import Grasp, HeldObject, Status
+from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
+    RollingGrip,
+    Status,
+)
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
@@ -141,7 +146,9 @@ def test_encoders_do_not_measure_slip():
         w.until(lambda: travel(w)[1] > 0.01, send(w, only(1)))
         joints, pose = w.probe.last('joints'), w.probe.last('pose').pose
         assert joints.velocity[1] == pytest.approx(SPEED)
-        held = HeldObject.attach(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER))
+        held = RollingGrip.attach(
+            ROBOT.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
+        )
 
         def there(travelled):
             return held.pose(ROBOT.configuration(travelled))[:2]

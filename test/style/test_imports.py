@@ -27,7 +27,7 @@ for name in core.__all__:
     getattr(core, name)
 robot = core.load_robot('nine_member')
 center = core.tangent_center(robot.home, 'east/Q', 0.3)
-command = core.solve_twist(robot.home, core.Grasp('east/Q', center, 0.3), [0.0, 0.01, 0.0])
+command = core.solve_twist(robot.home, core.Grip.at_module(config.robot, 'east/Q', core.ConvexObject.disc(center, 0.3)), [0.0, 0.01, 0.0])
 assert command.status is core.Status.OK, command
 print(*sorted({name.split('.')[0] for name, module in sys.modules.items() if module}))
 """

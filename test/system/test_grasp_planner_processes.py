@@ -16,7 +16,7 @@ import sys
 
 from action_msgs.msg import GoalStatus
 from isotruss_msgs.action import PlanGrasp
-from isotruss_ros.core import Cylinder, GraspRequirements, plan_grasps
+from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
 from lifecycle_msgs.msg import Transition
 from planning import assert_same, CENTER, Client, DIAMETER, goal, NO_MARGIN, node, workers
 from probe import DEADLINE, Manager, ROBOT, world
@@ -48,7 +48,7 @@ def test_survives_the_death_of_a_process():
 def test_answers_as_the_core_does_on_two_processes_and_stops_when_cancelled():
     # Before the node runs, whose joint states would be old after it.
     needs = GraspRequirements(module='north/Z', count=1)
-    expected = plan_grasps(ROBOT.home, Cylinder(CENTER, DIAMETER), needs, seed=3)
+    expected = plan_grasps(ROBOT.home, ConvexObject.disc(CENTER, DIAMETER), needs, seed=3)
     with world(node(workers=2)) as w:
         client = Client(w)
         status, result = client.plan(goal(module='north/Z', count=1, seed=3))

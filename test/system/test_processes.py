@@ -20,7 +20,12 @@ import time
 from geometry_msgs.msg import Twist
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, Status
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    load_robot,
+    Status,
+)
 from isotruss_ros.demo.client import DemoClient
 from isotruss_ros.demo.path import arc
 from isotruss_ros.demo.processes import NodeError, NodeProcess, running_nodes
@@ -106,7 +111,9 @@ def assert_grasps_belong_to_the_motion(record):
     assert len({grasp.computing_time for grasp in record.grasps}) > 1
     rest, last = record.snapshots[-1], record.grasps[-1]
     robot = load_robot('nine_member')
-    expected = analyze_grasp(robot.configuration(rest.rollers), Cylinder(rest.pose[:2], 0.3))
+    expected = analyze_grasp(
+        robot.configuration(rest.rollers), ConvexObject.disc(rest.pose[:2], 0.3)
+    )
     assert expected.normal_forces.sum() > 1.0
     assert sum(contact.normal_force for contact in last.contacts) == pytest.approx(
         expected.normal_forces.sum(), rel=1e-6

@@ -25,10 +25,13 @@ import math
 from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.hold_status import HoldStatus
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+
+RollingGrasp = type(None)
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.pose import Cylinder
+from isotruss_ros.core.model.convex_object import ConvexObject
+
+as_convex_object = lambda b: b
+Cylinder = type(None)
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closed_grip import ClosedGrip
 from isotruss_ros.core.planning.closing_motion import press

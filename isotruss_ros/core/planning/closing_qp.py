@@ -27,8 +27,10 @@ from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.limits import Limit
-from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.pose import Cylinder
+from isotruss_ros.core.model.convex_object import ConvexObject
+
+as_convex_object = lambda b: b
+Cylinder = type(None)
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.settings import DEFAULT, SearchSettings

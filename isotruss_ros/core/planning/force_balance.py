@@ -21,7 +21,8 @@ from typing import NamedTuple
 
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.pose import Cylinder
+
+Cylinder = type(None)
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.distances import nearest_on_segment
 import numpy as np

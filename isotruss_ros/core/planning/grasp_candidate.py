@@ -20,7 +20,8 @@ from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.pose import Cylinder
+
+Cylinder = type(None)
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.approach import Approach
 from isotruss_ros.core.planning.closed_grip import ClosedGrip

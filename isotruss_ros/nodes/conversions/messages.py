@@ -112,17 +112,6 @@ def name_object_frame(frame: str) -> str:
     return f'{frame}_object' if frame else ''
 
 
-def read_object_center(message: PoseStamped, frame: str) -> tuple[float, float]:
-    """
-    Return the object's centre (x, y) [m].
-
-    :param message: pose of the object.
-    :param frame: the robot's frame.
-    :raises MessageError: another frame, not finite, or no rotation in the quaternion.
-    """
-    return read_object_pose(message, frame)[:2]
-
-
 def read_pose(what: str, message: PoseMessage) -> Pose:
     """
     Return a pose in the plane; its height, and tilts about x and y, are ignored.

@@ -19,7 +19,6 @@ from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
 from isotruss_ros.core import (
     ConvexObject,
-    Cylinder,
     GraspRequirements,
     Measure,
     PlannedGrasp,
@@ -57,7 +56,7 @@ class SearchGoal(NamedTuple):
     :ivar time_limit: of the search [s]; none if 0.
     """
 
-    body: Cylinder | ConvexObject
+    body: ConvexObject
     requirements: GraspRequirements
     seed: int
     time_limit: float
@@ -126,7 +125,7 @@ def read_goal(
     return SearchGoal(body, requirements, goal.seed, goal.time_limit)
 
 
-def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> Cylinder | ConvexObject:
+def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexObject:
     """Return the object where it lies: as the goal has it, or as it is described elsewhere."""
     pose, diameter = goal.object_pose.pose, goal.object_diameter
     if describes_object(goal.object):
@@ -149,7 +148,7 @@ def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> Cylinder
             'object_diameter 0.0 m: must be positive, that of a disc; or `object` must describe '
             'what lies there, as may the parameter object'
         )
-    return Cylinder((position.x, position.y), diameter)
+    return ConvexObject.disc((position.x, position.y), diameter)
 
 
 def to_feedback_message(progress: Progress) -> PlanGrasp.Feedback:

@@ -14,7 +14,6 @@ import dataclasses
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
-    Cylinder,
     Disc,
     GraspCode,
     GraspMonitor,
@@ -56,7 +55,7 @@ def test_the_monitor_analyzes_a_shape_where_it_is_measured(own):
     body = ConvexObject(Disc(0.3), friction=own)
     monitor = GraspMonitor(ROBOT, 0.7, FRICTION, 0.005, TIMEOUT, body)
     monitor.rollers = StampedInput(RollerState(REST, REST), NOW)
-    monitor.center = StampedInput(GRIP.body.pose, NOW)
+    monitor.pose = StampedInput(GRIP.body.pose, NOW)
     report = monitor.report(NOW)
     assert report.code is GraspCode.OK
     there, friction = body.moved_to(GRIP.body.pose), own or FRICTION
@@ -66,13 +65,13 @@ def test_the_monitor_analyzes_a_shape_where_it_is_measured(own):
     settled = settle_grasp(ROBOT.home, there, friction)
     assert report.held == settled.held == (own is None)
     assert report.grasp.settled.pose == pytest.approx(settled.pose, abs=1e-9)
-    monitor.center = RejectedInput('none')
+    monitor.pose = RejectedInput('none')
     assert not monitor.report(NOW).held
 
 
 def test_a_cylinder_between_members_is_modelled_as_a_disc_is():
     pose = GRIP.body.pose
-    cylinder = Grip(MEMBERS, Cylinder(pose[:2], 0.3))
+    cylinder = Grip(MEMBERS, ConvexObject.disc(pose[:2], 0.3))
     one = attach_model(ROBOT.home, cylinder, 0.3)
     disc = ConvexObject(Disc(0.3)).moved_to((*pose[:2], 0.3))
     other = attach_model(ROBOT.home, Grip(MEMBERS, disc), 0.0)

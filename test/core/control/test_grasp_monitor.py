@@ -14,11 +14,10 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import (
     analyze_grasp,
-    Cylinder,
+    ConvexObject,
     GraspCode,
     GraspMonitor,
     load_robot,
-    Question,
     RejectedInput,
     RollerState,
     StampedInput,
@@ -66,7 +65,7 @@ def test_answers_as_the_analysis_does():
     report = watching.report(NOW)
     taken = time.perf_counter() - begin
     expected = analyze_grasp(
-        ROBOT.home, Cylinder(CENTER, DIAMETER), FRICTION, WRENCH, spacing=SPACING
+        ROBOT.home, ConvexObject.disc(CENTER, DIAMETER), FRICTION, WRENCH, spacing=SPACING
     )
     assert report.code is GraspCode.OK
     assert report.message == ''
@@ -293,7 +292,7 @@ def test_history_does_not_matter():
 
 def question(**changes):
     """Return a question about the grasp at home, changed as given."""
-    return Question((), CENTER, DIAMETER, FRICTION, (0.0, 0.0, 0.0), SPACING)._replace(**changes)
+    return GraspQuery((), CENTER, DIAMETER, FRICTION, (0.0, 0.0, 0.0), SPACING)._replace(**changes)
 
 
 def test_what_if_answers_and_leaves_the_live_answer_alone():

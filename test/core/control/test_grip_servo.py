@@ -11,7 +11,6 @@
 
 from boxes import BOX, box_between, ROBOT, SIDES
 from isotruss_ros.core import (
-    Grasp,
     Grip,
     grip_jacobian,
     place_between,

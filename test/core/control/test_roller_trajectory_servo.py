@@ -13,13 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_ros.core import (
     ConfigurationError,
-    Grasp,
-    HeldObject,
+    ConvexObject,
+    Grip,
     load_robot,
     RejectedInput,
     RollerFaults,
     RollerState,
     RollerTrajectory,
+    RollingGrip,
     SimulatedRobot,
     StampedInput,
     tangent_center,
@@ -40,7 +41,9 @@ N = len(ROBOT.roller_names)
 MAX_SPEED = ROBOT.description.max_speed
 PERIOD, TIMEOUT = 0.01, 0.2
 PERFECT = RollerFaults()
-GRASP = Grasp('north/Z', tangent_center(ROBOT.home, 'north/Z', 0.3), 0.3)
+GRASP = Grip.at_module(
+    ROBOT, 'north/Z', ConvexObject.disc(tangent_center(ROBOT.home, 'north/Z', 0.3), 0.3)
+)
 WAY = np.array(
     [[0.0] * N, [0.02, -0.01, 0.0, 0.03, 0.01, -0.02], [0.0, 0.02, 0.01, 0.0, 0.0, 0.0]]
 )
@@ -57,7 +60,7 @@ class Run:
 
     def __init__(self, faults=PERFECT, seed=0, late=0, begin=None):
         config = ROBOT.home if begin is None else ROBOT.configuration(begin)
-        self.robot = SimulatedRobot(config, HeldObject.attach(ROBOT.home, GRASP), faults, seed)
+        self.robot = SimulatedRobot(config, RollingGrip.attach(ROBOT.home, GRASP), faults, seed)
         self.servo = RollerTrajectoryServo(ROBOT, TIMEOUT)
         self.now, self.commands, self.places = 100.0, [], []
         self._late = [self.state()] * (late + 1)

@@ -15,8 +15,10 @@ import math
 from comparison.wedge import opening
 from grips import gripped
 from isotruss_ros.core import (
+    ConvexObject,
     ElasticObject,
-    Grasp,
+    Grip,
+    grip_jacobian,
     HoldStatus,
     Pose,
     RollerCommand,
@@ -26,13 +28,12 @@ from isotruss_ros.core import (
     solve_twist,
     StampedInput,
     Status,
-    task_jacobian,
     TwistServo,
 )
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.mujoco_plant.options import LOAD_TIME, POSE_GAIN
 import numpy as np
 import pytest
@@ -58,7 +59,7 @@ class Loop:
         self.object = ElasticObject(CYLINDER, FRICTION, stiffness_scale=scale)
         self.plant = SimulatedRobot(CONFIG, self.object, RollerFaults())
         self.plant.advance(0.0)
-        model = RollingGrasp.attach(CONFIG, CYLINDER)
+        model = HeldGrip.attach(CONFIG, CYLINDER)
         self.target = model.squeeze if force is None else force
         self.control = SqueezeControl(
             SqueezeSettings(self.target, FRICTION, max_utilisation=max_utilisation, **gains)
@@ -82,7 +83,9 @@ class Loop:
             wanted = rate * np.array(twist) + GAIN * self.error()
             config = self.plant.config
             pose = Pose(*self.plant.object_pose + self.noise * self.rng.standard_normal(3))
-            grasp = Grasp(MODULE, pose[:2], CYLINDER.diameter)
+            grasp = Grip.at_module(
+                ROBOT, MODULE, ConvexObject.disc(pose[:2], CYLINDER.diameter)
+            )
 
             def solve(twist, opening_rate, config=config, grasp=grasp):
                 return solve_twist(config, grasp, twist, opening_rate=opening_rate)
@@ -136,7 +139,7 @@ def test_a_quick_loop_evaluates_the_model_in_every_cycle_near_the_bound_of_the_t
     share, careful
 ):
     """From four fifths of it on."""
-    used = held_utilisation(RollingGrasp.attach(CONFIG, CYLINDER)).max()
+    used = held_utilisation(HeldGrip.attach(CONFIG, CYLINDER)).max()
     loop = Loop(period=0.005, max_utilisation=used / share)
     loop.run((0.0, 0.0, 0.1), 0.1)
     assert (len(set(map(id, loop.models))) == len(loop.models)) is careful
@@ -234,7 +237,7 @@ def still(rollers, asked):
 @pytest.mark.parametrize(('scale', 'solved'), [(0.049, 1), (0.051, 2)])
 def test_the_model_corrects_twists_of_which_the_limits_leave_a_twentieth(scale, solved):
     control, pose = SqueezeControl(SqueezeSettings(20.0, FRICTION)), CYLINDER.center
-    grasp = Grasp(MODULE, pose, CYLINDER.diameter)
+    grasp = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(pose, CYLINDER.diameter))
     control.follow(CONFIG, grasp, 0.0, PERIOD)
     twists = []
 
@@ -251,14 +254,16 @@ def test_the_model_corrects_twists_of_which_the_limits_leave_a_twentieth(scale, 
 def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
     force, gain, asked = 30.0, 2.0, []
     settings = SqueezeSettings(force, FRICTION, gain, max_force_rate=math.inf)
-    control, model = SqueezeControl(settings), RollingGrasp.attach(CONFIG, CYLINDER)
+    control, model = SqueezeControl(settings), HeldGrip.attach(CONFIG, CYLINDER)
     for measured in (model.pose, model.moved_to(CONFIG, np.array(wrench)).pose):
-        grasp = Grasp(MODULE, measured[:2], CYLINDER.diameter)
+        grasp = Grip.at_module(
+            ROBOT, MODULE, ConvexObject.disc(measured[:2], CYLINDER.diameter)
+        )
         # After so long the load that is most probable is the estimated one.
         assert control.follow(CONFIG, grasp, measured[2], 100.0) is HoldStatus.HELD
         control.solve(np.zeros(3), PERIOD, still(len(CONFIG.roller_positions), asked))
         loaded = model.moved_to(CONFIG, control.load.wrench * (1.0, 1.0, model.arm))
-        regulated = force - asked[-1][1] * model.squeeze_by_opening() / gain
+        regulated = force - asked[-1][1] * model.squeeze_stiffness() / gain
         assert regulated == pytest.approx(loaded.squeeze, abs=0.05 * abs(wrench[0]) + 0.01)
 
 
@@ -267,7 +272,9 @@ def close_near_the_bound(model, bound, rate, scale=1.0):
     control = SqueezeControl(
         SqueezeSettings(100.0, FRICTION, max_utilisation=bound, utilisation_rate=rate)
     )
-    grasp = Grasp(MODULE, model.pose[:2], CYLINDER.diameter)
+    grasp = Grip.at_module(
+        ROBOT, MODULE, ConvexObject.disc(model.pose[:2], CYLINDER.diameter)
+    )
     control.follow(CONFIG, grasp, model.pose.angle, PERIOD)
 
     def solve(twist, opening_rate):
@@ -279,7 +286,7 @@ def close_near_the_bound(model, bound, rate, scale=1.0):
 
 
 def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
-    model = RollingGrasp.attach(CONFIG, CYLINDER)
+    model = HeldGrip.attach(CONFIG, CYLINDER)
     bound = 1.02 * held_utilisation(model).max()
     whole, half = (close_near_the_bound(model, bound, 4.0, scale)[1] for scale in (1.0, 0.5))
     assert whole.scale < 0.9
@@ -287,11 +294,11 @@ def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
 
 
 def test_a_slowed_command_uses_its_share_of_what_is_left_and_the_model_goes_there():
-    model = RollingGrasp.attach(CONFIG, CYLINDER)
+    model = HeldGrip.attach(CONFIG, CYLINDER)
     used = held_utilisation(model).max()
     bound, rate = 1.02 * used, 4.0
     control, command, grasp = close_near_the_bound(model, bound, rate)
-    rows = task_jacobian(CONFIG, grasp)[:3]
+    rows = grip_jacobian(CONFIG, grasp)[:3]
     assert command.achieved_twist == pytest.approx(rows @ command.roller_velocities, abs=1e-9)
     travel = control.grasp.config.roller_positions - CONFIG.roller_positions
     assert travel == pytest.approx(PERIOD * command.roller_velocities, abs=1e-15)
@@ -301,15 +308,15 @@ def test_a_slowed_command_uses_its_share_of_what_is_left_and_the_model_goes_ther
 
 
 def test_a_slowed_command_that_leads_to_no_equilibrium_leaves_the_model_ahead(monkeypatch):
-    model = RollingGrasp.attach(CONFIG, CYLINDER)
-    bound, move, found = 1.02 * held_utilisation(model).max(), RollingGrasp.moved_to, []
+    model = HeldGrip.attach(CONFIG, CYLINDER)
+    bound, move, found = 1.02 * held_utilisation(model).max(), HeldGrip.moved_to, []
     fails_at = math.inf
 
     def move_until(*arguments):
         found.append(move(*arguments) if len(found) + 1 < fails_at else None)
         return found[-1]
 
-    monkeypatch.setattr(RollingGrasp, 'moved_to', move_until)
+    monkeypatch.setattr(HeldGrip, 'moved_to', move_until)
     control, _, _ = close_near_the_bound(model, bound, 4.0)
     assert control.grasp is found[-1]
     fails_at = len(found)
@@ -319,20 +326,26 @@ def test_a_slowed_command_that_leads_to_no_equilibrium_leaves_the_model_ahead(mo
 
 
 def test_the_slope_by_the_opening_is_near_to_what_a_small_change_does():
-    grasp = RollingGrasp.attach(CONFIG, CYLINDER)
-    object_grasp = Grasp(MODULE, grasp.pose[:2], CYLINDER.diameter)
+    grasp = HeldGrip.attach(CONFIG, CYLINDER)
+    object_grasp = Grip.at_module(
+        ROBOT, MODULE, ConvexObject.disc(grasp.pose[:2], CYLINDER.diameter)
+    )
     rate = 1e-4
     command = solve_twist(CONFIG, object_grasp, (0.0, 0.0, 0.0), opening_rate=rate)
     there = CONFIG.moved_to(CONFIG.roller_positions + command.roller_velocities)
     assert opening(there) - opening(CONFIG) == pytest.approx(rate, rel=1e-2)
     found = (grasp.moved_to(there).squeeze - grasp.squeeze) / rate
-    assert grasp.squeeze_by_opening() == pytest.approx(found, rel=0.35)
+    assert grasp.squeeze_stiffness() == pytest.approx(found, rel=0.35)
     assert found < 0.0
 
 
 def test_without_an_object_nothing_is_held_and_the_model_starts_again():
     control = SqueezeControl(SqueezeSettings(10.0, FRICTION))
-    here = Grasp(MODULE, RollingGrasp.attach(CONFIG, CYLINDER).pose[:2], CYLINDER.diameter)
+    here = Grip.at_module(
+        ROBOT,
+        MODULE,
+        ConvexObject.disc(HeldGrip.attach(CONFIG, CYLINDER).pose[:2], CYLINDER.diameter),
+    )
     away = replace(here, center=(5.0, 5.0))
     assert control.follow(CONFIG, away, 0.0, PERIOD) is HoldStatus.NO_CONTACT
     assert control.grasp is None

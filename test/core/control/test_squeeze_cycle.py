@@ -13,16 +13,25 @@ from dataclasses import replace
 import math
 
 from grips import gripped
-from isotruss_ros.core import Grasp, HoldStatus, RollerCommand, solve_twist, Status
+from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
+    HoldStatus,
+    RollerCommand,
+    solve_twist,
+    Status,
+)
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 import numpy as np
 import pytest
 
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
-GRASP = Grasp('north/Z', CYLINDER.center, CYLINDER.diameter)
-MODEL = RollingGrasp.attach(CONFIG, CYLINDER)
+GRASP = Grip.at_module(
+    HOME.robot, 'north/Z', ConvexObject.disc(CYLINDER.center, CYLINDER.diameter)
+)
+MODEL = HeldGrip.attach(CONFIG, CYLINDER)
 FRICTION = 0.5
 
 
@@ -70,7 +79,7 @@ def test_errors_of_the_pose_decay_no_quicker_than_half_of_them_in_a_cycle(period
 def test_the_grip_opens_by_what_is_missing_of_the_squeeze(missing, rate):
     """Five times what is missing in a second, at most 10 N/s, by the slope of the model."""
     control = controlled(missing)
-    slope = control.grasp.squeeze_by_opening()
+    slope = control.grasp.squeeze_stiffness()
     _, opening_rate = asked_of(control, np.zeros(3), 0.02)
     assert opening_rate * slope == pytest.approx(rate, rel=1e-6)
 
@@ -90,7 +99,9 @@ def test_a_cycle_changes_the_squeeze_as_asked(missing):
     assert after - before == pytest.approx(5.0 * missing * period, rel=0.01)
 
 
-AT_REST = Grasp('north/Z', MODEL.pose[:2], CYLINDER.diameter)
+AT_REST = Grip.at_module(
+    HOME.robot, 'north/Z', ConvexObject.disc(MODEL.pose[:2], CYLINDER.diameter)
+)
 
 
 def at_rest(missing=0.0, **settings):
@@ -108,7 +119,9 @@ def solve_at_rest(twist, opening_rate):
 
 def measured(model):
     """Return the grasp and the angle of an object that is where a model has it."""
-    return Grasp('north/Z', model.pose[:2], CYLINDER.diameter), model.pose.angle
+    return Grip.at_module(
+        HOME.robot, 'north/Z', ConvexObject.disc(model.pose[:2], CYLINDER.diameter)
+    ), model.pose.angle
 
 
 @pytest.mark.parametrize('missing', [2.0, -2.0])
@@ -155,6 +168,6 @@ def test_a_trend_goes_by_the_command_before_limits_scale_it(scale):
         found = solve_at_rest(twist, opening_rate)
         return replace(found, roller_velocities=scale * found.roller_velocities, scale=scale)
 
-    asked = solve_at_rest(np.zeros(3), 5.0 / MODEL.squeeze_by_opening()).roller_velocities
+    asked = solve_at_rest(np.zeros(3), 5.0 / MODEL.squeeze_stiffness()).roller_velocities
     control.solve(np.zeros(3), 0.02, solve)
     assert control._rollers == pytest.approx(asked, rel=1e-6, abs=1e-9)

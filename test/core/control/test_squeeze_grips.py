@@ -17,7 +17,6 @@ from isotruss_ros.core import (
     Disc,
     ElasticObject,
     Ellipse,
-    Grasp,
     Grip,
     HoldStatus,
     load_robot,
@@ -123,7 +122,7 @@ def test_an_unknown_load_is_found():
 def test_a_disc_at_a_module_answers_alike_as_a_grasp_and_as_a_grip():
     grip = place_between(HOME, ('north/P-Z', 'north/Z-R'), Disc(0.3), indentation=0.01)
     center = (grip.center.real, grip.center.imag)
-    short = Grasp('north/Z', center, 0.3)
+    short = Grip.at_module(HOME.robot, 'north/Z', ConvexObject.disc(center, 0.3))
     one, other = (attach_model(HOME, held, 0.3) for held in (short, grip))
     assert measured_pose(short, 0.3)[:2] == pytest.approx(measured_pose(grip, 0.3)[:2])
     assert measured_pose(dataclasses.replace(grip, body=ConvexObject(BOX)), 0.3) == (0.0, 0.0, 0.0)

@@ -12,17 +12,18 @@
 import dataclasses
 
 from isotruss_ros.core import (
+    ConvexObject,
     FailureCriterion,
     FailureDetector,
-    Grasp,
     GraspError,
-    HeldObject,
+    Grip,
     load_robot,
     Pose,
     RejectedInput,
     Robot,
     RollerFaults,
     RollerState,
+    RollingGrip,
     SimulatedRobot,
     StampedInput,
     Status,
@@ -193,7 +194,9 @@ def test_history_does_not_matter():
 def moved(positions):
     """Return the servo's inputs of now, for a robot that has taken the object along."""
     there = ROBOT.configuration(positions)
-    held = HeldObject.attach(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER))
+    held = RollingGrip.attach(
+        ROBOT.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
+    )
     return {
         'rollers': StampedInput(at(there.roller_positions), NOW),
         'pose': StampedInput(held.pose(there), NOW),
@@ -335,7 +338,9 @@ def run(made, robot, duration, twist=(0.0, 0.02, 0.1), begin=NOW):
 
 
 def simulated(*stuck):
-    held = HeldObject.attach(ROBOT.home, Grasp(MODULE, CENTER, DIAMETER))
+    held = RollingGrip.attach(
+        ROBOT.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
+    )
     return SimulatedRobot(ROBOT.home, held, RollerFaults(stuck=frozenset(stuck)))
 
 
@@ -379,7 +384,9 @@ def test_twists_are_bent_along_limits_only_where_that_is_asked_for():
     for slide in (False, True):
         made = TwistServo(robot, MODULE, DIAMETER, period=0.01, timeout=0.2)
         made.slide_along_limits = slide
-        held = HeldObject.attach(robot.home, Grasp(MODULE, CENTER, DIAMETER))
+        held = RollingGrip.attach(
+            robot.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
+        )
         moving = SimulatedRobot(robot.home, held, RollerFaults())
         decisions = run(made, moving, 4.0, twist=(0.02, 0.05, 0.0))
         assert moving.config.member_lengths.max() <= narrow + 1e-9

@@ -12,7 +12,7 @@
 import math
 
 from hypothesis import given, strategies
-from isotruss_ros.core import analyze_grasp, Cylinder, load_robot
+from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.grasping.contact import solve_contact
 from isotruss_ros.core.grasping.contact_points import find_contact_points
@@ -40,7 +40,7 @@ def between(robot, module, share, deep, config=None):
     center = 0.5 * (b + c) + share * min(abs(b_end - b), abs(c_end - c)) * middle
     clear = min(abs(((center - b) * one.conj()).imag), abs(((center - c) * other.conj()).imag))
     diameter = 2.0 * (clear + deep) - robot.description.tube_diameter
-    return config, Cylinder((center.real, center.imag), diameter)
+    return config, ConvexObject.disc((center.real, center.imag), diameter)
 
 
 def random_case(rng):
@@ -146,7 +146,7 @@ def test_stiffness_is_what_a_robot_with_nodes_there_answers(rng):
     stiffness = analysis.stiffness
     assert (stiffness == stiffness.T).all()
     assert np.linalg.eigvalsh(stiffness).min() >= -1e-9 * np.abs(stiffness).max()
-    center = complex(*cylinder.center)
+    center = cylinder.center
     radius = 0.5 * (cylinder.diameter + config.robot.description.tube_diameter)
     touching = np.flatnonzero(analysis.normal_forces > 0.0)
     found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.01)
@@ -167,14 +167,14 @@ def test_stiffness_is_what_a_robot_with_nodes_there_answers(rng):
 
 def test_nothing_touched_has_no_stiffness():
     config = load_robot('nine_member').home
-    analysis = analyze_grasp(config, Cylinder((0.5, 30.0), 0.2))
+    analysis = analyze_grasp(config, ConvexObject.disc((0.5, 30.0), 0.2))
     assert analysis.stiffness.tolist() == np.zeros((3, 3)).tolist()
     assert analysis.contact_lengths == {}
     assert analysis.normal_wrench.tolist() == [0.0] * 3
     assert analysis.points.shape == analysis.normals.shape == (0, 2)
     # Nothing has to be balanced, but nothing is held.
     assert not analysis.force_closure
-    pulled = analyze_grasp(config, Cylinder((0.5, 30.0), 0.2), external_wrench=(0, -1, 0))
+    pulled = analyze_grasp(config, ConvexObject.disc((0.5, 30.0), 0.2), external_wrench=(0, -1, 0))
     assert not pulled.force_closure
     assert pulled.required_friction == math.inf
     assert pulled.closure_residual == pytest.approx(1.0)
@@ -204,14 +204,14 @@ def test_turning_robot_object_and_wrench_turns_the_result(which, turns):
     module = robot.module_names[-1]
     config, cylinder = between(robot, module, 0.45, 0.008, robot.configuration(rolled))
     other = robots.load(document).configuration(rolled)
-    place = complex(*cylinder.center) * 1j**turns
+    place = cylinder.center * 1j**turns
     assert other.points == pytest.approx(config.points * 1j**turns, abs=1e-9)
     turn = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), turns)
     whole = np.eye(3)
     whole[:2, :2] = turn
     wrench = np.array([3.0, -5.0, 0.2])
     before = analyze_grasp(config, cylinder, 0.4, wrench)
-    there = Cylinder((place.real, place.imag), cylinder.diameter)
+    there = ConvexObject.disc((place.real, place.imag), cylinder.diameter)
     after = analyze_grasp(other, there, 0.4, whole @ wrench)
     size = before.normal_forces.sum()
     assert size > 0.0
@@ -249,8 +249,8 @@ def test_the_previous_analysis_changes_no_result(rng):
     config, cylinder = random_case(rng)
     cold = analyze_grasp(config, cylinder)
     x, y = cylinder.center
-    near = analyze_grasp(config, Cylinder((x + 1e-3, y - 1e-3), cylinder.diameter))
-    far = analyze_grasp(config, Cylinder((x + 50.0, y), cylinder.diameter))
+    near = analyze_grasp(config, ConvexObject.disc((x + 1e-3, y - 1e-3), cylinder.diameter))
+    far = analyze_grasp(config, ConvexObject.disc((x + 50.0, y), cylinder.diameter))
     for previous in (cold, near, far):
         warm = analyze_grasp(config, cylinder, previous=previous)
         slack = 1e-5 * cold.normal_forces.sum()
@@ -398,7 +398,7 @@ def test_arguments_that_make_no_sense_are_refused(gripped, options, message):
 )
 def test_cylinders_that_make_no_sense_are_refused(center, diameter, message):
     with pytest.raises(GraspError, match=message):
-        Cylinder(center, diameter)
+        ConvexObject.disc(center, diameter)
 
 
 @pytest.mark.parametrize('spacing', [0.001, 0.1])

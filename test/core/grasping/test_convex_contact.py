@@ -17,7 +17,6 @@ from hypothesis import given, strategies
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
-    Cylinder,
     Disc,
     Ellipse,
     load_robot,
@@ -43,7 +42,7 @@ MODULE = 'south/P'
 TUBE_RADIUS = 0.5 * HOME.robot.description.tube_diameter
 BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
 SEEDS = strategies.integers(0, 10**6)
-DISC = Cylinder(tangent_center(HOME, MODULE, 0.3, 0.03), 0.3)
+DISC = ConvexObject.disc(tangent_center(HOME, MODULE, 0.3, 0.03), 0.3)
 
 
 def held_alike(shape, angle=0.0):

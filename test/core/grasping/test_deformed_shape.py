@@ -12,7 +12,13 @@
 from types import SimpleNamespace
 
 from comparison.wedge import pressed_into
-from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, Polygon, tangent_center
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    load_robot,
+    Polygon,
+    tangent_center,
+)
 from isotruss_ros.core.grasping import deformed_shape
 from isotruss_ros.core.grasping.deformed_shape import (
     deformed_lines,
@@ -31,7 +37,7 @@ DIAMETER = 0.3
 
 def grasp(config, squeeze, module='north/Z'):
     """Return the analysis of an object pressed into the corner of a module."""
-    cylinder = Cylinder(tangent_center(config, module, DIAMETER, squeeze), DIAMETER)
+    cylinder = ConvexObject.disc(tangent_center(config, module, DIAMETER, squeeze), DIAMETER)
     return analyze_grasp(config, cylinder, flattening=False)
 
 
@@ -107,7 +113,7 @@ def test_lines_bend_without_kinks(config):
 
 def test_arrows_end_on_the_object_and_add_up_to_what_acts_on_it(config):
     center = tangent_center(config, 'north/Z', DIAMETER, 0.01)
-    cylinder = Cylinder(center, DIAMETER)
+    cylinder = ConvexObject.disc(center, DIAMETER)
     analysis = analyze_grasp(config, cylinder, friction=0.0)
     arrows = force_lines(cylinder, analysis, 0.02)
     assert np.abs(arrows[:, 1] - complex(*center)) == pytest.approx(0.5 * DIAMETER)
@@ -125,12 +131,12 @@ def test_arrows_end_on_the_object_and_add_up_to_what_acts_on_it(config):
 
 @pytest.mark.parametrize('flattening', [True, False])
 def test_regions_are_on_the_object_and_as_long_as_the_contact(config, flattening):
-    cylinder = Cylinder(tangent_center(config, 'north/Z', DIAMETER, 0.01), DIAMETER)
+    cylinder = ConvexObject.disc(tangent_center(config, 'north/Z', DIAMETER, 0.01), DIAMETER)
     analysis = analyze_grasp(config, cylinder, flattening=flattening)
     regions = region_lines(config, cylinder, analysis)
     assert len(regions) == len(analysis.contact_lengths) == 2
     for region, length in zip(regions, analysis.contact_lengths.values(), strict=True):
-        assert np.abs(region - complex(*cylinder.center)) == pytest.approx(0.5 * DIAMETER)
+        assert np.abs(region - cylinder.center) == pytest.approx(0.5 * DIAMETER)
         # Tubes that stay round are touched half their diameter farther out.
         share = 1.0 if flattening else DIAMETER / (DIAMETER + 0.102)
         assert np.abs(np.diff(region)).sum() == pytest.approx(share * length, rel=0.03)

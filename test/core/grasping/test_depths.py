@@ -9,7 +9,7 @@
 
 """How deep an object is in members, along them and beyond their ends."""
 
-from isotruss_ros.core import ConvexObject, Cylinder, Disc, load_robot
+from isotruss_ros.core import ConvexObject, Disc, load_robot
 from isotruss_ros.core.grasping.depths import member_depths
 import numpy as np
 import pytest
@@ -27,5 +27,5 @@ def test_a_disc_is_as_deep_in_members_as_they_are_near(share):
     expected = 0.5 * (0.2 + HOME.robot.description.tube_diameter)
     expected = expected - np.abs(lattice - center).min(axis=1)
     place = (center.real, center.imag)
-    for body in (Cylinder(place, 0.2), ConvexObject(Disc(0.2), (*place, 1.0))):
+    for body in (ConvexObject.disc(place, 0.2), ConvexObject(Disc(0.2), (*place, 1.0))):
         assert member_depths(HOME, body) == pytest.approx(expected, abs=1e-6)

@@ -33,7 +33,7 @@ import numpy as np
 import pytest
 
 CONFIG, CYLINDER = gripped(squeeze=0.05)
-CENTER_POINT = complex(*CYLINDER.center)
+CENTER_POINT = CYLINDER.center
 NOTHING = np.zeros(3)
 
 

@@ -12,7 +12,12 @@
 from dataclasses import replace
 
 from hypothesis import given, strategies
-from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, tangent_center
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    load_robot,
+    tangent_center,
+)
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.flattening import flattening, flattening_of
 from isotruss_ros.core.grasping.surfaces import RoundSurface
@@ -109,7 +114,7 @@ KERNEL = flattening_of(ROBOT)
 def squeezed(diameter, pressed=0.01, robot=ROBOT, **options):
     """Return the analysis of an object pressed into the top corner."""
     center = tangent_center(robot.home, 'north/Z', diameter, pressed)
-    return analyze_grasp(robot.home, Cylinder(center, diameter), **options)
+    return analyze_grasp(robot.home, ConvexObject.disc(center, diameter), **options)
 
 
 def test_the_kernel_of_a_robot_is_that_of_its_file():
@@ -151,7 +156,9 @@ def test_force_grows_with_diameter_and_pressure_where_tubes_flatten(flattening):
         normal = 1j * (end - start) / abs(end - start)
         center = 0.5 * (start + end) + (0.5 * diameter + RADIUS - 0.01) * normal
         analysis = analyze_grasp(
-            ROBOT.home, Cylinder((center.real, center.imag), diameter), flattening=flattening
+            ROBOT.home,
+            ConvexObject.disc((center.real, center.imag), diameter),
+            flattening=flattening,
         )
         assert list(analysis.contact_forces) == ['north/Z-R']
         forces.append(analysis.contact_forces['north/Z-R'])
@@ -168,7 +175,7 @@ def test_the_same_grasp_gives_more_under_less_pressure():
         robot = robots.load(document)
         config = robot.home
         center = tangent_center(config, robot.module_names[0], 0.3, 0.01)
-        found = analyze_grasp(config, Cylinder(center, 0.3))
+        found = analyze_grasp(config, ConvexObject.disc(center, 0.3))
         forces.append(found.normal_forces.sum())
     assert forces[0] < forces[1] < forces[2]
 

@@ -36,16 +36,14 @@ from isotruss_ros.core.grasping.contact_changes import lift_ends, MAX_CHANGES
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.relaxation import relax_contact
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.grasping.sliding_contact import solve_sliding_contact
 from isotruss_ros.core.grasping.surfaces import surface_of
-from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
-MODEL = RollingGrasp.attach(CONFIG, CYLINDER)
+MODEL = HeldGrip.attach(CONFIG, CYLINDER)
 AROUND = ('south/P-Q', 'east/Q-R', 'north/R-P')
 
 
@@ -54,7 +52,7 @@ AROUND = ('south/P-Q', 'east/Q-R', 'north/R-P')
 
 def points_of(body):
     """Return points that an object could touch, and what they meet."""
-    surface = surface_of(as_convex_object(body), 0.5 * CONFIG.robot.description.tube_diameter)
+    surface = surface_of(body, 0.5 * CONFIG.robot.description.tube_diameter)
     return find_contact_points(structure_of(CONFIG), surface, 0.01), surface
 
 

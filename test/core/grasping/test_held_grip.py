@@ -20,7 +20,6 @@ from held_grips import BOX, held, HOME, LOOP, numbers
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
-    Cylinder,
     Disc,
     Ellipse,
     GraspError,
@@ -39,7 +38,6 @@ from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
 from isotruss_ros.core.grasping.pressed_contacts import contact_statics, find_pressed
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -81,12 +79,12 @@ def test_a_disc_at_a_module_is_held_as_by_the_equations_of_two_members():
 
 def test_angles_are_those_within_half_a_turn():
     for angle, within in ((3.1, 3.1), (3.5, 3.5 - 2.0 * np.pi), (-9.0, 2.0 * np.pi - 9.0)):
-        grasp = RollingGrasp.attach(CONFIG, CYLINDER, angle)
+        grasp = HeldGrip.attach(CONFIG, CYLINDER, angle)
         assert grasp.pose.angle == pytest.approx(within, abs=0.05)
 
 
 def test_a_disc_rolls_and_loads_the_tubes_as_by_the_equations_of_two_members():
-    one = RollingGrasp.attach(CONFIG, CYLINDER, 0.3)
+    one = HeldGrip.attach(CONFIG, CYLINDER, 0.3)
     other = HeldGrip.attach(CONFIG, as_body(CYLINDER, 0.3))
     travel = np.array([0.02, -0.01, 0.03, 0.0, -0.02, 0.01])
     ahead = CONFIG.moved_to(CONFIG.roller_positions + travel)
@@ -286,7 +284,7 @@ def test_the_response_is_that_of_small_wrenches_and_openings(shape, angle, membe
     ahead = grip.moved_to(HOME.moved_to(HOME.roller_positions + command.roller_velocities))
     gained = (ahead.squeeze - grip.squeeze) / -1e-4
     # The members also turn as they close.
-    assert gained == pytest.approx(grip.squeeze_by_opening(), rel=0.15)
+    assert gained == pytest.approx(grip.squeeze_stiffness(), rel=0.15)
 
 
 def changed_forces(grip, moving):
@@ -320,7 +318,7 @@ def test_openings_are_those_of_members_that_move_apart(shape, angle, members):
         apart /= abs(apart)
         moving = np.where(owners == 1, 0.5, -0.5) * apart
     gained = changed_forces(grip, moving).sum() / len(members)
-    assert grip.squeeze_by_opening() == pytest.approx(gained, rel=0.01)
+    assert grip.squeeze_stiffness() == pytest.approx(gained, rel=0.01)
     assert gained < 0.0
 
 
@@ -362,7 +360,7 @@ def test_members_that_open_one_by_one_open_all():
     both = 0.5 * response.openings.sum(axis=1)
     assert np.bincount(response.owners, weights=response.opening) == pytest.approx(both, rel=1e-9)
     assert (np.diag(response.openings) < 0.0).all()
-    assert response.squeeze_by_opening == pytest.approx(both.mean(), rel=1e-9)
+    assert response.squeeze_stiffness == pytest.approx(both.mean(), rel=1e-9)
 
 
 def test_three_members_hold_a_disc_by_equal_friction():
@@ -486,4 +484,4 @@ def test_what_is_not_held_says_why():
     with pytest.raises(GraspError, match='south/P-X'):
         settle_grasp(HOME, grip.body, 0.5, members=('south/P-Q', 'south/P-X'))
     with pytest.raises(GraspError, match='two or three'):
-        settle_grasp(HOME, Cylinder((0.0, 0.0), 0.3), 0.5, members=APART[:1])
+        settle_grasp(HOME, ConvexObject.disc((0.0, 0.0), 0.3), 0.5, members=APART[:1])

@@ -12,8 +12,8 @@
 import frames
 from grips import gripped
 from held_grips import BOX, held
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_utilisation import held_sections, held_utilisation
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ import tubes
 
 def disc(angle):
     """Return a disc pressed into the wedge of a module."""
-    return RollingGrasp.attach(*gripped(angle, squeeze=0.1))
+    return HeldGrip.attach(*gripped(angle, squeeze=0.1))
 
 
 @pytest.mark.parametrize('grasp', [disc(30.0), disc(45.0), disc(60.0), held(BOX, 0.0)])

@@ -44,7 +44,7 @@ def places(members, rng):
 
 
 def test_displacements_are_those_of_the_contact_points(members):
-    center = complex(*CYLINDER.center)
+    center = CYLINDER.center
     points = find_contact_points(STRUCTURE, RoundSurface(center, 0.5), 0.02)
     rng = np.random.default_rng(0)
     for _ in range(30):
@@ -60,7 +60,7 @@ def test_displacements_are_those_of_the_contact_points(members):
 
 
 def test_slope_is_the_mean_of_both_sides_of_the_kink(members):
-    points = find_contact_points(STRUCTURE, RoundSurface(complex(*CYLINDER.center), 0.25), 1e-3)
+    points = find_contact_points(STRUCTURE, RoundSurface(CYLINDER.center, 0.25), 1e-3)
     place = int(np.flatnonzero(points.member == MEMBERS[0])[200])
     force = 1j * members.axis[0] * 5.0
     forces = np.zeros(len(points.points), dtype=complex)
@@ -126,7 +126,7 @@ def test_a_softer_structure_gives_more_in_proportion(numbers):
 
 @pytest.mark.parametrize('pinned_piece', [False, True])
 def test_two_places_on_one_member_are_those_of_the_contact_points(pinned_piece):
-    center = complex(*CYLINDER.center)
+    center = CYLINDER.center
     points = find_contact_points(STRUCTURE, RoundSurface(center, 0.9), 0.01)
     rng = np.random.default_rng(1)
     for number in MEMBERS:

@@ -14,7 +14,6 @@ import itertools
 from held_grips import BOX, HOME, numbers
 from isotruss_ros.core import (
     ConvexObject,
-    Cylinder,
     Disc,
     Ellipse,
     place_between,
@@ -130,5 +129,5 @@ def test_small_objects_are_on_the_side_of_a_member_on_which_they_are(side):
     # The corner that is farthest out.
     corners = np.array(small.vertices) @ [1.0, 1j] * body.turn
     assert found.corners.tolist() == [(corners * outward.conjugate()).real.argmax()]
-    statics = held_object_statics(HOME, Cylinder(place, 0.08), np.array([NUMBER, NUMBER]))
+    statics = held_object_statics(HOME, ConvexObject.disc(place, 0.08), np.array([NUMBER, NUMBER]))
     assert statics.sides.tolist() == [side, side]

@@ -11,7 +11,13 @@
 
 from comparison.wedge import pressed_into
 from hypothesis import given, strategies
-from isotruss_ros.core import analyze_grasp, Cylinder, IsotrussError, load_robot, tangent_center
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    IsotrussError,
+    load_robot,
+    tangent_center,
+)
 from isotruss_ros.core.grasping import refinement
 from isotruss_ros.core.grasping.flattening import flattening_of
 from isotruss_ros.core.grasping.refinement import (
@@ -40,7 +46,9 @@ def pressed(seed):
         diameter, depth = draw.uniform(0.15, 0.5), draw.uniform(0.003, 0.025)
         try:
             config = ROBOT.configuration(draw.uniform(-0.15, 0.15, len(ROBOT.roller_names)))
-            return config, Cylinder(tangent_center(config, module, diameter, depth), diameter)
+            return config, ConvexObject.disc(
+                tangent_center(config, module, diameter, depth), diameter
+            )
         except IsotrussError:
             continue
 
@@ -51,7 +59,7 @@ def check_same_from_anywhere(seed):
     cold = analyze_grasp(config, cylinder)
     x, y = cylinder.center
     for shift in (0.0, 2e-3, 0.012, 0.05, 50.0):
-        begun = analyze_grasp(config, Cylinder((x + shift, y), cylinder.diameter))
+        begun = analyze_grasp(config, ConvexObject.disc((x + shift, y), cylinder.diameter))
         warm = analyze_grasp(config, cylinder, previous=begun)
         slack = 1e-6 * cold.normal_forces.sum()
         assert warm.places == pytest.approx(cold.places)
@@ -102,7 +110,7 @@ def test_the_answer_is_the_same_where_two_spacings_are_enough_for_themselves(see
 
 def test_an_object_that_is_not_touched_has_points_and_no_forces():
     center = tangent_center(ROBOT.home, 'north/Z', 0.3, -0.001)
-    analysis = analyze_grasp(ROBOT.home, Cylinder(center, 0.3))
+    analysis = analyze_grasp(ROBOT.home, ConvexObject.disc(center, 0.3))
     assert len(analysis.gaps) > 2
     assert not analysis.normal_forces.any()
     assert analysis.gaps.min() > 0.0
@@ -111,7 +119,7 @@ def test_an_object_that_is_not_touched_has_points_and_no_forces():
 def test_a_small_object_that_the_search_alone_touches_is_not_touched():
     travel = [0.00236432, 0.09009274, -0.07116808, 0.08972989, -0.03763371, -0.01533471]
     config = ROBOT.configuration(travel)
-    small = Cylinder((1.4295648734228052, -0.19796723469443755), 0.06603594342697769)
+    small = ConvexObject.disc((1.4295648734228052, -0.19796723469443755), 0.06603594342697769)
     analysis = analyze_grasp(config, small)
     assert analysis.contact_forces == {}
     assert analysis.gaps.min() > 0.001
@@ -122,7 +130,7 @@ def test_the_answer_has_all_points_from_a_spacing_before_contact_to_one_behind()
     structure = structure_of(config)
     points, _, extents, kept = refine_contact(
         structure,
-        RoundSurface(complex(*cylinder.center), 0.5 * cylinder.diameter),
+        RoundSurface(cylinder.center, 0.5 * cylinder.diameter),
         SPACING,
         flattening_of(ROBOT, structure.pressures),
         solve_sliding_contact,
@@ -166,7 +174,7 @@ def test_a_contact_that_is_known_is_solved_once():
         calls.append(arguments)
         return solve_sliding_contact(*arguments)
 
-    surface = RoundSurface(complex(*cylinder.center), 0.5 * cylinder.diameter)
+    surface = RoundSurface(cylinder.center, 0.5 * cylinder.diameter)
     given_to = (structure, surface, SPACING, flattening_of(ROBOT, structure.pressures), solver)
     points, contact, extents, kept = refine_contact(*given_to)
     spans = dict(

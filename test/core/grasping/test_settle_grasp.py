@@ -15,12 +15,12 @@ import dataclasses
 from grips import gripped
 from isotruss_ros.core import (
     analyze_grasp,
-    Cylinder,
-    Grasp,
+    ConvexObject,
     GraspError,
-    HeldObject,
+    Grip,
     HoldStatus,
     load_robot,
+    RollingGrip,
     settle_grasp,
     solve_twist,
     tangent_center,
@@ -31,11 +31,11 @@ from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.equilibrium import FEET, find_anchors, keep_place, roll
 from isotruss_ros.core.grasping.force_closure import check_force_closure
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_members import (
     held_object_statics,
     static_start,
 )
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.grasping.slip_margin import slip_margin, weakest_direction, wrench_response
 from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.numerics.arrays import as_xy
@@ -55,19 +55,21 @@ def system(config, cylinder, flattening=True):
     depths = member_depths(config, cylinder)
     members = np.sort(np.argsort(depths, kind='stable')[-2:])
     statics = held_object_statics(config, cylinder, members, flattening=flattening)
-    return members, statics, static_start(statics, complex(*cylinder.center), depths[members])
+    return members, statics, static_start(statics, cylinder.center, depths[members])
 
 
 def balance(config, cylinder, wrench=NOTHING, flattening=True):
     """Return the equations and their solution near the given place."""
     _, statics, start = system(config, cylinder, flattening)
     wrench = np.asarray(wrench) / [1.0, 1.0, statics.radius]
-    return statics, statics.solve(start, wrench, keep_place(complex(*cylinder.center), 0.0))
+    return statics, statics.solve(start, wrench, keep_place(cylinder.center, 0.0))
 
 
 def moved(cylinder, shift):
     """Return a cylinder somewhere else."""
-    return Cylinder((cylinder.center[0] + shift.real, cylinder.center[1] + shift.imag), 0.3)
+    return ConvexObject.disc(
+        (cylinder.center[0] + shift.real, cylinder.center[1] + shift.imag), 0.3
+    )
 
 
 def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
@@ -102,7 +104,7 @@ def test_where_friction_has_nothing_to_do_it_is_the_analysis(degrees, squeeze, f
     pressing = sum(expected)
     assert state.normal_forces == pytest.approx(expected, abs=share * pressing)
     assert np.abs(state.friction_forces).max() < share * pressing
-    assert abs(state.center - complex(*cylinder.center)) < 5e-4
+    assert abs(state.center - cylinder.center) < 5e-4
     if flattening:
         settled = settle_grasp(config, cylinder, FRICTION, -analysis.normal_wrench)
         # Points in contact also shift along the object's surface; here they roll on it.
@@ -199,17 +201,19 @@ def test_the_margin_is_the_smallest_wrench_of_all_directions():
 @pytest.mark.parametrize('degrees', [30.0, 35.0])
 def test_the_squeeze_falls_by_the_opening_as_rolling_says(degrees):
     config, cylinder = gripped(degrees, squeeze=0.08)
-    grasp = RollingGrasp.attach(config, cylinder)
-    held = Grasp('north/Z', grasp.pose[:2], cylinder.diameter)
+    grasp = HeldGrip.attach(config, cylinder)
+    held = Grip.at_module(
+        HOME.robot, 'north/Z', ConvexObject.disc(grasp.pose[:2], cylinder.diameter)
+    )
     command = solve_twist(config, held, np.zeros(3), opening_rate=1e-4, limits=())
     opened = grasp.moved_to(config.moved_to(config.roller_positions + command.roller_velocities))
     found = (opened.squeeze - grasp.squeeze) / 1e-4
     # Its members also turn.
-    assert grasp.squeeze_by_opening() == pytest.approx(found, rel=0.02)
+    assert grasp.squeeze_stiffness() == pytest.approx(found, rel=0.02)
 
 
 def test_members_give_along_the_normals_of_the_bent_tubes():
-    grasp = RollingGrasp.attach(CONFIG, CYLINDER)
+    grasp = HeldGrip.attach(CONFIG, CYLINDER)
     statics, state = grasp.statics, grasp.state
     unknowns = state.unknowns.copy()
     inclinations = state.places.inclinations
@@ -224,7 +228,7 @@ def test_members_give_along_the_normals_of_the_bent_tubes():
         return pressed @ matrix @ pressed + statics.indentation(state.normal_forces)[1].sum()
 
     ratio = give(state.unknowns[inclinations]) / give((0.6, -0.4))
-    assert steep.squeeze_by_opening() == pytest.approx(ratio * grasp.squeeze_by_opening())
+    assert steep.squeeze_stiffness() == pytest.approx(ratio * grasp.squeeze_stiffness())
 
 
 def test_stiffness_is_what_a_small_wrench_meets():
@@ -267,7 +271,10 @@ def test_what_lies_deep_in_one_tube_and_far_from_the_other_is_not_in_the_grip():
 
 
 def test_a_cylinder_that_three_members_press_on_is_held_by_these():
-    cylinder, names = Cylinder((0.0, -0.8267), 0.65), ('south/P-Q', 'south/Q-X', 'south/X-P')
+    cylinder, names = (
+        ConvexObject.disc((0.0, -0.8267), 0.65),
+        ('south/P-Q', 'south/Q-X', 'south/X-P'),
+    )
     settled = settle_grasp(HOME, cylinder, FRICTION)
     assert settled.held
     assert {*settled.normal_forces} == {*names}
@@ -278,7 +285,7 @@ def test_a_cylinder_that_three_members_press_on_is_held_by_these():
 
 def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatch):
     monkeypatch.setattr(held_grip, 'MOST', 2)
-    settled = settle_grasp(HOME, Cylinder((0.0, -0.8267), 0.65), FRICTION)
+    settled = settle_grasp(HOME, ConvexObject.disc((0.0, -0.8267), 0.65), FRICTION)
     assert settled.hold is HoldStatus.OTHER_CONTACT
     assert not settled.held
     assert 'another member' in settled.reason
@@ -286,7 +293,7 @@ def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatc
 
 @pytest.mark.parametrize('friction', [0.0, 0.3, 0.55])
 def test_a_wide_wedge_needs_more_friction_than_there_is(friction):
-    cylinder = Cylinder(tangent_center(HOME, 'north/Z', 0.3, 0.01), 0.3)
+    cylinder = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.01), 0.3)
     settled = settle_grasp(HOME, cylinder, friction)
     assert settled.hold is HoldStatus.SLIPS
     assert settled.slip_margin < 0.0
@@ -296,7 +303,7 @@ def test_a_wide_wedge_needs_more_friction_than_there_is(friction):
 
 @pytest.mark.parametrize('center', [(9.0, 9.0), (0.5, 0.2)])
 def test_what_two_members_do_not_touch_is_not_held(center):
-    settled = settle_grasp(HOME, Cylinder(center, 0.1), FRICTION, (0.0, -5.0, 0.0))
+    settled = settle_grasp(HOME, ConvexObject.disc(center, 0.1), FRICTION, (0.0, -5.0, 0.0))
     assert settled.hold is HoldStatus.NO_CONTACT
     assert settled.pose == (*center, 0.0)
     assert settled.normal_forces == {}
@@ -332,17 +339,17 @@ def grasps(count):
             found += 1
             center = np.add(center, 3e-3 * rng.normal(size=2))
             wrench = rng.normal(size=3) * [3.0, 3.0, 0.3] * rng.integers(0, 2)
-            yield config, Cylinder(tuple(center), diameter), rng.uniform(0.2, 1.5), wrench
+            yield config, ConvexObject.disc(tuple(center), diameter), rng.uniform(0.2, 1.5), wrench
 
 
 def test_random_grasps_are_balanced_or_say_what_has_no_solution(monkeypatch):
-    attach, found = RollingGrasp.attach, []
+    attach, found = HeldGrip.attach, []
 
     def record(*arguments, **options):
         found.append(attach(*arguments, **options))
         return found[-1]
 
-    monkeypatch.setattr(RollingGrasp, 'attach', record)
+    monkeypatch.setattr(HeldGrip, 'attach', record)
     outcomes = Counter()
     for config, cylinder, friction, wrench in grasps(1000):
         found.clear()
@@ -419,7 +426,9 @@ def test_a_search_that_begins_with_the_grasp_before_finds_the_same(monkeypatch):
     monkeypatch.setattr(rolling_grasp, 'static_start', noted)
     for _ in range(6):
         x, y = tangent_center(HOME, 'north/Z', 0.3, rng.uniform(0.0, 0.03))
-        held = HeldObject.attach(HOME, Grasp('north/Z', (x, y), 0.3))
+        held = RollingGrip.attach(
+            HOME, Grip.at_module(HOME.robot, 'north/Z', ConvexObject.disc((x, y), 0.3))
+        )
         velocities, previous = rng.uniform(-0.04, 0.04, 6), None
         away, wrench = np.zeros(2), np.zeros(3)
         for k in range(30):
@@ -429,7 +438,7 @@ def test_a_search_that_begins_with_the_grasp_before_finds_the_same(monkeypatch):
                 wrench = rng.normal(size=3) * [10.0, 10.0, 1.0]
             config = robot.configuration(0.01 * k * velocities)
             pose = held.pose(config)
-            cylinder = Cylinder((pose.x + away[0], pose.y + away[1]), 0.3)
+            cylinder = ConvexObject.disc((pose.x + away[0], pose.y + away[1]), 0.3)
             counted.clear()
             found = settle_grasp(config, cylinder, FRICTION, wrench, previous=previous)
             begun[jumps or previous is None, counted['cold']] += 1
@@ -447,8 +456,8 @@ def test_a_search_that_begins_with_the_grasp_before_finds_the_same(monkeypatch):
 
 def test_a_search_does_not_begin_with_an_object_of_another_diameter():
     center = tangent_center(HOME, 'north/Z', 0.3, 0.01)
-    before = settle_grasp(HOME, Cylinder(center, 0.3), FRICTION)
-    other = Cylinder(center, 0.3001)
+    before = settle_grasp(HOME, ConvexObject.disc(center, 0.3), FRICTION)
+    other = ConvexObject.disc(center, 0.3001)
     found = settle_grasp(HOME, other, FRICTION, previous=before)
     cold = settle_grasp(HOME, other, FRICTION)
     assert found.displacement.tolist() == cold.displacement.tolist()
@@ -457,7 +466,7 @@ def test_a_search_does_not_begin_with_an_object_of_another_diameter():
 @pytest.mark.parametrize('change', [0.0, 1e-4, -1e-3, [0.0] * 5 + [2.5, 2.5] + [0.0] * 4])
 def test_a_rolling_grasp_ends_where_it_does_wherever_it_is_expected(change):
     """From a last one, too, from which there is no way: then the search begins where it was."""
-    grasp = RollingGrasp.attach(CONFIG, CYLINDER)
+    grasp = HeldGrip.attach(CONFIG, CYLINDER)
     travel = np.full(6, 1e-4)
     config = CONFIG.moved_to(CONFIG.roller_positions + travel)
     expected = grasp.moved_to(config).state.unknowns

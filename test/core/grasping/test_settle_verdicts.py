@@ -15,7 +15,6 @@ from held_grips import BOX, HOME
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
-    Cylinder,
     HoldStatus,
     place_between,
     Polygon,
@@ -96,7 +95,7 @@ def test_what_has_no_equilibrium_has_no_margin():
 
 
 def test_friction_loads_the_tubes_until_they_wrinkle():
-    cylinder = Cylinder(tangent_center(HOME, 'north/Z', 0.3, 0.06), 0.3)
+    cylinder = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.06), 0.3)
     fast = analyze_grasp(HOME, cylinder, 0.8)
     free = settle_grasp(HOME, cylinder, 0.8)
     assert max(fast.utilisation.values()) < 1.0 < max(free.utilisation.values())

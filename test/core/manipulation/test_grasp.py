@@ -12,12 +12,13 @@
 from hypothesis import given, reject, strategies
 from isotruss_ros.core import (
     Configuration,
-    Grasp,
+    ConvexObject,
     GraspError,
-    HeldObject,
+    Grip,
+    grip_jacobian,
     load_robot,
+    RollingGrip,
     tangent_center,
-    task_jacobian,
 )
 from isotruss_ros.core.manipulation.grasp import find_grasping_members, members_at_module
 from isotruss_ros.core.manipulation.task import grasp_rows
@@ -43,8 +44,8 @@ def turned(after, before):
 @given(robots.robots(), robots.generators(), NUMBERS)
 def test_jacobian_is_the_derivative_of_the_held_pose(robot, rng, number):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
-    held = HeldObject.attach(config, grasp, angle=0.3)
-    jacobian = task_jacobian(config, grasp)
+    held = RollingGrip.attach(config, grasp, angle=0.3)
+    jacobian = grip_jacobian(config, grasp)
     assert jacobian.shape == (4, len(robot.roller_names))
     size = np.abs(jacobian).max()
     for column in range(len(robot.roller_names)):
@@ -74,7 +75,10 @@ def test_objects_are_found_between_the_members_of_small_robots(way):
     center = complex(robot.home.points[:3].mean())
     for module in robot.module_names:
         members = find_grasping_members(
-            robot.home, Grasp(module, (center.real, center.imag), 0.01)
+            robot.home,
+            Grip.at_module(
+                config.robot, module, ConvexObject.disc((center.real, center.imag), 0.01)
+            ),
         )
         assert members.side == way
         start, _, other, _ = robot.home.points[list(members.nodes)]
@@ -82,7 +86,12 @@ def test_objects_are_found_between_the_members_of_small_robots(way):
             # The mirror image in one member is between the other one and its own.
             image = node + ((center - node) / side).conjugate() * side
             with pytest.raises(GraspError, match='is not between the two members'):
-                find_grasping_members(robot.home, Grasp(module, (image.real, image.imag), 0.01))
+                find_grasping_members(
+                    robot.home,
+                    Grip.at_module(
+                        config.robot, module, ConvexObject.disc((image.real, image.imag), 0.01)
+                    ),
+                )
 
 
 @robots.examples(40)
@@ -94,7 +103,7 @@ def test_rows_are_linear_in_any_motion_of_the_nodes(robot, rng, number):
     # A rigid motion of everything carries the object with it and opens nothing.
     shift, spin, center = complex(*rng.standard_normal(2)), rng.standard_normal(), ends[0]
     velocity = shift + 1j * spin * (config.points - center)
-    carried = shift + 1j * spin * (complex(*grasp.center) - center)
+    carried = shift + 1j * spin * (grasp.center - center)
     assert rows.nodes @ velocity.view(float) == pytest.approx(
         [carried.real, carried.imag, spin, 0.0], abs=1e-9
     )
@@ -108,14 +117,14 @@ def test_rows_are_linear_in_any_motion_of_the_nodes(robot, rng, number):
 def test_rolling_turns_left_and_right_as_the_paper_says(robot, rng, number):
     config, grasp, ends = robots.random_grasp(robot, rng, number)
     axis = ends[1] - ends[0]
-    on_the_left = (np.conj(axis) * (complex(*grasp.center) - ends[0])).imag > 0.0
+    on_the_left = (np.conj(axis) * (grasp.center - ends[0])).imag > 0.0
     wanted = (2.0 if on_the_left else -2.0) / grasp.diameter
     rows = grasp_rows(config, grasp)
     assert rows.rolling == pytest.approx([0.0, 0.0, wanted, 0.0])
     # In a Jacobian it is only at the roller of the grip, and not there if that is passive.
     plain = config.factor.solve_transposed(rows.nodes.T)[: robot.topology.n_modules]
     carried = plain.T @ robot.topology.incidence
-    rolled = task_jacobian(config, grasp) - carried
+    rolled = grip_jacobian(config, grasp) - carried
     expected = np.zeros_like(rolled)
     if grasp.module in robot.roller_names:
         expected[2, robot.roller_names.index(grasp.module)] = wanted
@@ -147,7 +156,7 @@ def right_angle(clockwise):
 @pytest.mark.parametrize('clockwise', [False, True])
 def test_rows_at_a_right_angle_are_those_done_by_hand(clockwise):
     config, place = right_angle(clockwise)
-    grasp = Grasp('t/A', (0.3, 0.5), 0.25)
+    grasp = Grip.at_module(config.robot, 't/A', ConvexObject.disc((0.3, 0.5), 0.25))
     rows = grasp_rows(config, grasp)
     side = 1.0 if not clockwise else -1.0
     assert rows.rolling == pytest.approx([0.0, 0.0, side * 8.0, 0.0])
@@ -199,23 +208,34 @@ def test_tangent_object_touches_both_grasping_members(robot, rng, number):
             0.5 * (grasp.diameter + robot.description.tube_diameter)
         )
         assert -1e-9 < arm.real < abs(end - start) + 1e-9
-    grasp_rows(config, Grasp(grasp.module, (center.real, center.imag), grasp.diameter))
+    grasp_rows(
+        config,
+        Grip.at_module(
+            config.robot,
+            grasp.module,
+            ConvexObject.disc((center.real, center.imag), grasp.diameter),
+        ),
+    )
 
 
 @robots.examples(60)
 @given(robots.robots(), robots.generators(), NUMBERS)
 def test_object_outside_the_wedge_is_refused(robot, rng, number):
     config, grasp, ends = robots.random_grasp(robot, rng, number)
-    inside = complex(*grasp.center)
+    inside = grasp.center
     for start, end in (ends[:2], ends[2:]):
         # Its mirror image across the side is on the side's other side.
         axis = (end - start) / abs(end - start)
         mirrored = start + axis * np.conj((inside - start) * np.conj(axis))
-        outside = Grasp(grasp.module, (mirrored.real, mirrored.imag), grasp.diameter)
+        outside = Grip.at_module(
+            config.robot,
+            grasp.module,
+            ConvexObject.disc((mirrored.real, mirrored.imag), grasp.diameter),
+        )
         with pytest.raises(GraspError, match='is not between the two members that meet at module'):
             grasp_rows(config, outside)
         with pytest.raises(GraspError, match=grasp.module):
-            HeldObject.attach(config, outside)
+            RollingGrip.attach(config, outside)
 
 
 @pytest.mark.parametrize(
@@ -246,12 +266,17 @@ def test_object_outside_the_wedge_is_refused(robot, rng, number):
 )
 def test_grasp_that_cannot_be_is_refused(module, center, diameter, message):
     with pytest.raises(GraspError, match=message):
-        task_jacobian(load_robot('triangle').home, Grasp(module, center, diameter))
+        grip_jacobian(
+            load_robot('triangle').home,
+            Grip.at_module(config.robot, module, ConvexObject.disc(center, diameter)),
+        )
 
 
 def test_grasp_takes_numpy_and_gives_floats():
-    grasp = Grasp('main/T', np.array([0.5, 0.3]), np.float32(0.5))
-    assert grasp == Grasp('main/T', (0.5, 0.3), 0.5)
+    grasp = Grip.at_module(
+        config.robot, 'main/T', ConvexObject.disc(np.array([0.5, 0.3]), np.float32(0.5))
+    )
+    assert grasp == Grip.at_module(config.robot, 'main/T', ConvexObject.disc((0.5, 0.3), 0.5))
     assert isinstance(grasp.center, tuple)
 
 

@@ -15,7 +15,14 @@ where they touch. For a cylinder between the two members of one module that is w
 rows say, in the model without deformation.
 """
 
-from isotruss_ros.core import Grasp, load_robot, solve_twist, tangent_center, task_jacobian
+from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
+    grip_jacobian,
+    load_robot,
+    solve_twist,
+    tangent_center,
+)
 from isotruss_ros.core.manipulation.grasp import members_at_module
 import numpy as np
 import pytest
@@ -69,7 +76,12 @@ def test_the_papers_rows_follow_from_the_grasp_constraint(module):
     config = robots.random_state(robot, rng)
     center = complex(*tangent_center(config, module, DIAMETER))
     hand, grasp = contact_rows(config, module, center)
-    rows = task_jacobian(config, Grasp(module, (center.real, center.imag), DIAMETER))
+    rows = grip_jacobian(
+        config,
+        Grip.at_module(
+            config.robot, module, ConvexObject.disc((center.real, center.imag), DIAMETER)
+        ),
+    )
     # Any motion of the rollers that keeps all four rows of the constraint for some twist ...
     free = np.linalg.svd(np.hstack([hand, -grasp]))[2][4:]
     assert len(free) == len(robot.roller_names) - 1
@@ -80,7 +92,13 @@ def test_the_papers_rows_follow_from_the_grasp_constraint(module):
         assert rows[3] @ rollers == pytest.approx(0.0, abs=1e-9)
     # And the other way around: the twist program keeps the constraint.
     wanted = np.array([0.01, 0.02, -0.1])
-    command = solve_twist(config, Grasp(module, (center.real, center.imag), DIAMETER), wanted)
+    command = solve_twist(
+        config,
+        Grip.at_module(
+            config.robot, module, ConvexObject.disc((center.real, center.imag), DIAMETER)
+        ),
+        wanted,
+    )
     left = hand @ command.roller_velocities - grasp @ command.achieved_twist
     assert left == pytest.approx(0.0, abs=1e-9)
     assert members_at_module(config, module).index == robot.module_names.index(module)

@@ -11,10 +11,11 @@
 
 from isotruss_ros.core import (
     Configuration,
-    Grasp,
+    ConvexObject,
     GraspError,
-    HeldObject,
+    Grip,
     load_robot,
+    RollingGrip,
     tangent_center,
 )
 from isotruss_ros.core.manipulation.grasp import check_members_are_near, predict_grasp
@@ -23,7 +24,9 @@ import pytest
 
 NINE = load_robot('nine_member')
 MODULE, DIAMETER, ANGLE = 'north/Z', 0.3, 0.3
-GRASP = Grasp(MODULE, tangent_center(NINE.home, MODULE, DIAMETER, 0.01), DIAMETER)
+GRASP = Grip.at_module(
+    NINE, MODULE, ConvexObject.disc(tangent_center(NINE.home, MODULE, DIAMETER, 0.01), DIAMETER)
+)
 BEFORE = 0.01 * np.array([1.0, -2.0, 0.5, 1.5, -1.0, 2.0])
 TRAVEL = 0.01 * np.array([2.0, -1.0, -1.0, 2.5, 1.0, -1.0])
 
@@ -39,10 +42,10 @@ def test_without_travel_everything_stays():
 def test_the_object_is_held_from_when_it_was_measured(before):
     there = NINE.home.moved_to(before)
     center = tangent_center(there, MODULE, DIAMETER, 0.01)
-    measured = Grasp(MODULE, center, DIAMETER)
+    measured = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(center, DIAMETER))
     config, grasp, angle = predict_grasp(NINE.home, measured, ANGLE, before, TRAVEL)
     ahead = NINE.home.moved_to(TRAVEL)
-    pose = HeldObject.attach(there, measured, ANGLE).pose(ahead)
+    pose = RollingGrip.attach(there, measured, ANGLE).pose(ahead)
     assert config.points == pytest.approx(ahead.points, abs=1e-9)
     assert (*grasp.center, angle) == pytest.approx(pose, abs=1e-9)
     moved = np.subtract((*grasp.center, angle), (*center, ANGLE))
@@ -53,7 +56,7 @@ def test_the_object_is_held_from_when_it_was_measured(before):
 def beside(gap):
     """Return a grasp at the same place with an object smaller by twice a gap from touching [m]."""
     touching = tangent_center(NINE.home, MODULE, DIAMETER)
-    return Grasp(MODULE, touching, DIAMETER - 2.0 * gap)
+    return Grip.at_module(ROBOT, MODULE, ConvexObject.disc(touching, DIAMETER - 2.0 * gap))
 
 
 def test_members_are_near_up_to_the_diameter_of_a_tube():
@@ -75,10 +78,16 @@ def test_a_member_is_near_only_where_it_is():
     config = Configuration(NINE, NINE.home.roller_positions, points)
     tube = NINE.description.tube_diameter
     radius, reach = 0.1, 0.1 + 0.5 * tube
-    near = Grasp('north/Z', (reach, 0.3), 2.0 * radius)
-    check_members_are_near(config, Grasp('north/Z', (reach, reach), 2.0 * radius))
+    near = Grip.at_module(ROBOT, 'north/Z', ConvexObject.disc((reach, 0.3), 2.0 * radius))
+    check_members_are_near(
+        config,
+        Grip.at_module(ROBOT, 'north/Z', ConvexObject.disc((reach, reach), 2.0 * radius)),
+    )
     with pytest.raises(GraspError, match=f'are {0.3 - reach:.3g} m and 0 m, at most'):
         check_members_are_near(config, near)
     past = np.hypot(reach, 0.4) - reach
     with pytest.raises(GraspError, match=f'are {0.7 - reach:.3g} m and {past:.3g} m, at most'):
-        check_members_are_near(config, Grasp('north/Z', (reach, 0.7), 2.0 * radius))
+        check_members_are_near(
+            config,
+            Grip.at_module(ROBOT, 'north/Z', ConvexObject.disc((reach, 0.7), 2.0 * radius)),
+        )

@@ -11,9 +11,9 @@
 
 from hypothesis import assume, given
 from isotruss_ros.core import (
+    ConvexObject,
     Disc,
     Ellipse,
-    Grasp,
     GraspError,
     Grip,
     load_robot,
@@ -46,7 +46,9 @@ def gaps(config, grip):
 @pytest.mark.parametrize('module', NINE.module_names)
 def test_a_disc_in_a_corner_is_where_it_is_tangent(module):
     center = tangent_center(NINE.home, module, 0.3)
-    members = Grip.at_module(NINE, Grasp(module, center, 0.3)).members
+    members = Grip.at_module(
+        NINE, Grip.at_module(NINE.robot, module, ConvexObject.disc(center, 0.3))
+    ).members
     grip = place_between(NINE.home, members, Disc(0.3))
     assert grip.center == pytest.approx(complex(*center), abs=1e-9)
 

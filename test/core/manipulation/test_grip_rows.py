@@ -13,13 +13,11 @@ from dataclasses import replace
 
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
-    Cylinder,
-    Grasp,
+    ConvexObject,
     Grip,
     grip_jacobian,
     load_robot,
     tangent_center,
-    task_jacobian,
 )
 from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
@@ -78,8 +76,8 @@ def test_rows_at_a_module_are_those_of_the_paper(robot, rng, number):
     lengths = [abs(ends[1] - ends[0]), abs(ends[3] - ends[2])]
     assume(np.ptp(offs) < 1.9 * tube and diameter > 0.02)
     assume(all(0.0 < foot.real < length for foot, length in zip(feet, lengths, strict=True)))
-    grasp = Grasp(grasp.module, centers, diameter)
-    rows = task_jacobian(config, grasp)
+    grasp = Grip.at_module(config.robot, grasp.module, ConvexObject.disc(centers, diameter))
+    rows = grip_jacobian(config, grasp)
     paper = np.vstack([np.hstack([rows[:3], -np.eye(3)]), np.append(rows[3], np.zeros(3))])
     found, _ = constraint_of(config, Grip.at_module(robot, grasp))
     scale = np.append(np.ones(rows.shape[1]), [1.0, 1.0, 2.0 / diameter])
@@ -90,8 +88,10 @@ def test_rows_at_a_module_are_those_of_the_paper(robot, rng, number):
 def test_rows_of_a_disc_in_a_corner_are_those_of_the_paper(module):
     robot = load_robot('nine_member')
     config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
-    grasp = Grasp(module, tangent_center(config, module, 0.3, 0.02), 0.3)
-    rows = task_jacobian(config, grasp)
+    grasp = Grip.at_module(
+        config.robot, module, ConvexObject.disc(tangent_center(config, module, 0.3, 0.02), 0.3)
+    )
+    rows = grip_jacobian(config, grasp)
     paper = np.vstack([np.hstack([rows[:3], -np.eye(3)]), np.append(rows[3], np.zeros(3))])
     found, _ = constraint_of(config, Grip.at_module(robot, grasp))
     assert np.abs(row_space(found) - row_space(paper)).max() < 1e-12
@@ -207,7 +207,9 @@ def test_an_object_moves_alike_whichever_member_is_named_first(kind, data, rng):
 def test_rows_are_kept_for_a_configuration_and_a_grip():
     config = load_robot('nine_member').home
     center = tangent_center(config, 'north/Z', 0.15)
-    grip = Grip.at_module(config.robot, Grasp('north/Z', center, 0.15))
+    grip = Grip.at_module(
+        config.robot, Grip.at_module(config.robot, 'north/Z', ConvexObject.disc(center, 0.15))
+    )
     found = grip_jacobian(config, grip)
     assert grip_jacobian(config, replace(grip)) is found
     with pytest.raises(ValueError, match='read-only'):
@@ -215,7 +217,7 @@ def test_rows_are_kept_for_a_configuration_and_a_grip():
     there = config.moved_to(config.roller_positions + 1e-3)
     assert np.abs(grip_jacobian(there, grip) - found).max() > 1e-6
     center = tangent_center(config, 'north/Z', 0.16)
-    wider = replace(grip, body=Cylinder(center, 0.16))
+    wider = replace(grip, body=ConvexObject.disc(center, 0.16))
     assert np.abs(grip_jacobian(config, wider) - found).max() > 1e-3
 
 

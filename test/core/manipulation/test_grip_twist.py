@@ -12,9 +12,7 @@
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConvexObject,
-    Cylinder,
     Disc,
-    Grasp,
     GraspError,
     Grip,
     grip_jacobian,
@@ -126,7 +124,9 @@ def test_reachable_twists_are_those_that_keep_the_contacts(kind, count, data, rn
 @pytest.mark.parametrize('speed', [0.01, 10.0])
 def test_a_grip_at_a_module_moves_as_the_grasp_there(module, speed):
     config = NINE.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
-    grasp = Grasp(module, tangent_center(config, module, 0.3, 0.01), 0.3)
+    grasp = Grip.at_module(
+        config.robot, module, ConvexObject.disc(tangent_center(config, module, 0.3, 0.01), 0.3)
+    )
     grip = Grip.at_module(NINE, grasp)
     for twist in speed * np.array([[1.0, 0.0, 0.0], [0.3, -0.5, 2.0], [0.0, 0.0, 1.0]]):
         wanted, found = solve_twist(config, grasp, twist), solve_twist(config, grip, twist)
@@ -206,10 +206,12 @@ def test_a_face_and_a_corner_move_apart_at_the_opening_rate(robot, rng):
 def test_members_that_touch_one_corner_do_not_hold_it():
     """Both sides of a corner of the robot at the one vertex of a wedge that is in it."""
     config = NINE.home
-    grasp = Grasp('north/Z', tangent_center(config, 'north/Z', 0.15), 0.15)
+    grasp = Grip.at_module(
+        config.robot, 'north/Z', ConvexObject.disc(tangent_center(config, 'north/Z', 0.15), 0.15)
+    )
     wedge = Polygon([(0.0, 0.0), (0.3, 0.02), (0.3, -0.02)])
     ends = [random_grips.member_ends(config, m) for m in Grip.at_module(NINE, grasp).members]
-    inward = np.mean([random_grips.toward(complex(*grasp.center), *e) for e in ends]) * -1.0
+    inward = np.mean([random_grips.toward(grasp.center, *e) for e in ends]) * -1.0
     body = ConvexObject(wedge, Pose(*grasp.center, float(np.angle(inward))))
     grip = Grip(Grip.at_module(NINE, grasp).members, body)
     with pytest.raises(GraspError, match='touch the object in one point'):
@@ -255,7 +257,7 @@ def test_a_disc_that_fills_a_triangle_cannot_be_moved_by_its_two_rollers():
     center = random_grips.equally_far(ends, np.mean(robot.home.points))
     far, _ = random_grips.local_center(robot.home, robot.member_names[0], center)
     diameter = 2.0 * abs(far.imag) - robot.description.tube_diameter
-    grip = Grip(robot.member_names, Cylinder((center.real, center.imag), diameter))
+    grip = Grip(robot.member_names, ConvexObject.disc((center.real, center.imag), diameter))
     assert len(reachable_twists(robot.home, grip)) < 3
     command = solve_twist(robot.home, grip, [0.01, 0.0, 0.0])
     assert command.status is Status.UNREACHABLE

@@ -12,10 +12,11 @@
 from hypothesis import given, reject, strategies
 from isotruss_ros.core import (
     ConfigurationError,
-    Grasp,
+    ConvexObject,
     GraspError,
-    HeldObject,
+    Grip,
     load_robot,
+    RollingGrip,
     solve_twist,
     solve_twist_ahead,
     Status,
@@ -32,7 +33,9 @@ MODULE, DIAMETER = 'east/Q', 0.3
 
 
 def grasp_at(config, module=MODULE, diameter=DIAMETER):
-    return Grasp(module, tangent_center(config, module, diameter), diameter)
+    return Grip.at_module(
+        config.robot, module, ConvexObject.disc(tangent_center(config, module, diameter), diameter)
+    )
 
 
 def opening(config, module=MODULE):
@@ -49,9 +52,9 @@ def difference(pose, wanted):
 def drive(twists, rate, command_for, start=None):
     """HoldStatus each command for one interval of the loop; return the end of it all."""
     config = start or load_robot('nine_member').home
-    held = HeldObject.attach(config, grasp_at(config))
+    held = RollingGrip.attach(config, grasp_at(config))
     for twist in twists:
-        command = command_for(config, held.grasp_in(config), twist)
+        command = command_for(config, held.moved_to(config), twist)
         assert command.status in (Status.OK, Status.IDLE)
         config = config.moved_to(config.roller_positions + command.roller_velocities / rate)
     return config, held
@@ -61,11 +64,11 @@ def drive(twists, rate, command_for, start=None):
 @given(robots.robots(), robots.generators(), NUMBERS, strategies.floats(-10.0, 10.0))
 def test_object_is_where_it_was_grasped(robot, rng, number, angle):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
-    pose = HeldObject.attach(config, grasp, angle).pose(config)
+    pose = RollingGrip.attach(config, grasp, angle).pose(config)
     assert pose[:2] == pytest.approx(grasp.center, abs=1e-12)
     assert difference(pose, (*grasp.center, angle))[1] < 1e-12
     assert -np.pi <= pose.angle <= np.pi
-    again = HeldObject.attach(config, grasp, angle).grasp_in(config)
+    again = RollingGrip.attach(config, grasp, angle).moved_to(config)
     assert again.center == pytest.approx(grasp.center, abs=1e-12)
     assert (again.module, again.diameter) == (grasp.module, grasp.diameter)
 
@@ -74,13 +77,13 @@ def test_object_is_where_it_was_grasped(robot, rng, number, angle):
 @given(robots.robots(), robots.generators(), NUMBERS)
 def test_pose_depends_on_the_configuration_and_not_on_the_path(robot, rng, number):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
-    held = HeldObject.attach(config, grasp)
+    held = RollingGrip.attach(config, grasp)
     away = robots.random_state(robot, rng)
     back = away.moved_to(config.roller_positions)
     assert difference(held.pose(back), held.pose(config)) == pytest.approx((0.0, 0.0), abs=1e-9)
     # Grasped again elsewhere it is the same object.
     try:
-        again = HeldObject.attach(away, held.grasp_in(away), held.pose(away).angle)
+        again = RollingGrip.attach(away, held.moved_to(away), held.pose(away).angle)
     except GraspError:
         reject()  # it was so near to a side that the side has swept over it
     assert difference(again.pose(config), held.pose(config)) == pytest.approx((0, 0), abs=1e-9)
@@ -90,14 +93,14 @@ def test_pose_depends_on_the_configuration_and_not_on_the_path(robot, rng, numbe
 @given(robots.robots(), robots.generators(), NUMBERS)
 def test_object_rolls_by_the_travel_of_its_own_roller(robot, rng, number):
     config, grasp, ends = robots.random_grasp(robot, rng, number)
-    held = HeldObject.attach(config, grasp)
+    held = RollingGrip.attach(config, grasp)
     moved = robots.random_state(robot, rng)
     before, after = ends, robots.side_ends(moved, grasp.module)
     carried = np.angle((after[1] - after[0]) / (before[1] - before[0]))
     travel = dict(
         zip(robot.roller_names, moved.roller_positions - config.roller_positions, strict=True)
     ).get(grasp.module, 0.0)
-    arm = complex(*grasp.center) - before[0]
+    arm = grasp.center - before[0]
     left = (arm * np.conj(before[1] - before[0])).imag > 0.0
     rolled = (2.0 if left else -2.0) * travel / grasp.diameter
     turned = held.pose(moved).angle - held.pose(config).angle
@@ -118,10 +121,10 @@ def test_no_lead_is_the_plain_solution(robot, rng, number):
 def test_command_ahead_is_the_plain_one_for_the_state_ahead():
     config = load_robot('nine_member').home
     grasp, twist, lead = grasp_at(config), [0.01, 0.02, -0.1], 0.1
-    held = HeldObject.attach(config, grasp)
+    held = RollingGrip.attach(config, grasp)
     plain = solve_twist(config, grasp, twist)
     there = config.moved_to(config.roller_positions + lead * plain.roller_velocities)
-    wanted = solve_twist(there, held.grasp_in(there), twist)
+    wanted = solve_twist(there, held.moved_to(there), twist)
     command = solve_twist_ahead(config, grasp, twist, lead)
     assert command.roller_velocities == pytest.approx(wanted.roller_velocities, abs=1e-12)
     assert np.abs(command.roller_velocities - plain.roller_velocities).max() > 1e-5
@@ -182,13 +185,13 @@ def test_midpoint_rule_is_of_second_order_and_euler_of_first():
 def test_lead_makes_up_for_a_state_that_is_one_cycle_old():
     rate, seconds = 20.0, 2.0
     home = load_robot('nine_member').home
-    held = HeldObject.attach(home, grasp_at(home))
+    held = RollingGrip.attach(home, grasp_at(home))
     errors = []
     for lead in (0.5, 1.5):
         states = [home, home]
         for _ in range(round(seconds * rate)):
             measured = states[-2]
-            command = solve_twist_ahead(measured, held.grasp_in(measured), TWIST, lead / rate)
+            command = solve_twist_ahead(measured, held.moved_to(measured), TWIST, lead / rate)
             travel = states[-1].roller_positions + command.roller_velocities / rate
             states.append(states[-1].moved_to(travel))
         wanted = np.array(held.pose(home)) + seconds * TWIST
@@ -198,11 +201,11 @@ def test_lead_makes_up_for_a_state_that_is_one_cycle_old():
 
 def test_rollers_integrate_as_scipy_integrates_them():
     robot = load_robot('nine_member')
-    held = HeldObject.attach(robot.home, grasp_at(robot.home))
+    held = RollingGrip.attach(robot.home, grasp_at(robot.home))
 
     def rates(_time, travel):
         config = robot.configuration(travel)
-        return solve_twist(config, held.grasp_in(config), TWIST).roller_velocities
+        return solve_twist(config, held.moved_to(config), TWIST).roller_velocities
 
     found = solve_ivp(rates, (0.0, 2.0), np.zeros(6), rtol=1e-8, atol=1e-10)
     end = robot.configuration(found.y[:, -1])
@@ -254,10 +257,10 @@ def figure_nine(rate, pace):
 def test_object_does_not_drift_on_the_path_of_figure_nine(rate, pace):
     twists = figure_nine(rate, pace)
     home = load_robot('nine_member').home
-    held = HeldObject.attach(home, grasp_at(home))
+    held = RollingGrip.attach(home, grasp_at(home))
     wanted, config, furthest = np.array(held.pose(home)), home, 0.0
     for twist in twists:
-        command = solve_twist_ahead(config, held.grasp_in(config), twist, 0.5 / rate)
+        command = solve_twist_ahead(config, held.moved_to(config), twist, 0.5 / rate)
         assert command.status in (Status.OK, Status.IDLE)
         config = config.moved_to(config.roller_positions + command.roller_velocities / rate)
         wanted = wanted + twist / rate

@@ -12,17 +12,18 @@
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConfigurationError,
-    Grasp,
-    HeldObject,
+    ConvexObject,
+    Grip,
+    grip_jacobian,
     load_robot,
     MemberLengthLimit,
     reachable_twists,
     RollerSpeedLimit,
+    RollingGrip,
     ShapeBounds,
     ShapeGuard,
     solve_twist,
     Status,
-    task_jacobian,
 )
 from isotruss_ros.core.manipulation.limit_handling import LEAST_REGULARIZATION
 from isotruss_ros.core.manipulation.limits import default_limits, Rows
@@ -65,7 +66,7 @@ def test_sliding_carries_out_the_nearest_twist_that_limits_allow(robot, rng, num
         config, grasp, _ = robots.random_grasp(robot, rng, number)
     except ConfigurationError:
         assume(False)
-    jacobian = task_jacobian(config, grasp)
+    jacobian = grip_jacobian(config, grasp)
     r = len(robot.roller_names)
     wall = Wall(rng.standard_normal((3, r)), rng.choice([0.0, 0.01, 0.1], 3))
     # Rollers are quick enough: only the walls are in the way. A robot that is nearly singular
@@ -115,7 +116,7 @@ def test_a_twist_that_is_slowed_by_rounding_only_counts_as_whole(robot, rng, num
     config, grasp, _ = robots.random_grasp(robot, rng, number)
     twist = rng.standard_normal(3)
     assume(solve_twist(config, grasp, twist, limits=()).status is Status.OK)
-    along = -twist @ task_jacobian(config, grasp)[:3]
+    along = -twist @ grip_jacobian(config, grasp)[:3]
     for missing, whole in ((1e-11, True), (1e-6, False)):
         wall = Wall(along[None], twist @ twist * np.array([1.0 - missing]))
         command = solve_twist(config, grasp, twist, limits=[wall])
@@ -196,7 +197,7 @@ def test_remaining_task_is_what_solve_twist_reaches(robot, rng, number):
     names = robot.roller_names
     failed = [name for name in names if rng.random() < 0.3]
     left = reachable_twists(config, grasp, failed)
-    jacobian = task_jacobian(config, grasp)[:, [n not in failed for n in names]]
+    jacobian = grip_jacobian(config, grasp)[:, [n not in failed for n in names]]
     scaled = np.append(surface(grasp), grasp.diameter / 2)[:, None] * jacobian
     # Rank-nullity, counted another way: what moves the object without opening the grip.
     grip = np.linalg.matrix_rank(scaled[3:], tol=1e-5) if scaled.size else 0
@@ -219,13 +220,16 @@ def test_twists_of_any_size_are_solved_in_corners_too():
     robot = load_robot('nine_member')
     corner = np.array([-0.13457, 0.55259, -0.55598, -0.75575, 0.1915, -0.38877])
     start = robot.configuration(corner)
-    held = HeldObject.attach(start, Grasp('north/Z', (1.92365, -0.80865), 0.3156))
+    held = RollingGrip.attach(
+        start,
+        Grip.at_module(ROBOT, 'north/Z', ConvexObject.disc((1.92365, -0.80865), 0.3156)),
+    )
     guard = ShapeGuard(robot, ShapeBounds())
     twist = np.array([1.615, -2.887, 2.034])
     rng, moved = np.random.default_rng(0), 0
     for _ in range(60):
         config = start.moved_to(corner + 0.003 * rng.uniform(-1.0, 1.0, 6))
-        grasp = held.grasp_in(config)
+        grasp = held.moved_to(config)
         limits = (*default_limits(robot), *guard.watch(config, grasp).limits)
         done = []
         for size in (1e3, 1e12, 1e300):

@@ -13,12 +13,13 @@ from hypothesis import given
 from isotruss_ros.core import (
     Configuration,
     ConfigurationError,
-    Grasp,
+    ConvexObject,
     GraspError,
-    HeldObject,
+    Grip,
     load_robot,
     MemberLengthLimit,
     RollerSpeedLimit,
+    RollingGrip,
     solve_twist,
     Status,
     tangent_center,
@@ -31,8 +32,13 @@ MODULE = 'east/Q'
 
 
 def held_at(config, diameter=0.3):
-    return HeldObject.attach(
-        config, Grasp(MODULE, tangent_center(config, MODULE, diameter), diameter)
+    return RollingGrip.attach(
+        config,
+        Grip.at_module(
+            config.robot,
+            MODULE,
+            ConvexObject.disc(tangent_center(config, MODULE, diameter), diameter),
+        ),
     )
 
 
@@ -89,7 +95,7 @@ def walk(config, held, twist, steps, dt):
     """Move along a twist and check the limits at each step; return the end and the commands."""
     file, commands = config.robot.description, []
     for _ in range(steps):
-        command = solve_twist(config, held.grasp_in(config), twist)
+        command = solve_twist(config, held.moved_to(config), twist)
         commands.append(command)
         assert np.abs(command.roller_velocities).max() <= file.max_speed + 1e-9
         config = config.moved_to(config.roller_positions + dt * command.roller_velocities)
@@ -125,7 +131,7 @@ def test_robot_pushed_against_a_limit_can_always_return(direction):
     assert commands[-1].status is Status.SLOWED_MEMBER_LENGTH
     assert set(commands[-1].limiting) <= set(robot.member_names)
     assert commands[-1].scale < 1e-3
-    back = solve_twist(config, held.grasp_in(config), -push)
+    back = solve_twist(config, held.moved_to(config), -push)
     assert back.scale > 0.05
     assert back.achieved_twist[:2] @ push[:2] < 0.0
     start = held.pose(config)
@@ -145,7 +151,7 @@ def test_member_beyond_its_bound_may_only_return():
     moving = 0
     for _ in range(40):
         command = solve_twist(
-            config, held.grasp_in(config), 0.1 * rng.standard_normal(3), limits=limits
+            config, held.moved_to(config), 0.1 * rng.standard_normal(3), limits=limits
         )
         rates = robot.topology.incidence @ command.roller_velocities
         assert (rates[beyond] <= 1e-9).all()
@@ -185,13 +191,18 @@ def test_walks_of_random_robots_stay_within_limits(robot, rng):
     limits = [RollerSpeedLimit(0.1), document_limits]
     config: Configuration = robot.home
     try:
-        held = HeldObject.attach(config, Grasp(module, tangent_center(config, module, 0.2), 0.2))
+        held = RollingGrip.attach(
+            config,
+            Grip.at_module(
+                config.robot, module, ConvexObject.disc(tangent_center(config, module, 0.2), 0.2)
+            ),
+        )
     except GraspError:
         return
     for _ in range(60):
         try:
             command = solve_twist(
-                config, held.grasp_in(config), rng.standard_normal(3), limits=limits
+                config, held.moved_to(config), rng.standard_normal(3), limits=limits
             )
             config = config.moved_to(config.roller_positions + 0.05 * command.roller_velocities)
         except ConfigurationError:

@@ -10,7 +10,8 @@
 """Programs with few rows to choose from: none, a zero one, one that nothing fulfils."""
 
 from isotruss_ros.core import (
-    Grasp,
+    ConvexObject,
+    Grip,
     load_robot,
     MemberLengthLimit,
     RollerSpeedLimit,
@@ -51,7 +52,9 @@ def test_rows_are_added_until_none_is_violated():
 
 def test_rollers_alone_do_not_bend_a_twist():
     """Nothing is left to slide along."""
-    grasp = Grasp('north/Z', tangent_center(NINE.home, 'north/Z', 0.3), 0.3)
+    grasp = Grip.at_module(
+        NINE, 'north/Z', ConvexObject.disc(tangent_center(NINE.home, 'north/Z', 0.3), 0.3)
+    )
     twist, limits = np.array([1.0, -2.0, 0.5]), [RollerSpeedLimit(0.1)]
     scaled = solve_twist(NINE.home, grasp, twist, limits=limits)
     slid = solve_twist(NINE.home, grasp, twist, limits=limits, slide_along_limits=True)
@@ -63,7 +66,9 @@ def test_rollers_alone_do_not_bend_a_twist():
 
 def test_sliding_needs_no_limit_of_roller_speed():
     """The direction is first kept within none, then within those of the lengths."""
-    grasp = Grasp('north/Z', tangent_center(NINE.home, 'north/Z', 0.3), 0.3)
+    grasp = Grip.at_module(
+        NINE, 'north/Z', ConvexObject.disc(tangent_center(NINE.home, 'north/Z', 0.3), 0.3)
+    )
     lengths = NINE.home.member_lengths
     kept = MemberLengthLimit(lengths.min(), lengths.max())
     twist = np.array([0.01, -0.02, 0.005])

@@ -10,7 +10,8 @@
 """How progress is traded against roller speed where limits bind: in closed form."""
 
 from isotruss_ros.core import (
-    Grasp,
+    ConvexObject,
+    Grip,
     load_robot,
     RollerSpeedLimit,
     solve_twist,
@@ -24,7 +25,9 @@ from walls import Wall
 ROBOT = load_robot('triangle')
 MODULE = ROBOT.module_names[1]
 MAX_SPEED = ROBOT.description.max_speed
-GRASP = Grasp(MODULE, tangent_center(ROBOT.home, MODULE, 0.3), 0.3)
+GRASP = Grip.at_module(
+    ROBOT, MODULE, ConvexObject.disc(tangent_center(ROBOT.home, MODULE, 0.3), 0.3)
+)
 
 
 def stop(count, roller, velocity):
@@ -86,7 +89,9 @@ def test_the_weight_of_progress_falls_with_the_period_beyond_the_reference():
 
 def test_sliding_trades_the_twist_against_roller_speed_in_loops_only():
     robot, twist = load_robot('nine_member'), (0.05, 0.0, 0.0)
-    grasp = Grasp('east/Q', tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    grasp = Grip.at_module(
+        robot, 'east/Q', ConvexObject.disc(tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    )
     free = solve_twist(robot.home, grasp, twist, limits=[]).roller_velocities
     quickest = int(np.abs(free).argmax())
 

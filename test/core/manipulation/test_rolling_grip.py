@@ -12,12 +12,9 @@
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConvexObject,
-    Cylinder,
     Ellipse,
-    Grasp,
     GraspError,
     Grip,
-    HeldObject,
     load_robot,
     Polygon,
     Pose,
@@ -68,7 +65,7 @@ def drive(rolling, twist, duration, rate=20.0):
 @pytest.mark.parametrize(
     'body',
     [
-        Cylinder((CENTER.real, CENTER.imag), 0.5),
+        ConvexObject.disc((CENTER.real, CENTER.imag), 0.5),
         ConvexObject(Ellipse((0.25, 0.24)), Pose(CENTER.real, CENTER.imag, 0.3)),
         ConvexObject(pentagon(0.0), Pose(CENTER.real, CENTER.imag, 0.1)),
         ConvexObject(pentagon(0.02), Pose(CENTER.real, CENTER.imag, 0.1)),
@@ -93,8 +90,10 @@ def test_carries_and_turns_an_object_between_sides_that_do_not_meet(body):
     [((), 0.0), ((3.1,), 3.1), ((3.3,), 3.3 - 2.0 * np.pi), ((-9.0,), 2.0 * np.pi - 9.0)],
 )
 def test_a_disc_has_the_angle_that_is_told_within_half_a_turn(told, within):
-    grasp = Grasp('east/Q', tangent_center(NINE.home, 'east/Q', 0.3), 0.3)
-    held = HeldObject.attach(NINE.home, grasp, *told)
+    grasp = Grip.at_module(
+        NINE, 'east/Q', ConvexObject.disc(tangent_center(NINE.home, 'east/Q', 0.3), 0.3)
+    )
+    held = RollingGrip.attach(NINE.home, grasp, *told)
     rolling = RollingGrip.attach(NINE.home, Grip.at_module(NINE, grasp), *told)
     for pose in (held.pose(NINE.home), rolling.pose):
         assert pose.angle == pytest.approx(within, abs=1e-12)
@@ -116,13 +115,15 @@ def test_the_pose_depends_on_the_configuration_and_not_on_the_path():
 
 @pytest.mark.parametrize('module', ['north/Z', 'east/Q', 'north/P'])
 def test_a_disc_at_a_module_is_where_the_held_object_is(module):
-    grasp = Grasp(module, tangent_center(NINE.home, module, 0.3, 0.01), 0.3)
-    held = HeldObject.attach(NINE.home, grasp, 0.4)
+    grasp = Grip.at_module(
+        NINE, module, ConvexObject.disc(tangent_center(NINE.home, module, 0.3, 0.01), 0.3)
+    )
+    held = RollingGrip.attach(NINE.home, grasp, 0.4)
     rolling = RollingGrip.attach(NINE.home, Grip.at_module(NINE, grasp), 0.4)
     assert difference(rolling.pose, held.pose(NINE.home)) == pytest.approx((0.0, 0.0), abs=1e-12)
     config = NINE.home
     for _ in range(20):
-        command = solve_twist_ahead(config, held.grasp_in(config), [0.01, 0.02, -0.2], 0.05)
+        command = solve_twist_ahead(config, held.moved_to(config), [0.01, 0.02, -0.2], 0.05)
         config = config.moved_to(config.roller_positions + 0.1 * command.roller_velocities)
         rolling = rolling.moved_to(config)
         apart = difference(rolling.pose, held.pose(config))
@@ -167,7 +168,9 @@ def rolling_rows(rolling):
 
 
 def test_rollers_that_do_not_keep_the_contacts_show_as_a_misfit():
-    rolling = RollingGrip.attach(NINE.home, Grip(APART, Cylinder((CENTER.real, CENTER.imag), 0.5)))
+    rolling = RollingGrip.attach(
+        NINE.home, Grip(APART, ConvexObject.disc((CENTER.real, CENTER.imag), 0.5))
+    )
     command = solve_twist(NINE.home, rolling.grip, np.zeros(3), opening_rate=0.01)
     assert np.abs(command.achieved_twist).max() < 1e-9
     opened = rolling.moved_to(NINE.home.moved_to(command.roller_velocities))
@@ -177,7 +180,9 @@ def test_rollers_that_do_not_keep_the_contacts_show_as_a_misfit():
 
 
 def test_an_object_that_left_the_members_is_refused():
-    rolling = RollingGrip.attach(NINE.home, Grip(APART, Cylinder((CENTER.real, CENTER.imag), 0.5)))
+    rolling = RollingGrip.attach(
+        NINE.home, Grip(APART, ConvexObject.disc((CENTER.real, CENTER.imag), 0.5))
+    )
     far = NINE.home.moved_to([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])
     with pytest.raises(GraspError, match='does not'):
         rolling.moved_to(far)

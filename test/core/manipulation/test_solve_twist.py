@@ -12,16 +12,17 @@
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     Configuration,
-    Grasp,
+    ConvexObject,
     GraspError,
-    HeldObject,
+    Grip,
+    grip_jacobian,
     load_robot,
     MemberLengthLimit,
     RollerSpeedLimit,
+    RollingGrip,
     solve_twist,
     Status,
     tangent_center,
-    task_jacobian,
 )
 from isotruss_ros.core.manipulation.grasp import members_at_module
 import numpy as np
@@ -56,7 +57,7 @@ def full_program(config, grasp, twist):
     rows = differenced_rows(config, grasp)
     grip = robot.module_names.index(grasp.module)
     b, b_next, _, _ = robots.side_ends(config, grasp.module)
-    left = ((b_next - b).conjugate() * (complex(*grasp.center) - b)).imag > 0.0
+    left = ((b_next - b).conjugate() * (grasp.center - b)).imag > 0.0
     rows[2] += (2.0 if left else -2.0) / grasp.diameter * speed[grip]
     equality = np.vstack([constant, rest, rows])
     right = np.concatenate([np.zeros(len(equality) - 4), twist, [0.0]])
@@ -69,7 +70,7 @@ def full_program(config, grasp, twist):
 def differenced_rows(config, grasp):
     """Return object x, y, frame angle and opening by central differences of the nodes."""
     robot = config.robot
-    held = HeldObject.attach(config, grasp)
+    held = RollingGrip.attach(config, grasp)
     step = 1e-6
     rows = np.zeros((4, 2 * len(config.points)))
     for column in range(rows.shape[1]):
@@ -137,7 +138,7 @@ def largest_scale(config, jacobian, twist):
 @given(robots.robots(), robots.generators(), NUMBERS)
 def test_rollers_are_those_of_the_full_program(robot, rng, number):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
-    assume(well_posed(task_jacobian(config, grasp)))
+    assume(well_posed(grip_jacobian(config, grasp)))
     twist = rng.standard_normal(3)
     command = solve_twist(config, grasp, twist, limits=UNLIMITED)
     rollers, velocity = full_program(config, grasp, twist)
@@ -155,7 +156,9 @@ def test_rollers_are_those_of_the_full_program(robot, rng, number):
 def test_nine_member_robot_follows_the_full_program_at_every_grip(module):
     robot = load_robot('nine_member')
     config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
-    grasp = Grasp(module, tangent_center(config, module, 0.3), 0.3)
+    grasp = Grip.at_module(
+        config.robot, module, ConvexObject.disc(tangent_center(config, module, 0.3), 0.3)
+    )
     twist = np.array([0.01, 0.02, -0.05])
     command = solve_twist(config, grasp, twist, limits=UNLIMITED)
     # The south tube turns about X and has two rollers: three degrees for four conditions. A grip
@@ -172,7 +175,7 @@ def test_nine_member_robot_follows_the_full_program_at_every_grip(module):
 @given(robots.robots(), robots.generators(), NUMBERS, strategies.floats(-3.0, 4.0))
 def test_scale_is_the_largest_possible_and_its_cost_the_least(robot, rng, number, decades):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
-    jacobian = task_jacobian(config, grasp)
+    jacobian = grip_jacobian(config, grasp)
     assume(well_posed(jacobian))
     twist = 10.0**decades * rng.standard_normal(3)
     command = solve_twist(config, grasp, twist)
@@ -217,7 +220,7 @@ def nearly_singular():
     best = None
     for number in range(200):
         config, grasp, _ = robots.random_grasp(robot, rng, number)
-        gain = np.linalg.svd(task_jacobian(config, grasp), compute_uv=False)[-1]
+        gain = np.linalg.svd(grip_jacobian(config, grasp), compute_uv=False)[-1]
         if gain > 1e-5 and (best is None or gain < best[0]):
             best = (gain, config, grasp)
     return best
@@ -226,7 +229,7 @@ def nearly_singular():
 def test_small_twist_is_not_slowed_where_rollers_do_little():
     gain, config, grasp = nearly_singular()
     assert gain < 1e-2
-    jacobian = task_jacobian(config, grasp)
+    jacobian = grip_jacobian(config, grasp)
     twist = np.linalg.svd(jacobian)[0][:3, -1]
     for size in (1e-3, 1e-6, 1e-9):
         command = solve_twist(config, grasp, size * gain * twist)
@@ -242,7 +245,7 @@ def test_small_twist_is_not_slowed_where_rollers_do_little():
 def test_achieved_twist_is_what_the_object_does(robot, rng, number):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
     command = solve_twist(config, grasp, rng.standard_normal(3))
-    held = HeldObject.attach(config, grasp)
+    held = RollingGrip.attach(config, grasp)
     step = 1e-4
     ahead, behind = (
         held.pose(config.moved_to(config.roller_positions + travel))
@@ -257,7 +260,7 @@ def test_achieved_twist_is_what_the_object_does(robot, rng, number):
 @given(robots.robots(), robots.generators(), NUMBERS)
 def test_commands_grow_with_the_twist_until_limits_bind(robot, rng, number):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
-    assume(well_posed(task_jacobian(config, grasp)))
+    assume(well_posed(grip_jacobian(config, grasp)))
     twist = rng.standard_normal(3)
     one = solve_twist(config, grasp, twist, limits=UNLIMITED).roller_velocities
     slow = 1e-3 * robot.description.max_speed / np.abs(one).max()
@@ -276,7 +279,9 @@ def test_commands_grow_with_the_twist_until_limits_bind(robot, rng, number):
 def test_smallest_and_largest_numbers_stay_numbers():
     robot = load_robot('nine_member')
     config = robot.home
-    grasp = Grasp('east/Q', tangent_center(config, 'east/Q', 0.3), 0.3)
+    grasp = Grip.at_module(
+        config.robot, 'east/Q', ConvexObject.disc(tangent_center(config, 'east/Q', 0.3), 0.3)
+    )
     for size in (5e-324, 1e-310, 1e-300, 1e300, 1.7e308):
         command = solve_twist(config, grasp, [size, -size, size])
         assert np.isfinite(command.roller_velocities).all()
@@ -292,7 +297,7 @@ def test_failed_rollers_stand_still_and_the_others_do_their_best(robot, rng, num
     names = robot.roller_names
     failed = set(rng.permutation(names)[: rng.integers(1, len(names) + 1)])
     working = [i for i, name in enumerate(names) if name not in failed]
-    jacobian = task_jacobian(config, grasp)
+    jacobian = grip_jacobian(config, grasp)
     command = solve_twist(config, grasp, twist := rng.standard_normal(3), failed, UNLIMITED)
     stuck = [i for i in range(len(names)) if i not in working]
     assert (command.roller_velocities[stuck] == 0.0).all()
@@ -316,7 +321,7 @@ def test_failed_rollers_stand_still_and_the_others_do_their_best(robot, rng, num
 def test_nearest_twist_is_found_where_the_wanted_one_is_out_of_reach(robot, rng, number, left):
     config, grasp, _ = robots.random_grasp(robot, rng, number)
     names = rng.permutation(robot.roller_names)
-    jacobian = task_jacobian(config, grasp)
+    jacobian = grip_jacobian(config, grasp)
     failed = names[left:]
     working = [i for i, name in enumerate(robot.roller_names) if name not in failed]
     closed = null_space(jacobian[3:, working], rcond=1e-9)
@@ -335,8 +340,10 @@ def test_nearest_twist_is_found_where_the_wanted_one_is_out_of_reach(robot, rng,
 
 def test_nearest_twist_is_the_one_that_slsqp_finds():
     robot = load_robot('triangle')
-    grasp = Grasp('main/T', tangent_center(robot.home, 'main/T', 0.2), 0.2)
-    jacobian, twist = task_jacobian(robot.home, grasp), np.array([0.01, 0.02, 0.1])
+    grasp = Grip.at_module(
+        robot, 'main/T', ConvexObject.disc(tangent_center(robot.home, 'main/T', 0.2), 0.2)
+    )
+    jacobian, twist = grip_jacobian(robot.home, grasp), np.array([0.01, 0.02, 0.1])
     found = minimize(
         lambda u: np.sum((surface(grasp) * (jacobian[:3] @ u - twist)) ** 2) * 1e4,
         np.zeros(2),
@@ -352,8 +359,10 @@ def test_nearest_twist_is_the_one_that_slsqp_finds():
 def test_grounded_grip_cannot_follow():
     robot = load_robot('nine_member')
     config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
-    grasp = Grasp('south/X', tangent_center(config, 'south/X', 0.3), 0.3)
-    jacobian = task_jacobian(config, grasp)
+    grasp = Grip.at_module(
+        config.robot, 'south/X', ConvexObject.disc(tangent_center(config, 'south/X', 0.3), 0.3)
+    )
+    jacobian = grip_jacobian(config, grasp)
     # X stands on the ground and is the seam: what is left is to turn about it, if anything.
     assert np.linalg.matrix_rank(jacobian, tol=1e-6) < 4
     twist = np.array([0.01, 0.0, 0.0])
@@ -367,13 +376,20 @@ def test_passive_grip_has_no_rolling():
     robot = load_robot('nine_member')
     for module in set(robot.module_names) - set(robot.roller_names):
         center = tangent_center(robot.home, module, 0.3)
-        small, large = (task_jacobian(robot.home, Grasp(module, center, d)) for d in (0.2, 0.4))
+        small, large = (
+            grip_jacobian(
+                robot.home, Grip.at_module(config.robot, module, ConvexObject.disc(center, d))
+            )
+            for d in (0.2, 0.4)
+        )
         assert small == pytest.approx(large)
 
 
 def test_no_working_rollers_move_nothing():
     robot = load_robot('nine_member')
-    grasp = Grasp('east/Q', tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    grasp = Grip.at_module(
+        robot, 'east/Q', ConvexObject.disc(tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    )
     command = solve_twist(robot.home, grasp, [0.01, 0.0, 0.0], failed=robot.roller_names)
     assert command.status is Status.UNREACHABLE
     assert not command.roller_velocities.any()
@@ -382,7 +398,9 @@ def test_no_working_rollers_move_nothing():
 
 def test_zero_twist_is_idle():
     robot = load_robot('nine_member')
-    grasp = Grasp('east/Q', tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    grasp = Grip.at_module(
+        robot, 'east/Q', ConvexObject.disc(tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    )
     command = solve_twist(robot.home, grasp, [0.0, -0.0, 0.0])
     assert command.status is Status.IDLE
     assert command.scale == 1.0
@@ -392,7 +410,9 @@ def test_zero_twist_is_idle():
 
 def test_own_limits_replace_those_of_the_file():
     robot = load_robot('nine_member')
-    grasp = Grasp('east/Q', tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    grasp = Grip.at_module(
+        robot, 'east/Q', ConvexObject.disc(tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    )
     twist = [0.0, 0.05, 0.0]
     free = solve_twist(robot.home, grasp, twist, limits=UNLIMITED)
     assert free.scale == 1.0
@@ -407,7 +427,9 @@ def test_own_limits_replace_those_of_the_file():
 
 def test_member_at_its_limit_is_named():
     robot = load_robot('nine_member')
-    grasp = Grasp('east/Q', tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    grasp = Grip.at_module(
+        robot, 'east/Q', ConvexObject.disc(tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    )
     twist = [0.0, 0.01, 0.0]
     free = solve_twist(robot.home, grasp, twist)
     growing = robot.topology.incidence @ free.roller_velocities
@@ -447,7 +469,9 @@ def test_member_at_its_limit_is_named():
 )
 def test_twist_that_makes_no_sense_is_refused(twist):
     robot = load_robot('triangle')
-    grasp = Grasp('main/T', tangent_center(robot.home, 'main/T', 0.2), 0.2)
+    grasp = Grip.at_module(
+        robot, 'main/T', ConvexObject.disc(tangent_center(robot.home, 'main/T', 0.2), 0.2)
+    )
     with pytest.raises(GraspError, match=r'the twist \(vx, vy .* must be 3 finite numbers'):
         solve_twist(robot.home, grasp, twist)
 
@@ -456,8 +480,12 @@ def test_unknown_names_are_refused_even_for_no_motion():
     robot = load_robot('triangle')
     center = tangent_center(robot.home, 'main/T', 0.2)
     with pytest.raises(GraspError, match=r"module 'main/W'.* its modules are main/L, main/R"):
-        solve_twist(robot.home, Grasp('main/W', center, 0.2), [0.0, 0.0, 0.0])
-    grasp = Grasp('main/T', center, 0.2)
+        solve_twist(
+            robot.home,
+            Grip.at_module(config.robot, 'main/W', ConvexObject.disc(center, 0.2)),
+            [0.0, 0.0, 0.0],
+        )
+    grasp = Grip.at_module(config.robot, 'main/T', ConvexObject.disc(center, 0.2))
     # main/L is a module, but it has no motor that could fail.
     for failed in ({'main/W'}, ['main/L'], 'T', [None]):
         with pytest.raises(GraspError, match='no such rollers; its rollers are main/R, main/T'):
@@ -466,7 +494,9 @@ def test_unknown_names_are_refused_even_for_no_motion():
 
 def test_name_of_one_failed_roller_may_stand_alone():
     robot = load_robot('nine_member')
-    grasp = Grasp('east/Q', tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    grasp = Grip.at_module(
+        robot, 'east/Q', ConvexObject.disc(tangent_center(robot.home, 'east/Q', 0.3), 0.3)
+    )
     alone = solve_twist(robot.home, grasp, [0.0, 0.01, 0.0], failed='south/Q')
     listed = solve_twist(robot.home, grasp, [0.0, 0.01, 0.0], failed=['south/Q'])
     assert alone.roller_velocities.tolist() == listed.roller_velocities.tolist()
@@ -475,7 +505,11 @@ def test_name_of_one_failed_roller_may_stand_alone():
 def test_object_outside_the_wedge_is_refused():
     robot = load_robot('triangle')
     with pytest.raises(GraspError, match='is not between the two members'):
-        solve_twist(robot.home, Grasp('main/T', (5.0, 0.3), 0.2), [0.0, 0.0, 0.0])
+        solve_twist(
+            robot.home,
+            Grip.at_module(config.robot, 'main/T', ConvexObject.disc((5.0, 0.3), 0.2)),
+            [0.0, 0.0, 0.0],
+        )
 
 
 # The right-hand side of the fourth row
@@ -485,7 +519,9 @@ def test_object_outside_the_wedge_is_refused():
 @pytest.mark.parametrize('twist', [(0.0, 0.0, 0.0), (0.01, -0.02, 0.1)])
 def test_the_grip_opens_at_the_rate_asked_for(module, twist):
     config = load_robot('nine_member').home
-    grasp = Grasp(module, tangent_center(config, module, 0.3), 0.3)
+    grasp = Grip.at_module(
+        config.robot, module, ConvexObject.disc(tangent_center(config, module, 0.3), 0.3)
+    )
     b, b_end, c, c_end = robots.side_ends(config, module)
     before = abs(np.angle((b_end - b) / (c_end - c)))
     step = 1e-5
@@ -500,7 +536,9 @@ def test_the_grip_opens_at_the_rate_asked_for(module, twist):
 
 def test_limits_scale_the_opening_with_the_twist():
     config = load_robot('nine_member').home
-    grasp = Grasp('north/Z', tangent_center(config, 'north/Z', 0.3), 0.3)
+    grasp = Grip.at_module(
+        config.robot, 'north/Z', ConvexObject.disc(tangent_center(config, 'north/Z', 0.3), 0.3)
+    )
     free = solve_twist(config, grasp, (0.01, 0.0, 0.0), opening_rate=-0.02)
     slowed = solve_twist(config, grasp, (1.0, 0.0, 0.0), opening_rate=-2.0)
     assert free.scale == 1.0
@@ -511,7 +549,9 @@ def test_limits_scale_the_opening_with_the_twist():
 
 def test_the_grip_opens_while_the_object_slides_along_limits():
     config = load_robot('nine_member').home
-    grasp = Grasp('north/Z', tangent_center(config, 'north/Z', 0.3), 0.3)
+    grasp = Grip.at_module(
+        config.robot, 'north/Z', ConvexObject.disc(tangent_center(config, 'north/Z', 0.3), 0.3)
+    )
     length = config.member_lengths.min()
     limits = [RollerSpeedLimit(0.5), MemberLengthLimit(length - 2e-3, length + 2e-3)]
     side = members_at_module(config, grasp.module).side
@@ -519,7 +559,7 @@ def test_the_grip_opens_while_the_object_slides_along_limits():
     for heading in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
         twist = 0.05 * np.array([np.cos(heading), np.sin(heading), 0.0])
         command = solve_twist(config, grasp, twist, (), limits, True, 0.005, opening_rate=0.02)
-        opened = side * task_jacobian(config, grasp)[3] @ command.roller_velocities
+        opened = side * grip_jacobian(config, grasp)[3] @ command.roller_velocities
         assert opened == pytest.approx(0.02, rel=1e-6)
         slid += command.status is Status.SLIDING
     assert slid > 3

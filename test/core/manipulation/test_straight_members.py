@@ -13,10 +13,8 @@ from isotruss_ros.core import (
     Configuration,
     ConvexObject,
     Disc,
-    Grasp,
     GraspError,
     Grip,
-    HeldObject,
     load_robot,
     place_between,
     Polygon,
@@ -89,8 +87,10 @@ def test_distances_from_a_segment(point, distance):
 
 
 def test_what_is_held_begins_at_angle_zero_and_without_a_misfit():
-    grasp = Grasp('north/Z', tangent_center(ROBOT.home, 'north/Z', 0.3), 0.3)
-    assert HeldObject.attach(ROBOT.home, grasp).pose(ROBOT.home).angle == pytest.approx(0.0)
+    grasp = Grip.at_module(
+        ROBOT, 'north/Z', ConvexObject.disc(tangent_center(ROBOT.home, 'north/Z', 0.3), 0.3)
+    )
+    assert RollingGrip.attach(ROBOT.home, grasp).pose(ROBOT.home).angle == pytest.approx(0.0)
     rolling = RollingGrip.attach(ROBOT.home, Grip.at_module(ROBOT, grasp))
     assert rolling.pose.angle == 0.0
     assert rolling.misfit == 0.0

@@ -9,7 +9,7 @@
 
 """Discs: numbers of any kind within range are taken, and what is out of range is refused."""
 
-from isotruss_ros.core import Cylinder, GraspError
+from isotruss_ros.core import ConvexObject, GraspError
 from isotruss_ros.core.model.pose import validate_disc
 import numpy as np
 import pytest
@@ -48,5 +48,5 @@ def test_what_is_out_of_range_is_refused(number, center, size, words):
 
 def test_places_up_to_the_largest_distance_are_taken():
     for center in ((MAX_DISTANCE, -MAX_DISTANCE), (-MAX_DISTANCE, MAX_DISTANCE)):
-        assert Cylinder(center, 0.1).center == center
-        assert Cylinder(np.array(center), 0.1).center == center
+        assert ConvexObject.disc(center, 0.1).center == center
+        assert ConvexObject.disc(np.array(center), 0.1).center == center

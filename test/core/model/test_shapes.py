@@ -10,9 +10,14 @@
 """Convex shapes: their surface by brute force, and what is no shape is refused with the place."""
 
 from hypothesis import given, strategies
-from isotruss_ros.core import ConvexObject, Cylinder, Disc, Ellipse, GraspError, Polygon
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Ellipse,
+    GraspError,
+    Polygon,
+)
 from isotruss_ros.core.model import ellipse as ellipse_module
-from isotruss_ros.core.model.convex_object import as_convex_object
 import numpy as np
 import pytest
 import robots
@@ -301,10 +306,10 @@ def test_an_object_moves_with_its_pose(seed):
 
 
 def test_a_cylinder_is_a_disc_in_its_place():
-    held = as_convex_object(Cylinder((0.3, -0.2), 0.25))
+    held = ConvexObject.disc((0.3, -0.2), 0.25)
     assert held == ConvexObject(Disc(0.25), (0.3, -0.2, 0.0))
     assert held.arm == 0.125
-    assert as_convex_object(held) is held
+    assert held is held
     assert ConvexObject(Ellipse((0.125, 0.125))).arm == pytest.approx(0.125)
 
 

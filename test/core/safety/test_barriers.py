@@ -12,10 +12,11 @@
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConfigurationError,
-    Grasp,
+    ConvexObject,
     GraspError,
-    HeldObject,
+    Grip,
     load_robot,
+    RollingGrip,
     tangent_center,
 )
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
@@ -39,7 +40,7 @@ def state(robot, rng, number):
         config, grasp, _ = robots.random_grasp(robot, rng, number)
     except ConfigurationError:
         assume(False)
-    return config, grasp, HeldObject.attach(config, grasp)
+    return config, grasp, RollingGrip.attach(config, grasp)
 
 
 @pytest.mark.parametrize('kind', KINDS)
@@ -56,7 +57,7 @@ def test_rows_are_derivatives_of_the_values(kind, robot, rng, number):
     values = []
     for sign in (1.0, -1.0):
         there = config.moved_to(config.roller_positions + sign * step * way)
-        values.append(barrier.values(there, held.grasp_in(there), near.indices))
+        values.append(barrier.values(there, held.moved_to(there), near.indices))
     found = (values[0] - values[1]) / (2.0 * step)
     if kind is RigidityBarrier:
         # Vectors take longer to converge than values, and those of the last modes do not; they do
@@ -71,7 +72,7 @@ def test_rigidity_row_is_exact_where_the_shape_is_weak():
     robot = load_robot('nine_member')
     rng = np.random.default_rng(0)
     barrier = RigidityBarrier(robot, BarrierLaw(0.0, 0.4))
-    grasp = Grasp('north/Z', (0.0, 0.0), 0.3)
+    grasp = Grip.at_module(robot, 'north/Z', ConvexObject.disc((0.0, 0.0), 0.3))
     weak = 0
     while weak < 10:
         try:
@@ -103,7 +104,9 @@ def test_rows_hold_where_two_modes_change_places():
     values = measure.modes(closest).values
     assert values[1] / values[0] < 1.1
     wide = RigidityBarrier(robot, BarrierLaw(values[0] - 0.1, 0.2 + values[1] - values[0]))
-    near = wide.active(closest, Grasp('north/Z', (0.0, 0.0), 0.3))
+    near = wide.active(
+        closest, Grip.at_module(robot, 'north/Z', ConvexObject.disc((0.0, 0.0), 0.3))
+    )
     assert len(near.indices) >= 2
     rows = closest.module_rows(near.node_rows)[:2, robot.topology.driven]
     for _ in range(10):
@@ -138,13 +141,18 @@ def test_what_a_barrier_saw_before_changes_nothing(kind):
     module = 'east/Q'
     way = rng.uniform(-1.0, 1.0, 6)
     counts = set()
-    held = HeldObject.attach(config, Grasp(module, tangent_center(config, module, 0.2), 0.2))
+    held = RollingGrip.attach(
+        config,
+        Grip.at_module(
+            robot, module, ConvexObject.disc(tangent_center(config, module, 0.2), 0.2)
+        ),
+    )
     for step in range(300):
         if step % 60 == 0:
             way = 0.006 * rng.uniform(-1.0, 1.0, 6) - 0.003 * config.roller_positions
         try:
             config = config.moved_to(config.roller_positions + way)
-            grasp = held.grasp_in(config)
+            grasp = held.moved_to(config)
             found, fresh = old.active(config, grasp), kind(robot, law).active(config, grasp)
         except (ConfigurationError, GraspError):
             way = -way

@@ -9,7 +9,13 @@
 
 """Gaps between the robot and a convex object that stands still, and how rollers change them."""
 
-from isotruss_ros.core import ConvexObject, Cylinder, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Ellipse,
+    load_robot,
+    Polygon,
+)
 from isotruss_ros.core.safety.distances import object_gaps
 import numpy as np
 import pytest
@@ -37,6 +43,6 @@ def test_gaps_of_the_robot_change_as_differences_say(shape):
 
 def test_a_disc_has_the_gaps_of_a_cylinder():
     body = ConvexObject(Disc(0.3), (0.72, 0.48, 0.33))
-    cylinder = object_gaps(HOME, Cylinder((0.72, 0.48), 0.3))
+    cylinder = object_gaps(HOME, ConvexObject.disc((0.72, 0.48), 0.3))
     for one, other in zip(object_gaps(HOME, body), cylinder, strict=True):
         assert one == pytest.approx(other, abs=1e-12)

@@ -11,7 +11,7 @@
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from isotruss_ros.core import ConfigurationError, Cylinder, load_robot
+from isotruss_ros.core import ConfigurationError, ConvexObject, load_robot
 from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment, object_gaps
 import numpy as np
 import pytest
@@ -176,7 +176,7 @@ def test_point_on_a_segment_and_segment_of_no_length_have_directions():
 def test_object_distances_are_those_of_points_along_the_parts(robot, rng):
     config = moved(robot, rng, 0.1)
     center = config.points[rng.integers(len(config.points))] + complex(*rng.uniform(-1, 1, 2))
-    cylinder = Cylinder((center.real, center.imag), float(rng.uniform(0.05, 0.5)))
+    cylinder = ConvexObject.disc((center.real, center.imag), float(rng.uniform(0.05, 0.5)))
     model, parts = collision_model(robot), parts_of(robot, config)
     parts['object'] = np.array([center]), 0.5 * cylinder.diameter
     wanted = np.array([gap(parts, 'object', name) for name in model.part_names()])
@@ -196,7 +196,7 @@ def test_object_distances_are_those_of_points_along_the_parts(robot, rng):
 @robots.examples(25)
 @given(positions=POSITIONS, center=CENTERS, diameter=st.floats(0.05, 0.6))
 def test_gaps_are_the_object_distances_and_openings(positions, center, diameter):
-    config, cylinder = ROBOT.configuration(positions), Cylinder(center, diameter)
+    config, cylinder = ROBOT.configuration(positions), ConvexObject.disc(center, diameter)
     gaps = object_gaps(config, cylinder)
     parts = np.concatenate([gaps.members, gaps.modules, gaps.rods])
     assert (parts == collision_model(ROBOT).object_distances(config, cylinder)).all()
@@ -211,7 +211,7 @@ def test_gaps_are_the_object_distances_and_openings(positions, center, diameter)
 @robots.examples(25)
 @given(positions=POSITIONS, center=CENTERS)
 def test_derivatives_of_gaps_are_those_of_differences(positions, center):
-    config, cylinder, step = ROBOT.configuration(positions), Cylinder(center, 0.3), 1e-6
+    config, cylinder, step = ROBOT.configuration(positions), ConvexObject.disc(center, 0.3), 1e-6
     gaps = object_gaps(config, cylinder)
     # At the end of a rod the direction of the gradient jumps.
     assume(gaps.rods.min() > -0.149)

@@ -14,7 +14,6 @@ from isotruss_ros.core import (
     Configuration,
     ConvexObject,
     Disc,
-    Grasp,
     Grip,
     load_robot,
     RollerCommand,
@@ -26,7 +25,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.safety.barriers import ObjectBarrier
 from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.safety.neighbor_list import Measured
-from isotruss_ros.core.safety.object_distances import grip_distances
 import numpy as np
 
 GRIP = box_between()
@@ -49,7 +47,9 @@ def command(velocities):
 def distances_after(travel):
     """Return the distances from the box after some roller travel [m]."""
     there = ROBOT.home.moved_to(travel)
-    return grip_distances(there, RollingGrip.attach(ROBOT.home, GRIP).moved_to(there).grip, np.inf)
+    return object_distances(
+        there, RollingGrip.attach(ROBOT.home, GRIP).moved_to(there).grip.body, GRIP.members
+    )
 
 
 def test_rows_of_a_grip_are_what_rolling_changes_of_the_distances():
@@ -97,9 +97,9 @@ def test_a_command_ends_before_a_contact_is_lost():
 
 
 def test_far_parts_are_no_nearer_than_their_bounds():
-    exact = grip_distances(ROBOT.home, GRIP, np.inf)
+    exact = object_distances(ROBOT.home, GRIP.body, GRIP.members, np.inf)
     far = np.flatnonzero((exact > 0.5) & np.isfinite(exact))
-    bounds = grip_distances(ROBOT.home, GRIP, 0.1, far)
+    bounds = object_distances(ROBOT.home, GRIP.body, GRIP.members, 0.1, far)
     assert (bounds <= exact[far]).all()
     assert (bounds > 0.1).all()
 
@@ -113,7 +113,7 @@ def test_a_measured_state_holds_for_the_same_object_nearby():
         (Grip(SIDES, body.moved_to((body.pose.x + 0.101, *body.pose[1:]))), False),
         (Grip(SIDES, ConvexObject(Disc(0.4), body.pose)), False),
         (Grip(('south/P-Q', 'east/Q-R'), body), False),
-        (Grasp('north/Z', (0.4, -0.2), 0.4), False),
+        (Grip.at_module(ROBOT, 'north/Z', ConvexObject.disc((0.4, -0.2), 0.4)), False),
         (None, False),
     ):
         assert measured.holds(ROBOT.home, grasp) == holds
@@ -121,10 +121,20 @@ def test_a_measured_state_holds_for_the_same_object_nearby():
     for angle, holds in ((0.098, True), (0.102, False)):
         turned = body.moved_to((*body.pose[:2], body.pose.angle + angle / reach))
         assert measured.holds(ROBOT.home, Grip(SIDES, turned)) == holds
-    module = Measured(ROBOT.home, Grasp('north/Z', (0.4, -0.2), 0.4), 0.1)
-    assert module.holds(ROBOT.home, Grasp('north/Z', (0.4, -0.109), 0.4))
-    assert not module.holds(ROBOT.home, Grasp('north/Z', (0.4, -0.2), 0.401))
-    assert not module.holds(ROBOT.home, Grasp('east/Q', (0.4, -0.2), 0.4))
+    module = Measured(
+        ROBOT.home,
+        Grip.at_module(ROBOT, 'north/Z', ConvexObject.disc((0.4, -0.2), 0.4)),
+        0.1,
+    )
+    assert module.holds(
+        ROBOT.home, Grip.at_module(ROBOT, 'north/Z', ConvexObject.disc((0.4, -0.109), 0.4))
+    )
+    assert not module.holds(
+        ROBOT.home, Grip.at_module(ROBOT, 'north/Z', ConvexObject.disc((0.4, -0.2), 0.401))
+    )
+    assert not module.holds(
+        ROBOT.home, Grip.at_module(ROBOT, 'east/Q', ConvexObject.disc((0.4, -0.2), 0.4))
+    )
     assert not module.holds(ROBOT.home, GRIP)
 
 

@@ -12,9 +12,9 @@
 from hypothesis import assume, given
 from isotruss_ros.core import (
     ConfigurationError,
-    Cylinder,
-    Grasp,
+    ConvexObject,
     GraspError,
+    Grip,
     load_robot,
     tangent_center,
 )
@@ -94,7 +94,7 @@ def test_presets_are_well_inside_at_home(name, clearance):
 
 def test_object_that_is_free_and_that_is_held():
     robot = load_robot('nine_member')
-    cylinder = Cylinder(tangent_center(robot.home, 'north/Z', 0.3), 0.3)
+    cylinder = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3), 0.3)
     held = shape_margins(robot.home, cylinder, 'north/Z')
     free = shape_margins(robot.home, cylinder)
     # It touches both sides: that is what the grip is for.
@@ -103,15 +103,15 @@ def test_object_that_is_free_and_that_is_held():
     assert held.object_clearance > 0.4
     assert held.nearest_to_object == 'member north/R-P'
     # A small one overlaps the disc of the module that holds it, which is no nearer to the rest.
-    small = Cylinder(tangent_center(robot.home, 'north/Z', 0.1), 0.1)
+    small = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.1), 0.1)
     assert shape_margins(robot.home, small).object_clearance < 0.0
     assert shape_margins(robot.home, small, 'north/Z').object_clearance > held.object_clearance
     # At a joint of two tubes the other tube's module and members count.
-    other = Cylinder(tangent_center(robot.home, 'north/R', 0.3), 0.3)
+    other = ConvexObject.disc(tangent_center(robot.home, 'north/R', 0.3), 0.3)
     assert shape_margins(robot.home, other, 'north/R').nearest_to_object == 'module east/R'
     # All of a triangle but the side across holds, or is fixed to what holds.
     triangle = load_robot('triangle')
-    cylinder = Cylinder(tangent_center(triangle.home, 'main/T', 0.1), 0.1)
+    cylinder = ConvexObject.disc(tangent_center(triangle.home, 'main/T', 0.1), 0.1)
     assert shape_margins(triangle.home, cylinder, 'main/T').nearest_to_object == 'member main/L-R'
     with pytest.raises(GraspError, match='no such module'):
         shape_margins(robot.home, cylinder, 'north/X')
@@ -122,7 +122,7 @@ def test_object_that_is_free_and_that_is_held():
 def test_margins_are_the_least_distances_and_name_them(robot, rng):
     config = moved(robot, rng, 0.1)
     center = config.points[rng.integers(len(config.points))] + complex(*rng.uniform(-1, 1, 2))
-    cylinder = Cylinder((center.real, center.imag), float(rng.uniform(0.05, 0.5)))
+    cylinder = ConvexObject.disc((center.real, center.imag), float(rng.uniform(0.05, 0.5)))
     grip = str(rng.choice(robot.module_names))
     model = collision_model(robot)
     distances = model.distances(config)
@@ -136,5 +136,7 @@ def test_margins_are_the_least_distances_and_name_them(robot, rng):
         assert found.nearest_to_object == model.part_names()[distances.argmin()]
     # It is what the guard goes by.
     barrier = ObjectBarrier(robot, BarrierLaw(0.0, 1.0))
-    grasp = Grasp(grip, cylinder.center, cylinder.diameter)
+    grasp = Grip.at_module(
+        config.robot, grip, ConvexObject.disc(cylinder.center, cylinder.diameter)
+    )
     assert (barrier.values(config, grasp, EVERYTHING) == distances).all()

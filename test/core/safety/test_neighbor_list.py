@@ -15,7 +15,6 @@ from hypothesis import given, strategies
 from isotruss_ros.core import (
     ConfigurationError,
     ConvexObject,
-    Grasp,
     Grip,
     load_robot,
     Polygon,
@@ -49,7 +48,9 @@ def walk(seed, count=60, step=2e-3):
 @given(strategies.integers(0, 10**6))
 def test_finds_the_pairs_that_measuring_all_finds(seed):
     robot_pairs, object_parts, measured = NeighborList(NEAR), NeighborList(NEAR), []
-    grasp = Grasp('east/Q', tangent_center(ROBOT.home, 'east/Q', 0.3), 0.3)
+    grasp = Grip.at_module(
+        ROBOT, 'east/Q', ConvexObject.disc(tangent_center(ROBOT.home, 'east/Q', 0.3), 0.3)
+    )
     configs = list(walk(seed))
     for config in configs:
         every = MODEL.distances(config)
@@ -65,7 +66,7 @@ def test_finds_the_pairs_that_measuring_all_finds(seed):
         parts, distances = object_parts.find_close(config, grasp, apart.__getitem__)
         np.testing.assert_array_equal(parts, np.flatnonzero(apart < NEAR))
         np.testing.assert_array_equal(distances, apart[apart < NEAR])
-        grasp = Grasp('east/Q', np.add(grasp.center, 1e-3), 0.3)
+        grasp = Grip.at_module(ROBOT, 'east/Q', ConvexObject.disc(np.add(grasp.center, 1e-3), 0.3))
     assert sum(measured) < len(configs) * len(every) / 2
 
 
@@ -96,7 +97,9 @@ def test_measures_again_where_the_object_may_have_come_close(kind):
 
     def held(distance):
         if kind == 'a grasp':
-            return Grasp('east/Q', (0.6 * distance, 0.8 * distance), 0.3)
+            return Grip.at_module(
+                ROBOT, 'east/Q', ConvexObject.disc((0.6 * distance, 0.8 * distance), 0.3)
+            )
         # No point is farther than 0.5 m from the origin, about which it turns.
         turn = 2.0 * np.arcsin(0.25 * distance / 0.5) if kind.endswith('turns') else 0.0
         pose = (0.5 * distance if turn else distance, 0.0, turn)
@@ -125,10 +128,10 @@ def test_measures_another_object_again():
         )
 
     for grasp, measured in (
-        (Grasp('east/Q', (0.0, 0.0), 0.3), 1),
-        (Grasp('east/Q', (0.0, 0.0), 0.3), 1),
-        (Grasp('east/Q', (0.0, 0.0), 0.31), 2),
-        (Grasp('west/R', (0.0, 0.0), 0.31), 3),
+        (Grip.at_module(ROBOT, 'east/Q', ConvexObject.disc((0.0, 0.0), 0.3)), 1),
+        (Grip.at_module(ROBOT, 'east/Q', ConvexObject.disc((0.0, 0.0), 0.3)), 1),
+        (Grip.at_module(ROBOT, 'east/Q', ConvexObject.disc((0.0, 0.0), 0.31)), 2),
+        (Grip.at_module(ROBOT, 'west/R', ConvexObject.disc((0.0, 0.0), 0.31)), 3),
     ):
         find(grasp)
         assert len(count) == measured

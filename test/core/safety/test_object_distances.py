@@ -11,8 +11,7 @@
 
 from hypothesis import assume, given
 from isotruss_ros.core import (
-    Cylinder,
-    Grasp,
+    ConvexObject,
     Grip,
     grip_jacobian,
     load_robot,
@@ -21,11 +20,9 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.core.model.convex_object import as_convex_object
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
 from isotruss_ros.core.safety.barriers import ObjectBarrier
 from isotruss_ros.core.safety.distances import collision_model
-from isotruss_ros.core.safety.object_distances import grip_distances
 import numpy as np
 import pytest
 from random_grips import random_convex_grip
@@ -42,7 +39,7 @@ def test_distances_within_the_band_are_those_of_the_surface(robot, rng):
     assume(grip is not None)
     band = rng.uniform(0.05, 0.5)
     barrier = ObjectBarrier(robot, BarrierLaw(0.0, band))
-    distances = grip_distances(config, grip, np.inf)
+    distances = object_distances(config, grip.body, grip.members, np.inf)
     near = barrier.active(config, grip)
     assert near.indices.tolist() == np.flatnonzero(distances < band).tolist()
     assert near.values == pytest.approx(distances[near.indices], abs=1e-12)
@@ -54,7 +51,7 @@ def test_rows_are_derivatives_of_the_distances(robot, rng):
     config, grip = random_convex_grip(robot, rng, 'module')
     assume(grip is not None)
     # A polygon touches with its faces and corners, where its distances have kinks.
-    assume(not isinstance(as_convex_object(grip.body).shape, Polygon))
+    assume(not isinstance(grip.body.shape, Polygon))
     barrier = ObjectBarrier(robot, EVERY)
     near = barrier.active(config, grip)
     assume(len(near.indices))
@@ -81,22 +78,24 @@ def _misfits(config, grip):
 def test_of_a_disc_at_a_module_they_are_those_of_the_short_form():
     robot = load_robot('nine_member')
     config, module = robot.home, 'north/Z'
-    grasp = Grasp(module, (0.7, 0.7), 0.3)
-    grip = Grip(members_at(robot, module), Cylinder(grasp.center, grasp.diameter))
+    grasp = Grip.at_module(config.robot, module, ConvexObject.disc((0.7, 0.7), 0.3))
+    grip = Grip(members_at(robot, module), ConvexObject.disc(grasp.center, grasp.diameter))
     expected = collision_model(robot).object_distances(config, grasp, module)
-    found = grip_distances(config, grip, 10.0)
+    found = object_distances(config, grip.body, grip.members, 10.0)
     assert np.isinf(found).tolist() == np.isinf(expected).tolist()
     finite = np.isfinite(expected)
     assert found[finite] == pytest.approx(expected[finite], abs=1e-9)
-    disc = Grip(grip.members, as_convex_object(grip.body))
-    assert grip_distances(config, disc, 10.0)[finite] == pytest.approx(found[finite])
+    disc = Grip(grip.members, grip.body)
+    assert object_distances(config, disc.body, disc.members, 10.0)[finite] == pytest.approx(
+        found[finite]
+    )
 
 
 def test_sides_that_do_not_meet_leave_out_themselves_only():
     robot = load_robot('nine_member')
     members = ('south/P-Q', 'north/R-P')
-    body = as_convex_object(Cylinder((0.5, -0.2), 0.5))
-    distances = grip_distances(robot.home, Grip(members, body), 10.0).reshape(3, -1)
+    body = ConvexObject.disc((0.5, -0.2), 0.5)
+    distances = object_distances(robot.home, body, members, 10.0).reshape(3, -1)
     left_out = [robot.member_names[i] for i in np.flatnonzero(np.isinf(distances[0]))]
     assert sorted(left_out) == sorted(members)
     assert np.isfinite(distances[1:]).all()
@@ -105,17 +104,21 @@ def test_sides_that_do_not_meet_leave_out_themselves_only():
 def test_far_parts_have_a_lower_bound():
     robot = load_robot('nine_member')
     shape = Polygon([(-0.25, -0.02), (0.25, -0.02), (0.25, 0.02), (-0.25, 0.02)])
-    body = as_convex_object(Cylinder((0.5, -0.2), 0.5))
+    body = ConvexObject.disc((0.5, -0.2), 0.5)
     grip = Grip(('south/P-Q', 'north/R-P'), type(body)(shape, body.pose))
-    exact, bounded = (grip_distances(robot.home, grip, far) for far in (10.0, 0.2))
+    exact, bounded = (
+        object_distances(robot.home, grip.body, grip.members, far) for far in (10.0, 0.2)
+    )
     near = bounded < 0.2
     assert (bounded <= exact + 1e-12).all()
     assert bounded[near] == pytest.approx(exact[near])
     assert (bounded < exact - 1e-3).any()
-    assert grip_distances(robot.home, grip, 10.0, np.array([3, 4])) == pytest.approx(exact[[3, 4]])
+    assert object_distances(
+        robot.home, grip.body, grip.members, 10.0, np.array([3, 4])
+    ) == pytest.approx(exact[[3, 4]])
 
 
 def test_an_unknown_member_is_refused():
-    grip = Grip(('nobody', 'north/R-P'), as_convex_object(Cylinder((0.0, 0.0), 0.5)))
+    grip = Grip(('nobody', 'north/R-P'), ConvexObject.disc((0.0, 0.0), 0.5))
     with pytest.raises(GraspError, match='no such members'):
-        grip_distances(load_robot('nine_member').home, grip, 1.0)
+        object_distances(load_robot('nine_member').home, grip.body, grip.members, 1.0)

@@ -12,10 +12,11 @@
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConfigurationError,
-    Grasp,
+    ConvexObject,
     GraspError,
-    HeldObject,
+    Grip,
     RollerState,
+    RollingGrip,
     ShapeBounds,
     ShapeGuard,
     solve_twist,
@@ -41,7 +42,7 @@ class Pushed:
     def __init__(self, config, grasp, bounds=None, slide=False, period=PERIOD):
         self.period = period
         self.config, self.velocities = config, np.zeros(len(config.robot.roller_names))
-        self.held = HeldObject.attach(config, grasp)
+        self.held = RollingGrip.attach(config, grasp)
         self.servo = TwistServo(config.robot, grasp.module, grasp.diameter, period, 1.0)
         self.servo.slide_along_limits = slide
         self.now = 0.0
@@ -63,7 +64,7 @@ class Pushed:
 
     @property
     def margins(self):
-        return walks.margins(self.config, self.held.grasp_in(self.config))
+        return walks.margins(self.config, self.held.moved_to(self.config))
 
 
 def pushed(seed, slide=False):
@@ -110,7 +111,9 @@ def test_statuses_and_names_say_what_is_in_the_way():
 
 def test_weak_shapes_are_named_and_not_entered():
     robot = walks.ROBOT
-    grasp = Grasp('north/Z', tangent_center(robot.home, 'north/Z', 0.3), 0.3)
+    grasp = Grip.at_module(
+        robot, 'north/Z', ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3), 0.3)
+    )
     for angle in np.linspace(0.0, 2.0 * np.pi, 9):
         weak = Pushed(robot.home, grasp, ShapeBounds(min_rigidity=0.9))
         for _ in range(300):
@@ -152,7 +155,9 @@ def test_leaving_is_always_allowed(seed):
 def test_any_robot_keeps_its_bounds_and_gets_no_further_beyond_them(robot, rng, slide):
     module = str(rng.choice(robot.module_names))
     try:
-        grasp = Grasp(module, tangent_center(robot.home, module, 0.2), 0.2)
+        grasp = Grip.at_module(
+            robot, module, ConvexObject.disc(tangent_center(robot.home, module, 0.2), 0.2)
+        )
     except GraspError:
         assume(False)
     walker = Pushed(robot.home, grasp, slide=slide)
@@ -223,7 +228,9 @@ def test_guard_changes_nothing_where_nothing_is_near():
     guard = ShapeGuard(robot, ShapeBounds())
     for _ in range(30):
         config = robots.random_state(robot, rng, 0.005)
-        grasp = Grasp('north/Z', tangent_center(config, 'north/Z', 0.3), 0.3)
+        grasp = Grip.at_module(
+            config.robot, 'north/Z', ConvexObject.disc(tangent_center(config, 'north/Z', 0.3), 0.3)
+        )
         watch = guard.watch(config, grasp)
         assert watch.limits == ()
         command = solve_twist(config, grasp, rng.standard_normal(3))
@@ -237,7 +244,7 @@ def test_command_is_cut_where_it_would_lead_too_far(duration):
     for seed in range(40):
         rng = np.random.default_rng(seed)
         config, grasp = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
-        held = HeldObject.attach(config, grasp)
+        held = RollingGrip.attach(config, grasp)
         watch = ShapeGuard(walks.ROBOT, ShapeBounds()).watch(config, grasp)
         for _ in range(3):
             command = solve_twist(config, grasp, rng.standard_normal(3))
@@ -247,7 +254,7 @@ def test_command_is_cut_where_it_would_lead_too_far(duration):
             assert kept.roller_velocities == pytest.approx(share * command.roller_velocities)
             assert kept.achieved_twist == pytest.approx(share * command.achieved_twist)
             end = config.moved_to(config.roller_positions + duration * kept.roller_velocities)
-            assert walks.margins(end, held.grasp_in(end)).min() > 0.0
+            assert walks.margins(end, held.moved_to(end)).min() > 0.0
             if share < 1.0:
                 cut += 1
                 assert kept.status in BARRIERS | {Status.UNREACHABLE}
@@ -275,7 +282,7 @@ def test_large_robot_is_watched_in_little_time():
     barrier = SelfCollisionBarrier(robot, BarrierLaw(0.0, 0.1))
     config = robot.home
     module = robot.module_names[0]
-    grasp = Grasp(module, (0.0, 0.0), 0.3)
+    grasp = Grip.at_module(config.robot, module, ConvexObject.disc((0.0, 0.0), 0.3))
     barrier.active(config, grasp)
     measured = []
     model = barrier._model
@@ -299,7 +306,9 @@ def test_large_robot_is_watched_in_little_time():
 def test_without_an_object_all_but_its_barrier_is_watched():
     guard = ShapeGuard(walks.ROBOT, ShapeBounds(clearance_band=10.0, rigidity_band=10.0))
     config = walks.ROBOT.home
-    grasp = Grasp('north/Z', tangent_center(config, 'north/Z', 0.3), 0.3)
+    grasp = Grip.at_module(
+        config.robot, 'north/Z', ConvexObject.disc(tangent_center(config, 'north/Z', 0.3), 0.3)
+    )
     held, bare = guard.watch(config, grasp).limits, guard.watch(config, None).limits
     assert [limit.status for limit in held] == [*(x.status for x in bare), Status.SLOWED_OBJECT]
     for one, other in zip(held, bare, strict=False):

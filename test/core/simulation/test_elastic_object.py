@@ -12,7 +12,7 @@
 from boxes import box_between, SIDES
 from grips import backed_off, gripped
 from isotruss_ros.core import (
-    Cylinder,
+    ConvexObject,
     ElasticObject,
     GraspError,
     Grip,
@@ -111,7 +111,7 @@ def test_it_is_dropped_where_the_margin_says_and_says_why():
     assert simulated.dropped in (HoldStatus.SLIPS, HoldStatus.NO_CONTACT, HoldStatus.NO_BALANCE)
     # It gave way until it slipped, out of the grip, and lies where the members end to push it.
     assert 0.0 < np.hypot(*np.subtract(simulated.pose(CONFIG)[:2], before[:2])) < 0.2
-    lies = Cylinder(simulated.pose(CONFIG)[:2], CYLINDER.diameter)
+    lies = ConvexObject.disc(simulated.pose(CONFIG)[:2], CYLINDER.diameter)
     assert member_depths(CONFIG, lies).max() == pytest.approx(0.0, abs=1e-8)
     simulated.external_wrench = (0.0, 0.0, 0.0)
     simulated.follow(CONFIG)
@@ -195,8 +195,10 @@ def test_a_member_pushes_it_along_its_normal():
     reach = 0.15 + 0.5 * ROBOT.description.tube_diameter
     # Pressed into the middle of one member from the inside of the triangle.
     center = 0.5 * (begin + end) + (reach - 0.02) * normal
-    simulated = ElasticObject(Cylinder((center.real, center.imag), 0.3), FRICTION)
-    assert member_depths(home, Cylinder((center.real, center.imag), 0.3))[i] == pytest.approx(0.02)
+    simulated = ElasticObject(ConvexObject.disc((center.real, center.imag), 0.3), FRICTION)
+    assert member_depths(home, ConvexObject.disc((center.real, center.imag), 0.3))[
+        i
+    ] == pytest.approx(0.02)
     simulated.follow(home)
     pushed = complex(*simulated.pose(home)[:2]) - center
     assert pushed == pytest.approx(0.02 * normal, abs=1e-9)
@@ -208,7 +210,7 @@ def test_a_wedge_too_wide_for_the_friction_pushes_it_out():
     simulated = ElasticObject(cylinder, FRICTION)
     simulated.follow(config)
     assert simulated.grasp is None
-    lies = Cylinder(simulated.pose(config)[:2], cylinder.diameter)
+    lies = ConvexObject.disc(simulated.pose(config)[:2], cylinder.diameter)
     assert np.sort(member_depths(config, lies))[-2:] == pytest.approx([0.0, 0.0], abs=1e-6)
     # Along the bisector, by 20 mm.
     out = np.hypot(*np.subtract(lies.center, cylinder.center))
@@ -238,7 +240,7 @@ def test_it_is_carried_by_a_simulated_robot():
 )
 def test_bad_arguments_are_refused(arguments, words):
     with pytest.raises(GraspError, match=words):
-        ElasticObject(Cylinder((0.0, 0.0), 0.3), **arguments)
+        ElasticObject(ConvexObject.disc((0.0, 0.0), 0.3), **arguments)
     with pytest.raises(GraspError, match='external wrench'):
         held().external_wrench = (1.0, 2.0)
 

@@ -15,7 +15,7 @@ from grips import backed_off, closed_to, gripped
 from hypothesis import given
 from isotruss_ros.core import (
     analyze_grasp,
-    Cylinder,
+    ConvexObject,
     FreeObject,
     GraspError,
     Pose,
@@ -121,7 +121,7 @@ def test_is_gripped_at_the_end_of_a_planned_way_and_not_before(plan):
         assert scene.pose == LIES
     scene.grip(plan)
     # Where it is now it is in equilibrium.
-    there = Cylinder(scene.pose[:2], CYLINDER.diameter)
+    there = ConvexObject.disc(scene.pose[:2], CYLINDER.diameter)
     settled = settle_grasp(scene.robot.config, there, FRICTION)
     assert settled.held
     assert settled.displacement == pytest.approx(0.0, abs=1e-9)
@@ -229,7 +229,7 @@ def test_is_gripped_from_the_start_where_the_robot_already_holds_it(plan):
 
 
 def test_three_members_hold_it_where_it_is():
-    caught = Cylinder((0.0, -0.8267), 0.65)
+    caught = ConvexObject.disc((0.0, -0.8267), 0.65)
     assert len(analyze_grasp(ROBOT.home, caught, FRICTION).contact_forces) >= 3
     lying = FreeObject(caught, FRICTION)
     lying.come_to_rest(ROBOT.home)
@@ -245,7 +245,7 @@ def test_a_tube_that_lies_on_it_does_not_grip_it(monkeypatch):
 
     monkeypatch.setattr(loose_object, 'settle_grasp', never)
     for center, diameter in (((0.99, -0.1), 2.0), ((-0.4, -0.49), 1.0), ((-0.48, 0.52), 10.0)):
-        lying = FreeObject(Cylinder(center, diameter), FRICTION)
+        lying = FreeObject(ConvexObject.disc(center, diameter), FRICTION)
         lying.come_to_rest(ROBOT.home)
         assert lying.grip is None
     with pytest.raises(AssertionError, match='computed'):
@@ -314,6 +314,6 @@ def test_an_object_between_two_sides_is_gripped_by_their_module(rng):
             center = tangent_center(config, module, 0.3, 0.003)
         except GraspError:
             continue  # it does not fit
-        found = analyze_grasp(config, Cylinder(center, 0.3))
+        found = analyze_grasp(config, ConvexObject.disc(center, 0.3))
         if len(found.contact_forces) == 2:
             assert grip_module(config, found.contact_forces) == module

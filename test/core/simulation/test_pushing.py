@@ -11,7 +11,7 @@
 
 from isotruss_ros.core import ConvexObject, Disc, load_robot, Polygon
 from isotruss_ros.core.model.segment_gaps import segment_gaps
-from isotruss_ros.core.simulation.pushing import push_out, push_out_convex
+from isotruss_ros.core.simulation.pushing import push_out
 import pytest
 
 ROBOT = load_robot('nine_member')
@@ -35,10 +35,10 @@ def test_one_member_pushes_along_its_normal_until_the_surfaces_touch(member, sid
     assert push_out(HOME, away, SIZE) == away
     body = ConvexObject(Disc(SIZE), (touching.real, touching.imag, 0.4))
     lying = touching - 0.03 * normal
-    moved = push_out_convex(HOME, body.moved_to((lying.real, lying.imag, 0.4)))
+    moved = push_out(HOME, body.moved_to((lying.real, lying.imag, 0.4)))
     assert moved.center == pytest.approx(touching, abs=1e-9)
     box = ConvexObject(BOX, (lying.real, lying.imag, 0.4))
-    moved = push_out_convex(HOME, box)
+    moved = push_out(HOME, box)
     gaps = segment_gaps(moved, BEGIN, END).gaps - TUBE
     assert gaps[member] == pytest.approx(0.0, abs=2e-9)
     assert ((moved.center - box.center) * normal.conjugate()).imag == pytest.approx(0.0, abs=1e-9)
@@ -54,7 +54,7 @@ def test_two_members_push_out_of_their_wedge():
     center = tip + 0.1 * inward / abs(inward)
     for found in (
         push_out(HOME, center, SIZE),
-        push_out_convex(HOME, ConvexObject(Disc(SIZE), (center.real, center.imag, 0.0))).center,
+        push_out(HOME, ConvexObject(Disc(SIZE), (center.real, center.imag, 0.0))).center,
     ):
         body = ConvexObject(Disc(SIZE), (found.real, found.imag, 0.0))
         assert segment_gaps(body, BEGIN, END).gaps.min() - TUBE > -2e-9

@@ -25,8 +25,8 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.model.segment_gaps import segment_gaps
 from isotruss_ros.core.simulation import free_convex_object, free_object
-from isotruss_ros.core.simulation.free_convex_object import FreeConvexObject
-from isotruss_ros.core.simulation.pushing import push_out, push_out_convex
+from isotruss_ros.core.simulation.free_convex_object import FreeObject
+from isotruss_ros.core.simulation.pushing import push_out
 import numpy as np
 import pytest
 
@@ -63,7 +63,7 @@ def test_forces_that_cannot_be_computed_hold_no_disc_and_let_none_go(monkeypatch
 
 
 def test_forces_that_cannot_be_computed_hold_no_box(monkeypatch):
-    simulated = FreeConvexObject(BETWEEN, 1.0)
+    simulated = FreeObject(BETWEEN, 1.0)
     with monkeypatch.context() as patch:
         patch.setattr(free_convex_object, 'settle_grasp', not_solved)
         simulated.come_to_rest(HOME)
@@ -74,7 +74,7 @@ def test_forces_that_cannot_be_computed_hold_no_box(monkeypatch):
 
 
 def test_a_box_lies_where_it_lost_the_members():
-    simulated = FreeConvexObject(BETWEEN, 1.0)
+    simulated = FreeObject(BETWEEN, 1.0)
     simulated.come_to_rest(HOME)
     there = simulated.pose(HOME)
     far = HOME.moved_to([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])
@@ -93,7 +93,7 @@ def test_an_object_that_fits_nowhere_stays_where_it_was_pushed_last():
     begin, end = triangle.points[topology.b], triangle.points[topology.c[topology.following]]
     center, diameter = np.mean(begin), 0.9
     body = ConvexObject(Disc(diameter), (center.real, center.imag, 0.2))
-    pushed = push_out_convex(triangle, body)
+    pushed = push_out(triangle, body)
     assert pushed.pose.angle == 0.2
     for found in (pushed.center, push_out(triangle, center, diameter)):
         there = body.moved_to((found.real, found.imag, 0.2))
@@ -104,7 +104,7 @@ def test_an_object_that_fits_nowhere_stays_where_it_was_pushed_last():
 def test_another_object_takes_the_place_of_the_one_before():
     robot = SimulatedRobot(CONFIG, FreeObject(CYLINDER, 0.5), RollerFaults())
     robot.advance(0.1)
-    robot.replace_object(FreeConvexObject(ConvexObject(BOX, Pose(5.0, 4.0, 0.3)), 1.0))
+    robot.replace_object(FreeObject(ConvexObject(BOX, Pose(5.0, 4.0, 0.3)), 1.0))
     assert robot.object_pose == pytest.approx((5.0, 4.0, 0.3))
     robot.advance(0.1)
     # The robot has been at rest, and looks once more for what it holds.

@@ -16,14 +16,14 @@ from isotruss_ros.core import (
     ConvexObject,
     Disc,
     ElasticObject,
-    Grasp,
     GraspError,
+    Grip,
     HoldStatus,
     RollerFaults,
 )
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
-from isotruss_ros.core.manipulation.task import task_jacobian
-from isotruss_ros.core.simulation.free_convex_object import FreeConvexObject
+from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.manipulation.task import grip_jacobian
+from isotruss_ros.core.simulation.free_convex_object import FreeObject
 from isotruss_ros.core.simulation.free_object import FreeObject
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_angles_are_kept_within_half_a_turn(angle, kept):
     body = ConvexObject(Disc(0.3), (*CYLINDER.center, angle))
     for lying in (
         FreeObject(CYLINDER, 0.5, angle),
-        FreeConvexObject(body, 0.5),
+        FreeObject(body, 0.5),
         ElasticObject(CYLINDER, 0.5, angle),
         ElasticObject(body, 0.5),
     ):
@@ -50,14 +50,19 @@ def test_an_elastic_object_is_as_stiff_as_its_model():
     simulated, soft = ElasticObject(CYLINDER, 0.5), ElasticObject(CYLINDER, 0.5, 0.0, 0.05)
     for one in (simulated, soft):
         one.follow(CONFIG)
-    model = RollingGrasp.attach(CONFIG, CYLINDER)
+    model = HeldGrip.attach(CONFIG, CYLINDER)
     assert simulated.grasp.squeeze == pytest.approx(model.squeeze, rel=1e-6)
     # What of it there is comes from softer tubes.
     assert soft.grasp is None or soft.grasp.squeeze < 0.2 * model.squeeze
 
 
 def test_in_one_long_step_an_object_slips_where_it_does_in_many():
-    rows = task_jacobian(CONFIG, Grasp('north/Z', CYLINDER.center, CYLINDER.diameter))
+    rows = grip_jacobian(
+        CONFIG,
+        Grip.at_module(
+            HOME.robot, 'north/Z', ConvexObject.disc(CYLINDER.center, CYLINDER.diameter)
+        ),
+    )
     travel = np.linalg.pinv(rows) @ [0.03, 0.04, 0.0, -0.225]
     angles = []
     for steps in (1, 64):
