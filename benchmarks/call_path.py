@@ -33,6 +33,10 @@ from types import FrameType
 
 import isotruss_ros
 from isotruss_ros import core
+from isotruss_ros.core.control.grasp_monitor import GraspMonitor
+from isotruss_ros.core.control.grasp_report import GraspCode
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 from measuring import print_table
 import numpy as np
 
@@ -84,21 +88,17 @@ def control_cycle() -> tuple[list[str], int]:
     robot = core.load_robot('nine_member')
     center = core.tangent_center(robot.home, MODULE, DIAMETER)
     servo = core.TwistServo(robot, MODULE, DIAMETER, PERIOD, 0.2)
-    servo.detector = core.FailureDetector(robot.roller_names, core.FailureCriterion())
-    positions, held = np.zeros(len(robot.roller_names)), None
+    servo.detector = FailureDetector(robot.roller_names, FailureCriterion())
+    grip = core.Grip.at_module(robot, MODULE, core.ConvexObject.disc(center, DIAMETER))
+    held = core.RollingGrip.attach(robot.home, grip)
+    positions = held.config.roller_positions
     now = 0.0
     for _ in range(10):
         found = []
-        servo.twist = core.StampedInput(TWIST, now)
-        servo.rollers = core.StampedInput(
-            core.RollerState(positions, np.zeros(len(positions))), now - 0.002
-        )
-        config = robot.configuration(positions)
-        held = held or core.RollingGrip.attach(
-            config,
-            core.Grip.at_module(config.robot, MODULE, core.ConvexObject.disc(center, DIAMETER)),
-        )
-        servo.pose = core.StampedInput(held.pose(config), now - 0.002)
+        servo.twist = StampedInput(TWIST, now)
+        servo.rollers = StampedInput(RollerState(positions, np.zeros(len(positions))), now - 0.002)
+        held = held.moved_to(robot.configuration(positions))
+        servo.pose = StampedInput(held.pose, now - 0.002)
         traced = trace(lambda now=now, found=found: found.append(servo.decide(now)))
         assert found[0].command.status is core.Status.OK, found[0].message
         positions = positions + PERIOD * found[0].command.roller_velocities
@@ -120,15 +120,15 @@ def closure() -> tuple[list[str], int]:
 def analysis_cycle() -> tuple[list[str], int]:
     """Trace one analysis of the grasp monitor, once it has run for some cycles."""
     robot = core.load_robot('nine_member')
-    monitor = core.GraspMonitor(robot, DIAMETER, 0.5, 0.005, 0.5)
+    monitor = GraspMonitor(robot, DIAMETER, 0.5, 0.005, 0.5)
     x, y = core.tangent_center(robot.home, MODULE, DIAMETER, 0.002)
     for step in range(5):
         positions = np.full(len(robot.roller_names), 1e-5 * step)
-        rollers = core.RollerState(positions, np.zeros(len(positions)))
-        monitor.rollers = core.StampedInput(rollers, float(step))
-        monitor.pose = core.StampedInput((x, y - 1e-5 * step), float(step))
+        rollers = RollerState(positions, np.zeros(len(positions)))
+        monitor.rollers = StampedInput(rollers, float(step))
+        monitor.pose = StampedInput(core.Pose(x, y - 1e-5 * step, 0.0), float(step))
         traced = trace(lambda step=step: monitor.report(float(step)))
-    assert monitor.report(4.0).code is core.GraspCode.OK
+    assert monitor.report(4.0).code is GraspCode.OK
     return traced
 
 

@@ -31,11 +31,11 @@ from isotruss_ros.core import (
     analyze_grasp,
     Configuration,
     ConvexObject,
-    GraspAnalysis,
     IsotrussError,
     load_robot,
     tangent_center,
 )
+from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from measuring import print_machine, print_table
 import numpy as np
 

@@ -27,25 +27,23 @@ from collections import deque
 from collections.abc import Collection
 
 from isotruss_ros.core import (
-    Configuration,
-    ConfigurationError,
     ConvexObject,
-    FailureCriterion,
-    FailureDetector,
     Grip,
     load_robot,
     RollerFaults,
-    RollerState,
     RollingGrip,
-    ShapeBounds,
+    RollingObject,
     ShapeGuard,
     SimulatedRobot,
     solve_twist,
-    StampedInput,
     tangent_center,
     TwistServo,
 )
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.manipulation.solve_twist import default_limits
+from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from measuring import print_machine, print_table
 import numpy as np
 
@@ -67,34 +65,29 @@ LIMITS = default_limits(ROBOT)
 STILL = np.zeros(len(ROBOT.roller_names))
 
 
-def position(config: Configuration) -> complex:
-    """Return the object's centre [m]."""
-    return complex(*HELD.pose(config)[:2])
-
-
 def carry(
-    config: Configuration, goal: complex, guard: ShapeGuard, failed: Collection[str]
-) -> Configuration | None:
-    """Carry the object to a goal; return the configuration there, None if it does not arrive."""
-    nearest, idle = abs(goal - position(config)), 0
+    held: RollingGrip, goal: complex, guard: ShapeGuard, failed: Collection[str]
+) -> RollingGrip | None:
+    """Carry the object to a goal; return the grip there, None if it does not arrive."""
+    nearest, idle = abs(goal - held.grip.center), 0
     while idle < PATIENCE:
-        missing = goal - position(config)
+        config, missing = held.config, goal - held.grip.center
         if abs(missing) < ARRIVED:
-            return config
+            return held
         velocity = missing * min(ROBOT.description.max_speed / abs(missing), 1.0 / STEP)
         twist = (velocity.real, velocity.imag, 0.0)
-        grasp = HELD.moved_to(config)
-        watch = guard.watch(config, grasp)
+        watch = guard.watch(config, held.grip)
         limits = (*LIMITS, *watch.limits)
         command = solve_twist(
-            config, grasp, twist, failed, limits, slide_along_limits=True, period=0.01
+            config, held.grip, twist, failed, limits, slide_along_limits=True, period=0.01
         )
         command = watch.keep(command, STILL, STEP)
         try:
-            config = config.moved_to(config.roller_positions + STEP * command.roller_velocities)
+            travel = config.roller_positions + STEP * command.roller_velocities
+            held = held.moved_to(config.moved_to(travel))
         except ConfigurationError:
             return None
-        left = abs(goal - position(config))
+        left = abs(goal - held.grip.center)
         idle = idle + 1 if left > nearest - GAIN else 0
         nearest = min(nearest, left)
     return None
@@ -102,8 +95,8 @@ def carry(
 
 def reached(failed: Collection[str]) -> set[tuple[int, int]]:
     """Return the cells that the object gets to from home."""
-    guard, start = ShapeGuard(ROBOT, ShapeBounds()), position(ROBOT.home)
-    found = {(0, 0): ROBOT.home}
+    guard, start = ShapeGuard(ROBOT, ShapeBounds()), HELD.grip.center
+    found = {(0, 0): HELD}
     waiting = deque(found)
     while waiting:
         here = waiting.popleft()
@@ -125,8 +118,8 @@ def follow(stuck: str | None, known: bool, detect: bool) -> float:
     if detect:
         servo.detector = FailureDetector(ROBOT.roller_names, FailureCriterion())
     faults = RollerFaults(stuck=frozenset() if stuck is None else frozenset([stuck]))
-    robot = SimulatedRobot(ROBOT.home, HELD, faults)
-    start, error = position(ROBOT.home), 0.0
+    robot = SimulatedRobot(ROBOT.home, RollingObject(HELD), faults)
+    start, error = HELD.grip.center, 0.0
     for k in range(round(LAP / PERIOD)):
         now = k * PERIOD
         turn = np.exp(2j * np.pi * (now + 0.5 * PERIOD) / LAP)
@@ -138,7 +131,7 @@ def follow(stuck: str | None, known: bool, detect: bool) -> float:
         robot.command(servo.decide(now).command.roller_velocities)
         robot.advance(PERIOD)
         goal = start + RADIUS * (np.exp(2j * np.pi * (now + PERIOD) / LAP) - 1.0)
-        error = max(error, abs(position(robot.config) - goal))
+        error = max(error, abs(complex(*robot.object_pose[:2]) - goal))
     return error
 
 

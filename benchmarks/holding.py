@@ -26,11 +26,14 @@ from dataclasses import dataclass
 from functools import partial
 import math
 import os
+from pathlib import Path
 import sys
 from typing import TypeAlias
 
 os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
+sys.path.append(str(Path(__file__).parents[1]))
 
+from comparison.wedge import closed_to
 from isotruss_ros.core import (
     Configuration,
     ConvexObject,
@@ -39,7 +42,6 @@ from isotruss_ros.core import (
     HoldStatus,
     IsotrussError,
     load_robot,
-    RollerCommand,
     RollerFaults,
     SimulatedRobot,
     solve_twist,
@@ -47,8 +49,9 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.grasping.equilibrium import keep_place, NORMAL
+from isotruss_ros.core.grasping.contact_closures import rest
 from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from measuring import print_machine, print_table, timed
 import numpy as np
 from scipy.optimize import root
@@ -70,7 +73,7 @@ class Path:
     """A grip, and the twist at the middle of a motion that begins and ends at rest."""
 
     config: Configuration
-    cylinder: ConvexObject
+    body: ConvexObject
     module: str
     twist: np.ndarray
 
@@ -89,35 +92,14 @@ class Run:
 def random_path(rng: np.random.Generator) -> Path | None:
     """Close a random wedge at a module and press an object into it."""
     module, diameter = str(rng.choice(MODULES)), rng.uniform(0.16, 0.22)
-    config, wanted = ROBOT.home, np.radians(rng.uniform(28.0, 34.0))
     try:
-        for _ in range(100):
-            left = wanted - opening(config, module)
-            if abs(left) < 1e-6:
-                break
-            grasp = Grip.at_module(
-                config.robot,
-                module,
-                ConvexObject.disc(tangent_center(config, module, diameter), diameter),
-            )
-            step = float(np.clip(left, -0.03, 0.03))
-            command = solve_twist(config, grasp, np.zeros(3), limits=(), opening_rate=step)
-            config = config.moved_to(config.roller_positions + command.roller_velocities)
+        config = closed_to(ROBOT.home, rng.uniform(28.0, 34.0), diameter, module)
         center = tangent_center(config, module, diameter, rng.uniform(0.05, 0.12))
     except IsotrussError:
         return None
     speed, heading = rng.uniform(0.04, 0.08), rng.uniform(0.0, 2.0 * np.pi)
     twist = np.array([speed * np.cos(heading), speed * np.sin(heading), rng.uniform(-0.4, 0.4)])
     return Path(config, ConvexObject.disc(center, diameter), module, twist)
-
-
-def opening(config: Configuration, module: str) -> float:
-    """Return the angle between the members that meet at a module [rad]."""
-    topology = config.robot.topology
-    i = config.robot.module_names.index(module)
-    ahead = config.points[topology.c[topology.following[i]]] - config.points[topology.b[i]]
-    back = config.points[topology.b[topology.previous[i]]] - config.points[topology.c[i]]
-    return float(abs(np.angle(ahead / back)))
 
 
 def follow(
@@ -128,10 +110,10 @@ def follow(
     least: float = MIN_MARGIN,
 ) -> Run | str:
     """Follow a path on the plant; return what came of it, or why it is none."""
-    plant_object = ElasticObject(path.cylinder, FRICTION, stiffness_scale=scale)
+    plant_object = ElasticObject(path.body, FRICTION, stiffness_scale=scale)
     plant = SimulatedRobot(path.config, plant_object, RollerFaults())
     plant.advance(0.0)
-    model = HeldGrip.attach(path.config, path.cylinder)
+    model = HeldGrip.attach(path.config, path.body)
     if plant_object.grasp is None or isinstance(model, HoldStatus):
         return 'not held'
     if plant_object.slip_margin < least and scale == 1.0:
@@ -174,14 +156,14 @@ def decide(
 ) -> RollerCommand | str:
     """Return the command of one cycle, or why there is none."""
     config, pose = plant.config, plant.object_pose
-    grasp = Grip.at_module(ROBOT, path.module, ConvexObject.disc(pose[:2], path.cylinder.diameter))
+    grip = Grip.at_module(ROBOT, path.module, path.body.moved_to(pose), FRICTION)
 
     def solve(twist: np.ndarray, opening_rate: float) -> RollerCommand:
-        return solve_twist(config, grasp, twist, opening_rate=opening_rate)
+        return solve_twist(config, grip, twist, opening_rate=opening_rate)
 
     if mode != MODEL:
         command = solve(wanted, 0.0)
-    elif control.follow(config, grasp, pose.angle, PERIOD) is HoldStatus.HELD:
+    elif control.follow(config, grip, PERIOD) is HoldStatus.HELD:
         command = control.solve(wanted, PERIOD, solve)
     else:
         return 'not held'
@@ -256,7 +238,7 @@ def print_foretold(paths: list[Path]) -> None:
     """Print how many paths larger and larger loads end, and how many of them with a margin."""
     for load in (LOAD, 2.0 * LOAD, 3.0 * LOAD):
         lost = [path for path in paths if isinstance(follow(path, MODEL, constant(load)), str)]
-        models = [HeldGrip.attach(path.config, path.cylinder) for path in lost]
+        models = [HeldGrip.attach(path.config, path.body) for path in lost]
         missed = sum(model.slip_margin(FRICTION) >= load for model in models)
         print(
             f'constant {load:g} N: {len(lost)} of {len(paths)} lost; '
@@ -266,10 +248,10 @@ def print_foretold(paths: list[Path]) -> None:
 
 def print_ratio(path: Path) -> None:
     """Print how long a command takes against SciPy's solver of the equilibrium alone."""
-    grasp = HeldGrip.attach(path.config, path.cylinder)
-    closure = keep_place(path.cylinder.center, 0.0)
+    grasp = HeldGrip.attach(path.config, path.body)
+    closure = rest(grasp.statics, path.body.center, path.body.pose.angle)
     start = grasp.state.unknowns.copy()
-    start[NORMAL] *= 0.9
+    start[grasp.statics.places.normal] *= 0.9
 
     def equations(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return grasp.statics.equations(unknowns, grasp.wrench, closure)[:2]

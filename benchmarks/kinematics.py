@@ -27,10 +27,10 @@ import os
 os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
 
 from isotruss_ros import core
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.constraints import Targets
-from isotruss_ros.core.manipulation.grip import module_index
+from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.manipulation.limits import default_limits
-from isotruss_ros.core.manipulation.task import grasp_rows
 from isotruss_ros.core.manipulation.twist_qp import PENALTIES
 from isotruss_ros.core.numerics.arrays import Array
 from measuring import PEER, PEER_OPTIONS, print_machine, print_table, timed
@@ -49,10 +49,10 @@ REGULAR = 1e-9
 
 @dataclass(frozen=True)
 class State:
-    """A random reachable state: configuration, grasp and the largest twist within the limits."""
+    """A random reachable state: configuration, grip and the largest twist within the limits."""
 
     config: core.Configuration
-    grasp: core.Grasp
+    grip: core.Grip
     twist: Array
 
 
@@ -69,18 +69,16 @@ def random_states(robot: core.Robot, count: int, seed: int) -> list[State]:
         twist = direction / np.linalg.norm(direction) / surface
         try:
             config = robot.configuration(travel)
-            grasp = core.Grip.at_module(
-                config.robot,
-                module,
-                core.ConvexObject.disc(core.tangent_center(config, module, DIAMETER), DIAMETER),
-            )
-            command = core.solve_twist(config, grasp, twist)
-        except (core.ConfigurationError, core.GraspError):
+            center = core.tangent_center(config, module, DIAMETER)
+            body = core.ConvexObject.disc(center, DIAMETER)
+            grip = core.Grip.at_module(robot, module, body)
+            command = core.solve_twist(config, grip, twist)
+        except (ConfigurationError, GraspError):
             continue
         lengths = config.member_lengths
         inside = lengths.min() > limits.min_length and lengths.max() < limits.max_length
         if inside and command.status != core.Status.UNREACHABLE and command.scale < 1.0:
-            states.append(State(config, grasp, command.scale * twist))
+            states.append(State(config, grip, command.scale * twist))
     return states
 
 
@@ -143,9 +141,9 @@ def nodes_at(near: core.Configuration, travel: Array) -> Array:
     return near.moved_to(travel).nodes
 
 
-def roller_velocities(config: core.Configuration, grasp: core.Grasp, twist: Array) -> Array:
+def roller_velocities(config: core.Configuration, grip: core.Grip, twist: Array) -> Array:
     """Twist to rollers by the package."""
-    return core.solve_twist(config, grasp, twist).roller_velocities
+    return core.solve_twist(config, grip, twist).roller_velocities
 
 
 def root_by_hybr(near: core.Configuration, travel: Array) -> Array | None:
@@ -162,6 +160,24 @@ def root_by_hybr(near: core.Configuration, travel: Array) -> Array | None:
         tol=1e-12,
     )
     return found.x.reshape(-1, 2) if found.success else None
+
+
+def task_rows(config: core.Configuration, grip: core.Grip) -> tuple[Array, float]:
+    """Return (14) to (16) on node velocities (4, 2 n), and (17), what a roller adds to (16)."""
+    nodes, points = find_members(config.robot, grip.members), config.points
+    (b, c_prev), (b_next, c) = nodes.starts, nodes.ends
+    rows = np.zeros((4, len(points)), dtype=np.complex128)
+    ahead, back = points[b_next] - points[b], points[c_prev] - points[c]
+    # (16), and the same of the member behind: Re(conj(row) v) is the turning rate.
+    rows[2, [b_next, b]] = np.array([1j, -1j]) / ahead.conjugate()
+    rows[3, [c_prev, c]] = np.array([1j, -1j]) / back.conjugate()
+    # (14), (15): the angle between both; the object is at rest in the frame of B.
+    rows[3] -= rows[2]
+    arm = grip.center - points[b]
+    rows[:2] = np.outer([-arm.imag, arm.real], rows[2])
+    rows[[0, 1], b] += np.array([1.0, 1j])
+    side = np.sign((ahead.conjugate() * arm).imag)
+    return rows.view(np.float64), side * 2.0 / grip.body.shape.diameter
 
 
 class PaperProgram:
@@ -183,12 +199,10 @@ class PaperProgram:
         m = self.robot.topology.n_modules
         matrix = config.matrix
         lengths = matrix[:m]
-        grasp = grasp_rows(config, state.grasp)
-        roller = self.robot.topology.driven.searchsorted(
-            module_index(self.robot, state.grasp.module)
-        )
-        speed = self.rollers_by_lengths[roller] @ lengths
-        task = grasp.nodes + np.outer(grasp.rolling, speed)
+        task, rolling = task_rows(config, state.grip)
+        module = find_members(self.robot, state.grip.members).members[0]
+        roller = self.robot.topology.driven.searchsorted(module)
+        task[2] += rolling * (self.rollers_by_lengths[roller] @ lengths)
         return lengths, np.vstack([self.tubes @ lengths, matrix[m:]]), task
 
     def solve(self, state: State, twist: Array) -> Array | None:
@@ -272,7 +286,7 @@ def forward_rows(robot: core.Robot, states: list[State], rng: np.random.Generato
                 goal = goal + step * rng.choice([-1.0, 1.0], len(goal))
             try:
                 near.moved_to(goal)
-            except core.ConfigurationError:
+            except ConfigurationError:
                 continue  # a long step can end outside of what the robot can reach
             near = unprepared(near)
             if prepared:
@@ -299,7 +313,7 @@ def twist_rows(robot: core.Robot, states: list[State]) -> list[Row]:
         for state in states:
             config, twist = unprepared(state.config), size * state.twist
             row.add(
-                partial(roller_velocities, config, state.grasp, twist),
+                partial(roller_velocities, config, state.grip, twist),
                 partial(solve, state, twist),
                 unit=0.01 * robot.description.max_speed,
             )

@@ -31,25 +31,23 @@ from isotruss_ros.core import (
     Grip,
     load_robot,
     ObjectPath,
-    PathPhase,
     PathTracker,
     Pose,
     RollerFaults,
-    RollerState,
     RollingGrip,
+    RollingObject,
     SimulatedRobot,
-    StampedInput,
     tangent_center,
-    TrackingSettings,
     TwistServo,
 )
-from isotruss_ros.core.control.path_tracking import FINISHED
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.control.path_tracking import FINISHED, PathPhase, TrackingSettings
 from measuring import print_machine, print_table
 import numpy as np
 
 ROBOT = load_robot('nine_member')
 MODULE, DIAMETER = 'north/Z', 0.3
-GRASP = Grip.at_module(
+GRIP = Grip.at_module(
     ROBOT, MODULE, ConvexObject.disc(tangent_center(ROBOT.home, MODULE, DIAMETER), DIAMETER)
 )
 SPEED, TURN_RATE = 0.03, 0.25
@@ -84,7 +82,7 @@ class Errors:
 
 def figure_9() -> ObjectPath:
     """Return the path; poses every 2 degrees along the arc."""
-    x, y = GRASP.center
+    x, y = GRIP.body.pose[:2]
     turned = np.radians(np.arange(0.0, 91.0, 2.0))
     arc = np.column_stack(
         [
@@ -100,7 +98,7 @@ def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> 
     """Follow the path once."""
     roller_noise, position_noise, angle_noise = NOISE if noisy else (0.0, 0.0, 0.0)
     rng = np.random.default_rng([seed, 2])
-    held = RollingGrip.attach(ROBOT.home, GRASP)
+    held = RollingObject(RollingGrip.attach(ROBOT.home, GRIP))
     faults = RollerFaults(noise=roller_noise, slip=slip)
     robot = SimulatedRobot(ROBOT.home, held, faults, seed)
     servo = TwistServo(ROBOT, MODULE, DIAMETER, PERIOD, 0.1)

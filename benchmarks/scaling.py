@@ -28,6 +28,7 @@ os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy
 
 from isotruss_ros import core
 from isotruss_ros.core.kinematics import constraints
+from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.numerics.factorization import factorize
 from kinematics import PaperProgram, State
@@ -80,23 +81,20 @@ def measure(robot: core.Robot, module: str, peer: bool = False) -> Times:
     rollers = len(robot.roller_names)
     state = robot.configuration(rng.uniform(-TRAVEL, TRAVEL, rollers))
     step = robot.description.max_speed / 200.0 * rng.choice([-1.0, 1.0], rollers)
-    grasp = core.Grip.at_module(
-        state.robot,
-        module,
-        core.ConvexObject.disc(core.tangent_center(state, module, DIAMETER), DIAMETER),
-    )
+    body = core.ConvexObject.disc(core.tangent_center(state, module, DIAMETER), DIAMETER)
+    grip = core.Grip.at_module(robot, module, body)
     twist = np.array([1.0, 0.5, 4.0])
-    limit = core.solve_twist(state, grasp, twist).scale * twist
+    limit = core.solve_twist(state, grip, twist).scale * twist
 
     def fresh() -> core.Configuration:
         return core.Configuration(robot, state.roller_positions, state.points)
 
-    def solve(size: float, period: float = 0.0) -> core.RollerCommand:
-        return core.solve_twist(fresh(), grasp, size * limit, period=period)
+    def solve(size: float, period: float = 0.0) -> RollerCommand:
+        return core.solve_twist(fresh(), grip, size * limit, period=period)
 
     solve(0.5)
     paper = PaperProgram(robot)
-    given = State(state, grasp, limit)
+    given = State(state, grip, limit)
     tracemalloc.start()
     solve(2.0)
     memory = tracemalloc.get_traced_memory()[1]

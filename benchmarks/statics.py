@@ -30,6 +30,9 @@ import os
 os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy comes in
 
 from isotruss_ros import core
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.grasping.analysis import GraspAnalysis
+from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.statics.frame import Frame, Members
 from isotruss_ros.core.statics.structure import Structure, structure_of
@@ -70,8 +73,8 @@ def print_grasps() -> None:
             seconds, analysis = timed(partial(analyze, config, cylinder, flattening))
             cold.append(seconds)
             contacts.append(len(analysis.points))
-            x, y = cylinder.center
-            moved = core.ConvexObject.disc((x + 1e-4, y - 1e-4), DIAMETER)
+            x, y, angle = cylinder.pose
+            moved = cylinder.moved_to((x + 1e-4, y - 1e-4, angle))
             warm.append(timed(partial(analyze, config, moved, flattening, analysis))[0])
         for name, times, target in (('cold', cold, COLD_TARGET), ('warm', warm, WARM_TARGET)):
             median, tail = np.percentile(times, [50.0, 99.0])
@@ -86,10 +89,7 @@ def print_grasps() -> None:
 def print_shapes() -> None:
     """Measure cold analyses of objects that are no discs against those of a disc."""
     robot, random = core.load_robot('nine_member'), np.random.default_rng(2)
-    grip = core.Grip.at_module(
-        robot,
-        core.Grip.at_module(robot, MODULE, core.ConvexObject.disc((0.0, 0.0), DIAMETER)),
-    )
+    members = members_at(robot, MODULE)
     corners = [(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)]
     shapes = {
         'disc': core.Disc(DIAMETER),
@@ -104,10 +104,10 @@ def print_shapes() -> None:
         for name, shape in shapes.items():
             config = robot.configuration(travel)
             try:
-                held = core.place_between(config, grip.members, shape, angle, depth)
+                held = core.place_between(config, members, shape, angle, depth)
                 config = robot.configuration(travel)
                 times[name].append(timed(partial(core.analyze_grasp, config, held.body))[0])
-            except core.GraspError:
+            except GraspError:
                 continue  # a narrow corner of the robot has no room for it
     least = {name: float(np.median(values)) for name, values in times.items()}
     rows = [[name, f'{1e3 * t:.2f}', f'{t / least["disc"]:.2f}'] for name, t in least.items()]
@@ -119,8 +119,8 @@ def analyze(
     config: core.Configuration,
     cylinder: core.ConvexObject,
     flattening: bool = True,
-    previous: core.GraspAnalysis | None = None,
-) -> core.GraspAnalysis:
+    previous: GraspAnalysis | None = None,
+) -> GraspAnalysis:
     """Analyse a grasp; the last two arguments by place."""
     return core.analyze_grasp(config, cylinder, flattening=flattening, previous=previous)
 

@@ -12,9 +12,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from comparison.carrying import Carried, carry, Regulated
+from comparison.carrying import Carried, carry, Feedback, Regulated
 from comparison.grips import round_robot
 from isotruss_ros.core import (
     Configuration,
@@ -23,10 +23,8 @@ from isotruss_ros.core import (
     place_between,
     Polygon,
     Pose,
-    solve_twist,
     Status,
 )
-from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Phase, rotation, translation
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import ContactForce, MujocoPlant
@@ -46,8 +44,8 @@ BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], 0.02)
 FRICTION, ANGLE = 0.9, -0.5
 #: The sides are as far from the box at first as they are to be pressed into it [m].
 GAP = 0.02
-#: At which they close and open [m/s], and of the error that is corrected in a second [1/s].
-CLOSING, GAIN = 0.02, 1.0
+#: At which they close and open [m/s].
+CLOSING = 0.02
 #: Length of an arrow for its force in the drawing [m/N].
 SCALE = 0.025
 #: Of the drawing around the nodes [m].
@@ -104,29 +102,6 @@ class Picked:
         return float(np.hypot(after.x - before.x, after.y - before.y))
 
 
-class GripFeedback:
-    """
-    The twist program for the measured pose, which is brought back to the path.
-
-    :param config: where the robot is at first.
-    :param body: the box, anywhere.
-    :param opening_rate: of the distance between the sides [m/s].
-    """
-
-    def __init__(
-        self, config: Configuration, body: ConvexObject, opening_rate: float = 0.0
-    ) -> None:
-        self._config, self._body, self._rate = config, body, opening_rate
-
-    def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
-        """Return roller velocities for the measured pose, see `Steering`."""
-        self._config = self._config.moved_to(plant.travel)
-        grip = Grip(SIDES, self._body.moved_to(plant.object_pose()), FRICTION)
-        wanted = twist + GAIN * error
-        found = solve_twist(self._config, grip, wanted, opening_rate=self._rate)
-        return found.roller_velocities
-
-
 def pick(phases: Sequence[Phase] = PHASES) -> Picked:
     """
     Close on the box where it lies, carry it, and put it down.
@@ -135,7 +110,7 @@ def pick(phases: Sequence[Phase] = PHASES) -> Picked:
     """
     robot = round_robot()
     lying = place_between(robot.home, SIDES, BOX, ANGLE, -GAP).body
-    assert isinstance(lying, ConvexObject)
+    grip = Grip(SIDES, lying, FRICTION)
     options = PlantOptions(friction=FRICTION, ground_friction=GROUND)
     segments = np.full(len(robot.member_names), options.segments)
     segments[[robot.member_names.index(name) for name in SIDES]] = options.contact_segments
@@ -149,14 +124,14 @@ def pick(phases: Sequence[Phase] = PHASES) -> Picked:
         picked.stages.append(stage)
 
     def move(rate: float, path: Sequence[Phase]) -> None:
-        steering = GripFeedback(robot.configuration(plant.travel), lying, rate)
+        steering = Feedback(robot.configuration(plant.travel), grip, opening_rate=rate)
         picked.carried.append(carry(plant, steering, path))
 
     def transport(path: Sequence[Phase]) -> None:
         config = robot.configuration(plant.travel)
         squeeze = float(np.mean([force.normal for force in plant.contact_forces().values()]))
-        held = Grip(SIDES, lying.moved_to(plant.object_pose()), FRICTION)
-        regulated = Regulated(config, held, squeeze, FRICTION)
+        held = replace(grip, body=lying.moved_to(plant.object_pose()))
+        regulated = Regulated(config, held, squeeze)
         picked.carried.append(carry(plant, regulated, path))
         picked.statuses.update(regulated.statuses)
 

@@ -14,10 +14,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from comparison.carrying import Carried, carry, Feedback, OpenLoop, Regulated, Steering
-from comparison.grips import Grip, press, release
+from comparison.grips import press, PressedCase, release
 from comparison.section import Check, Section
 from comparison.wedge import MODULE
-from isotruss_ros.core import ConvexObject, Grip, settle_grasp
+from isotruss_ros.core import Grip, settle_grasp
 from isotruss_ros.demo.path import figure_9, Phase
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from matplotlib import rc_context
@@ -27,7 +27,7 @@ from paper.style import BLUE, GREEN, GREY, ORANGE, PAGE, SETTINGS
 from paper.tables import number, Table
 
 #: The corner at home, as in the paper's figure, and friction that holds there.
-GRIP, FRICTION = Grip(60.0, 0.02), 0.8
+CASE, FRICTION = PressedCase(60.0, 0.02), 0.8
 OPEN, FEEDBACK, REGULATED = 'open loop', 'feedback', 'squeeze regulated'
 COLORS = {OPEN: ORANGE, FEEDBACK: BLUE, REGULATED: GREEN}
 #: Bounds on position [mm] and orientation [degrees].
@@ -105,19 +105,19 @@ def run(name: str, phases: Sequence[Phase]) -> Carried:
     :param name: of the way.
     :param phases: of the path.
     """
-    plant, config, cylinder = press(GRIP, options=PlantOptions())
+    plant, config, cylinder = press(CASE, options=PlantOptions())
     release(plant, FRICTION)
-    center = plant.object_pose()[:2]
-    grasp = Grip.at_module(config.robot, MODULE, ConvexObject.disc(center, cylinder.diameter))
+    body = cylinder.moved_to(plant.object_pose())
+    grip = Grip.at_module(config.robot, MODULE, body, FRICTION)
     steering: Steering
     if name == OPEN:
-        steering = OpenLoop(config, grasp)
+        steering = OpenLoop(config, grip)
     elif name == FEEDBACK:
-        steering = Feedback(config, grasp)
+        steering = Feedback(config, grip)
     else:
-        settled = settle_grasp(config, ConvexObject.disc(center, cylinder.diameter), FRICTION)
+        settled = settle_grasp(config, body, FRICTION)
         squeeze = float(np.mean(list(settled.normal_forces.values())))
-        steering = Regulated(config, grasp, squeeze, FRICTION)
+        steering = Regulated(config, grip, squeeze)
     return carry(plant, steering, phases)
 
 

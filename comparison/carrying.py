@@ -12,23 +12,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import Protocol
 
 from isotruss_ros.core import (
     Configuration,
-    ConvexObject,
     Grip,
     Pose,
-    RollerState,
     RollingGrip,
     solve_twist,
     solve_twist_ahead,
-    StampedInput,
     Status,
     TwistServo,
 )
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.numerics.arrays import Array
@@ -63,17 +61,16 @@ class OpenLoop:
     The paper's program for rigid tubes: nobody looks where the object is.
 
     :param config: where the robot is at first.
-    :param grasp: where it holds the object.
+    :param grip: how it holds the object.
     """
 
-    def __init__(self, config: Configuration, grasp: Grasp) -> None:
-        self._config, self._held = config, RollingGrip.attach(config, grasp)
+    def __init__(self, config: Configuration, grip: Grip) -> None:
+        self._rolling = RollingGrip.attach(config, grip)
 
     def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
         """Return roller velocities for the middle of the cycle, see `Steering`."""
-        self._config = self._config.moved_to(plant.travel)
-        grasp = self._held.moved_to(self._config)
-        found = solve_twist_ahead(self._config, grasp, twist, 0.5 / RATE)
+        self._rolling = self._rolling.moved_to(self._rolling.config.moved_to(plant.travel))
+        found = solve_twist_ahead(self._rolling.config, self._rolling.grip, twist, 0.5 / RATE)
         return found.roller_velocities
 
 
@@ -82,22 +79,23 @@ class Feedback:
     The same program, for the measured pose, which is brought back to the path.
 
     :param config: where the robot is at first.
-    :param grasp: where it holds the object.
+    :param grip: how it holds the object, which may be anywhere.
     :param gain: share of the error that is corrected in a second [1/s].
+    :param opening_rate: of the distance between the members [m/s].
     """
 
-    def __init__(self, config: Configuration, grasp: Grasp, gain: float = 1.0) -> None:
-        self._config, self._grasp, self._gain = config, grasp, gain
+    def __init__(
+        self, config: Configuration, grip: Grip, gain: float = 1.0, opening_rate: float = 0.0
+    ) -> None:
+        self._config, self._grip = config, grip
+        self._gain, self._opening_rate = gain, opening_rate
 
     def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
         """Return roller velocities for the measured pose, see `Steering`."""
         self._config = self._config.moved_to(plant.travel)
-        grasp = Grip.at_module(
-            config.robot,
-            self._grasp.module,
-            ConvexObject.disc(plant.object_pose()[:2], self._grasp.diameter),
-        )
-        found = solve_twist(self._config, grasp, twist + self._gain * error)
+        grip = replace(self._grip, body=self._grip.body.moved_to(plant.object_pose()))
+        wanted = twist + self._gain * error
+        found = solve_twist(self._config, grip, wanted, opening_rate=self._opening_rate)
         return found.roller_velocities
 
 
@@ -108,24 +106,21 @@ class Regulated:
     :ivar control: has the model.
     :ivar statuses: of its commands.
     :param config: where the robot is at first.
-    :param grasp: where it holds the object, or with which members.
+    :param grip: how it holds the object.
     :param squeeze: mean normal force that is regulated [N].
-    :param friction: coefficient between tube and object.
     """
 
-    def __init__(
-        self, config: Configuration, grasp: Grip, squeeze: float, friction: float
-    ) -> None:
+    def __init__(self, config: Configuration, grip: Grip, squeeze: float) -> None:
         load = LoadSettings(time=LOAD_TIME)
         self.control = SqueezeControl(
-            SqueezeSettings(squeeze, friction, pose_gain=POSE_GAIN, load=load)
+            SqueezeSettings(squeeze, grip.friction, pose_gain=POSE_GAIN, load=load)
         )
         self.statuses: set[Status] = set()
         self.messages: set[str] = set()
-        self._servo = TwistServo(config.robot, *_short_form(grasp), 1.0 / RATE, 0.5)
-        if isinstance(grasp, Grip):
-            self._servo.members, self._servo.friction = grasp.members, friction
-            self._servo.body = grasp.body
+        # Module and diameter are the short form, for which the grip stands.
+        self._servo = TwistServo(config.robot, '', 1.0, 1.0 / RATE, 0.5)
+        self._servo.members, self._servo.friction = grip.members, grip.friction
+        self._servo.body = grip.body
         self._servo.squeeze = self.control
 
     def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
@@ -139,11 +134,6 @@ class Regulated:
         if decision.message:
             self.messages.add(decision.message)
         return decision.command.roller_velocities
-
-
-def _short_form(grasp: Grip) -> tuple[str, float]:
-    """Return module and diameter of the short form; they do not count in a grip."""
-    return ('', 1.0) if isinstance(grasp, Grip) else (grasp.module, grasp.diameter)
 
 
 @dataclass(frozen=True)

@@ -14,19 +14,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from comparison.grips import Grip, place, press, release
+from comparison.grips import place, press, PressedCase, release
 from comparison.section import Check, Section
 from comparison.wedge import MODULE
 from isotruss_ros.core import (
     Configuration,
-    ConfigurationError,
     ConvexObject,
     Grip,
     HoldStatus,
     RollingGrip,
     solve_twist,
-    StructureError,
 )
+from isotruss_ros.core.errors import ConfigurationError, StructureError
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
 from isotruss_ros.core.grasping.slip_margin import weakest_direction
@@ -62,7 +61,7 @@ class Case:
     :ivar twist: (3,) of the object [m/s, rad/s].
     """
 
-    grip: Grip
+    grip: PressedCase
     friction: float
     direction: Array | None
     twist: Array
@@ -164,7 +163,9 @@ def draw(random: np.random.Generator, weakest: bool) -> Case:
     :param random: where from.
     :param weakest: whether the load is along the weakest direction.
     """
-    grip = Grip(*(float(random.uniform(*range_)) for range_ in (WEDGES, INDENTATIONS, DIAMETERS)))
+    grip = PressedCase(
+        *(float(random.uniform(*range_)) for range_ in (WEDGES, INDENTATIONS, DIAMETERS))
+    )
     friction = float(random.uniform(*FRICTIONS))
     direction, twist = random.standard_normal(3), random.uniform(-SPEED, SPEED, 3)
     twist[2] /= 0.5 * grip.diameter
@@ -182,11 +183,11 @@ def attempt(case: Case) -> Outcome | None:
         return None
     plant, config, cylinder = press(case.grip)
     release(plant, case.friction, REST)
-    pose = plant.object_pose()
-    model = HeldGrip.attach(config, ConvexObject.disc(pose[:2], cylinder.diameter), pose.angle)
+    body = cylinder.moved_to(plant.object_pose())
+    model = HeldGrip.attach(config, body)
     if not isinstance(model, HeldGrip):
         return None
-    travels = _travels(config, case, pose[:2])
+    travels = _travels(config, case, body)
     if travels is None:
         return None
     response = model.response
@@ -197,7 +198,7 @@ def attempt(case: Case) -> Outcome | None:
     if along is None:
         along = weakest_direction(model.state, response, case.friction)
     load = margin / (1.0 + ABOVE)
-    wrench = load * along * (1.0, 1.0, 0.5 * cylinder.diameter)
+    wrench = load * along * (1.0, 1.0, cylinder.arm)
     expected = _follow(model, travels, wrench)
     if expected is None:
         return Outcome(margin, load, float('inf'), True)
@@ -220,18 +221,16 @@ def _is_worth(case: Case) -> bool:
     return model.slip_margin(case.friction) > LEAST and not wrinkles
 
 
-def _travels(config: Configuration, case: Case, center: tuple[float, float]) -> list[Array] | None:
+def _travels(config: Configuration, case: Case, body: ConvexObject) -> list[Array] | None:
     """Return roller travels along the motion, at even times; None where it leads nowhere."""
-    held = RollingGrip.attach(
-        config, Grip.at_module(config.robot, MODULE, ConvexObject.disc(center, case.grip.diameter))
-    )
+    held = RollingGrip.attach(config, Grip.at_module(config.robot, MODULE, body))
     travels, lengths = [], 1.0 - np.cos(2.0 * np.pi * (np.arange(WAYPOINTS) + 0.5) / WAYPOINTS)
     for length in lengths * DURATION / WAYPOINTS:
-        command = solve_twist(config, held.moved_to(config), case.twist)
+        command = solve_twist(held.config, held.grip, case.twist)
         if command.scale < 1.0:
             return None
-        config = config.moved_to(config.roller_positions + length * command.roller_velocities)
-        travels.append(config.roller_positions)
+        travels.append(held.config.roller_positions + length * command.roller_velocities)
+        held = held.moved_to(held.config.moved_to(travels[-1]))
     return travels
 
 

@@ -13,14 +13,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from comparison.grips import Grip, press, release
+from comparison.grips import press, PressedCase, release
 from comparison.section import Check, Section
-from isotruss_ros.core import ConvexObject, settle_grasp
+from isotruss_ros.core import settle_grasp
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 from paper.tables import number, Table
 
-GRIPS = (Grip(60.0, 0.03), Grip(50.0, 0.03), Grip(40.0, 0.04), Grip(30.0, 0.06))
+GRIPS = (
+    PressedCase(60.0, 0.03),
+    PressedCase(50.0, 0.03),
+    PressedCase(40.0, 0.04),
+    PressedCase(30.0, 0.06),
+)
 #: Friction at first, and by how much it falls in a second [1/s].
 FRICTION, RATE = 0.8, 0.005
 #: It begins at this share of the prediction; the object is looked at after each period [s].
@@ -29,7 +34,7 @@ START, PERIOD = 1.05, 0.1
 MOVED = 2e-3
 
 
-def compare(grips: Sequence[Grip] = GRIPS) -> Section:
+def compare(grips: Sequence[PressedCase] = GRIPS) -> Section:
     """
     Compare the friction at which objects are lost.
 
@@ -39,8 +44,7 @@ def compare(grips: Sequence[Grip] = GRIPS) -> Section:
     for grip in grips:
         plant, config, cylinder = press(grip)
         release(plant, FRICTION)
-        pose = plant.object_pose()
-        settled = settle_grasp(config, ConvexObject.disc(pose[:2], cylinder.diameter), FRICTION)
+        settled = settle_grasp(config, cylinder.moved_to(plant.object_pose()), FRICTION)
         ours = settled.required_friction
         theirs = lost_at(plant, START * ours)
         errors.append(abs(theirs / ours - 1.0))

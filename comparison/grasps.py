@@ -15,15 +15,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 import itertools
 
-from comparison.grips import Grip, press, release, STILL
+from comparison.grips import press, PressedCase, release, STILL
 from comparison.section import Check, Section
-from isotruss_ros.core import (
-    analyze_grasp,
-    Configuration,
-    ConvexObject,
-    GraspAnalysis,
-    settle_grasp,
-)
+from isotruss_ros.core import analyze_grasp, Configuration, settle_grasp
+from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
@@ -57,7 +52,7 @@ class Compared:
     :ivar stiffness: (2, 3, 3) of the grasp: MuJoCo's, ours [N/m, N, N m].
     """
 
-    grip: Grip
+    grip: PressedCase
     normals: Array
     places: Array
     gives: Array
@@ -76,7 +71,7 @@ def compare(
     :param wedges: angles between the grasping members [degrees].
     :param indentations: of the members by the object, tubes unbent [m].
     """
-    grips = [Grip(*pair) for pair in itertools.product(wedges, indentations)]
+    grips = [PressedCase(*pair) for pair in itertools.product(wedges, indentations)]
     found = [compare_one(grip) for grip in grips]
     return Section(
         'Forces, friction and stiffness of grasps',
@@ -92,7 +87,7 @@ def compare(
     )
 
 
-def compare_one(grip: Grip) -> Compared:
+def compare_one(grip: PressedCase) -> Compared:
     """
     Compare one grasp.
 
@@ -110,11 +105,9 @@ def compare_one(grip: Grip) -> Compared:
     places = np.array([forces[name].point - _place(config, name, analysis) for name in names])
     release(plant, FRICTION)
     start = np.array(plant.object_pose())
-    settled = settle_grasp(
-        config, ConvexObject.disc(tuple(start[:2]), cylinder.diameter), FRICTION
-    )
+    settled = settle_grasp(config, cylinder.moved_to(start), FRICTION)
     free = plant.contact_forces()
-    gives = [start - (*cylinder.center, 0.0)]
+    gives = [start - cylinder.pose]
     gives.append(np.linalg.solve(settled.stiffness, analysis.normal_wrench))
     return Compared(
         grip,

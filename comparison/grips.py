@@ -23,7 +23,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.grasp import members_at_module
+from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.options import PlantOptions, ROUND
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
@@ -38,7 +38,7 @@ REST = 1.0
 
 
 @dataclass(frozen=True)
-class Grip:
+class PressedCase:
     """
     What presses on an object.
 
@@ -80,28 +80,28 @@ def move_to(
     plant.settle(REST)
 
 
-def place(grip: Grip) -> tuple[Configuration, ConvexObject]:
+def place(case: PressedCase) -> tuple[Configuration, ConvexObject]:
     """
-    Return the configuration of a grip, and the object in it.
+    Return the configuration of a case, and the object in it.
 
-    :param grip: what presses.
+    :param case: what presses.
     """
-    config = closed_to(round_robot().home, grip.degrees, grip.diameter)
-    center = tangent_center(config, MODULE, grip.diameter, grip.indentation)
-    return config, ConvexObject.disc(center, grip.diameter)
+    config = closed_to(round_robot().home, case.degrees, case.diameter)
+    center = tangent_center(config, MODULE, case.diameter, case.indentation)
+    return config, ConvexObject.disc(center, case.diameter)
 
 
 def press(
-    grip: Grip, friction: float = 0.0, options: PlantOptions = STILL
+    case: PressedCase, friction: float = 0.0, options: PlantOptions = STILL
 ) -> tuple[MujocoPlant, Configuration, ConvexObject]:
     """
     Return a plant that presses on an object held fast, its configuration, and the object.
 
-    :param grip: what presses.
+    :param case: what presses.
     :param friction: coefficient between tube and object while the tubes bend around it.
     :param options: of the plant.
     """
-    config, cylinder = place(grip)
+    config, cylinder = place(case)
     return press_on(config, cylinder, friction, options), config, cylinder
 
 
@@ -121,8 +121,7 @@ def press_on(
     """
     robot = config.robot
     segments = np.full(len(robot.member_names), options.segments)
-    following = members_at_module(config, MODULE).index
-    segments[[following, robot.topology.previous[following]]] = options.contact_segments
+    segments[find_members(robot, members_at(robot, MODULE)).members] = options.contact_segments
     plant = MujocoPlant(robot, [held], options, segments)
     plant.set_friction(friction)
     plant.hold_object(AWAY)

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from comparison.grips import move_to, round_robot, STILL
 from comparison.section import Check, Section
-from isotruss_ros.core import Configuration, deform, shape_margins
+from isotruss_ros.core import Configuration, deform
+from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 from paper.tables import number, Table

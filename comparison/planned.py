@@ -18,12 +18,7 @@ from typing import NamedTuple
 from comparison.carrying import carry, Regulated
 from comparison.grips import round_robot
 from comparison.section import Check, Section
-from isotruss_ros.core import (
-    ConvexObject,
-    GraspRequirements,
-    plan_grasps,
-    PlannedGrasp,
-)
+from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
 from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_tracking import (
     FINISHED,
@@ -34,6 +29,7 @@ from isotruss_ros.core.control.path_tracking import (
     RETURN_TURN_RATE,
 )
 from isotruss_ros.core.planning.export import export_path
+from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
@@ -171,12 +167,12 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
 
 
 def _regulated(wanted: Wanted, grasp: PlannedGrasp) -> Regulated:
-    return Regulated(grasp.config, grasp.grasp, wanted.squeeze, FRICTION)
+    return Regulated(grasp.config, grasp.grip, wanted.squeeze)
 
 
 def _measure(plant: MujocoPlant, grasp: PlannedGrasp) -> Closed:
     squeeze = 0.5 * sum(force.normal for force in plant.contact_forces().values())
-    away = float(np.hypot(*np.subtract(plant.object_pose()[:2], grasp.grasp.center)))
+    away = float(np.hypot(*np.subtract(plant.object_pose()[:2], grasp.grip.body.pose[:2])))
     return Closed(squeeze, grasp.squeeze, away)
 
 

@@ -14,16 +14,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from comparison.grips import Grip, press, release
+from comparison.grips import press, PressedCase, release
 from comparison.section import Check, Section
-from isotruss_ros.core import Configuration, ConvexObject, HoldStatus
+from isotruss_ros.core import Configuration, HoldStatus
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 from paper.tables import number, Table
 
-GRIPS, FRICTION = (Grip(40.0, 0.04), Grip(30.0, 0.08)), 0.5
+GRIPS, FRICTION = (PressedCase(40.0, 0.04), PressedCase(30.0, 0.08)), 0.5
 DIRECTIONS = tuple(math.radians(45.0 * k) for k in range(8))
 #: A pull rises at this rate [N/s], and is looked at after each period [s] ...
 RATE, PERIOD = 0.5, 0.02
@@ -37,7 +37,9 @@ STEP, FINEST = 0.5, 1e-3
 LARGEST = 50.0
 
 
-def compare(grips: Sequence[Grip] = GRIPS, directions: Sequence[float] = DIRECTIONS) -> Section:
+def compare(
+    grips: Sequence[PressedCase] = GRIPS, directions: Sequence[float] = DIRECTIONS
+) -> Section:
     """
     Compare the pulls at which a contact slips or lets go.
 
@@ -49,8 +51,7 @@ def compare(grips: Sequence[Grip] = GRIPS, directions: Sequence[float] = DIRECTI
         plant, config, cylinder = press(grip)
         release(plant, FRICTION)
         state = plant.save()
-        pose = plant.object_pose()
-        model = HeldGrip.attach(config, ConvexObject.disc(pose[:2], cylinder.diameter), pose.angle)
+        model = HeldGrip.attach(config, cylinder.moved_to(plant.object_pose()))
         assert isinstance(model, HeldGrip), model
         margin = model.slip_margin(FRICTION)
         for direction in directions:

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from comparison.grips import move_to
 from comparison.section import Check, Section
-from isotruss_ros.core import load_robot, preset_names
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.model.presets import preset_names
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 from paper.tables import number, Table

@@ -11,16 +11,12 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core import (
-    Configuration,
-    ConfigurationError,
-    ConvexObject,
-    Grip,
-    grip_jacobian,
-    tangent_center,
-)
-from isotruss_ros.core.manipulation.grasp import members_at_module
+from isotruss_ros.core import Configuration, ConvexObject, Grip, tangent_center
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.manipulation.grip import find_members, members_at
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.numerics.arrays import Points
 import numpy as np
 
 MODULE = 'north/Z'
@@ -35,8 +31,22 @@ def opening(config: Configuration, module: str = MODULE) -> float:
     :param config: configuration of the robot.
     :param module: name `t/j` of the module.
     """
-    members = members_at_module(config, module)
-    return float(abs(np.angle(members.ahead / members.back)))
+    _, (ahead, back) = sides(config, module)
+    return float(abs(np.angle(ahead / back)))
+
+
+def sides(config: Configuration, module: str = MODULE) -> tuple[Points, Points]:
+    """
+    Return the two members that meet at a module: where they leave it, and their vectors, (2,) [m].
+
+    :param config: configuration of the robot.
+    :param module: name `t/j` of the module.
+    """
+    nodes = find_members(config.robot, members_at(config.robot, module))
+    # The member ahead starts at the module's B, the one behind ends at its C.
+    near = config.points[[nodes.starts[0], nodes.ends[1]]]
+    far = config.points[[nodes.ends[0], nodes.starts[1]]]
+    return near, far - near
 
 
 def closed_to(
@@ -52,16 +62,18 @@ def closed_to(
     :raises ConfigurationError: the wedge does not reach the angle.
     """
     for _ in range(MAX_STEPS):
-        change = np.radians(degrees) - opening(config, module)
+        angle = opening(config, module)
+        change = np.radians(degrees) - angle
         if abs(change) < TOLERANCE:
             return config
-        center = tangent_center(config, module, diameter)
-        row = grip_jacobian(
-            config, Grip.at_module(config.robot, module, ConvexObject.disc(center, diameter))
-        )[3]
-        # (14) counts the angle with the sign of the side that holds the object.
-        side = members_at_module(config, module).side
-        travel = side * row * np.clip(change, -MAX_STEP, MAX_STEP) / (row @ row)
+        body = ConvexObject.disc(tangent_center(config, module, diameter), diameter)
+        row = grip_jacobian(config, Grip.at_module(config.robot, module, body))[3]
+        # Of the contacts' distance, not of the angle (14): the members turn about B and C.
+        near, spans = sides(config, module)
+        bisector = np.exp(1j * np.angle((spans / np.abs(spans)).sum()))
+        arm = (bisector.conjugate() * (body.center - near.mean())).real
+        arm -= body.arm * np.sin(0.5 * angle)
+        travel = arm * row * np.clip(change, -MAX_STEP, MAX_STEP) / (row @ row)
         config = config.moved_to(config.roller_positions + travel)
     raise ConfigurationError(f'the wedge at {module} does not close to {degrees:g} degrees')
 
@@ -78,10 +90,9 @@ def pressed_into(
     :param angle: of the object [rad].
     :param depth: indentation of each member, tubes unbent [m].
     """
-    members = members_at_module(config, module)
-    pinched = config.points[[members.nodes[0], members.nodes[2]]]
-    along = np.array([members.ahead, members.back])
-    inward = 1j * members.side * np.array([1.0, -1.0]) * along / np.abs(along)
+    pinched, along = sides(config, module)
+    side = np.sign((along[0].conjugate() * along[1]).imag)
+    inward = 1j * side * np.array([1.0, -1.0]) * along / np.abs(along)
     reach = ConvexObject(shape, (0.0, 0.0, angle)).support(-inward)
     reach += 0.5 * config.robot.description.tube_diameter - depth
     rows = np.column_stack([inward.real, inward.imag])

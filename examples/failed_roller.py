@@ -12,14 +12,13 @@
 from isotruss_ros import core
 
 home = core.load_robot('nine_member').home
-grasp = core.Grip.at_module(
-    home.robot, 'north/Z', core.ConvexObject.disc(core.tangent_center(home, 'north/Z', 0.3), 0.3)
-)
+body = core.ConvexObject.disc(core.tangent_center(home, 'north/Z', 0.3), 0.3)
+grip = core.Grip.at_module(home.robot, 'north/Z', body)
 twist = (0.0, 0.02, 0.0)
 
 south_and_east = ('south/P', 'south/Q', 'east/Q', 'east/R')
 for failed in ((), ('east/R',), south_and_east):
-    command = core.solve_twist(home, grasp, twist, failed=failed)
-    left = core.reachable_twists(home, grasp, failed=failed)
+    command = core.solve_twist(home, grip, twist, failed=failed)
+    left = core.reachable_twists(home, grip, failed=failed)
     print(f'failed: {", ".join(failed) or "none"}: {len(left)} independent motions left')
     print('  ', command.status, command.achieved_twist)

@@ -14,9 +14,9 @@ from isotruss_ros import core
 robot = core.load_robot('nine_member')  # or the path of a robot file
 config = robot.home
 center = core.tangent_center(config, 'north/Z', 0.3)  # an object 0.3 m wide touches both sides
-grasp = core.Grip.at_module(config.robot, 'north/Z', core.ConvexObject.disc(center, 0.3))
+grip = core.Grip.at_module(robot, 'north/Z', core.ConvexObject.disc(center, 0.3))
 
-command = core.solve_twist(config, grasp, twist=(0.0, 0.02, 0.1))  # vx, vy [m/s], omega [rad/s]
+command = core.solve_twist(config, grip, twist=(0.0, 0.02, 0.1))  # vx, vy [m/s], omega [rad/s]
 for name, velocity in zip(robot.roller_names, command.roller_velocities, strict=True):
     print(f'{name:8} {velocity:+.4f} m/s')
 print(command.status, command.scale, command.achieved_twist)

@@ -10,30 +10,28 @@
 """Carry a held object along a path, closed loop over its measured pose."""
 
 from isotruss_ros import core
+from isotruss_ros.core.control.path_tracking import PathPhase, TrackingSettings
 import numpy as np
 
 PERIOD = 0.02  # [s]
 home = core.load_robot('nine_member').home
-grasp = core.Grip.at_module(
-    home.robot, 'north/Z', core.ConvexObject.disc(core.tangent_center(home, 'north/Z', 0.3), 0.3)
-)
+body = core.ConvexObject.disc(core.tangent_center(home, 'north/Z', 0.3), 0.3)
+rolling = core.RollingGrip.attach(home, core.Grip.at_module(home.robot, 'north/Z', body))
 faults = core.RollerFaults(slip=0.05)  # every roller loses about 5 % of its travel, unseen
-robot = core.SimulatedRobot(home, core.RollingGrip.attach(home, grasp), faults, seed=1)
+robot = core.SimulatedRobot(home, core.RollingObject(rolling), faults, seed=1)
 
 start = robot.object_pose
 poses = [(start.x, start.y, 0.0), (start.x, start.y + 0.05, 0.0), (start.x + 0.05, start.y, 0.2)]
 path = core.ObjectPath(poses, speed=0.02, turn_rate=0.2)
-tracker = core.PathTracker(path, core.TrackingSettings(), period=PERIOD)
+tracker = core.PathTracker(path, TrackingSettings(), period=PERIOD)
 
-phase, finished = None, (core.PathPhase.REACHED, core.PathPhase.OFF_PATH, core.PathPhase.STUCK)
+phase, finished = None, (PathPhase.REACHED, PathPhase.OFF_PATH, PathPhase.STUCK)
 while phase not in finished:
     pose = robot.object_pose
     tracking = tracker.update(pose, age=0.0, elapsed=PERIOD)
     phase = tracking.phase
-    held = core.Grip.at_module(
-        home.robot, 'north/Z', core.ConvexObject.disc((pose.x, pose.y), 0.3)
-    )
-    command = core.solve_twist(robot.config, held, tracking.twist)
+    grip = core.Grip.at_module(home.robot, 'north/Z', body.moved_to(pose))
+    command = core.solve_twist(robot.config, grip, tracking.twist)
     robot.command(command.roller_velocities)
     robot.advance(PERIOD)
 

@@ -13,19 +13,17 @@ from isotruss_ros import core
 
 robot = core.load_robot('nine_member')
 home = robot.home
-grasp = core.Grip.at_module(
-    home.robot, 'north/Z', core.ConvexObject.disc(core.tangent_center(home, 'north/Z', 0.3), 0.3)
-)
+body = core.ConvexObject.disc(core.tangent_center(home, 'north/Z', 0.3), 0.3)
+grip = core.Grip.at_module(robot, 'north/Z', body)
 
-fast = core.solve_twist(home, grasp, twist=(0.5, 0.0, 0.0))
+fast = core.solve_twist(home, grip, twist=(0.5, 0.0, 0.0))
 print('too fast:', fast.status, 'scale', fast.scale)
 assert fast.status is core.Status.SLOWED_ROLLER_SPEED
 assert 0.0 < fast.scale < 1.0
 
 # The joint of south/X is on the ground: of most twists only a part can be reached there.
-grounded = core.Grip.at_module(
-    home.robot, 'south/X', core.ConvexObject.disc(core.tangent_center(home, 'south/X', 0.3), 0.3)
-)
+body = core.ConvexObject.disc(core.tangent_center(home, 'south/X', 0.3), 0.3)
+grounded = core.Grip.at_module(robot, 'south/X', body)
 part = core.solve_twist(home, grounded, twist=(0.02, 0.0, 0.0))
 print('out of reach:', part.status, 'achieved', part.achieved_twist)
 print('reachable twists:', core.reachable_twists(home, grounded, failed=()))

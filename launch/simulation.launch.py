@@ -18,12 +18,11 @@ from isotruss_ros.nodes.framework.launching import describe_launch
 from launch import LaunchDescription
 
 # The object is held by the tubes at the start: pressed into a corner of 60 degrees, in which it
-# rests by friction only with a coefficient of 0.58 or more. 50 Hz is enough without hardware.
+# rests by friction only with a coefficient of 0.58 or more.
 DEFAULTS = {
     simulator.PLANT: simulator.ELASTIC,
     simulated_object.INDENTATION: 0.01,
     params.FRICTION: 0.8,
-    params.RATE: 50.0,
 }
 
 

@@ -15,8 +15,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 import math
 
-from isotruss_ros.core import Configuration, deform, Deformation, load_robot, Robot
+from isotruss_ros.core import Configuration, deform, load_robot, Robot
 from isotruss_ros.core.grasping.deformed_shape import member_lines
+from isotruss_ros.core.statics.structure import Deformation
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
 from paper.item import Advance

@@ -14,25 +14,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from isotruss_ros.core import (
-    ConvexObject,
-    GraspAnalysis,
-    GraspRequirements,
-    load_robot,
-    Measure,
-    plan_grasps,
-    PlannedGrasp,
-    Progress,
-    SolverError,
-)
+from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
+from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.grasping.deformed_shape import deformed_lines, member_lines
+from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, Progress
+from isotruss_ros.core.planning.requirements import Measure
 import numpy as np
 from paper.item import Advance, Report
 from paper.tables import number, Table
 
 #: The object, free inside the loop of one tube, and the driven modules of that loop with how many
 #: grasps each: the passive one, P, cannot roll an object.
-CYLINDER = ConvexObject.disc((0.5, 0.3), 0.35)
+BODY = ConvexObject.disc((0.5, 0.3), 0.35)
 MODULES = {'north/R': 2, 'north/Z': 1}
 #: Coefficient between tube and object.
 FRICTION = 0.5
@@ -72,7 +66,7 @@ def compute(advance: Advance) -> Sequence[Held]:
             min_margin=0.0,
             measure=Measure.CLOSURE_MARGIN,
         )
-        plan = plan_grasps(robot.home, CYLINDER, needs, on_progress=tell, thorough=False)
+        plan = plan_grasps(robot.home, BODY, needs, on_progress=tell, thorough=False)
         if len(plan.grasps) < count:
             raise SolverError(f'too few grasps at module {module}: {plan.closest_violation}')
         held += [_hold(grasp) for grasp in plan.grasps]
@@ -104,8 +98,8 @@ def report(held: Sequence[Held]) -> Report:
         'grasp stiffness, so that stiffness can be chosen without moving the object. One '
         'grasp is magnified, with its force and the length of its contact. No numbers are in '
         'the text.',
-        computed=f'An object of {100 * CYLINDER.diameter:g} cm at '
-        f'({CYLINDER.center[0]:g}, {CYLINDER.center[1]:g}) m, free inside one loop of the robot '
+        computed=f'An object of {100 * 2.0 * BODY.arm:g} cm at '
+        f'({BODY.pose.x:g}, {BODY.pose.y:g}) m, free inside one loop of the robot '
         'at home. `core.plan_grasps` finds two configurations for a grip at one and one at the '
         'other of the two driven modules of the loop, which can roll the object; the passive one '
         'cannot. The grasp stiffness differs by a factor of '
@@ -141,7 +135,7 @@ def _grasps(held: Sequence[Held]) -> Table:
         )
         rows.append(
             (
-                each.plan.grasp.module,
+                each.plan.module,
                 ', '.join(analysis.contact_lengths),
                 number(float(analysis.normal_forces.sum())),
                 lengths,

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from isotruss_ros.core import ConvexObject
 from isotruss_ros.plotting.grasp_drawing import draw_grasp, FORCE_COLOR
 from isotruss_ros.plotting.robot_drawing import draw_robot, frame, MODULE_COLOR, OBJECT_COLOR
 from matplotlib.axes import Axes
@@ -42,30 +41,31 @@ def draw(held: Sequence[Held]) -> Figure:
     low, high = nodes.min(axis=0) - MARGIN, nodes.max(axis=0) + MARGIN
     above, below = figure.subplots(2, 3)
     for i, each in enumerate(held):
-        grasp = each.plan.grasp
-        cylinder = ConvexObject.disc(grasp.center, grasp.diameter)
-        _draw_robot(above[i], each, cylinder)
+        _draw_robot(above[i], each)
         frame(above[i], low, high)
-        above[i].set_title(f'({"abc"[i]}) held at {grasp.module}', loc='left')
-        _draw_grasp(below[i], each, cylinder)
+        above[i].set_title(f'({"abc"[i]}) held at {each.plan.module}', loc='left')
+        _draw_grasp(below[i], each)
     for axes in above[1:]:
         axes.set_ylabel('')
         axes.tick_params(labelleft=False)
     return figure
 
 
-def _draw_robot(axes: Axes, each: Held, cylinder: ConvexObject) -> None:
+def _draw_robot(axes: Axes, each: Held) -> None:
     draw_robot(axes, each.plan.config)
-    disc = Circle(cylinder.center, 0.5 * cylinder.diameter, zorder=5)
+    body = each.plan.grip.body
+    center = body.pose[:2]
+    disc = Circle(center, body.arm, zorder=5)
     disc.set(facecolor=OBJECT_COLOR, edgecolor=MODULE_COLOR)
     axes.add_patch(disc)
-    corner = np.array(cylinder.center) - AROUND
+    corner = np.array(center) - AROUND
     view = Rectangle(corner, 2 * AROUND, 2 * AROUND, fill=False, lw=0.7, ls=':', zorder=9)
     axes.add_patch(view)
 
 
-def _draw_grasp(axes: Axes, each: Held, cylinder: ConvexObject) -> None:
-    draw_grasp(axes, each.plan.config, cylinder, each.analysis, SCALE)
+def _draw_grasp(axes: Axes, each: Held) -> None:
+    body = each.plan.grip.body
+    draw_grasp(axes, each.plan.config, body, each.analysis, SCALE)
     analysis = each.analysis
     lengths = ' + '.join(f'{1e3 * length:.0f}' for length in analysis.contact_lengths.values())
     axes.set_title(
@@ -74,7 +74,7 @@ def _draw_grasp(axes: Axes, each: Held, cylinder: ConvexObject) -> None:
         fontsize=7.0,
         pad=2,
     )
-    x, y = cylinder.center
+    x, y = body.pose[:2]
     left, low = x - 0.92 * AROUND, y - 0.88 * AROUND
     axes.annotate(
         '',

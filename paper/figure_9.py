@@ -107,17 +107,10 @@ def follow_path(lead: float, rate: float, advance: Advance) -> list[Part]:
     :param advance: called with the share of the work that is done.
     """
     robot = load_robot('nine_member')
-    config = robot.home
-    held = RollingGrip.attach(
-        config,
-        Grip.at_module(
-            config.robot,
-            MODULE,
-            ConvexObject.disc(tangent_center(config, MODULE, DIAMETER), DIAMETER),
-        ),
-    )
-    exact = np.array(held.pose(config))
-    parts = [Part('start', config, exact[None], exact[None], frozenset(), 0.0)]
+    body = ConvexObject.disc(tangent_center(robot.home, MODULE, DIAMETER), DIAMETER)
+    held = RollingGrip.attach(robot.home, Grip.at_module(robot, MODULE, body))
+    exact = np.array(held.pose)
+    parts = [Part('start', held.config, exact[None], exact[None], frozenset(), 0.0)]
     phases = figure_9()
     for phase in phases:
         poses: list[Pose] = []
@@ -127,17 +120,17 @@ def follow_path(lead: float, rate: float, advance: Advance) -> list[Part]:
         for k in range(round(phase.duration * rate)):
             start, end = k / rate, (k + 1) / rate
             twist = phase.twist(0.5 * (start + end))
-            command = solve_twist_ahead(config, held.moved_to(config), twist, lead)
-            travel = config.roller_positions + command.roller_velocities / rate
-            config = config.moved_to(travel)
+            command = solve_twist_ahead(held.config, held.grip, twist, lead)
+            travel = held.config.roller_positions + command.roller_velocities / rate
+            held = held.moved_to(held.config.moved_to(travel))
             exact = exact + _integral(phase, start, end)
-            poses.append(held.pose(config))
+            poses.append(held.pose)
             goals.append(exact)
             statuses.add(command.status)
             speed = max(speed, float(np.abs(command.roller_velocities).max()))
             advance((len(parts) - 1 + end / phase.duration) / len(phases))
         carried = np.array(poses), np.array(goals)
-        parts.append(Part(phase.name, config, *carried, frozenset(statuses), speed))
+        parts.append(Part(phase.name, held.config, *carried, frozenset(statuses), speed))
     return parts
 
 

@@ -16,15 +16,8 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 
-from isotruss_ros.core import (
-    ConvexObject,
-    Cylinder,
-    IsotrussError,
-    load_robot,
-    ObjectFileError,
-    Pose,
-    read_object,
-)
+from isotruss_ros.core import ConvexObject, IsotrussError, load_robot, Pose, read_object
+from isotruss_ros.core.errors import ObjectFileError
 from isotruss_ros.mujoco_plant.mjcf import export_mjcf
 from isotruss_ros.mujoco_plant.options import PlantOptions
 
@@ -39,9 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _parser().parse_args(arguments)
     try:
-        objects: list[Cylinder | ConvexObject] = [
-            Cylinder((x, y), diameter) for x, y, diameter in options.object
-        ]
+        objects = [ConvexObject.disc((x, y), diameter) for x, y, diameter in options.object]
         objects += [_place(*given) for given in options.shape]
         settings = PlantOptions(friction=options.friction)
         text = export_mjcf(load_robot(options.robot), objects, settings)

@@ -18,7 +18,8 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from isotruss_ros.core import ConfigurationError, IsotrussError, load_robot
+from isotruss_ros.core import IsotrussError, load_robot
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.viewer.names import LOCAL, MissingPackageError
 from isotruss_ros.viewer.picture import Picture
 

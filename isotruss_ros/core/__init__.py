@@ -14,48 +14,23 @@ robot -> configuration -> grasp -> twist to rollers (docs/kinematics.md);
 robot -> structure -> contact -> closure (docs/statics.md).
 """
 
-from isotruss_ros.core.control.grasp_monitor import GraspMonitor
-from isotruss_ros.core.control.grasp_report import (
-    AnalyzedGrasp,
-    GraspCode,
-    GraspQuery,
-    GraspReport,
-)
-from isotruss_ros.core.control.inputs import RejectedInput, RollerState, StampedInput
+import importlib
+
 from isotruss_ros.core.control.object_path import ObjectPath
-from isotruss_ros.core.control.path_tracking import (
-    PathPhase,
-    PathTracker,
-    Tracking,
-    TrackingSettings,
-)
-from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
-from isotruss_ros.core.control.twist_servo import Decision, TwistServo
-from isotruss_ros.core.errors import (
-    ConfigurationError,
-    GraspError,
-    IsotrussError,
-    ObjectFileError,
-    PathError,
-    RobotFileError,
-    SolverError,
-    StructureError,
-)
-from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
+from isotruss_ros.core.control.path_tracking import PathTracker
+from isotruss_ros.core.control.twist_servo import TwistServo
+from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.grasping.analysis import analyze_grasp
 from isotruss_ros.core.grasping.hold_status import HoldStatus
-from isotruss_ros.core.grasping.settle_grasp import settle_grasp, SettledGrasp
+from isotruss_ros.core.grasping.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.rigidity import worst_case_rigidity_index
 from isotruss_ros.core.kinematics.robot import load_robot, Robot
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_placing import place_between
-from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.manipulation.limits import Limit, MemberLengthLimit, RollerSpeedLimit
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
-from isotruss_ros.core.manipulation.solve_joint_velocity import JointCommand, solve_joint_velocity
+from isotruss_ros.core.manipulation.solve_joint_velocity import solve_joint_velocity
 from isotruss_ros.core.manipulation.solve_twist import (
     reachable_twists,
-    RollerCommand,
     solve_twist,
     solve_twist_ahead,
 )
@@ -63,101 +38,84 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.tangent_center import tangent_center
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
-from isotruss_ros.core.model.object_file import object_from_mapping, read_object
+from isotruss_ros.core.model.object_file import read_object
 from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.model.presets import preset_names
 from isotruss_ros.core.model.shapes import Disc
-from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, Violation
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
-from isotruss_ros.core.planning.release import plan_release, Release
-from isotruss_ros.core.planning.requirements import GraspRequirements, Measure
-from isotruss_ros.core.safety.margins import shape_margins, ShapeMargins
-from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
-from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
+from isotruss_ros.core.planning.release import plan_release
+from isotruss_ros.core.planning.requirements import GraspRequirements
+from isotruss_ros.core.safety.shape_guard import ShapeGuard
 from isotruss_ros.core.simulation.elastic_object import ElasticObject
 from isotruss_ros.core.simulation.free_object import FreeObject
 from isotruss_ros.core.simulation.rolling_object import RollingObject
 from isotruss_ros.core.simulation.simulated_robot import RollerFaults, SimulatedRobot
-from isotruss_ros.core.statics.structure import deform, Deformation
+from isotruss_ros.core.statics.structure import deform
 
 __all__ = [
-    'AnalyzedGrasp',
     'Configuration',
-    'ConfigurationError',
     'ConvexObject',
-    'Decision',
-    'Deformation',
     'Disc',
     'ElasticObject',
     'Ellipse',
-    'FailureCriterion',
-    'FailureDetector',
     'FreeObject',
-    'GraspAnalysis',
-    'GraspCode',
-    'GraspError',
-    'GraspMonitor',
-    'GraspPlan',
-    'GraspQuery',
-    'GraspReport',
     'GraspRequirements',
     'Grip',
     'HoldStatus',
     'IsotrussError',
-    'JointCommand',
-    'Limit',
-    'Measure',
-    'MemberLengthLimit',
-    'ObjectFileError',
     'ObjectPath',
-    'PathError',
-    'PathPhase',
     'PathTracker',
-    'PlannedGrasp',
     'Polygon',
     'Pose',
-    'Progress',
-    'RejectedInput',
-    'Release',
     'Robot',
-    'RobotFileError',
-    'RollerCommand',
     'RollerFaults',
-    'RollerSpeedLimit',
-    'RollerState',
-    'RollerTrajectory',
     'RollingGrip',
     'RollingObject',
-    'SettledGrasp',
-    'ShapeBounds',
     'ShapeGuard',
-    'ShapeMargins',
     'SimulatedRobot',
-    'SolverError',
-    'StampedInput',
     'Status',
-    'StructureError',
-    'Tracking',
-    'TrackingSettings',
     'TwistServo',
-    'Violation',
     'analyze_grasp',
     'deform',
-    'grip_jacobian',
     'load_robot',
-    'object_from_mapping',
     'place_between',
     'plan_grasps',
     'plan_release',
-    'preset_names',
     'reachable_twists',
     'read_object',
     'settle_grasp',
-    'shape_margins',
     'solve_joint_velocity',
     'solve_twist',
     'solve_twist_ahead',
     'tangent_center',
-    'worst_case_rigidity_index',
 ]
+
+# Until all tests import these from their packages.
+for _module, _names in {
+    'control.grasp_monitor': 'GraspMonitor',
+    'control.grasp_report': 'AnalyzedGrasp GraspCode GraspQuery GraspReport',
+    'control.inputs': 'RejectedInput RollerState StampedInput',
+    'control.path_tracking': 'PathPhase Tracking TrackingSettings',
+    'control.roller_trajectory': 'RollerTrajectory',
+    'control.twist_servo': 'Decision',
+    'errors': 'ConfigurationError GraspError ObjectFileError PathError RobotFileError '
+    'SolverError StructureError',
+    'grasping.analysis': 'GraspAnalysis',
+    'grasping.settle_grasp': 'SettledGrasp',
+    'kinematics.rigidity': 'worst_case_rigidity_index',
+    'manipulation.grip_rows': 'grip_jacobian',
+    'manipulation.limits': 'Limit MemberLengthLimit RollerSpeedLimit',
+    'manipulation.solve_joint_velocity': 'JointCommand',
+    'manipulation.solve_twist': 'RollerCommand',
+    'model.object_file': 'object_from_mapping',
+    'model.presets': 'preset_names',
+    'planning.grasp_plan': 'GraspPlan PlannedGrasp Progress Violation',
+    'planning.release': 'Release',
+    'planning.requirements': 'Measure',
+    'safety.margins': 'shape_margins ShapeMargins',
+    'safety.roller_failure': 'FailureCriterion FailureDetector',
+    'safety.shape_guard': 'ShapeBounds',
+    'statics.structure': 'Deformation',
+}.items():
+    _found = importlib.import_module(f'{__name__}.{_module}')
+    globals().update({name: getattr(_found, name) for name in _names.split()})

@@ -17,7 +17,8 @@ from pathlib import Path
 import signal
 
 from isotruss_msgs.action import PlanGrasp
-from isotruss_ros.core import GraspCode, IsotrussError, load_robot, Status
+from isotruss_ros.core import IsotrussError, load_robot, Status
+from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.demo.client import ARM, DemoClient
 from isotruss_ros.demo.figures import animate, draw_panels

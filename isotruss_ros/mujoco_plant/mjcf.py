@@ -21,7 +21,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 import xml.etree.ElementTree as ET
 
-from isotruss_ros.core import ConvexObject
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices

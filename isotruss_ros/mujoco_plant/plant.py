@@ -129,7 +129,7 @@ class MujocoPlant:
 
     def hold_object(self, pose: ArrayLike, number: int = 0) -> None:
         """
-        HoldStatus an object fast at a pose until it is released.
+        Hold an object fast at a pose until it is released.
 
         :param pose: (x, y, angle) in the robot frame [m, rad].
         :param number: of the object.

@@ -19,7 +19,10 @@ import time
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_msgs.msg import Contact, GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import GraspCode, GraspMonitor, GraspReport, load_robot, read_object
+from isotruss_ros.core import load_robot, read_object
+from isotruss_ros.core.control.grasp_monitor import GraspMonitor
+from isotruss_ros.core.control.grasp_report import GraspCode, GraspReport
+from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
 from isotruss_ros.nodes.components.sensors import (
     format_age,
@@ -34,7 +37,6 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
 )
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
 from isotruss_ros.nodes.conversions.messages import (
-    MessageError,
     name_object_frame,
     read_object_pose,
     stamp_header,
@@ -52,7 +54,7 @@ from rclpy.time import Time
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
-RATE = replace(params.RATE, default=100.0, bounds=(1.0, 1000.0))
+RATE = replace(params.RATE, bounds=(1.0, 1000.0))
 # Not finer: for an object as large as the robot, memory grows with the square of the points.
 SPACING = params.Spec(
     'spacing', 0.005, 'Distance of the points that can touch, along the tubes [m]', (0.002, 0.1)
@@ -180,7 +182,7 @@ class GraspAnalysisNode(ManagedNode):
         now = self.now()
         try:
             query = read_query(request, self.values[SPACING])
-        except MessageError as error:
+        except IsotrussError as error:
             report = GraspReport(GraspCode.INVALID_REQUEST, str(error), now)
         else:
             report = self._monitor.analyze_request(query, now)

@@ -16,14 +16,9 @@ from dataclasses import dataclass
 import time
 
 from isotruss_msgs.action import PlanGrasp
-from isotruss_ros.core import (
-    ConfigurationError,
-    ConvexObject,
-    IsotrussError,
-    load_robot,
-    read_object,
-)
+from isotruss_ros.core import ConvexObject, IsotrussError, load_robot, read_object
 from isotruss_ros.core.control.inputs import Input, InputError
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 from isotruss_ros.nodes.components.sensors import format_age, subscribe_joint_states

@@ -15,17 +15,11 @@ from collections.abc import Sequence
 import time
 
 from geometry_msgs.msg import Twist, TwistStamped
-from isotruss_ros.core import (
-    GraspError,
-    load_robot,
-    read_object,
-    RejectedInput,
-    StampedInput,
-    Status,
-    TwistServo,
-)
+from isotruss_ros.core import load_robot, read_object, Status, TwistServo
+from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.nodes.components.emergency_stop import EmergencyStop
 from isotruss_ros.nodes.components.failed_rollers import (
@@ -284,7 +278,7 @@ class Manipulation(ManagedNode):
         self._servo.stopped = self._halt()
 
     def _apply_failures(self) -> None:
-        """HoldStatus the rollers at zero that the topic or the parameter names."""
+        """Hold the rollers at zero that the topic or the parameter names."""
         if self._servo is None:
             return
         by_parameter = set(self.values[FAILED_ROLLERS]) - {''}

@@ -17,9 +17,10 @@ from dataclasses import replace
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import IsotrussError, load_robot, Pose, Tracking, TrackingSettings
+from isotruss_ros.core import IsotrussError, load_robot, Pose
 from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedback
+from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.errors import NoMotionError
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components.sensors import format_age, subscribe_input
@@ -45,7 +46,7 @@ import numpy as np
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 
-RATE = replace(params.RATE, default=100.0, bounds=(10.0, 1000.0))
+RATE = replace(params.RATE, bounds=(10.0, 1000.0))
 POSITION_GAIN = params.Spec(
     'position_gain', 2.0, 'Rate at which errors of position decay [1/s]', bounds=(0.0, 20.0)
 )

@@ -17,8 +17,9 @@ from typing import Any
 
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import GraspError, IsotrussError, load_robot
+from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.control.inputs import InputError
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.nodes.components.action_steps import CancelledError, Outcome, StepError, Steps
 from isotruss_ros.nodes.components.grasp_sequences import GraspSequences
 from isotruss_ros.nodes.components.sensors import (

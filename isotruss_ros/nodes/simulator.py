@@ -14,14 +14,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
-from isotruss_ros.core import (
-    ConfigurationError,
-    ElasticObject,
-    load_robot,
-    Pose,
-    RollerFaults,
-    SimulatedRobot,
-)
+from isotruss_ros.core import ElasticObject, load_robot, Pose, RollerFaults, SimulatedRobot
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.recording import PlantRecorder

@@ -11,7 +11,8 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core import Configuration, ConvexObject, GraspAnalysis
+from isotruss_ros.core import Configuration, ConvexObject
+from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.grasping.deformed_shape import (
     deformed_lines,
     force_lines,
@@ -93,8 +94,7 @@ def draw_grasp(
         axes.add_patch(patch)
     for line in member_lines(config):
         axes.plot(line.real, line.imag, '--', color=UNDEFORMED_COLOR, lw=1.0, zorder=6)
-    held = body
-    outline = held.outline(0.01 * held.arm)
+    outline = body.outline(0.01 * body.arm)
     corners = np.column_stack([outline.real, outline.imag])
     axes.add_patch(Polygon(corners, facecolor=OBJECT_COLOR, edgecolor=MODULE_COLOR, zorder=5))
     for line in region_lines(config, body, analysis):
@@ -104,8 +104,8 @@ def draw_grasp(
     draw_forces(axes, body, analysis, scale)
     lengths = ' + '.join(f'{1e3 * length:.0f}' for length in analysis.contact_lengths.values())
     axes.set_title(f'{analysis.normal_forces.sum():.1f} N on {lengths or 0} mm', fontsize=8, pad=2)
-    x, y = held.pose[:2]
-    around = 2.0 * AROUND * held.shape.reach
+    x, y = body.pose[:2]
+    around = 2.0 * AROUND * body.shape.reach
     axes.set_aspect('equal')
     axes.set_xlim(x - around, x + around)
     axes.set_ylim(y - around, y + around)

@@ -12,7 +12,7 @@
 from pathlib import Path
 
 from comparison import boxes, carried, drops, friction, grasps, pulls
-from comparison.grips import Grip
+from comparison.grips import PressedCase
 from comparison.page import FOLDER, page
 from comparison.section import Check, Section
 from comparison.sections import SECTIONS
@@ -38,12 +38,12 @@ def test_a_grasp_is_within_its_bounds():
 
 @needs_mujoco
 def test_a_pull_that_slips_is_within_its_bounds():
-    require_kept(pulls.compare((Grip(40.0, 0.04),), directions=(np.pi, -0.5 * np.pi)))
+    require_kept(pulls.compare((PressedCase(40.0, 0.04),), directions=(np.pi, -0.5 * np.pi)))
 
 
 @needs_mujoco
 def test_an_object_is_lost_where_friction_is_too_low():
-    require_kept(friction.compare((Grip(50.0, 0.03),)))
+    require_kept(friction.compare((PressedCase(50.0, 0.03),)))
 
 
 @needs_mujoco
@@ -68,7 +68,7 @@ def test_a_box_between_sides_that_do_not_meet_is_within_its_bounds():
 @pytest.mark.parametrize(('above', 'dropped'), [(0.1, False), (-0.4, True)])
 def test_a_load_below_the_slip_margin_is_held_and_one_above_is_not(above, dropped, monkeypatch):
     monkeypatch.setattr(drops, 'ABOVE', above)
-    case = drops.Case(Grip(40.0, 0.05, 0.2), 0.6, None, np.array([0.01, 0.0, 0.05]))
+    case = drops.Case(PressedCase(40.0, 0.05, 0.2), 0.6, None, np.array([0.01, 0.0, 0.05]))
     assert drops.attempt(case).dropped == dropped
 
 

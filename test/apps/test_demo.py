@@ -21,15 +21,13 @@ from isotruss_ros.core import (
     load_robot,
     plan_grasps,
     RollerFaults,
-    RollerState,
-    RollerTrajectory,
     settle_grasp,
     SimulatedRobot,
-    StampedInput,
     Status,
     TwistServo,
 )
-from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.control.roller_trajectory import RollerTrajectory, RollerTrajectoryServo
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.demo import processes
 from isotruss_ros.demo.figures import animate, draw_panels

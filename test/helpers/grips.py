@@ -10,40 +10,39 @@
 """Configurations of the nine-member robot with an object between two of its members."""
 
 from comparison.wedge import closed_to
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    grip_jacobian,
-    load_robot,
-    tangent_center,
-)
+from isotruss_ros.core import ConvexObject, Grip, load_robot, tangent_center
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 import numpy as np
 
 
 def gripped(degrees=35.0, diameter=0.3, squeeze=0.02, module='north/Z', robot='nine_member'):
     """Return a configuration and an object pressed into the wedge at a module."""
     config = closed_to(load_robot(robot).home, degrees, diameter, module)
-    center = tangent_center(config, module, diameter, squeeze)
-    return config, ConvexObject.disc(center, diameter)
+    return config, disc_grip(config, module, diameter, squeeze).body
 
 
-def backed_off(config, cylinder, distance, module='north/Z', steps=10):
+def disc_grip(config, module, diameter=0.3, indentation=0.0):
+    """Return the grip of a disc that touches both members at a module."""
+    center = tangent_center(config, module, diameter, indentation)
+    return Grip.at_module(config.robot, module, ConvexObject.disc(center, diameter))
+
+
+def backed_off(config, body, distance, module='north/Z', steps=10):
     """
-    Return configurations in which the wedge is farther and farther back from an object.
+    Return configurations in which the wedge is farther and farther back from a disc.
 
     Its angle stays as it is, and it moves along its bisector.
     """
-    where = cylinder.center
-    near = complex(*tangent_center(config, module, cylinder.diameter, 0.01))
-    deep = complex(*tangent_center(config, module, cylinder.diameter, 0.02))
+    diameter = body.shape.diameter
+    near, deep = (complex(*tangent_center(config, module, diameter, d)) for d in (0.01, 0.02))
     back = distance / steps * (deep - near) / abs(deep - near)
     configs = [config]
-    for _ in range(steps):
-        grasp = Grip.at_module(
-            config.robot, module, ConvexObject.disc((where.real, where.imag), cylinder.diameter)
+    for step in range(steps):
+        where = body.center + step * back
+        grip = Grip.at_module(
+            config.robot, module, ConvexObject.disc((where.real, where.imag), diameter)
         )
-        rows = grip_jacobian(configs[-1], grasp)
+        rows = grip_jacobian(configs[-1], grip)
         travel = np.linalg.pinv(rows) @ [back.real, back.imag, 0.0, 0.0]
         configs.append(configs[-1].moved_to(configs[-1].roller_positions + travel))
-        where += back
     return configs

@@ -11,16 +11,8 @@
 
 import itertools
 
-from isotruss_ros.core import (
-    ConfigurationError,
-    ConvexObject,
-    Disc,
-    Ellipse,
-    GraspError,
-    Grip,
-    Polygon,
-    Pose,
-)
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, Grip, Polygon, Pose
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 import numpy as np
 import robots
@@ -95,9 +87,8 @@ def random_grip(robot, rng, kind, count=2, tries=100):
         on = all(0.0 < p.real < n for p, n in zip(places, lengths, strict=True))
         diameter = offs.min() + offs.max() - tube
         if on and np.ptp(offs) < 1.8 * tube and 0.02 < diameter < 2.0:
-            return config, Grip(
-                names, ConvexObject.disc((center.real, center.imag), float(diameter))
-            )
+            body = ConvexObject.disc((center.real, center.imag), float(diameter))
+            return config, Grip(names, body)
     return config, None
 
 
@@ -110,9 +101,9 @@ def random_convex_grip(robot, rng, kind, count=2, flat=False):
     config, round_grip = random_grip(robot, rng, kind, count)
     if round_grip is None:
         return config, None
-    size = 0.5 * round_grip.body.diameter
+    size = round_grip.arm
     shape = shapes.random_polygon(rng, size) if flat else shapes.random_shape(rng, size)
-    center = round_grip.body.center
+    center = round_grip.center
     ends = [member_ends(config, name) for name in round_grip.members]
     normals = [toward(center, start, end) for start, end in ends]
     turn = np.exp(1j * rng.uniform(-3.0, 3.0))

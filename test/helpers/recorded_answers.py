@@ -20,6 +20,7 @@ import tempfile
 
 from isotruss_ros import core
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
 import numpy as np
 
 DATA = Path(__file__).parents[1] / 'data' / 'answers.json.gz'
@@ -128,11 +129,9 @@ def answer_walk(question):
     positions, now, numbers = np.array(question['travel']), 0.0, []
     assert len(names) == 2
     for step in range(question['steps']):
-        servo.twist = core.StampedInput(np.array(question['twist']), now)
-        servo.rollers = core.StampedInput(
-            core.RollerState(positions, np.zeros(len(positions))), now
-        )
-        servo.pose = core.StampedInput(held.pose, now)
+        servo.twist = StampedInput(np.array(question['twist']), now)
+        servo.rollers = StampedInput(RollerState(positions, np.zeros(len(positions))), now)
+        servo.pose = StampedInput(held.pose, now)
         decision = servo.decide(now)
         positions = positions + 0.01 * decision.command.roller_velocities
         held = held.moved_to(robot.configuration(positions))

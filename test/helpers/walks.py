@@ -19,20 +19,19 @@ from dataclasses import dataclass
 import sys
 
 from isotruss_ros.core import (
-    ConfigurationError,
     ConvexObject,
     Grip,
     IsotrussError,
     load_robot,
-    RollerState,
     RollingGrip,
-    ShapeBounds,
-    StampedInput,
     Status,
     tangent_center,
     TwistServo,
 )
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
 
 ROBOT = load_robot('nine_member')
@@ -63,30 +62,27 @@ class Walk:
         return bool((self.lowest < 0.0).any())
 
 
-def margins(config, grasp):
+def margins(held):
     """Return what is left above the bounds."""
-    found = shape_margins(config, ConvexObject.disc(grasp.center, grasp.diameter), grasp.module)
+    found = shape_margins(held.config, held.grip.body, held.grip.members)
     return np.array(found[:3]) - LEAST
 
 
 def begin(rng, module):
-    """Return a configuration and a grasp, anywhere within the bounds."""
+    """Return an object held at a module, anywhere within the bounds."""
     file = ROBOT.description
     while True:
         try:
             config = ROBOT.configuration(rng.uniform(-0.35, 0.35, len(ROBOT.roller_names)))
             diameter = float(rng.uniform(0.1, 0.4))
-            grasp = Grip.at_module(
-                config.robot,
-                module,
-                ConvexObject.disc(tangent_center(config, module, diameter), diameter),
-            )
+            body = ConvexObject.disc(tangent_center(config, module, diameter), diameter)
+            held = RollingGrip.attach(config, Grip.at_module(ROBOT, module, body))
         except IsotrussError:
             continue
         lengths = config.member_lengths
         fits = lengths.min() > file.min_length and lengths.max() < file.max_length
-        if fits and margins(config, grasp).min() > 0.002:
-            return config, grasp
+        if fits and margins(held).min() > 0.002:
+            return held
 
 
 @dataclass
@@ -115,6 +111,11 @@ class Sensors:
         return cls(rollers, pose, speeds)
 
 
+def moved(held, travel):
+    """Return the object held after some travel of the rollers."""
+    return held.moved_to(held.config.moved_to(held.config.roller_positions + travel))
+
+
 def walk(seed, steps, slide=False, guarded=True, sensors=None):
     """
     Command one twist after another, far more than the robot can do, at 20 Hz to 1 kHz.
@@ -122,17 +123,17 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
     What the servo sees is true, but late; see `Sensors`.
     """
     rng = np.random.default_rng(seed)
-    config, grasp = begin(rng, GRIPS[seed % len(GRIPS)])
-    held = RollingGrip.attach(config, grasp)
+    module = GRIPS[seed % len(GRIPS)]
+    held = begin(rng, module)
     period = float(rng.choice(PERIODS, p=[0.15, 0.35, 0.3, 0.1, 0.1]))
     sensors = Sensors.of(seed, period) if sensors is None else sensors
-    servo = TwistServo(ROBOT, grasp.module, grasp.diameter, period, timeout=0.2)
+    servo = TwistServo(ROBOT, module, held.grip.body.shape.diameter, period, timeout=0.2)
     servo.slide_along_limits = slide
     if not guarded:
         servo.guard = None
     result = Walk(np.full(3, np.inf), Counter(), Counter())
     length = 1 + max(sensors.rollers, sensors.pose)
-    seen = deque([(config, np.zeros(len(ROBOT.roller_names)))] * length, length)
+    seen = deque([(held, np.zeros(len(ROBOT.roller_names)))] * length, length)
     left, twist = 0, np.zeros(3)
     for step in range(steps):
         if left == 0:
@@ -140,10 +141,12 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
         left -= 1
         now = 1.0 + step * period
         (state, speeds), (place, _) = seen[-1 - sensors.rollers], seen[-1 - sensors.pose]
-        measured = RollerState(state.roller_positions, speeds if sensors.speeds else 0.0 * speeds)
+        measured = RollerState(
+            state.config.roller_positions, speeds if sensors.speeds else 0.0 * speeds
+        )
         servo.twist = StampedInput(twist, now)
         servo.rollers = StampedInput(measured, now - period * sensors.rollers)
-        servo.pose = StampedInput(held.pose(place), now - period * sensors.pose)
+        servo.pose = StampedInput(place.pose, now - period * sensors.pose)
         decision = servo.decide(now)
         command = decision.command
         assert command.status < Status.HALT_NO_TWIST, decision.message
@@ -151,16 +154,16 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
         result.limiting.update(command.limiting)
         velocities = command.roller_velocities
         try:
-            end = config.moved_to(config.roller_positions + period * velocities)
+            end = moved(held, period * velocities)
         except ConfigurationError:
             assert not guarded
             return result
-        lowest = margins(end, held.moved_to(end))
+        lowest = margins(end)
         if lowest.min() < 0.01:
-            half = config.moved_to(config.roller_positions + 0.5 * period * velocities)
-            lowest = np.minimum(lowest, margins(half, held.moved_to(half)))
-        config = end
-        seen.append((config, velocities))
+            half = moved(held, 0.5 * period * velocities)
+            lowest = np.minimum(lowest, margins(half))
+        held = end
+        seen.append((held, velocities))
         result.lowest = np.minimum(result.lowest, lowest)
     return result
 

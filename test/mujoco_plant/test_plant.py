@@ -12,7 +12,7 @@
 from dataclasses import replace
 import importlib
 
-from comparison.grips import AWAY, Grip, move_to, press, release, round_robot, STILL
+from comparison.grips import AWAY, move_to, press, PressedCase, release, round_robot, STILL
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
@@ -91,7 +91,7 @@ def test_small_joint_loads_move_all_nodes_as_deform_says():
 
 @needs_mujoco
 def test_a_grasp_presses_needs_friction_and_gives_as_statics_says():
-    plant, config, cylinder = press(Grip(40.0, 0.04))
+    plant, config, cylinder = press(PressedCase(40.0, 0.04))
     found = plant.contact_forces()
     expected = analyze_grasp(config, cylinder, 0.5, flattening=False).contact_forces
     assert found.keys() == expected.keys()
@@ -102,7 +102,7 @@ def test_a_grasp_presses_needs_friction_and_gives_as_statics_says():
     release(plant, 0.8)
     start = np.array(plant.object_pose())
     forces = plant.contact_forces().values()
-    settled = settle_grasp(config, ConvexObject.disc(tuple(start[:2]), cylinder.diameter), 0.8)
+    settled = settle_grasp(config, cylinder.moved_to(start), 0.8)
     required = max(abs(force.friction) / force.normal for force in forces)
     assert required == pytest.approx(settled.required_friction, rel=0.03)
     plant.pull((1.0, 0.0, 0.0))
@@ -155,10 +155,10 @@ def test_an_object_between_two_pieces_of_a_coarse_mesh_does_not_chatter():
 
 @needs_mujoco
 def test_a_carried_object_follows_and_is_dropped_when_friction_is_too_low():
-    plant, config, _ = press(Grip(40.0, 0.04))
+    plant, config, body = press(PressedCase(40.0, 0.04))
     release(plant, 0.8)
     start = np.array(plant.object_pose())
-    held = HeldGrip.attach(config, ConvexObject.disc(tuple(start[:2]), 0.3), start[2])
+    held = HeldGrip.attach(config, body.moved_to(start))
     travel = plant.travel + np.array([0.01, -0.01, 0.01, 0.01, -0.005, 0.01])
     there = config.moved_to(travel)
     move_to(plant, travel)
@@ -180,7 +180,7 @@ def test_a_carried_object_follows_and_is_dropped_when_friction_is_too_low():
 def test_the_same_commands_lead_to_the_same_state():
     ends = []
     for _ in range(2):
-        plant, _, _ = press(Grip(40.0, 0.03))
+        plant, _, _ = press(PressedCase(40.0, 0.03))
         release(plant, 0.6, 0.5)
         ends.append(plant.data.qpos.copy())
     np.testing.assert_array_equal(*ends)

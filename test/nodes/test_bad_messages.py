@@ -32,7 +32,8 @@ from hypothesis import strategies as st
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import Pose, RejectedInput, StampedInput, Status, TwistServo
+from isotruss_ros.core import Pose, Status, TwistServo
+from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
 from isotruss_ros.nodes.conversions.messages import MessageError, RollerStateReader, stamp_header
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.grasp_planner import GraspPlanner

@@ -153,18 +153,16 @@ POSES = (
 
 
 @pytest.mark.parametrize('case', POSES)
-@pytest.mark.parametrize('read', [read_object_pose, read_object_pose])
-def test_rejects_object_poses(read, case):
+def test_rejects_object_poses(case):
     changes, words = POSES[case]
     with pytest.raises(MessageError, match=words) as error:
-        read(object_pose(**changes), FRAME)
+        read_object_pose(object_pose(**changes), FRAME)
     assert len(str(error.value)) < 1000
 
 
 @given(numbers, numbers, st.floats(-3.0, 3.0))
 def test_poses_there_and_back(x, y, angle):
     message = PoseStamped(header=Header(frame_id=FRAME), pose=to_pose_message(Pose(x, y, angle)))
-    assert read_object_pose(message, FRAME) == (x, y)
     assert read_object_pose(message, FRAME) == pytest.approx((x, y, angle), abs=1e-12)
     assert read_angle(message.pose) == pytest.approx(angle, abs=1e-12)
 

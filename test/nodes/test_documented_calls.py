@@ -16,8 +16,8 @@ import shlex
 
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import analyze_grasp, ConvexObject, settle_grasp
-from isotruss_ros.nodes.conversions.grasp_messages import read_question
+from isotruss_ros.core import analyze_grasp, Disc, settle_grasp
+from isotruss_ros.nodes.conversions.grasp_messages import read_query
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
 from probe import ROBOT
 import pytest
@@ -77,14 +77,13 @@ def test_documented_grasps_are_held():
     requests = [fill(m, v) for _, m, v in CALLS if isinstance(m, AnalyzeGrasp.Request) and v]
     assert len(requests) >= 2
     for request in requests:
-        question = read_question(request, 0.005)
-        body = question.body or ConvexObject.disc(question.center, question.diameter)
-        assert analyze_grasp(ROBOT.home, body, question.friction).contact_forces
-        assert settle_grasp(ROBOT.home, body, question.friction).held
+        query = read_query(request, 0.005)
+        assert analyze_grasp(ROBOT.home, query.body, query.friction).contact_forces
+        assert settle_grasp(ROBOT.home, query.body, query.friction).held
 
 
 def test_documented_searches_are_taken():
     goals = [fill(m, v) for _, m, v in CALLS if isinstance(m, PlanGrasp.Goal) and v]
     found = [read_goal(goal, ROBOT) for goal in goals]
     assert any(goal.requirements.members for goal in found)
-    assert any(isinstance(goal.body, ConvexObject) for goal in found)
+    assert any(isinstance(goal.body.shape, Disc) for goal in found)

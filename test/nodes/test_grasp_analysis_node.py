@@ -21,11 +21,11 @@ from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
     Disc,
-    GraspCode,
     read_object,
     settle_grasp,
     tangent_center,
 )
+from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
@@ -315,7 +315,7 @@ def test_the_object_is_green_when_held():
             things = [m for a in arrays[-1:] for m in a.markers if m.ns == 'object']
             return bool(things) and things[0].color.g > things[0].color.r
 
-        w.until(green, feed(w, center=tangent_center(ROBOT.home, MODULE, DIAMETER, 0.05)))
+        w.until(green, feed(w, center=tangent_center(ROBOT.home, MODULE, DIAMETER, 0.03)))
 
 
 def ask(w, **fields):
@@ -481,7 +481,7 @@ def test_topic_names_are_relative():
 
 def test_what_is_held_is_published_beside_the_analysis():
     friction = 0.8
-    center = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.05)
+    center = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.03)
     expected = settle_grasp(ROBOT.home, ConvexObject.disc(center, DIAMETER), friction)
     assert expected.held
     with world(node(friction=friction)) as w:

@@ -10,6 +10,7 @@
 """The manipulation node, under an executor in this process, with the rest of the world faked."""
 
 import math
+import re
 
 from geometry_msgs.msg import Pose, PoseStamped, Quaternion, TwistStamped
 from isotruss_msgs.msg import ManipulationStatus
@@ -200,7 +201,7 @@ def pose_with(**changes):
         ('truss', 0.0, {'position_x': math.nan}, Status.HALT_INVALID_OBJECT_POSE, 'finite'),
         ('truss', 0.5, {}, Status.HALT_STALE_OBJECT_POSE, 'old'),
         ('truss', -0.5, {}, Status.HALT_INVALID_OBJECT_POSE, 'future'),
-        ('truss', 0.0, {'position_x': 3.0}, Status.HALT_NO_GRASP, 'not between'),
+        ('truss', 0.0, {'position_x': 3.0}, Status.HALT_NO_GRASP, 'does not touch'),
     ],
 )
 def test_halts_on_an_invalid_object_pose(frame, age, changes, code, words):
@@ -234,8 +235,8 @@ def test_halts_where_another_module_than_the_grip_holds_the_object(module):
             w.probe.object_poses.publish(message)
 
         status = w.until_code(Status.HALT_NO_GRASP, send)
-        assert 'module north/Z does not hold the object' in status.message
-        assert 'name the module' in status.message
+        assert re.match('member north/(P-Z|Z-R) does not touch the object', status.message)
+        assert 'name the members' in status.message
         assert not w.command().any()
         changed = w.nodes[1].set_parameters([Parameter('grip_module', value=module)])
         assert changed[0].successful
@@ -262,7 +263,7 @@ def test_goes_on_from_where_the_robot_is_now():
 
         def send():
             w.probe.send_joints(position=elsewhere.roller_positions.tolist())
-            w.probe.send_pose(center=tuple(0.5 * (np.array(CENTER) + elsewhere.nodes[5])))
+            w.probe.send_pose(center=tangent_center(elsewhere, MODULE, DIAMETER))
             w.probe.send_twist()
 
         before = w.command()

@@ -15,8 +15,9 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
-from isotruss_ros.core import ConvexObject, Disc, GraspError, read_object
+from isotruss_ros.core import ConvexObject, Disc, read_object
 from isotruss_ros.core import Pose as PlanarPose
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.nodes.conversions.messages import MessageError, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import (
     describes_object,

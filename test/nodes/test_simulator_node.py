@@ -151,7 +151,7 @@ def test_encoders_do_not_measure_slip():
         )
 
         def there(travelled):
-            return held.pose(ROBOT.configuration(travelled))[:2]
+            return held.moved_to(ROBOT.configuration(travelled)).pose[:2]
 
         went = np.subtract((pose.position.x, pose.position.y), CENTER)
         told = np.subtract(there(np.array(joints.position)), CENTER)

@@ -18,7 +18,8 @@ import copy
 import math
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.core import RejectedInput, StampedInput, Status
+from isotruss_ros.core import Status
+from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
 from isotruss_ros.nodes.components.sensors import select_latest
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.manipulation import Manipulation
@@ -105,7 +106,7 @@ def frozen():
 
 
 def delayed(count):
-    """HoldStatus messages back until so many more have come (5 ms each)."""
+    """Hold messages back until so many more have come (5 ms each)."""
     waiting = deque()
 
     def distort(message):

@@ -12,6 +12,8 @@
 import subprocess
 import sys
 
+from isotruss_ros import core
+
 SCRIPT = """
 import sys
 
@@ -27,7 +29,8 @@ for name in core.__all__:
     getattr(core, name)
 robot = core.load_robot('nine_member')
 center = core.tangent_center(robot.home, 'east/Q', 0.3)
-command = core.solve_twist(robot.home, core.Grip.at_module(config.robot, 'east/Q', core.ConvexObject.disc(center, 0.3)), [0.0, 0.01, 0.0])
+grip = core.Grip.at_module(robot, 'east/Q', core.ConvexObject.disc(center, 0.3))
+command = core.solve_twist(robot.home, grip, [0.0, 0.01, 0.0])
 assert command.status is core.Status.OK, command
 print(*sorted({name.split('.')[0] for name, module in sys.modules.items() if module}))
 """
@@ -53,6 +56,10 @@ def run(script):
     )
     assert done.returncode == 0, done.stderr
     return [line.split() for line in done.stdout.splitlines()]
+
+
+def test_there_are_few_names_at_the_top():
+    assert len(core.__all__) <= 35
 
 
 def test_core_works_without_ros():

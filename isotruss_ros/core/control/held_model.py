@@ -12,14 +12,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-import functools
 
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.grasping.slip_margin import slip_margin
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.numerics.arrays import Array
 
 
@@ -53,22 +51,6 @@ def attach_model(config: Configuration, grip: Grip) -> HeldGrip | HoldStatus:
     return HeldGrip.attach(config, grip.body, members)
 
 
-def motion_of(config: Configuration, grip: Grip, travel: Array) -> tuple[Array, float]:
-    """
-    Return how a held object moves, and the grip opens, with the rollers, by the rows of (19).
-
-    :param config: where the robot is.
-    :param grip: how it holds the object.
-    :param travel: (r,) of the rollers [m].
-    :return: (3,) [m, rad], and the opening [m].
-    :raises GraspError: see `find_contacts`.
-    :raises ConfigurationError: the configuration is singular.
-    """
-    rows = grip_jacobian(config, grip) @ travel
-    return rows[:3], float(rows[3])
-
-
-@functools.lru_cache(maxsize=2)  # several cycles ask for the same equilibrium
 def sensitivity(grasp: HeldGrip, friction: float) -> Sensitivity | None:
     """
     Return how a held object answers; None where its equilibrium is indifferent.

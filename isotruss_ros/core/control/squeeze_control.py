@@ -12,9 +12,9 @@ How hard the robot squeezes: the model of the held object in the loop of the twi
 
 The squeeze and the opening of the grip are one thing: each millimetre less presses by some
 newtons more. The fourth row of (19), which keeps the grip, gets a right-hand side, and what the
-elastic tubes do to the object's pose is predicted by the model and corrected in the same cycle.
-The model is evaluated where the command leads, in every few cycles; from there to where the robot
-comes to be it goes on by the rows of (19), and by what the model does beyond them.
+elastic tubes do to the object's pose is corrected. The model is evaluated in each cycle, in the
+configuration of the robot and under the estimated load; what it did beyond the rows of (19) over
+the last cycle is expected of the next one as well.
 """
 
 from __future__ import annotations
@@ -23,29 +23,24 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 import math
 
-from isotruss_ros.core.control.held_model import (
-    attach_model,
-    motion_of,
-    Sensitivity,
-    sensitivity,
-)
+from isotruss_ros.core.control.held_model import attach_model, Sensitivity, sensitivity
 from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
-from isotruss_ros.core.control.model_trend import ModelTrend
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
 from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Below this share of the twist the limits decide where the object goes, not the model.
-MIN_SCALE = 0.05
-#: From this share of the largest utilisation on, the model is evaluated in every cycle.
-CAREFUL_FROM = 0.8
+#: Travel of the rollers in a cycle that tells of the utilisation; shorter ones tell less [m].
+TELLING = 1e-4
+#: At this utilisation a tube has folded: more is not told apart.
+FOLDED = 2.0
 
 #: Solves the program for a twist (3,) and a rate of the grip's opening [m/s].
 Solve = Callable[[Array, float], RollerCommand]
@@ -68,8 +63,6 @@ class SqueezeSettings:
     :ivar max_utilisation: of the moment at which tubes wrinkle; commands that lead toward it are
         slowed, and beyond it only those that lead away are carried out [-].
     :ivar utilisation_rate: share of what is left to that bound that is used in a second [1/s].
-    :ivar model_period: the model is evaluated this often while the motion stays alike [s].
-    :ivar near: farther from where it was evaluated last the model is evaluated again [m].
     :ivar load: what loads and errors are expected.
     """
 
@@ -82,8 +75,6 @@ class SqueezeSettings:
     min_slip_margin: float = 0.0
     max_utilisation: float = 1.0
     utilisation_rate: float = 5.0
-    model_period: float = 0.02
-    near: float = 1e-3
     load: LoadSettings = field(default_factory=LoadSettings)
 
 
@@ -91,7 +82,7 @@ class SqueezeControl:
     """
     Regulates squeeze and pose of an object that the robot holds.
 
-    :ivar grasp: the model of how it is held where it was evaluated last; None before that.
+    :ivar grasp: the model of how it is held where the robot is; None before `follow`.
     :ivar load: the wrench on the object that follows from its measured pose.
     :ivar reference: (x, y, angle) where the object is to be [m, rad]: where it was at first, moved
         by the twists carried out since; None before the first one.
@@ -110,10 +101,9 @@ class SqueezeControl:
         self.reference: Array | None = None
         self.slip_margin = 0.0
         self._velocity, self._elapsed = np.zeros(3), 0.0
-        self._trend: ModelTrend | None = None
-        self._rollers, self._age = np.zeros(0), 0.0  # last command; time since the evaluation
-        self._pose, self._squeeze = np.zeros(3), 0.0
-        self._slope = self._utilisation = 0.0
+        self._pose, self._squeeze, self._slope = np.zeros(3), 0.0, 0.0
+        self._used = self._used_by_travel = np.zeros(0)
+        self._rows, self._drift = np.zeros((4, 0)), np.zeros(4)
 
     def warning(self) -> str:
         """Return what is wrong with how the object is held; empty where nothing is."""
@@ -137,19 +127,17 @@ class SqueezeControl:
         :raises ConfigurationError: the configuration is singular.
         :raises StructureError: see `structure_of`.
         """
-        friction, grasp, self._elapsed = self.settings.friction, self.grasp, elapsed
-        self._age += elapsed
+        friction, before, self._elapsed = self.settings.friction, self.grasp, elapsed
         if self.reference is not None:
             self.reference = self.reference + elapsed * self._velocity
-        if grasp is not None:
-            travel = config.roller_positions - grasp.config.roller_positions
-            if float(np.abs(travel).max()) > self.settings.near:
-                grasp = grasp.moved_to(config, self._wrench(grasp))
-                travel = np.zeros(len(travel))
-        if grasp is not None and grasp.hold(friction) is HoldStatus.HELD:
+        grasp = None if before is None else before.moved_to(config, self._wrench(before))
+        if before is not None and grasp is not None and grasp.hold(friction) is HoldStatus.HELD:
             found = sensitivity(grasp, friction)
             if found is not None:
-                self._observe(grasp, found, config, grip, travel, elapsed)
+                self._learn_drift(before, grasp, found, elapsed)
+                self._learn_utilisation(before, grasp)
+                self._rows = grip_jacobian(config, grip)
+                self._observe(grasp, found, grip.body.pose, elapsed)
                 return HoldStatus.HELD
         return self._start(config, grip)
 
@@ -160,11 +148,10 @@ class SqueezeControl:
         :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
         :param period: for which the command holds, positive [s].
         :param solve: the twist program.
-        :raises ConfigurationError: the robot cannot get to where the command leads.
         """
         if self.grasp is None:
             raise ValueError('follow comes before solve')
-        grasp, settings = self.grasp, self.settings
+        settings = self.settings
         if self.reference is None:
             self.reference = self._pose + self.load.bias
         error = _difference(self.reference, self._pose + self.load.bias)
@@ -173,63 +160,8 @@ class SqueezeControl:
         wanted = twist + min(settings.pose_gain, 0.5 / longest) * error
         missing = settings.gain * (settings.force - self._squeeze)
         rate = max(-settings.max_force_rate, min(missing, settings.max_force_rate))
-        command = self._command(wanted, rate, solve)
-        if command.scale < MIN_SCALE or not command.roller_velocities.any():
-            return command
-        self._rollers = command.roller_velocities / command.scale
-        there = self._config.roller_positions + period * command.roller_velocities
-        if not self._is_due(there, period):
-            return command
-        ahead = grasp.moved_to(self._config.moved_to(there), self._wrench(grasp))
-        if ahead is None:
-            return command
-        since, self._age = max(self._age, period), 0.0
-        self._trend = self._find_trend(grasp, ahead)
-        keeps_direction = command.status is not Status.SLIDING
-        command = self._command(wanted, rate, solve, keeps_direction)
-        return self._limit_utilisation(command, ahead, period, since)
-
-    def _command(
-        self, wanted: Array, rate: float, solve: Solve, keeps_direction: bool = True
-    ) -> RollerCommand:
-        """
-        Return the command for a twist and a change of the squeeze, less what comes by itself.
-
-        :param wanted: (3,) twist of the object [m/s, rad/s].
-        :param rate: change of the squeeze [N/s].
-        :param solve: the twist program.
-        :param keeps_direction: whether the limits admit the twist in its direction.
-        """
-        trend, slope = self._trend, self._slope
-        if trend is None:
-            return solve(wanted, rate / slope)
-        along = trend.along(self._rollers)
-        if keeps_direction:
-            wanted = wanted - along * trend.pose
-        return solve(wanted, (rate - along * trend.squeeze) / slope)
-
-    def _find_trend(self, grasp: HeldGrip, ahead: HeldGrip) -> ModelTrend:
-        """Return what lies between two evaluations beyond the rows of (19), and the load."""
-        given = sensitivity(grasp, self.settings.friction)
-        travel = ahead.config.roller_positions - grasp.config.roller_positions
-        moved, opened = motion_of(self._config, self._held, travel)
-        loaded = ahead.wrench - grasp.wrench
-        pose = _difference(np.array(ahead.pose), np.array(grasp.pose))
-        return ModelTrend.over(
-            travel,
-            pose - moved - given.pose @ loaded,
-            ahead.squeeze - grasp.squeeze - given.slope * opened - float(given.squeeze @ loaded),
-        )
-
-    def _is_due(self, there: Array, period: float) -> bool:
-        """Return whether the model must be evaluated where the command leads."""
-        settings, trend = self.settings, self._trend
-        if trend is None or self._age + 0.5 * period >= settings.model_period:
-            return True
-        if self._utilisation > CAREFUL_FROM * settings.max_utilisation:
-            return True
-        away = float(np.abs(there - self.grasp.config.roller_positions).max())
-        return away > settings.near or not trend.fits(self._rollers)
+        wanted, rate = wanted - self._drift[:3], rate - self._drift[3]
+        return self._limit_utilisation(solve(wanted, rate / self._slope), period)
 
     def advance(self, twist: Array, command: RollerCommand) -> None:
         """
@@ -243,26 +175,37 @@ class SqueezeControl:
             self.reference = None
         self._velocity = command.scale * np.asarray(twist)
 
-    def _limit_utilisation(
-        self, command: RollerCommand, ahead: HeldGrip, period: float, since: float
-    ) -> RollerCommand:
-        """
-        Return a command, slowed where it would use too much of what is left of the tubes.
+    def _learn_drift(
+        self, before: HeldGrip, grasp: HeldGrip, given: Sensitivity, elapsed: float
+    ) -> None:
+        """Take in how pose and squeeze changed in a second beyond the rows of (19), and loads."""
+        travel = grasp.config.roller_positions - before.config.roller_positions
+        moved, opened = self._rows[:3] @ travel, self._rows[3] @ travel
+        loaded = grasp.wrench - before.wrench
+        change = _difference(np.array(grasp.pose), np.array(before.pose))
+        pressed = grasp.squeeze - before.squeeze - self._slope * opened - given.squeeze @ loaded
+        beyond = np.append(change - moved - given.pose @ loaded, pressed)
+        self._drift = beyond / elapsed if elapsed > 0.0 else np.zeros(4)
 
-        :param command: for the cycle that begins now.
-        :param ahead: the model where it leads.
-        :param period: of the cycle [s].
-        :param since: from the evaluation before to that one [s].
-        """
-        settings, used = self.settings, held_utilisation(ahead)
-        before, after = self._utilisation, float(used.max())
-        self.grasp, self._utilisation = ahead, after
-        left = since * settings.utilisation_rate * (settings.max_utilisation - before)
-        if after - before <= max(left, 0.0):
+    def _learn_utilisation(self, before: HeldGrip, grasp: HeldGrip) -> None:
+        """Take in by how much the last travel changed the utilisation (least mean squares)."""
+        travel = grasp.config.roller_positions - before.config.roller_positions
+        used = np.minimum(held_utilisation(grasp), FOLDED)
+        missed = float(used.max() - self._used.max() - self._used_by_travel @ travel)
+        known = missed / float(travel @ travel + TELLING**2)
+        self._used, self._used_by_travel = used, self._used_by_travel + known * travel
+
+    def _limit_utilisation(self, command: RollerCommand, period: float) -> RollerCommand:
+        """Return a command, slowed where it would use too much of what is left of the tubes."""
+        settings, member = self.settings, int(self._used.argmax())
+        more = period * float(self._used_by_travel @ command.roller_velocities)
+        free = settings.max_utilisation - float(self._used[member])
+        left = max(period * settings.utilisation_rate * free, 0.0)
+        if more <= left:
             return command
-        share = max(left, 0.0) / (after - before)
-        name = f'member {self._config.robot.member_names[int(used.argmax())]}'
-        slowed = replace(
+        share = left / more
+        name = f'member {self.grasp.config.robot.member_names[member]}'
+        return replace(
             command,
             roller_velocities=share * command.roller_velocities,
             achieved_twist=share * command.achieved_twist,
@@ -270,30 +213,23 @@ class SqueezeControl:
             status=Status.SLOWED_UTILISATION,
             limiting=tuple(dict.fromkeys((*command.limiting, name))),
         )
-        travel = period * slowed.roller_velocities
-        there = self._config.moved_to(self._config.roller_positions + travel)
-        reached = ahead.moved_to(there, self._wrench(ahead))
-        if reached is not None:
-            self.grasp, self._utilisation = reached, float(held_utilisation(reached).max())
-        return slowed
 
     def _start(self, config: Configuration, grip: Grip) -> HoldStatus:
         """Begin with the equilibrium near the measured pose."""
         self.load = LoadEstimate(self.settings.load)
-        self._trend = None
         found = attach_model(config, grip)
         if isinstance(found, HoldStatus):
             self.grasp = None
             return found
         grasp = self._explain(found, grip.body.pose)
-        self.grasp, self._config, self._held = grasp, config, grip
-        self._pose, self._squeeze = np.array(grasp.pose), grasp.squeeze
         given = sensitivity(grasp, self.settings.friction)
         if given is None:
             self.grasp = None
             return HoldStatus.UNSTABLE
-        self._slope, self.slip_margin = given.slope, given.slip_margin
-        self._utilisation = float(held_utilisation(grasp).max())
+        self._take(grasp, given, np.zeros(3))
+        self._used = np.minimum(held_utilisation(grasp), FOLDED)
+        self._used_by_travel = np.zeros(len(config.roller_positions))
+        self._rows, self._drift = grip_jacobian(config, grip), np.zeros(4)
         return found.hold(self.settings.friction)
 
     def _explain(self, found: HeldGrip, measured: Pose) -> HeldGrip:
@@ -311,30 +247,18 @@ class SqueezeControl:
         return loaded
 
     def _observe(
-        self,
-        grasp: HeldGrip,
-        given: Sensitivity,
-        config: Configuration,
-        grip: Grip,
-        travel: Array,
-        elapsed: float,
+        self, grasp: HeldGrip, given: Sensitivity, measured: Pose, elapsed: float
     ) -> None:
-        """Take the model on by the rows of (19), and the load from what is left."""
-        moved, opened = motion_of(config, grip, travel)
-        pose, squeeze = np.array(grasp.pose) + moved, grasp.squeeze + given.slope * opened
-        if self._trend is not None:
-            along = self._trend.along(travel)
-            pose, squeeze = pose + along * self._trend.pose, squeeze + along * self._trend.squeeze
-        loaded = self.load.wrench - grasp.wrench  # since the model was evaluated
-        offset = _difference(np.array(grip.body.pose), pose + given.pose @ loaded)
-        loaded = loaded + self.load.update(
-            offset, given.pose, grasp.arm, elapsed, self.settings.bias_gain
-        )
-        self.grasp, self._config, self._held = grasp, config, grip
-        self._pose = pose + given.pose @ loaded
-        self._squeeze = squeeze + float(given.squeeze @ loaded)
-        self._slope = given.slope
-        self.slip_margin = given.slip_margin
+        """Take the load from where the object was measured and where the model has it."""
+        offset = _difference(np.array(measured), np.array(grasp.pose))
+        gain = self.settings.bias_gain
+        self._take(grasp, given, self.load.update(offset, given.pose, grasp.arm, elapsed, gain))
+
+    def _take(self, grasp: HeldGrip, given: Sensitivity, loaded: Array) -> None:
+        """Go on with an evaluated model, and a load (3,) that came since [N]."""
+        self.grasp, self._slope, self.slip_margin = grasp, given.slope, given.slip_margin
+        self._pose = np.array(grasp.pose) + given.pose @ loaded
+        self._squeeze = grasp.squeeze + float(given.squeeze @ loaded)
 
     def _wrench(self, grasp: HeldGrip) -> Array:
         """Return the estimated wrench (fx, fy, m) [N, N m]."""

@@ -117,14 +117,15 @@ class ContactForces:
         """Return (k,) on the tubes, counter-clockwise around the object [N]."""
         return self.unknowns[self.places.friction]
 
-    def jacobian_with(self, closure: Closure) -> Array:
+    def jacobian_with(self, closing: Array) -> Array:
         """
         Return the Jacobian of the equations with another closure, (3 + 4k, 3 + 4k).
 
-        :param closure: what settles the equations that statics leaves open.
+        :param closing: (k, 3 + 4k) derivative of what settles the equations that statics leaves
+            open.
         """
         jacobian = self.jacobian.copy()
-        jacobian[self.places.closure] = closure(self.unknowns, self.normals)[1]
+        jacobian[self.places.closure] = closing
         return jacobian
 
 

@@ -118,7 +118,7 @@ def stick(
     statics: ContactStatics, anchors: Array, travel: Array, angles: Array, free: Indices
 ) -> Closure:
     """
-    Return the closure for contacts that roll without slip: `roll` of `equilibrium`, any shape.
+    Return the closure for contacts that roll without slip, (17) integrated.
 
         kappa_i (s_i - phi_i) - arc(arg nu_i - theta) = A_i
 
@@ -131,20 +131,33 @@ def stick(
     places = statics.places
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
-        derivative = np.zeros((len(anchors), places.size))
-        own = np.arange(len(anchors))
-        turn = np.exp(-1j * unknowns[ANGLE])
-        radii = surface_points(statics.body.shape, normals * turn, statics.corners)[1]
-        derivative[:, ANGLE] = radii
-        derivative[own, places.feet.start + own] = -statics.sides
-        derivative[own, places.inclinations.start + own] = -radii
+        derivative = rolling_rows(statics, unknowns, normals)
         left = find_anchors(statics, unknowns, normals, travel, angles) - anchors
-        left[free] = SOFTNESS * unknowns[places.friction][free]
-        derivative[free] = 0.0
-        derivative[free, places.friction.start + free] = SOFTNESS
+        if len(free):
+            left[free] = SOFTNESS * unknowns[places.friction][free]
+            derivative[free] = 0.0
+            derivative[free, places.friction.start + free] = SOFTNESS
         return left, derivative
 
     return rows
+
+
+def rolling_rows(statics: ContactStatics, unknowns: Array, normals: Points) -> Array:
+    """
+    Return the derivative (k, 3 + 4k) of what `find_anchors` returns.
+
+    :param statics: the equations.
+    :param unknowns: see `ContactForces`.
+    :param normals: (k,) from the object toward the tubes.
+    """
+    places, count = statics.places, len(normals)
+    derivative, own = np.zeros((count, places.size)), np.arange(count)
+    facing = normals * np.exp(-1j * unknowns[ANGLE])
+    radii = surface_points(statics.body.shape, facing, statics.corners)[1]
+    derivative[:, ANGLE] = radii
+    derivative[own, places.feet.start + own] = -statics.sides
+    derivative[own, places.inclinations.start + own] = -radii
+    return derivative
 
 
 def find_anchors(

@@ -10,7 +10,7 @@
 """
 The equilibrium of a convex object at several contacts, friction loading the tubes as well.
 
-The equations are those of `equilibrium`, for any shape and for k contacts on two members or three:
+Of any shape, at k contacts on two members or three:
 
     X_i = P_i + s_i e_i + u_i,  u = C f,  f_i = (N_i + i T_i) nu_i      deformed point of contact
     X_i = c + R(theta) p(nu_i) + rho_i nu_i                             touch
@@ -18,20 +18,24 @@ The equations are those of `equilibrium`, for any shape and for k contacts on tw
 
 with p(nu) the point of the surface whose normal is nu, and rho_i from there to the centre line.
 A beam bends away from what presses on it: of a polygon it touches corners, and a face that lies on
-it with both of its ends. `closures` has the k rows that statics leaves open.
+it with both of its ends. `contact_closures` has the k rows that statics leaves open.
 """
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Callable
 from dataclasses import dataclass
+import functools
 
 from isotruss_ros.core.grasping.balance import (
     ANGLE,
     Closure,
     ContactForces,
+    MAX_STEPS,
     MAX_TURN,
     Places,
+    POSE,
     solve_balance,
 )
 from isotruss_ros.core.grasping.member_compliance import MemberCompliance
@@ -105,75 +109,92 @@ class ContactStatics:
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param closure: the remaining equations, of friction or of rolling.
         """
-        places, count = self.places, len(self.owners)
-        center, turn = complex(unknowns[0], unknowns[1]), np.exp(1j * unknowns[ANGLE])
-        feet, turned = unknowns[places.feet], unknowns[places.inclinations]
-        normal, friction = unknowns[places.normal], unknowns[places.friction]
-        axis = self.compliance.axis
+        places, count, axis = self.places, len(self.owners), self.compliance.axis
+        center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
+        feet, turned, normal, friction = unknowns[POSE:].reshape(4, count)
         local = 1j * self.sides * np.exp(1j * turned)  # normals along and across the members
-        normals = axis * local
+        normals, slopes = axis * local, np.tan(turned)
         points, radii = surface_points(self.body.shape, normals * turn.conjugate(), self.corners)
         arms = turn * points
         depth, soft = self.indentation(normal)
         skin = self.tube_radius - depth
         force = (normal + 1j * friction) * local
-        loads = np.column_stack([force.real, force.imag, -skin * friction])
+        loads = np.array([force.real, force.imag, -skin * friction]).T
         contact = self.compliance.at(feet)
         give = contact.respond(loads)
 
-        residual, jacobian = np.zeros(places.size), np.zeros((places.size, places.size))
-        gap = axis.conj() * (self.compliance.start - center - arms) + feet - skin * local
-        gap += give[:, 0] + 1j * give[:, 1]
-        residual[: 3 * count] = np.concatenate([gap.real, gap.imag, give[:, 2] - np.tan(turned)])
-        pushed = (normal + 1j * friction) * normals
-        lever = arms.conj() / self.arm
-        total = pushed.sum()
-        residual[places.balance] = wrench - (total.real, total.imag, (lever * pushed).imag.sum())
+        residual, jacobian = np.empty(places.size), np.zeros((places.size, places.size))
+        back = axis.conj()
+        gap = back * (self.compliance.start - center - arms) + feet - skin * local
+        residual[:count] = gap.real + give[:, 0]
+        residual[count : 2 * count] = gap.imag + give[:, 1]
+        residual[2 * count : 3 * count] = give[:, 2] - slopes
+        # Forces by inclinations, normal forces and friction forces, which follow each other.
+        changes = np.array([1j * force, local, 1j * local])
+        moments = np.array([np.zeros(count), soft * friction, -skin])
+        pushed, lever = axis * changes, arms.conj() / self.arm
+        torques, total = (lever * pushed).imag, -1j * pushed[0].sum()
+        turning = -float((lever * pushed[0]).real.sum())
+        residual[places.balance] = wrench - (total.real, total.imag, turning)
 
-        # Loads by inclinations, normal forces and friction forces, which follow each other.
-        forces = np.concatenate([1j * force, local, 1j * local])
-        moments = np.concatenate([np.zeros(count), soft * friction, -skin])
         rows = jacobian[: 3 * count].reshape(3, count, -1).transpose(1, 0, 2)  # contact, response
         rows[:, :, places.feet] = contact.rates(loads)
-        rows[:, :, slice(places.inclinations.start, None)] = contact.respond_each(forces, moments)
-        own = np.arange(count)
+        rows[:, :, POSE + count :] = contact.respond_each(changes.ravel(), moments.ravel())
         # As the object turns under a tube, the point that touches moves back on its surface.
         swung = 1j * (arms - radii * normals)
-        for place, change in ((0, axis.conj()), (1, 1j * axis.conj()), (2, axis.conj() * swung)):
-            jacobian[own, place], jacobian[own + count, place] = -change.real, -change.imag
-        jacobian[own, places.feet.start + own] += 1.0
-        for place, change in (
-            (places.inclinations, -(radii + skin) * 1j * local),
-            (places.normal, soft * local),
-        ):
-            jacobian[own, place.start + own] += change.real
-            jacobian[own + count, place.start + own] += change.imag
-        tilted = places.inclinations.start + own
-        jacobian[own + 2 * count, tilted] -= 1.0 + np.tan(turned) ** 2
-        first, second, last = range(places.balance.start, places.balance.stop)
-        jacobian[last, ANGLE] = -(swung.conj() / self.arm * pushed).imag.sum()
-        rolled = (1j * radii * normals).conj() / self.arm
-        for place, change, moment in (
-            (places.inclinations, 1j * pushed, rolled * pushed + lever * 1j * pushed),
-            (places.normal, normals, lever * normals),
-            (places.friction, 1j * normals, lever * 1j * normals),
-        ):
-            jacobian[first, place], jacobian[second, place] = -change.real, -change.imag
-            jacobian[last, place] = -moment.imag
+        touch = np.array(
+            [
+                -back,
+                -1j * back,
+                -back * swung,
+                np.ones(count),
+                -1j * (radii + skin) * local,
+                soft * local,
+            ]
+        )
+        jacobian.ravel()[_touch_places(count)] += np.array([touch.real, touch.imag], order='C')
+        torques[0] -= radii * normal / self.arm
+        own = np.arange(count)
+        jacobian[own + 2 * count, own + places.inclinations.start] -= 1.0 + slopes**2
+        balance = jacobian[places.balance]
+        balance[2, ANGLE] = (swung.conj() * 1j * pushed[0]).imag.sum() / self.arm
+        balance[:, POSE + count :] = -np.array([pushed.real, pushed.imag, torques]).reshape(3, -1)
         residual[places.closure], jacobian[places.closure] = closure(unknowns, normals)
         return residual, jacobian, normals
 
-    def solve(self, start: Array, wrench: Array, closure: Closure) -> ContactForces | None:
+    def solve(
+        self, start: Array, wrench: Array, closure: Closure, steps: int = MAX_STEPS
+    ) -> ContactForces | None:
         """
         Return the equilibrium near a start (Newton's method), or None if it is not found.
 
         :param start: (3 + 4k,) unknowns to begin with.
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param closure: what settles the equations that statics leaves open.
+        :param steps: most states that are looked at.
         """
-        return solve_balance(
-            lambda unknowns: self.equations(unknowns, wrench, closure), start, self.arm, MAX_TURN
-        )
+
+        def equations(unknowns: Array) -> tuple[Array, Array, Points]:
+            return self.equations(unknowns, wrench, closure)
+
+        return solve_balance(equations, start, self.arm, MAX_TURN, steps)
+
+
+@functools.lru_cache(maxsize=16)
+def _touch_places(count: int) -> Indices:
+    """
+    Return where in the Jacobian, flat, the derivatives of touch are, (2, 6, k).
+
+    Rows are along and across the members; columns are x, y, the angle, and foot, inclination and
+    normal force of the contact itself.
+
+    :param count: k.
+    """
+    places, own = Places.of(count), np.arange(count)
+    pose = np.broadcast_to(np.arange(POSE)[:, None], (POSE, count))
+    each = [place.start + own for place in (places.feet, places.inclinations, places.normal)]
+    rows = np.stack([own, own + count])[:, None]
+    return rows * places.size + np.concatenate([pose, each])
 
 
 def surface_points(shape: Shape, normals: Points, corners: Indices) -> tuple[Points, Array]:

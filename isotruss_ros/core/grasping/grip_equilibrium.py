@@ -35,6 +35,8 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.pressures import Pressure
 import numpy as np
 
+#: A motion is expected to go on by at most this many times what it was before.
+MOST = 2.0
 #: No contacts.
 NOTHING = np.zeros(0, dtype=np.intp)
 NOTHING.flags.writeable = False
@@ -58,6 +60,8 @@ class GripEquilibrium:
     :ivar stiffness_scale: stiffness of the robot against that of the model.
     :ivar flattening: whether the tubes' sections flatten where they are touched.
     :ivar pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
+    :ivar motion: roller travel (r,) [m] from the grip before this one, and by how much that
+        changed the unknowns (3 + 4k,); None without one.
     """
 
     config: Configuration
@@ -71,6 +75,7 @@ class GripEquilibrium:
     stiffness_scale: float
     flattening: bool = True
     pressure: Pressure | None = None
+    motion: tuple[Array, Array] | None = None
 
     @property
     def pose(self) -> Pose:
@@ -88,12 +93,12 @@ class GripEquilibrium:
         """Return the names of the grasping members."""
         return tuple(self.config.robot.member_names[i] for i in self.members)
 
-    @property
+    @functools.cached_property
     def normal_forces(self) -> Array:
         """Return how hard the members press, (m,) [N]."""
         return self._of_members(self.state.normal_forces)
 
-    @property
+    @functools.cached_property
     def friction_forces(self) -> Array:
         """Return (m,) on the tubes, counter-clockwise around the object [N]."""
         return self._of_members(self.state.friction_forces)
@@ -110,7 +115,7 @@ class GripEquilibrium:
         forces = self.normal_forces.tolist()
         return sum(forces) / len(forces)
 
-    @property
+    @functools.cached_property
     def required_friction(self) -> float:
         """Return the smallest coefficient of friction with which all contacts stick."""
         return float((np.abs(self.friction_forces) / self.normal_forces).max())
@@ -139,7 +144,7 @@ class GripEquilibrium:
         response = self.response
         return 0.0 if response is None else slip_margin(self.state, response, friction)
 
-    @property
+    @functools.cached_property
     def members(self) -> Indices:
         """Return the numbers of the grasping members, (m,)."""
         first = np.searchsorted(self.contacts.owners, np.arange(self.contacts.owners[-1] + 1))
@@ -169,9 +174,7 @@ class GripEquilibrium:
     @functools.cached_property
     def response(self) -> GripResponse | None:
         """Return how pose and forces answer to a wrench; None where that is indifferent."""
-        travel = travel_into(self.config, self.contacts.members)
-        closure = stick(self.statics, self.anchors, travel, self.angles, NOTHING)
-        return grip_response(self.statics, self.state, closure)
+        return grip_response(self.statics, self.state)
 
     def squeeze_stiffness(self) -> float:
         """
@@ -182,6 +185,20 @@ class GripEquilibrium:
         """
         response = self.response
         return -0.0 if response is None else response.squeeze_stiffness
+
+    def ahead(self, travel: Array) -> Array:
+        """
+        Return about where the unknowns (3 + 4k,) will be after some travel.
+
+        :param travel: (r,) of the rollers [m].
+        """
+        if self.motion is None:
+            return self.state.unknowns
+        before, change = self.motion
+        length = float(before @ before)
+        # What the motion has in common with the one before; no guess from a much shorter one.
+        share = float(travel @ before) / length if length > 0.0 else 0.0
+        return self.state.unknowns + max(-MOST, min(share, MOST)) * change
 
     def rolled(
         self: GripT,
@@ -203,11 +220,12 @@ class GripEquilibrium:
         :param fresh: numbers of the contacts that have only come to touch: they do not rub yet.
         :return: None where there is no equilibrium.
         """
+        moved, kept = config.roller_positions - self.config.roller_positions, self.state.unknowns
         if contacts is self.contacts:
             statics = moved_statics(
                 self.statics, config, contacts, self.stiffness_scale, self.pressure
             )
-            start = self.state.unknowns
+            start = self.ahead(moved)
         else:
             statics = contact_statics(
                 config,
@@ -218,26 +236,30 @@ class GripEquilibrium:
                 self.pressure,
                 self.body.turn * np.exp(1j * angles),
             )
-            start = start_at(statics, self.body)
+            start = kept = start_at(statics, self.body)
         travel = travel_into(config, contacts.members)
         closure = stick(statics, anchors, travel, angles, fresh)
         state = statics.solve(start, wrench, closure)
+        if state is None and start is not kept:
+            state = statics.solve(kept, wrench, closure)
         if state is None:
             return None
         turned = unwrapped(state.unknowns, state.normals, angles)
-        found = find_anchors(statics, state.unknowns, state.normals, travel, angles)
-        kept = anchors.copy()
-        kept[fresh] = found[fresh]
+        if len(fresh):
+            found = find_anchors(statics, state.unknowns, state.normals, travel, angles)
+            anchors = anchors.copy()
+            anchors[fresh] = found[fresh]
         return replace(
             self,
             config=config,
             body=self.body.moved_to(state.unknowns[:3]),
             contacts=contacts,
-            anchors=kept,
+            anchors=anchors,
             angles=turned,
             statics=statics,
             state=state,
             wrench=wrench,
+            motion=(moved, state.unknowns - kept) if contacts is self.contacts else None,
         )
 
 

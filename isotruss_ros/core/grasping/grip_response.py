@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.grasping.balance import Closure, ContactForces
+from isotruss_ros.core.grasping.balance import ContactForces
+from isotruss_ros.core.grasping.contact_closures import rolling_rows
 from isotruss_ros.core.grasping.contact_statics import ContactStatics
 from isotruss_ros.core.grasping.slip_margin import solve_change, WrenchResponse
 from isotruss_ros.core.numerics.arrays import Array, Points
@@ -39,15 +40,12 @@ class GripResponse(WrenchResponse):
         return float(self.opening.sum()) / (int(self.owners[-1]) + 1)
 
 
-def grip_response(
-    statics: ContactStatics, state: ContactForces, closure: Closure
-) -> GripResponse | None:
+def grip_response(statics: ContactStatics, state: ContactForces) -> GripResponse | None:
     """
     Return how pose and forces of a held object answer while the contacts stick.
 
     :param statics: the equations.
     :param state: the equilibrium.
-    :param closure: `stick` for its anchors.
     :return: None where the equilibrium is indifferent: its Jacobian is singular.
     """
     places, count = statics.places, len(statics.owners)
@@ -58,7 +56,8 @@ def grip_response(
     moving = np.column_stack([_opening(statics, state), own * state.normals[:, None]])
     moved = statics.compliance.axis.conj()[:, None] * moving
     right[: 2 * count, 3:] = -np.concatenate([moved.real, moved.imag])
-    change = solve_change(state.jacobian_with(closure), right)
+    rolling = rolling_rows(statics, state.unknowns, state.normals)
+    change = solve_change(state.jacobian_with(rolling), right)
     if change is None:
         return None
     normal, friction = change[places.normal], change[places.friction]

@@ -11,11 +11,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import itertools
+from typing import NamedTuple
 
+from isotruss_ros.core.grasping.balance import CENTER, Closure, ContactForces
 from isotruss_ros.core.grasping.contact_changes import join, lay_down, lift_ends, MOST
 from isotruss_ros.core.grasping.contact_closures import find_anchors, rest
+from isotruss_ros.core.grasping.contact_statics import ContactStatics
 from isotruss_ros.core.grasping.depths import member_depths
 from isotruss_ros.core.grasping.grip_equilibrium import (
     GripEquilibrium,
@@ -34,6 +37,18 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.pressures import Pressure
 import numpy as np
+
+#: An equilibrium is looked for in so many states from where it was expected. It is the one if it
+#: is as near as this [m] and its normal forces differ by no more than this share.
+FEW_STEPS, NEAR, LIKE = 5, 2e-3, 0.3
+
+
+class _Options(NamedTuple):
+    """What `attach` takes of the tubes."""
+
+    stiffness_scale: float
+    flattening: bool
+    pressure: Pressure | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +94,9 @@ class HeldGrip(GripEquilibrium):
         if depths[members].min() <= -config.robot.description.tube_diameter:
             return HoldStatus.NO_CONTACT
         scaled = scaled_wrench(external_wrench, body.arm)
-        options = (stiffness_scale, flattening, pressure)
+        options = _Options(stiffness_scale, flattening, pressure)
         for contacts in _choices(find_pressed(config, body, members)):
-            found = cls._at_rest(config, body, contacts, scaled, *options)
+            found = cls._at_rest(config, body, contacts, scaled, options, before)
             if found is not None and found.presses:
                 return found
         return HoldStatus.NO_BALANCE
@@ -93,20 +108,29 @@ class HeldGrip(GripEquilibrium):
         body: ConvexObject,
         contacts: PressedContacts,
         wrench: Array,
-        stiffness_scale: float,
-        flattening: bool,
-        pressure: Pressure | None,
+        options: _Options,
+        before: HeldGrip | None,
     ) -> HeldGrip | None:
         """Return the equilibrium at given contacts, if there is one."""
-        statics = contact_statics(config, body, contacts, stiffness_scale, flattening, pressure)
+        statics = contact_statics(config, body, contacts, *options)
         closure = rest(statics, body.center, body.pose.angle)
-        state = statics.solve(start_at(statics, body), wrench, closure)
-        if state is not None and flattening and len(contacts.owners) > contacts.owners[-1] + 1:
+        state, motion = None, None
+        if before is not None and before._is_like(statics, contacts):
+            travel = config.roller_positions - before.config.roller_positions
+            state = before._nearby(travel, statics, wrench, closure)
+            if state is not None:
+                motion = travel, state.unknowns - before.state.unknowns
+        if state is None:
+            state = statics.solve(start_at(statics, body), wrench, closure)
+        if (
+            state is not None
+            and options.flattening
+            and len(contacts.owners) > contacts.owners[-1] + 1
+        ):
             # How deep a face's ends dent the skin rests on how the tube is bent over them, and on
             # how the object has turned.
             turned = body.moved_to(state.unknowns[:3])
-            options = (stiffness_scale, flattening, pressure, state.normals)
-            statics = contact_statics(config, turned, contacts, *options)
+            statics = contact_statics(config, turned, contacts, *options, state.normals)
             closure = rest(statics, body.center, body.pose.angle)
             state = statics.solve(state.unknowns, wrench, closure)
         if state is None:
@@ -115,19 +139,33 @@ class HeldGrip(GripEquilibrium):
         travel = travel_into(config, contacts.members)
         anchors = find_anchors(statics, state.unknowns, state.normals, travel, own)
         placed = body.moved_to(state.unknowns[:3])
-        return cls(
-            config,
-            placed,
-            contacts,
-            anchors,
-            own,
-            statics,
-            state,
-            wrench,
-            stiffness_scale,
-            flattening,
-            pressure,
+        found = cls(config, placed, contacts, anchors, own, statics, state, wrench, *options)
+        return replace(found, motion=motion)
+
+    def _is_like(self, statics: ContactStatics, contacts: PressedContacts) -> bool:
+        """Tell whether an object of the same shape is touched alike, from the same sides."""
+        own = self.contacts
+        return self.body.shape == statics.body.shape and all(
+            np.array_equal(one, other)
+            for one, other in (
+                (own.members, contacts.members),
+                (own.corners, contacts.corners),
+                (self.statics.sides, statics.sides),
+            )
         )
+
+    def _nearby(
+        self, travel: Array, statics: ContactStatics, wrench: Array, closure: Closure
+    ) -> ContactForces | None:
+        """Return the equilibrium that is where it is expected and presses alike, if any is."""
+        start, places = self.ahead(travel), self.state.places
+        found = statics.solve(start, wrench, closure, FEW_STEPS)
+        if found is None:
+            return None
+        moved = np.abs(found.unknowns - start)
+        far = max(float(moved[CENTER].max()), float(moved[places.feet].max()))
+        alike = (moved[places.normal] <= LIKE * np.abs(start[places.normal])).all()
+        return found if far <= NEAR and bool(alike) else None
 
     def moved_to(
         self, config: Configuration, external_wrench: Array | None = None

@@ -82,10 +82,11 @@ class ContactCompliance:
         :param forces: (n k,) on one member after the other, n times, along and across it [N].
         :param moments: (n k,) with them [N m].
         """
-        count = len(self.matrix)
-        loads = np.stack([forces.real, forces.imag, moments]).reshape(3, -1, count)
-        found = self.matrix.transpose(2, 0, 1, 3).reshape(count, -1, 3) @ loads.transpose(2, 0, 1)
-        return found.transpose(1, 2, 0).reshape(count, 3, -1)
+        size, count = 3 * len(self.matrix), len(forces)
+        loads = np.array([forces.real, forces.imag, moments])
+        # Of each contact what acts on it, the others nothing.
+        each = (_own_loads(len(self.matrix), count) * loads).reshape(size, count)
+        return (self.matrix.reshape(size, size) @ each).reshape(-1, 3, count)
 
     def carried(self, loads: Array) -> Array:
         """
@@ -273,3 +274,11 @@ def _columns(count: int) -> Array:
     columns = np.eye(count).repeat(3, axis=0)
     columns.flags.writeable = False
     return columns
+
+
+@functools.lru_cache(maxsize=8)
+def _own_loads(count: int, loads: int) -> Array:
+    """Return (k, 1, n k): which of some loads act on each contact, as zeros and ones."""
+    own = np.tile(np.eye(count), (1, loads // count))[:, None]
+    own.flags.writeable = False
+    return own

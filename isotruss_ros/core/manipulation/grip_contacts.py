@@ -26,7 +26,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip, MemberNodes
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
@@ -160,52 +160,29 @@ def touched_points(body: ConvexObject, normals: list[complex]) -> tuple[list[int
     :return: (k,) numbers of the members, and (k,) points x + iy in the robot frame [m].
     """
     shape, center, turn = body.shape, body.center, body.turn
-    own = [normal * turn.conjugate() for normal in normals]
-    if not isinstance(shape, Polygon):
-        points = [center + turn * complex(shape.support_points(normal)) for normal in own]
-        return list(range(len(own))), points
     owners, points = [], []
-    for number, normal in enumerate(own):
-        for corner in _corners_at(shape, normal, SIN_FACE_ANGLE):
-            middle, radius = shape.arcs[corner]
+    for number, normal in enumerate(normals):
+        own = normal * turn.conjugate()
+        for corner in shape.corners_at(own, SIN_FACE_ANGLE):
             owners.append(number)
-            points.append(center + turn * (middle + radius * normal))
+            points.append(center + turn * shape.point_at(corner, own))
     return owners, points
 
 
-def touched_corners(
-    polygon: Polygon, normals: Points, face_angle: float = FACE_ANGLE
-) -> tuple[Indices, Indices]:
+def touched_corners(shape: Shape, normals: Points, face_angle: float) -> tuple[Indices, Indices]:
     """
-    Return with which corners a polygon touches straight members.
+    Return with which corners a shape touches straight members.
 
-    :param polygon: the shape.
-    :param normals: (m,) unit vectors out of the polygon into the members, in its own frame.
+    :param shape: the shape.
+    :param normals: (m,) unit vectors out of the shape into the members, in its own frame.
     :param face_angle: a face lies on a member that is inclined by at most this [rad].
     :return: (k,) numbers of the members, one after the other, and (k,) of the corners: one, or
         both ends of a face that lies on the member.
     """
     sine = math.sin(face_angle)
-    found = [_corners_at(polygon, normal, sine) for normal in normals.tolist()]
+    found = [shape.corners_at(normal, sine) for normal in normals.tolist()]
     owners = [number for number, corners in enumerate(found) for _ in corners]
     return np.array(owners), np.array([corner for corners in found for corner in corners])
-
-
-def _corners_at(polygon: Polygon, normal: complex, sine: float) -> tuple[int, ...]:
-    """
-    Return the corner that touches a member, or both ends of the face that lies on it.
-
-    :param sine: of the angle by which a member is inclined against such a face at most.
-    """
-    corner = polygon.corner_at(normal)
-    # The faces that end and begin there are the nearest to the member.
-    facing = polygon.facing
-    before, after = (normal * facing[corner - 1], normal * facing[corner])
-    face, turned = (corner, after) if after.real > before.real else (corner - 1, before)
-    if abs(turned.imag) > sine:
-        return (corner,)
-    count = len(facing)
-    return face % count, (face + 1) % count
 
 
 def _check_touch(

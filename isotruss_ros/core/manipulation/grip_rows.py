@@ -110,7 +110,7 @@ def contact_rows(config: Configuration, grip: Grip) -> ContactRows:
 @functools.lru_cache(maxsize=8)
 def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     """
-    Return the map from roller speeds to the motion of an object that keeps all its contacts.
+    Return the map from roller speeds to the motion of an object in a grip: (19) after (12).
 
     The first three rows solve J_h(q) qdot = G^T nu for the twist, the others are what is left of
     it: a motion keeps the contacts where they are zero. The last few maps are kept.
@@ -146,8 +146,11 @@ def rows_of_two(config: Configuration, grip: Grip, touches: Touches) -> Array:
     """
     second, touched = touches.owners.index(1), touches.points
     points = _middle(touched[:second]), _middle(touched[second:])
+    # (19): velocity (15) and turning (18) of the object, then the distance of the contacts, which
+    # for a disc at a module is constant where the angle (14) is.
     rates = _rates_of_two(grip, points, (second > 1, len(touched) > second + 1))
-    # The material moves with the member's start, with its turning and along it.
+    # The material moves with the member's start, turns with the member (16), and moves along it
+    # with the roller, by which the object rolls (17).
     (lever, turn, back), (other_lever, other_turn, other_back) = (
         (
             (point - touches.starts[k]).conjugate(),

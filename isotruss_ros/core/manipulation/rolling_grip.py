@@ -37,9 +37,7 @@ from isotruss_ros.core.manipulation.grip_contacts import (
     touched_corners,
 )
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.model.unrolled_arc import unrolled_arc
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
@@ -125,7 +123,7 @@ class RollingGrip:
         :raises GraspError: there is no such pose; or a member does not touch the object any more.
         """
         rolled = self._rolled(config)
-        if rolled.misfit <= MISFIT or not isinstance(self._body.shape, Polygon):
+        if rolled.misfit <= MISFIT:
             return rolled
         owners, _ = touched_corners(self._body.shape, np.exp(1j * self.angles), FLAT)
         if len(owners) == len(self.sides):
@@ -166,7 +164,7 @@ class RollingGrip:
             angle += turn / body.arm
             size = max(abs(x), abs(y), abs(turn))
             settled = size <= TOLERANCE * max(1.0, abs(center) / body.arm)
-            if settled or (isinstance(body.shape, Disc) and size <= body.arm):
+            if settled or (body.shape.is_round and size <= body.arm):
                 # What rolling keeps is linear for a disc.
                 off += rows.dot(change)
                 misfit = float(np.abs(off).max())
@@ -206,13 +204,9 @@ class RollingGrip:
         shape, turn = self._body.shape, cmath.rect(1.0, angle)
         starts, axes, normals, travel = lines or _lines(config, self.grip, self.sides)
         own = normals * turn.conjugate()
-        owners = corners = np.arange(len(own))
-        if isinstance(shape, Polygon):
-            owners, corners = kept or touched_corners(shape, own, FLAT)
-            points = shape.arc_centers[corners] + shape.radii[corners] * own[owners]
-        else:
-            points = shape.support_points(own)
-        arms = turn * points
+        owners, corners = kept or touched_corners(shape, own, FLAT)
+        touched = zip(corners.tolist(), own[owners].tolist(), strict=True)
+        arms = turn * np.array([shape.point_at(corner, normal) for corner, normal in touched])
         axes, sides = axes[owners], self.sides[owners]
         along = axes.conj()
         local = along * (center + arms - starts[owners])

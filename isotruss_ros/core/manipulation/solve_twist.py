@@ -81,13 +81,13 @@ def solve_twist(
     """
     Find the roller velocities of the least cost (11) that move the object with a twist (20).
 
-    The object keeps its contacts, of two with a disc the opening angle (14), unless the opening
-    rate is given, and every tube its length (13) in all cases. A twist that is unreachable, or that would leave the
-    contacts, is replaced by the closest reachable one, in the measure |v|^2 + |omega d/2|^2, and
-    the status is `UNREACHABLE`; a polygon rolls off a face for it where statics admits that, see
-    `grip_reach`. When limits bind, the direction is kept and the size scaled; or,
-    with `slide_along_limits`, the closest twist that they admit is carried out, see
-    `apply_limits`.
+    The object keeps its contacts, with a disc at a module the opening angle (14), unless the
+    opening rate is given; every tube keeps its length (13) in all cases. A twist that is
+    unreachable, or that would leave the contacts, is replaced by the closest reachable one, in the
+    measure |v|^2 + |omega d/2|^2, and the status is `UNREACHABLE`; a polygon rolls off a face for
+    it where statics admits that, see `grip_reach`. When limits bind, the direction is kept and the
+    size scaled; or, with `slide_along_limits`, the closest twist that they admit is carried out,
+    see `apply_limits`.
 
     :param config: configuration of the robot.
     :param grip: the object, and the members that hold it.
@@ -98,10 +98,10 @@ def solve_twist(
     :param period: period of the loop [s]: where limits bind, progress that takes far more roller
         speed than it yields is left, see `Regularization`. Zero for the largest progress.
     :param regularization: weights where limits bind.
-    :param opening_rate: of the distance between two members where they touch [m/s], of three twice that with which
-        each moves away from the object: the right-hand side of the fourth row of (19), scaled with
-        the twist; while sliding along limits as far as those of the roller speeds scale it, and
-        zero where the others do not admit that.
+    :param opening_rate: of the distance between two members where they touch, of three twice that
+        with which each moves away from the object [m/s]: the right-hand side of the fourth row of
+        (19), scaled with the twist; while sliding along limits as far as those of the roller
+        speeds scale it, and zero where the others do not admit that.
     :raises GraspError: the grip, the twist or a name in `failed` is not usable.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
@@ -241,8 +241,8 @@ def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] 
     :param grip: the object, and the members that hold it.
     :param failed: names of the rollers that have failed and stand still.
     :return: (k, 3) twists vx, vy [m/s], omega [rad/s] in the robot frame, as many as are
-        independent, orthonormal in the measure |v|^2 + |omega d/2|^2; the object keeps its contacts, and
-        faces that lie on members stay there.
+        independent, orthonormal in the measure |v|^2 + |omega d/2|^2; the object keeps its
+        contacts, and faces that lie on members stay there.
     :raises GraspError: the grip or a name in `failed` is not usable.
     :raises ConfigurationError: the configuration is singular.
     """

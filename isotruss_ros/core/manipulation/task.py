@@ -44,7 +44,8 @@ class Reach:
     All rows are speeds of the object's surface, so that rotation and translation compare.
 
     :ivar rows: (k + g, w) rows of (20) on the speeds of the working rollers [-]: the components
-        of the twist along the directions, then what keeps the contacts, as far as rollers change it.
+        of the twist along the directions, then what keeps the contacts, as far as rollers change
+        it.
     :ivar directions: (k, 3) orthonormal: the reachable twists.
     :ivar weights: (3,) what turns vx, vy, omega into speeds of the surface: 1, 1, d/2 [m].
     :ivar opening: (g,) what turns an opening rate into speeds along the rows of the grip [-].

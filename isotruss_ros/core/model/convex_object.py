@@ -112,8 +112,6 @@ class ConvexObject:
     @cached_property
     def arm(self) -> float:
         """Return the arm by which moments are compared with forces: half the mean width [m]."""
-        if isinstance(self.shape, Disc):
-            return 0.5 * self.shape.diameter
         return self.shape.perimeter / (2.0 * np.pi)
 
     def support(self, normals: Points) -> Array:

@@ -51,6 +51,11 @@ class Ellipse:
         object.__setattr__(self, 'semi_axes', (float(a), float(b)))
 
     @property
+    def is_round(self) -> bool:
+        """Return False, also where it is nearly round."""
+        return False
+
+    @property
     def area(self) -> float:
         """Return the area [m^2]."""
         return float(np.pi * self.semi_axes[0] * self.semi_axes[1])
@@ -93,6 +98,24 @@ class Ellipse:
         """
         a, b = self.semi_axes
         return (a**2 * normals.real + 1j * b**2 * normals.imag) / self.support(normals)
+
+    def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
+        """
+        Return the number 0: there are no corners.
+
+        :param normal: outward unit normal toward a line, x + iy.
+        :param sine: not used.
+        """
+        return (0,)
+
+    def point_at(self, corner: int, normal: complex) -> complex:
+        """
+        Return the point of the surface on a tangent, x + iy [m].
+
+        :param corner: not used.
+        :param normal: outward unit normal of the tangent, x + iy.
+        """
+        return complex(self.support_points(np.complex128(normal)))
 
     def nearest(self, points: Points) -> SurfacePoints:
         """

@@ -112,6 +112,11 @@ class Polygon:
         return float(area), complex(first), float(second)
 
     @property
+    def is_round(self) -> bool:
+        """Return False, also where it is nearly round."""
+        return False
+
+    @property
     def area(self) -> float:
         """Return the area [m^2]."""
         return self._moments[0]
@@ -193,6 +198,33 @@ class Polygon:
         """
         at = self._corner_of(normals)
         return self.arc_centers[at] + self.radii[at] * normals
+
+    def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
+        """
+        Return the corner that touches a straight line, or both ends of the face that lies on it.
+
+        :param normal: outward unit normal toward the line, x + iy.
+        :param sine: of the angle by which a line is inclined against such a face at most.
+        """
+        corner = self.corner_at(normal)
+        # The faces that end and begin there are the nearest to the line.
+        facing = self.facing
+        before, after = (normal * facing[corner - 1], normal * facing[corner])
+        face, turned = (corner, after) if after.real > before.real else (corner - 1, before)
+        if abs(turned.imag) > sine:
+            return (corner,)
+        count = len(facing)
+        return face % count, (face + 1) % count
+
+    def point_at(self, corner: int, normal: complex) -> complex:
+        """
+        Return the point of the arc at a corner on a tangent, x + iy [m].
+
+        :param corner: its number.
+        :param normal: outward unit normal of the tangent, x + iy.
+        """
+        middle, radius = self.arcs[corner]
+        return middle + radius * normal
 
     def nearest(self, points: Points) -> SurfacePoints:
         """

@@ -46,6 +46,10 @@ class Shape(Protocol):
     """A convex cross-section, in the frame of the object."""
 
     @property
+    def is_round(self) -> bool:
+        """Return whether the shape is the same however it is turned about the origin."""
+
+    @property
     def area(self) -> float:
         """Return the area [m^2]."""
 
@@ -77,6 +81,23 @@ class Shape(Protocol):
         Return points of the surface on tangents, (c,) x + iy [m].
 
         :param normals: (c,) outward unit normals of the tangents, x + iy.
+        """
+
+    def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
+        """
+        Return with which corners the shape touches a straight line: one; none counts as number 0.
+
+        :param normal: outward unit normal toward the line, x + iy.
+        :param sine: of the angle by which a line is inclined at most against a face that lies on
+            it, of which there are both ends.
+        """
+
+    def point_at(self, corner: int, normal: complex) -> complex:
+        """
+        Return the point of the surface on a tangent, x + iy [m].
+
+        :param corner: number of the corner that is touched, see `corners_at`.
+        :param normal: outward unit normal of the tangent, x + iy.
         """
 
     def nearest(self, points: Points) -> SurfacePoints:
@@ -125,6 +146,11 @@ class Disc:
         object.__setattr__(self, 'diameter', float(size))
 
     @property
+    def is_round(self) -> bool:
+        """Return True, however it is turned."""
+        return True
+
+    @property
     def area(self) -> float:
         """Return the area [m^2]."""
         return 0.25 * np.pi * self.diameter**2
@@ -164,6 +190,24 @@ class Disc:
         :param normals: (c,) outward unit normals of the tangents, x + iy.
         """
         return 0.5 * self.diameter * normals
+
+    def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
+        """
+        Return the number 0: there are no corners.
+
+        :param normal: outward unit normal toward a line, x + iy.
+        :param sine: not used.
+        """
+        return (0,)
+
+    def point_at(self, corner: int, normal: complex) -> complex:
+        """
+        Return the point of the surface on a tangent, x + iy [m].
+
+        :param corner: not used.
+        :param normal: outward unit normal of the tangent, x + iy.
+        """
+        return 0.5 * self.diameter * normal
 
     def nearest(self, points: Points) -> SurfacePoints:
         """

@@ -21,7 +21,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
-from isotruss_ros.core.simulation.pushing import push_out
+from isotruss_ros.core.simulation.pushing import push_out, TOLERANCE
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -149,8 +149,8 @@ class ElasticObject:
         return touch
 
     def _pressed(self, config: Configuration) -> bool:
-        """Return whether two members press on the object where it lies."""
-        return bool(np.sort(member_depths(config, self._lying()))[-2] > 0.0)
+        """Return whether two members press on the object where it lies, deeper than they push."""
+        return bool(np.sort(member_depths(config, self._lying()))[-2] > TOLERANCE)
 
     def _lying(self) -> ConvexObject:
         """Return the object where it lies."""

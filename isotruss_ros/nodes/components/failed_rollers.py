@@ -13,14 +13,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from isotruss_ros.core import (
-    GraspError,
-    IsotrussError,
-    reachable_twists,
-    Robot,
-    StampedInput,
-    TwistServo,
-)
+from isotruss_ros.core import IsotrussError, reachable_twists, Robot, TwistServo
+from isotruss_ros.core.control.inputs import StampedInput
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.nodes.framework.parameters import ParameterError, Value
 from isotruss_ros.nodes.framework.subscriptions import EveryMessage

@@ -25,20 +25,13 @@ from isotruss_msgs.action import (
     PlanGrasp,
 )
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import (
-    ConvexObject,
-    plan_release,
-    Pose,
-    read_object,
-    Release,
-    Robot,
-    StampedInput,
-)
-from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
+from isotruss_ros.core import ConvexObject, Disc, plan_release, Pose, read_object, Robot
+from isotruss_ros.core.control.inputs import Input, InputError, require_fresh, StampedInput
 from isotruss_ros.core.control.path_tracking import RETURN, RETURN_SPEED, RETURN_TURN_RATE
-from isotruss_ros.core.manipulation.grip import FEWEST, members_at, MOST
+from isotruss_ros.core.manipulation.grip import FEWEST, MOST
 from isotruss_ros.core.planning.export import export_violation
 from isotruss_ros.core.planning.grasp_plan import path_times, violation_in_words
+from isotruss_ros.core.planning.release import Release
 from isotruss_ros.nodes.components.action_steps import (
     ActionStep,
     CancelledError,
@@ -178,14 +171,11 @@ class GraspSequences:
         self._require_inputs()
         state, pose = self._require_held(Outcome.NOT_READY), self.pose.value
         config = self._shape.configuration(self._node.now(), self.timeout, self.rollers)
-        held_by = grip_of(self._robot, state.grasping_members)
-        body: ConvexObject
-        if self._described is None:
-            body = ConvexObject.disc(pose[:2], self._node.values[params.OBJECT_DIAMETER])
-        else:
-            body = self._described.moved_to(pose)
+        check_grip(state.grasping_members)
+        diameter = self._node.values[params.OBJECT_DIAMETER]
+        body = (self._described or ConvexObject(Disc(diameter))).moved_to(pose)
         planned: Future[Release] = self._thread.submit(
-            plan_release, config, body, held_by, goal.clearance, pose.angle
+            plan_release, config, body, state.grasping_members, goal.clearance
         )
         while not planned.done():
             yield 0.0
@@ -330,11 +320,10 @@ class GraspSequences:
         return f'the object is not held: {state.message or state.hold_message}'
 
 
-def grip_of(robot: Robot, members: Sequence[str]) -> str | list[str]:
+def check_grip(members: Sequence[str]) -> None:
     """
-    Return the module whose two members hold the object, or the members where they are others.
+    Check that a grip can be opened.
 
-    :param robot: the robot.
     :param members: names of the grasping members.
     :raises StepError: they are not two or three.
     """
@@ -343,10 +332,6 @@ def grip_of(robot: Robot, members: Sequence[str]) -> str | list[str]:
         raise StepError(
             Outcome.NOT_READY, f'grasping members {held}: must be {FEWEST} or {MOST} to open'
         )
-    for module in robot.module_names:
-        if set(members_at(robot, module)) == set(members):
-            return module
-    return list(members)
 
 
 def _plan_error(plan: PlanGrasp.Result) -> StepError:

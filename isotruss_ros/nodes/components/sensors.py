@@ -15,8 +15,8 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.core import Pose, RejectedInput, Robot, StampedInput
-from isotruss_ros.core.control.inputs import Input
+from isotruss_ros.core import Pose, Robot
+from isotruss_ros.core.control.inputs import Input, RejectedInput, StampedInput
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_object_pose,

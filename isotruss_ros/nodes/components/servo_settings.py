@@ -14,13 +14,9 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-from isotruss_ros.core import (
-    FailureCriterion,
-    FailureDetector,
-    ShapeBounds,
-    ShapeGuard,
-    TwistServo,
-)
+from isotruss_ros.core import ShapeGuard, TwistServo
+from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.parameters import Spec
 

@@ -12,7 +12,8 @@
 from __future__ import annotations
 
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import Decision, Status
+from isotruss_ros.core import Status
+from isotruss_ros.core.control.twist_servo import Decision
 from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
 from isotruss_ros.nodes.framework.diagnostics import CycleTimes, Level, WarningThrottle
 from isotruss_ros.nodes.framework.kept_message import KeptBytes

@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import contextlib
 
-from isotruss_ros.core import Configuration, ConfigurationError, Robot, StampedInput
-from isotruss_ros.core.control.inputs import Input, require_fresh
+from isotruss_ros.core import Configuration, Robot
+from isotruss_ros.core.control.inputs import Input, require_fresh, StampedInput
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 
 

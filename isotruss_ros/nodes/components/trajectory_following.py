@@ -22,9 +22,10 @@ import importlib
 import importlib.util
 
 from isotruss_msgs.action import FollowRollerTrajectory
-from isotruss_ros.core import Decision, IsotrussError, StampedInput, Status, TwistServo
-from isotruss_ros.core.control.inputs import require_fresh
+from isotruss_ros.core import IsotrussError, Status, TwistServo
+from isotruss_ros.core.control.inputs import require_fresh, StampedInput
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
+from isotruss_ros.core.control.twist_servo import Decision
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,

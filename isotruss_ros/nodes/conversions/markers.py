@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from geometry_msgs.msg import Point
-from isotruss_ros.core import AnalyzedGrasp, GraspReport
+from isotruss_ros.core.control.grasp_report import AnalyzedGrasp, GraspReport
 from isotruss_ros.core.grasping.deformed_shape import (
     deformed_lines,
     force_lines,
@@ -149,18 +149,18 @@ def _make_arrow(number: int, ends: Points) -> Marker:
 
 
 def _make_object(grasp: AnalyzedGrasp, color: ColorRGBA) -> Marker:
-    held = grasp.body
+    body = grasp.body
     # As high as the tubes are.
     height = grasp.config.robot.description.tube_diameter
-    if isinstance(held.shape, Disc):
+    if isinstance(body.shape, Disc):
         marker = _make_marker('object', 0, Marker.CYLINDER, color)
-        marker.pose.position.x, marker.pose.position.y = held.pose[:2]
-        marker.scale.x = marker.scale.y = held.shape.diameter
+        marker.pose.position.x, marker.pose.position.y = body.pose[:2]
+        marker.scale.x = marker.scale.y = body.shape.diameter
         marker.scale.z = height
         return marker
     marker = _make_marker('object', 0, Marker.TRIANGLE_LIST, color)
     marker.scale.x = marker.scale.y = marker.scale.z = 1.0
-    marker.points = list(_prism(held.outline(OUTLINE_SPACING), held.middle, 0.5 * height))
+    marker.points = list(_prism(body.outline(OUTLINE_SPACING), body.middle, 0.5 * height))
     return marker
 
 

@@ -16,7 +16,8 @@ import math
 
 from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseStamped, Twist
-from isotruss_ros.core import IsotrussError, Pose, RollerState
+from isotruss_ros.core import IsotrussError, Pose
+from isotruss_ros.core.control.inputs import RollerState
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np

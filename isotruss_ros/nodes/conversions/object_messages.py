@@ -16,7 +16,8 @@ from typing import Any
 from geometry_msgs.msg import Point
 from geometry_msgs.msg import Pose as PoseMessage
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
-from isotruss_ros.core import ConvexObject, Disc, Ellipse, GraspError, Polygon
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.nodes.conversions.messages import MessageError, read_pose
 import numpy as np
 

@@ -14,9 +14,10 @@ from __future__ import annotations
 import math
 
 from isotruss_msgs.action import FollowObjectPath
-from isotruss_ros.core import ObjectPath, PathTracker, Pose, Tracking
+from isotruss_ros.core import ObjectPath, PathTracker, Pose
 from isotruss_ros.core.control.object_path import MAX_POSES
 from isotruss_ros.core.control.path_servo import Outcome
+from isotruss_ros.core.control.path_tracking import Tracking
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     MessageError,

@@ -17,17 +17,12 @@ from typing import NamedTuple
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
-from isotruss_ros.core import (
-    ConvexObject,
-    GraspRequirements,
-    Measure,
-    PlannedGrasp,
-    Progress,
-    Robot,
-)
+from isotruss_ros.core import ConvexObject, GraspRequirements, Robot
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.planning.export import export_figures, export_path, export_violation
+from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, Progress
+from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.searcher import Answer
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import (

@@ -90,7 +90,7 @@ FRICTION = Spec(
     'friction', 0.5, 'Coefficient of friction between tube and object', bounds=(0.0, 10.0)
 )
 # Not below the rate of MemberLengthLimit, which keeps members in their limits in quicker loops.
-RATE = Spec('rate', 200.0, 'Cycles per second [Hz]', bounds=(10.0, 2000.0))
+RATE = Spec('rate', 100.0, 'Cycles per second [Hz]', bounds=(10.0, 2000.0))
 COMMAND_TIMEOUT = Spec(
     'command_timeout', 0.2, 'Inputs older than this are not relied on [s]', bounds=(0.001, 10.0)
 )

@@ -67,8 +67,6 @@ def test_the_squeeze_is_controlled_with_these_settings():
         'min_slip_margin': 0.0,
         'max_utilisation': 1.0,
         'utilisation_rate': 5.0,
-        'model_period': 0.02,
-        'near': 1e-3,
     }
 
 

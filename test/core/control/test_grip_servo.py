@@ -11,7 +11,6 @@
 
 from boxes import BOX, box_between, ROBOT, SIDES
 from isotruss_ros.core import (
-    Grip,
     grip_jacobian,
     place_between,
     Pose,
@@ -27,7 +26,6 @@ from isotruss_ros.core import (
     TwistServo,
 )
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.manipulation.tangent_center import tangent_center
 import numpy as np
 import pytest
 
@@ -55,21 +53,6 @@ def test_commands_what_solve_twist_finds_for_the_grip():
     assert decision.command.status is Status.OK
     assert decision.command.achieved_twist == pytest.approx((0.02, 0.0, 0.0), abs=1e-9)
     assert decision.command.roller_velocities == pytest.approx(expected.roller_velocities)
-
-
-def test_a_cylinder_at_a_module_moves_as_in_the_short_form():
-    pose = (*tangent_center(ROBOT.home, MODULE, DIAMETER), 0.3)
-    short = servo(pose, (0.01, 0.02, 0.1), body=False, members=())
-    long = servo(pose, (0.01, 0.02, 0.1), body=False, members=('north/P-Z', 'north/Z-R'))
-    assert isinstance(short.held(pose), Grasp)
-    assert isinstance(long.held(pose), Grip)
-    # Later inputs are predicted: in both from commands before.
-    for now in (NOW, NOW + PERIOD, NOW + 2.0 * PERIOD):
-        for made in (short, long):
-            made.twist = StampedInput((0.01, 0.02, 0.1), now)
-        one, other = short.decide(now).command, long.decide(now).command
-        assert one.status is other.status is Status.OK
-        assert one.roller_velocities == pytest.approx(other.roller_velocities, abs=1e-8)
 
 
 def test_an_object_without_named_members_is_held_at_the_module():

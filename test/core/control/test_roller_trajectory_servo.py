@@ -21,6 +21,7 @@ from isotruss_ros.core import (
     RollerState,
     RollerTrajectory,
     RollingGrip,
+    RollingObject,
     SimulatedRobot,
     StampedInput,
     tangent_center,
@@ -60,7 +61,9 @@ class Run:
 
     def __init__(self, faults=PERFECT, seed=0, late=0, begin=None):
         config = ROBOT.home if begin is None else ROBOT.configuration(begin)
-        self.robot = SimulatedRobot(config, RollingGrip.attach(ROBOT.home, GRASP), faults, seed)
+        self.robot = SimulatedRobot(
+            config, RollingObject(RollingGrip.attach(ROBOT.home, GRASP)), faults, seed
+        )
         self.servo = RollerTrajectoryServo(ROBOT, TIMEOUT)
         self.now, self.commands, self.places = 100.0, [], []
         self._late = [self.state()] * (late + 1)

@@ -9,11 +9,9 @@
 
 """The squeeze and the pose of any convex object between any members, on the elastic plant."""
 
-import dataclasses
 import math
 
 from isotruss_ros.core import (
-    ConvexObject,
     Disc,
     ElasticObject,
     Ellipse,
@@ -26,7 +24,6 @@ from isotruss_ros.core import (
     SimulatedRobot,
     solve_twist,
 )
-from isotruss_ros.core.control.held_model import attach_model, measured_pose, sensitivity
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 import numpy as np
@@ -72,7 +69,7 @@ class Loop:
             def solve(twist, opening_rate, config=config, grip=grip):
                 return solve_twist(config, grip, twist, opening_rate=opening_rate)
 
-            assert self.control.follow(config, grip, 0.0, PERIOD) is HoldStatus.HELD
+            assert self.control.follow(config, grip, PERIOD) is HoldStatus.HELD
             command = self.control.solve(wanted, PERIOD, solve)
             self.control.advance(wanted, command)
             self.plant.command(command.roller_velocities)
@@ -117,18 +114,3 @@ def test_an_unknown_load_is_found():
     assert loop.errors[-1][0] < 2e-4
     assert loop.control.load.wrench == pytest.approx(load, abs=0.1 * np.hypot(*load[:2]))
     assert loop.control.slip_margin == pytest.approx(loop.object.slip_margin, rel=0.05)
-
-
-def test_a_disc_at_a_module_answers_alike_as_a_grasp_and_as_a_grip():
-    grip = place_between(HOME, ('north/P-Z', 'north/Z-R'), Disc(0.3), indentation=0.01)
-    center = (grip.center.real, grip.center.imag)
-    short = Grip.at_module(HOME.robot, 'north/Z', ConvexObject.disc(center, 0.3))
-    one, other = (attach_model(HOME, held, 0.3) for held in (short, grip))
-    assert measured_pose(short, 0.3)[:2] == pytest.approx(measured_pose(grip, 0.3)[:2])
-    assert measured_pose(dataclasses.replace(grip, body=ConvexObject(BOX)), 0.3) == (0.0, 0.0, 0.0)
-    first, second = (sensitivity(grasp, FRICTION) for grasp in (one, other))
-    assert second.pose == pytest.approx(first.pose, rel=1e-6, abs=1e-12)
-    assert second.squeeze == pytest.approx(first.squeeze, rel=1e-6, abs=1e-9)
-    assert second.slip_margin == pytest.approx(first.slip_margin, rel=1e-7)
-    assert first.slope < 0.0
-    assert second.slope < 0.0

@@ -24,6 +24,7 @@ from isotruss_ros.core import (
     RollerFaults,
     RollerState,
     RollingGrip,
+    RollingObject,
     SimulatedRobot,
     StampedInput,
     Status,
@@ -199,7 +200,7 @@ def moved(positions):
     )
     return {
         'rollers': StampedInput(at(there.roller_positions), NOW),
-        'pose': StampedInput(held.pose(there), NOW),
+        'pose': StampedInput(held.moved_to(there).pose, NOW),
     }
 
 
@@ -341,7 +342,7 @@ def simulated(*stuck):
     held = RollingGrip.attach(
         ROBOT.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
     )
-    return SimulatedRobot(ROBOT.home, held, RollerFaults(stuck=frozenset(stuck)))
+    return SimulatedRobot(ROBOT.home, RollingObject(held), RollerFaults(stuck=frozenset(stuck)))
 
 
 def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
@@ -387,7 +388,7 @@ def test_twists_are_bent_along_limits_only_where_that_is_asked_for():
         held = RollingGrip.attach(
             robot.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
         )
-        moving = SimulatedRobot(robot.home, held, RollerFaults())
+        moving = SimulatedRobot(robot.home, RollingObject(held), RollerFaults())
         decisions = run(made, moving, 4.0, twist=(0.02, 0.05, 0.0))
         assert moving.config.member_lengths.max() <= narrow + 1e-9
         statuses = {decision.command.status for decision in decisions}

@@ -81,11 +81,11 @@ def test_result_is_as_the_contract_says(gripped, flattening):
     step, slack = (0.0025, 0.005) if flattening else (0.005, 1e-9)
     assert sum(analysis.contact_lengths.values()) == pytest.approx(step * touching, abs=slack)
     assert np.linalg.norm(analysis.normals, axis=1) == pytest.approx(np.ones(k))
-    away = analysis.points - cylinder.center
+    away = analysis.points - cylinder.pose[:2]
     distance = np.linalg.norm(away, axis=1)
     # Outward: from the object to the tube; in the paper's model to its centre line.
     assert analysis.normals == pytest.approx(away / distance[:, None], abs=1e-9)
-    reach = 0.5 * (cylinder.diameter + (0.0 if flattening else TUBE))
+    reach = 0.5 * (cylinder.shape.diameter + (0.0 if flattening else TUBE))
     assert analysis.gaps == pytest.approx(distance - reach, abs=1e-9)
 
 
@@ -108,14 +108,14 @@ def test_measured_pressures_act_as_those_of_a_robot_file(gripped):
 def test_parts_fit_together(rng, friction):
     config, cylinder = random_case(rng)
     size = 20.0 * 10.0 ** rng.uniform(-2.0, 0.0)
-    external = rng.normal(size=3) * [size, size, size * cylinder.diameter]
+    external = rng.normal(size=3) * [size, size, size * cylinder.shape.diameter]
     analysis = analyze_grasp(config, cylinder, friction, external)
     forces, normals = analysis.normal_forces, analysis.normals
     assert forces.min() >= 0.0
     assert analysis.gaps.min() >= -1e-9
     assert (analysis.gaps * forces).max() <= 1e-9 * forces.max()
     # The tube pushes the object against the outward normals; all of them through its centre.
-    arms = 0.5 * cylinder.diameter * normals
+    arms = 0.5 * cylinder.shape.diameter * normals
     wrench = np.append(-forces @ normals, -np.cross(arms, forces[:, None] * normals).sum())
     assert analysis.normal_wrench == pytest.approx(wrench, abs=1e-9 * forces.sum())
     assert (np.abs(analysis.friction_forces) <= friction * forces * (1.0 + 1e-12)).all()
@@ -123,7 +123,7 @@ def test_parts_fit_together(rng, friction):
     rubbing = analysis.friction_forces[:, None] * np.column_stack([-normals[:, 1], normals[:, 0]])
     total = wrench + external
     total += np.append(rubbing.sum(axis=0), np.cross(arms, rubbing).sum())
-    total[2] /= 0.5 * cylinder.diameter
+    total[2] /= 0.5 * cylinder.shape.diameter
     left = np.linalg.norm(total)
     slack = 1e-9 * (forces.sum() + np.abs(external).max())
     assert analysis.closure_residual == pytest.approx(left, abs=slack)
@@ -147,7 +147,7 @@ def test_stiffness_is_what_a_robot_with_nodes_there_answers(rng):
     assert (stiffness == stiffness.T).all()
     assert np.linalg.eigvalsh(stiffness).min() >= -1e-9 * np.abs(stiffness).max()
     center = cylinder.center
-    radius = 0.5 * (cylinder.diameter + config.robot.description.tube_diameter)
+    radius = 0.5 * (cylinder.shape.diameter + config.robot.description.tube_diameter)
     touching = np.flatnonzero(analysis.normal_forces > 0.0)
     found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.01)
     frame, nodes = tubes.robot_with_nodes(structure_of(config), found.points[touching])
@@ -211,7 +211,7 @@ def test_turning_robot_object_and_wrench_turns_the_result(which, turns):
     whole[:2, :2] = turn
     wrench = np.array([3.0, -5.0, 0.2])
     before = analyze_grasp(config, cylinder, 0.4, wrench)
-    there = ConvexObject.disc((place.real, place.imag), cylinder.diameter)
+    there = ConvexObject.disc((place.real, place.imag), cylinder.shape.diameter)
     after = analyze_grasp(other, there, 0.4, whole @ wrench)
     size = before.normal_forces.sum()
     assert size > 0.0
@@ -248,9 +248,9 @@ def test_both_methods_say_the_same(gripped):
 def test_the_previous_analysis_changes_no_result(rng):
     config, cylinder = random_case(rng)
     cold = analyze_grasp(config, cylinder)
-    x, y = cylinder.center
-    near = analyze_grasp(config, ConvexObject.disc((x + 1e-3, y - 1e-3), cylinder.diameter))
-    far = analyze_grasp(config, ConvexObject.disc((x + 50.0, y), cylinder.diameter))
+    x, y = cylinder.pose[:2]
+    near = analyze_grasp(config, ConvexObject.disc((x + 1e-3, y - 1e-3), cylinder.shape.diameter))
+    far = analyze_grasp(config, ConvexObject.disc((x + 50.0, y), cylinder.shape.diameter))
     for previous in (cold, near, far):
         warm = analyze_grasp(config, cylinder, previous=previous)
         slack = 1e-5 * cold.normal_forces.sum()
@@ -269,7 +269,7 @@ def test_an_external_wrench_that_undoes_the_normal_forces_closes_without_frictio
     assert held.normal_forces.tolist() == pressed.normal_forces.tolist()
     # A moment alone is for friction: at arm d/2, as much as its sum.
     total = pressed.normal_forces.sum()
-    moment = 0.3 * total * 0.5 * cylinder.diameter
+    moment = 0.3 * total * 0.5 * cylinder.shape.diameter
     wrench = np.append(-pressed.normal_wrench[:2], moment)
     spun = analyze_grasp(config, cylinder, 0.0, wrench)
     assert spun.closure_residual == pytest.approx(0.3 * total)

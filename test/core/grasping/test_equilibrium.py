@@ -7,50 +7,31 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The equations of a held object: derivatives, balance, touch, rolling."""
+"""The equations of a held object: balance, touch, rolling; whether it is held by its forces."""
 
 from dataclasses import replace
 
 from grips import gripped
+from held_grips import BOX, held
+from isotruss_ros.core import HoldStatus
 from isotruss_ros.core.grasping.balance import ANGLE, CENTER
-from isotruss_ros.core.grasping.depths import member_depths
-from isotruss_ros.core.grasping.equilibrium import (
-    FEET,
-    find_anchors,
-    FRICTION,
-    INCLINATIONS,
-    keep_place,
-    no_indentation,
-    NORMAL,
-    roll,
-    SIZE,
-)
-from isotruss_ros.core.grasping.held_members import (
-    held_object_statics,
-    static_start,
-)
+from isotruss_ros.core.grasping.contact_closures import find_anchors, rest, stick
+from isotruss_ros.core.grasping.grip_equilibrium import NOTHING, scaled_wrench
+from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.grasping.indentation import no_indentation
+from isotruss_ros.core.grasping.pressed_contacts import contact_statics, start_at
 import numpy as np
 import pytest
 
-CONFIG, CYLINDER = gripped(squeeze=0.05)
-CENTER_POINT = CYLINDER.center
-NOTHING = np.zeros(3)
+CONFIG, DISC = gripped(squeeze=0.05)
+MODEL = HeldGrip.attach(CONFIG, DISC)
+UNLOADED = np.zeros(3)
 
 
 @pytest.fixture(scope='module')
 def statics():
-    """Return the equations of an object between the two members at the tip."""
-    return held_object_statics(CONFIG, CYLINDER, members(), flattening=False)
-
-
-def members():
-    """Return the numbers of the grasping members."""
-    return np.sort(np.argsort(member_depths(CONFIG, CYLINDER))[-2:])
-
-
-def start(statics):
-    """Return unknowns to begin with."""
-    return static_start(statics, CENTER_POINT, member_depths(CONFIG, CYLINDER)[members()])
+    """Return the equations of a disc between the two members at the tip."""
+    return contact_statics(CONFIG, DISC, MODEL.contacts, flattening=False)
 
 
 def dents(forces):
@@ -58,35 +39,11 @@ def dents(forces):
     return 1e-4 * forces + 1e-6 * forces**2, 1e-4 + 2e-6 * forces
 
 
-def closures(statics):
-    """Return both closures, away from where they hold."""
-    yield keep_place(CENTER_POINT + 0.01 + 0.02j, 0.1)
-    yield roll(np.array([0.1, 0.2]), np.array([0.3, 0.1]), statics)
-
-
-def test_jacobian_is_the_derivative_of_the_residual(statics):
-    rng = np.random.default_rng(0)
-    scale = np.array([0.01, 0.01, 0.1, 0.01, 0.01, 0.05, 0.05, 3.0, 3.0, 3.0, 3.0])
-    dented = type(statics)(
-        statics.compliance, statics.radius, statics.tube_radius, statics.sides, dents
-    )
-    for system in (statics, dented):
-        for closure in closures(system):
-            unknowns = start(system) + rng.normal(size=SIZE) * scale
-            _, jacobian, _ = system.equations(unknowns, NOTHING, closure)
-            for i, move in enumerate(1e-6 * np.eye(SIZE)):
-                ahead, back = (
-                    system.equations(unknowns + sign * move, NOTHING, closure)[0]
-                    for sign in (1.0, -1.0)
-                )
-                assert jacobian[:, i] == pytest.approx((ahead - back) / 2e-6, abs=1e-7)
-
-
 @pytest.mark.parametrize('indentation', [no_indentation, dents])
 def test_the_equilibrium_balances_and_touches(statics, indentation):
     statics = replace(statics, indentation=indentation)
     wrench = np.array([1.0, -2.0, 0.5])
-    state = statics.solve(start(statics), wrench, keep_place(CENTER_POINT, 0.2))
+    state = statics.solve(start_at(statics, DISC), wrench, rest(statics, DISC.center, 0.2))
     forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
     left = -forces.sum() + complex(wrench[0], wrench[1])
     assert abs(left) < 1e-9 * state.normal_forces.sum()
@@ -95,46 +52,84 @@ def test_the_equilibrium_balances_and_touches(statics, indentation):
     # The bent centre lines touch a disc of both radii less the dents, tangentially. Friction acts
     # at the dented skin, with that arm about the centre line.
     arms = statics.tube_radius - indentation(state.normal_forces)[0]
-    unknowns = state.unknowns
     local = forces * statics.compliance.axis.conj()
-    moments = -arms * state.friction_forces
-    loads = np.column_stack([local.real, local.imag, moments])
-    given = statics.compliance.at(unknowns[FEET]).respond(loads)
+    loads = np.column_stack([local.real, local.imag, -arms * state.friction_forces])
+    given = statics.compliance.at(state.feet).respond(loads)
     points = statics.compliance.start + statics.compliance.axis * (
-        unknowns[FEET] + given[:, 0] + 1j * given[:, 1]
+        state.feet + given[:, 0] + 1j * given[:, 1]
     )
     away = points - state.center
-    assert np.abs(away) == pytest.approx(statics.radius + arms, abs=1e-10)
+    assert np.abs(away) == pytest.approx(statics.arm + arms, abs=1e-10)
     along = statics.compliance.axis * (1.0 + 1j * given[:, 2])
     assert (away.conj() * along).real == pytest.approx(0.0, abs=1e-10)
 
 
 def test_without_a_past_the_place_along_the_bisector_is_the_given_one(statics):
-    state = statics.solve(start(statics), NOTHING, keep_place(CENTER_POINT, 0.0))
+    state = statics.solve(start_at(statics, DISC), UNLOADED, rest(statics, DISC.center, 0.0))
     along = 1j * (state.normals[0] - state.normals[1])
-    assert abs(state.center - CENTER_POINT) > 1e-3
-    assert ((state.center - CENTER_POINT) * along.conjugate()).real == pytest.approx(0.0, abs=1e-9)
+    assert abs(state.center - DISC.center) > 1e-3
+    assert ((state.center - DISC.center) * along.conjugate()).real == pytest.approx(0.0, abs=1e-9)
 
 
 def test_rolling_from_where_it_is_stays_there_and_follows_the_tube(statics):
-    state = statics.solve(start(statics), NOTHING, keep_place(CENTER_POINT, 0.3))
-    travel = np.array([0.01, -0.02])
-    anchors = find_anchors(state.unknowns, travel, statics)
-    same = statics.solve(start(statics), NOTHING, roll(anchors, travel, statics))
+    state = statics.solve(start_at(statics, DISC), UNLOADED, rest(statics, DISC.center, 0.3))
+    travel, angles = np.array([0.01, -0.02]), np.angle(state.normals) - 0.3
+    anchors = find_anchors(statics, state.unknowns, state.normals, travel, angles)
+    closure = stick(statics, anchors, travel, angles, NOTHING)
+    same = statics.solve(start_at(statics, DISC), UNLOADED, closure)
     assert same.unknowns == pytest.approx(state.unknowns, abs=1e-9)
-    # Up to whole turns of the object.
-    turns = 2.0 * np.pi * statics.radius * np.array([7.0, -50.0])
-    again = statics.solve(start(statics), NOTHING, roll(anchors + turns, travel, statics))
-    assert again.unknowns == pytest.approx(state.unknowns, abs=1e-9)
     # Both tubes run past the object alike: it turns in place (17), as far as 2 travel / d.
-    sense = -statics.sides
     along = 0.02
-    turned = statics.solve(state.unknowns, NOTHING, roll(anchors, travel + along * sense, statics))
-    assert turned.unknowns[ANGLE] == pytest.approx(0.3 + along / statics.radius, abs=1e-9)
-    for part in (CENTER, FEET, INCLINATIONS, NORMAL, FRICTION):
+    closure = stick(statics, anchors, travel - along * statics.sides, angles, NOTHING)
+    turned = statics.solve(state.unknowns, UNLOADED, closure)
+    assert turned.unknowns[ANGLE] == pytest.approx(0.3 + along / statics.arm, abs=1e-9)
+    places = state.places
+    for part in (CENTER, slice(places.feet.start, None)):
         assert turned.unknowns[part] == pytest.approx(state.unknowns[part], abs=1e-8)
 
 
-def test_what_has_no_solution_gives_none(statics):
-    away = np.array([0.0, 1e4, 0.0])
-    assert statics.solve(start(statics), away, keep_place(CENTER_POINT, 0.0)) is None
+def with_unknowns(grip, **parts):
+    """Return an equilibrium with other forces, feet or angle."""
+    unknowns = grip.state.unknowns.copy()
+    for name, values in parts.items():
+        place = ANGLE if name == 'angle' else getattr(grip.state.places, name)
+        unknowns[place] = values
+    return replace(grip, state=replace(grip.state, unknowns=unknowns))
+
+
+@pytest.mark.parametrize(
+    ('normal', 'feet', 'hold'),
+    [
+        ([0.05, 1.0], [0.0, 1.0], HoldStatus.HELD),
+        ([0.0, 1.0], [0.3, 0.3], HoldStatus.NO_CONTACT),
+        ([1.0, -0.05], [0.3, 0.3], HoldStatus.NO_CONTACT),
+        ([1.0, 1.0], [-0.01, 0.3], HoldStatus.OFF_MEMBER),
+        ([1.0, 1.0], [0.3, 1.01], HoldStatus.OFF_MEMBER),
+        ([1.0, 0.1], [0.3, 0.3], HoldStatus.SLIPS),
+    ],
+)
+def test_a_grasp_holds_where_all_members_press_on_their_length_and_stick(normal, feet, hold):
+    """Feet are shares of the lengths of their members."""
+    places = np.array(feet) * MODEL.statics.compliance.length
+    grasp = with_unknowns(MODEL, normal=normal, friction=[0.01, -0.06], feet=places)
+    assert grasp.hold(0.5) is hold
+
+
+def test_forces_of_members_are_sums_over_their_contacts():
+    grip = held(BOX, 0.0)
+    assert grip.statics.owners.tolist() == [0, 1, 1]
+    grasp = with_unknowns(grip, normal=[5.0, 1.0, 3.0], friction=[-2.0, 0.4, 0.8])
+    assert grasp.normal_forces == pytest.approx([5.0, 4.0])
+    assert grasp.friction_forces == pytest.approx([-2.0, 1.2])
+    assert grasp.squeeze == pytest.approx(4.5)
+    assert grasp.required_friction == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(('angle', 'within'), [(3.0, 3.0), (4.0, 4.0 - 2.0 * np.pi)])
+def test_the_angle_of_a_pose_is_within_half_a_turn(angle, within):
+    assert with_unknowns(MODEL, angle=angle).pose.angle == pytest.approx(within)
+
+
+def test_moments_compare_with_forces_by_the_arm():
+    assert scaled_wrench([3.0, 4.0, 0.5], 0.2) == pytest.approx([3.0, 4.0, 2.5])
+    assert scaled_wrench(None, 0.2).tolist() == [0.0, 0.0, 0.0]

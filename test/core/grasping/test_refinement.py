@@ -57,9 +57,9 @@ def check_same_from_anywhere(seed):
     """Check that the contact of grasps near and far leads to the same contact."""
     config, cylinder = pressed(seed)
     cold = analyze_grasp(config, cylinder)
-    x, y = cylinder.center
+    x, y = cylinder.pose[:2]
     for shift in (0.0, 2e-3, 0.012, 0.05, 50.0):
-        begun = analyze_grasp(config, ConvexObject.disc((x + shift, y), cylinder.diameter))
+        begun = analyze_grasp(config, ConvexObject.disc((x + shift, y), cylinder.shape.diameter))
         warm = analyze_grasp(config, cylinder, previous=begun)
         slack = 1e-6 * cold.normal_forces.sum()
         assert warm.places == pytest.approx(cold.places)
@@ -130,7 +130,7 @@ def test_the_answer_has_all_points_from_a_spacing_before_contact_to_one_behind()
     structure = structure_of(config)
     points, _, extents, kept = refine_contact(
         structure,
-        RoundSurface(cylinder.center, 0.5 * cylinder.diameter),
+        RoundSurface(cylinder.center, 0.5 * cylinder.shape.diameter),
         SPACING,
         flattening_of(ROBOT, structure.pressures),
         solve_sliding_contact,
@@ -174,7 +174,7 @@ def test_a_contact_that_is_known_is_solved_once():
         calls.append(arguments)
         return solve_sliding_contact(*arguments)
 
-    surface = RoundSurface(cylinder.center, 0.5 * cylinder.diameter)
+    surface = RoundSurface(cylinder.center, 0.5 * cylinder.shape.diameter)
     given_to = (structure, surface, SPACING, flattening_of(ROBOT, structure.pressures), solver)
     points, contact, extents, kept = refine_contact(*given_to)
     spans = dict(

@@ -12,7 +12,8 @@
 import re
 
 from hypothesis import given, strategies
-from isotruss_ros.core import Configuration, ConfigurationError, load_robot
+from isotruss_ros.core import Configuration, load_robot
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics import configuration, constraints
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker, follow_branch
 import numpy as np

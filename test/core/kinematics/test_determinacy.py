@@ -10,7 +10,8 @@
 """Only robots that stand with locked rollers load, and the others are told what moves."""
 
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import load_robot, RobotFileError
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.kinematics.determinacy import condition_number, require_determinate
 import numpy as np
 import pytest

@@ -10,7 +10,8 @@
 """The robot at home: names, orders, joints where the file puts them, modules that bisect."""
 
 from hypothesis import given, strategies
-from isotruss_ros.core import load_robot, RobotFileError
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.model.presets import config_directory
 import numpy as np
 import pytest

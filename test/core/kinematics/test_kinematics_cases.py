@@ -9,7 +9,8 @@
 
 """Rare ends of placing modules; rows on nodes as rows on rollers."""
 
-from isotruss_ros.core import load_robot, RobotFileError
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.kinematics import home
 import numpy as np
 import pytest

@@ -10,8 +10,8 @@
 """The rigidity indices: by hand, by their definitions, and what they do not depend on."""
 
 from hypothesis import given
-from isotruss_ros.core import load_robot, worst_case_rigidity_index
-from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index, worst_case_rigidity_index
 import numpy as np
 import pytest
 import robots

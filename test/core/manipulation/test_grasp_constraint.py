@@ -8,22 +8,19 @@
 # language governing permissions and limitations under the License.
 
 """
-The fundamental grasp constraint J_h(q) qdot = G^T nu (Murray, Li and Sastry) against (14)-(18).
+The fundamental grasp constraint J_h(q) qdot = G^T nu (Murray, Li and Sastry) against the rows.
 
 With contacts that neither slip nor lift the object's surface moves as the tubes' material does
 where they touch. For a cylinder between the two members of one module that is what the paper's
 rows say, in the model without deformation.
 """
 
+from grips import disc_grip
 from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
     grip_jacobian,
     load_robot,
     solve_twist,
-    tangent_center,
 )
-from isotruss_ros.core.manipulation.grasp import members_at_module
 import numpy as np
 import pytest
 import robots
@@ -74,31 +71,19 @@ def contact_rows(config, module, center):
 def test_the_papers_rows_follow_from_the_grasp_constraint(module):
     robot, rng = load_robot('nine_member'), np.random.default_rng(0)
     config = robots.random_state(robot, rng)
-    center = complex(*tangent_center(config, module, DIAMETER))
-    hand, grasp = contact_rows(config, module, center)
-    rows = grip_jacobian(
-        config,
-        Grip.at_module(
-            config.robot, module, ConvexObject.disc((center.real, center.imag), DIAMETER)
-        ),
-    )
+    grip = disc_grip(config, module, DIAMETER)
+    hand, grasp = contact_rows(config, module, grip.center)
+    rows = grip_jacobian(config, grip)
     # Any motion of the rollers that keeps all four rows of the constraint for some twist ...
     free = np.linalg.svd(np.hstack([hand, -grasp]))[2][4:]
     assert len(free) == len(robot.roller_names) - 1
     for motion in free:
         rollers, twist = motion[:-3], motion[-3:]
-        # ... moves the object so (15), (18), and keeps the angle (14).
+        # ... moves the object so (15), (18), and keeps the distance of the contacts (14).
         assert rows[:3] @ rollers == pytest.approx(twist, abs=1e-9)
         assert rows[3] @ rollers == pytest.approx(0.0, abs=1e-9)
     # And the other way around: the twist program keeps the constraint.
     wanted = np.array([0.01, 0.02, -0.1])
-    command = solve_twist(
-        config,
-        Grip.at_module(
-            config.robot, module, ConvexObject.disc((center.real, center.imag), DIAMETER)
-        ),
-        wanted,
-    )
+    command = solve_twist(config, grip, wanted)
     left = hand @ command.roller_velocities - grasp @ command.achieved_twist
     assert left == pytest.approx(0.0, abs=1e-9)
-    assert members_at_module(config, module).index == robot.module_names.index(module)

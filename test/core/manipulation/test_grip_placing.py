@@ -9,18 +9,16 @@
 
 """Where an object touches given members."""
 
+from grips import disc_grip
 from hypothesis import assume, given
 from isotruss_ros.core import (
-    ConvexObject,
     Disc,
     Ellipse,
     GraspError,
-    Grip,
     load_robot,
     place_between,
     Polygon,
     reachable_twists,
-    tangent_center,
 )
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 import numpy as np
@@ -45,12 +43,9 @@ def gaps(config, grip):
 
 @pytest.mark.parametrize('module', NINE.module_names)
 def test_a_disc_in_a_corner_is_where_it_is_tangent(module):
-    center = tangent_center(NINE.home, module, 0.3)
-    members = Grip.at_module(
-        NINE, Grip.at_module(NINE.robot, module, ConvexObject.disc(center, 0.3))
-    ).members
-    grip = place_between(NINE.home, members, Disc(0.3))
-    assert grip.center == pytest.approx(complex(*center), abs=1e-9)
+    wanted = disc_grip(NINE.home, module)
+    grip = place_between(NINE.home, wanted.members, Disc(0.3))
+    assert grip.center == pytest.approx(wanted.center, abs=1e-9)
 
 
 @robots.examples(30)

@@ -11,13 +11,11 @@
 
 from dataclasses import replace
 
+from grips import disc_grip
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
     grip_jacobian,
     load_robot,
-    tangent_center,
 )
 from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
@@ -27,6 +25,7 @@ from isotruss_ros.core.manipulation.grip_rows import (
 )
 from isotruss_ros.core.numerics.arrays import as_xy
 import numpy as np
+from paper_rows import contact_depth, paper_rows
 import pytest
 import random_grips
 import robots
@@ -38,12 +37,6 @@ STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -8.0 / 12.0), (1.0, 8.0 / 12.0), (2.0, -1.
 STEP = 1e-4
 #: What the members have in common, and how many there are.
 KINDS = (('module', 2), ('tube', 2), ('tubes', 2), ('module', 3), ('tubes', 3))
-
-
-def row_space(rows):
-    """Return the projector on the space that rows span."""
-    basis = np.linalg.qr(rows.T)[0]
-    return basis @ basis.T
 
 
 def constraint_of(config, grip):
@@ -65,36 +58,15 @@ def along(contacts):
 @robots.examples(40)
 @given(robots.robots(), robots.generators(), NUMBERS)
 def test_rows_at_a_module_are_those_of_the_paper(robot, rng, number):
-    config, grasp, _ = robots.random_grasp(robot, rng, number)
-    centers = Grip.at_module(robot, grasp).body.center
-    ends = robots.side_ends(config, grasp.module)
-    center = complex(*centers)
-    feet = [((b - a).conjugate() * (center - a)) / abs(b - a) for a, b in (ends[:2], ends[2:])]
-    offs = [abs(foot.imag) for foot in feet]
-    tube = robot.description.tube_diameter
-    diameter = sum(offs) - tube
-    lengths = [abs(ends[1] - ends[0]), abs(ends[3] - ends[2])]
-    assume(np.ptp(offs) < 1.9 * tube and diameter > 0.02)
-    assume(all(0.0 < foot.real < length for foot, length in zip(feet, lengths, strict=True)))
-    grasp = Grip.at_module(config.robot, grasp.module, ConvexObject.disc(centers, diameter))
-    rows = grip_jacobian(config, grasp)
-    paper = np.vstack([np.hstack([rows[:3], -np.eye(3)]), np.append(rows[3], np.zeros(3))])
-    found, _ = constraint_of(config, Grip.at_module(robot, grasp))
-    scale = np.append(np.ones(rows.shape[1]), [1.0, 1.0, 2.0 / diameter])
-    assert np.abs(row_space(found * scale) - row_space(paper * scale)).max() < 1e-12
-
-
-@pytest.mark.parametrize('module', load_robot('nine_member').module_names)
-def test_rows_of_a_disc_in_a_corner_are_those_of_the_paper(module):
-    robot = load_robot('nine_member')
-    config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
-    grasp = Grip.at_module(
-        config.robot, module, ConvexObject.disc(tangent_center(config, module, 0.3, 0.02), 0.3)
-    )
-    rows = grip_jacobian(config, grasp)
-    paper = np.vstack([np.hstack([rows[:3], -np.eye(3)]), np.append(rows[3], np.zeros(3))])
-    found, _ = constraint_of(config, Grip.at_module(robot, grasp))
-    assert np.abs(row_space(found) - row_space(paper)).max() < 1e-12
+    config, grip, ends = robots.random_grasp(robot, rng, number)
+    rows, (paper, opening) = grip_jacobian(config, grip), paper_rows(config, grip, ends)
+    # The distance of the contacts changes as the angle does, times their depth in the corner.
+    scale = np.abs(rows).max()
+    depth = contact_depth(config, grip, ends)
+    assert rows[3] == pytest.approx(depth * opening, abs=1e-10 * scale)
+    # Motions that keep the angle move the object alike.
+    kept = null_space(opening[None])
+    assert rows[:3] @ kept == pytest.approx(paper @ kept, abs=1e-10 * scale)
 
 
 def differences(config, grip, pose, contacts):
@@ -120,7 +92,7 @@ def test_rows_are_the_differences_of_rolling_discs(kind, count, data, rng):
     config, grip = random_grips.random_grip(robot, rng, kind, count)
     assume(grip is not None)
     found, contacts = constraint_of(config, grip)
-    kept = differences(config, grip, (*grip.body.center, 0.0), contacts)
+    kept = differences(config, grip, grip.body.pose, contacts)
     assert along(contacts) @ -found == pytest.approx(kept, abs=1e-7)
 
 
@@ -206,18 +178,14 @@ def test_an_object_moves_alike_whichever_member_is_named_first(kind, data, rng):
 
 def test_rows_are_kept_for_a_configuration_and_a_grip():
     config = load_robot('nine_member').home
-    center = tangent_center(config, 'north/Z', 0.15)
-    grip = Grip.at_module(
-        config.robot, Grip.at_module(config.robot, 'north/Z', ConvexObject.disc(center, 0.15))
-    )
+    grip = disc_grip(config, 'north/Z', 0.15)
     found = grip_jacobian(config, grip)
     assert grip_jacobian(config, replace(grip)) is found
     with pytest.raises(ValueError, match='read-only'):
         found[0, 0] = 1.0
     there = config.moved_to(config.roller_positions + 1e-3)
     assert np.abs(grip_jacobian(there, grip) - found).max() > 1e-6
-    center = tangent_center(config, 'north/Z', 0.16)
-    wider = replace(grip, body=ConvexObject.disc(center, 0.16))
+    wider = disc_grip(config, 'north/Z', 0.16)
     assert np.abs(grip_jacobian(config, wider) - found).max() > 1e-3
 
 

@@ -9,6 +9,7 @@
 
 """Roller velocities for an object between any members, against the constraint itself."""
 
+from grips import disc_grip
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConvexObject,
@@ -19,11 +20,9 @@ from isotruss_ros.core import (
     load_robot,
     place_between,
     Polygon,
-    Pose,
     reachable_twists,
     solve_twist,
     Status,
-    tangent_center,
 )
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 from isotruss_ros.core.manipulation.grip_rows import grasp_map, hand_jacobian
@@ -120,27 +119,6 @@ def test_reachable_twists_are_those_that_keep_the_contacts(kind, count, data, rn
         assert not command.roller_velocities.any()
 
 
-@pytest.mark.parametrize('module', NINE.module_names)
-@pytest.mark.parametrize('speed', [0.01, 10.0])
-def test_a_grip_at_a_module_moves_as_the_grasp_there(module, speed):
-    config = NINE.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
-    grasp = Grip.at_module(
-        config.robot, module, ConvexObject.disc(tangent_center(config, module, 0.3, 0.01), 0.3)
-    )
-    grip = Grip.at_module(NINE, grasp)
-    for twist in speed * np.array([[1.0, 0.0, 0.0], [0.3, -0.5, 2.0], [0.0, 0.0, 1.0]]):
-        wanted, found = solve_twist(config, grasp, twist), solve_twist(config, grip, twist)
-        size = np.abs(wanted.roller_velocities).max()
-        assert found.roller_velocities == pytest.approx(
-            wanted.roller_velocities, abs=1e-6 * size + 1e-12
-        )
-        assert found.scale == pytest.approx(wanted.scale, abs=1e-7)
-        assert (found.status, found.reachable_dof) == (wanted.status, wanted.reachable_dof)
-    basis = reachable_twists(config, grip) * (1.0, 1.0, 0.15)
-    wanted = reachable_twists(config, grasp) * (1.0, 1.0, 0.15)
-    assert basis.T @ basis == pytest.approx(wanted.T @ wanted, abs=1e-9)
-
-
 @robots.examples(15)
 @given(robots.robots(), robots.generators())
 def test_two_contacts_move_apart_at_the_opening_rate(robot, rng):
@@ -206,14 +184,11 @@ def test_a_face_and_a_corner_move_apart_at_the_opening_rate(robot, rng):
 def test_members_that_touch_one_corner_do_not_hold_it():
     """Both sides of a corner of the robot at the one vertex of a wedge that is in it."""
     config = NINE.home
-    grasp = Grip.at_module(
-        config.robot, 'north/Z', ConvexObject.disc(tangent_center(config, 'north/Z', 0.15), 0.15)
-    )
+    corner = disc_grip(config, 'north/Z', 0.15)
     wedge = Polygon([(0.0, 0.0), (0.3, 0.02), (0.3, -0.02)])
-    ends = [random_grips.member_ends(config, m) for m in Grip.at_module(NINE, grasp).members]
-    inward = np.mean([random_grips.toward(grasp.center, *e) for e in ends]) * -1.0
-    body = ConvexObject(wedge, Pose(*grasp.center, float(np.angle(inward))))
-    grip = Grip(Grip.at_module(NINE, grasp).members, body)
+    ends = [random_grips.member_ends(config, member) for member in corner.members]
+    inward = np.mean([random_grips.toward(corner.center, *e) for e in ends]) * -1.0
+    grip = Grip(corner.members, ConvexObject(wedge, (*corner.body.pose[:2], np.angle(inward))))
     with pytest.raises(GraspError, match='touch the object in one point'):
         solve_twist(config, grip, [0.01, 0.0, 0.0])
 

@@ -37,7 +37,7 @@ from walls import Wall
 
 def surface(grasp):
     """Return what makes speeds of the object's surface of a twist."""
-    return np.array([1.0, 1.0, 0.5 * grasp.diameter])
+    return np.array([1.0, 1.0, grasp.arm])
 
 
 def furthest_along(normal, rows, kept):
@@ -198,7 +198,7 @@ def test_remaining_task_is_what_solve_twist_reaches(robot, rng, number):
     failed = [name for name in names if rng.random() < 0.3]
     left = reachable_twists(config, grasp, failed)
     jacobian = grip_jacobian(config, grasp)[:, [n not in failed for n in names]]
-    scaled = np.append(surface(grasp), grasp.diameter / 2)[:, None] * jacobian
+    scaled = np.append(surface(grasp), 1.0)[:, None] * jacobian
     # Rank-nullity, counted another way: what moves the object without opening the grip.
     grip = np.linalg.matrix_rank(scaled[3:], tol=1e-5) if scaled.size else 0
     rank = np.linalg.matrix_rank(scaled, tol=1e-6) if scaled.size else 0
@@ -222,14 +222,14 @@ def test_twists_of_any_size_are_solved_in_corners_too():
     start = robot.configuration(corner)
     held = RollingGrip.attach(
         start,
-        Grip.at_module(ROBOT, 'north/Z', ConvexObject.disc((1.92365, -0.80865), 0.3156)),
+        Grip.at_module(robot, 'north/Z', ConvexObject.disc((1.92365, -0.80865), 0.3156)),
     )
     guard = ShapeGuard(robot, ShapeBounds())
     twist = np.array([1.615, -2.887, 2.034])
     rng, moved = np.random.default_rng(0), 0
     for _ in range(60):
         config = start.moved_to(corner + 0.003 * rng.uniform(-1.0, 1.0, 6))
-        grasp = held.moved_to(config)
+        grasp = held.moved_to(config).grip
         limits = (*default_limits(robot), *guard.watch(config, grasp).limits)
         done = []
         for size in (1e3, 1e12, 1e300):

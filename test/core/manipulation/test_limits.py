@@ -9,20 +9,17 @@
 
 """Limits: their rows, and that no walk ever crosses them or gets stuck at them."""
 
+from grips import disc_grip
 from hypothesis import given
 from isotruss_ros.core import (
-    Configuration,
     ConfigurationError,
-    ConvexObject,
     GraspError,
-    Grip,
     load_robot,
     MemberLengthLimit,
     RollerSpeedLimit,
     RollingGrip,
     solve_twist,
     Status,
-    tangent_center,
 )
 import numpy as np
 import pytest
@@ -31,15 +28,13 @@ import robots
 MODULE = 'east/Q'
 
 
-def held_at(config, diameter=0.3):
-    return RollingGrip.attach(
-        config,
-        Grip.at_module(
-            config.robot,
-            MODULE,
-            ConvexObject.disc(tangent_center(config, MODULE, diameter), diameter),
-        ),
-    )
+def held_at(config):
+    return RollingGrip.attach(config, disc_grip(config, MODULE))
+
+
+def moved(held, travel):
+    """Return the object held after some travel of the rollers."""
+    return held.moved_to(held.config.moved_to(held.config.roller_positions + travel))
 
 
 @robots.examples(15)
@@ -91,30 +86,29 @@ def narrow(shortest, longest):
     return robots.load(document)
 
 
-def walk(config, held, twist, steps, dt):
+def walk(held, twist, steps, dt):
     """Move along a twist and check the limits at each step; return the end and the commands."""
-    file, commands = config.robot.description, []
+    file, commands = held.config.robot.description, []
     for _ in range(steps):
-        command = solve_twist(config, held.moved_to(config), twist)
+        command = solve_twist(held.config, held.grip, twist)
         commands.append(command)
         assert np.abs(command.roller_velocities).max() <= file.max_speed + 1e-9
-        config = config.moved_to(config.roller_positions + dt * command.roller_velocities)
-        assert config.member_lengths.min() >= file.min_length - 1e-9
-        assert config.member_lengths.max() <= file.max_length + 1e-9
-    return config, commands
+        held = moved(held, dt * command.roller_velocities)
+        assert held.config.member_lengths.min() >= file.min_length - 1e-9
+        assert held.config.member_lengths.max() <= file.max_length + 1e-9
+    return held, commands
 
 
 @pytest.mark.parametrize('seed', range(4))
 def test_random_walk_never_crosses_a_limit(seed):
     rng = np.random.default_rng(seed)
     robot = narrow(0.9, 1.15)
-    config = robot.home
-    held = held_at(config)
+    held = held_at(robot.home)
     slowed = set()
     for _ in range(10):
         # Far more than the rollers can do, so that some limit binds all the time.
         twist = rng.standard_normal(3) * [1.0, 1.0, 0.1]
-        config, commands = walk(config, held, twist, 40, dt=0.04)
+        held, commands = walk(held, twist, 40, dt=0.04)
         slowed |= {name for command in commands for name in command.limiting}
     assert slowed & set(robot.roller_names)
     assert slowed & set(robot.member_names)
@@ -126,33 +120,29 @@ def test_robot_pushed_against_a_limit_can_always_return(direction):
     angle = 2.0 * np.pi * direction / 8
     push = np.array([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.0])
     held = held_at(robot.home)
-    config, commands = walk(robot.home, held, push, 250, dt=0.04)
+    held, commands = walk(held, push, 250, dt=0.04)
     # It creeps up to the bound and comes to rest there.
     assert commands[-1].status is Status.SLOWED_MEMBER_LENGTH
     assert set(commands[-1].limiting) <= set(robot.member_names)
     assert commands[-1].scale < 1e-3
-    back = solve_twist(config, held.moved_to(config), -push)
+    back = solve_twist(held.config, held.grip, -push)
     assert back.scale > 0.05
     assert back.achieved_twist[:2] @ push[:2] < 0.0
-    start = held.pose(config)
-    config, _ = walk(config, held, -push, 25, dt=0.04)
-    end = held.pose(config)
-    assert np.hypot(end.x - start.x, end.y - start.y) > 0.01
+    end, _ = walk(held, -push, 25, dt=0.04)
+    assert abs(end.grip.center - held.grip.center) > 0.01
 
 
 def test_member_beyond_its_bound_may_only_return():
     robot = load_robot('nine_member')
     config = robot.configuration([0.02, -0.01, 0.03, 0.01, -0.02, 0.02])
-    held = held_at(config)
+    grip = disc_grip(config, MODULE)
     longest = float(np.sort(config.member_lengths)[-3])
     beyond = config.member_lengths > longest
     limits = [RollerSpeedLimit(0.1), MemberLengthLimit(0.25, longest)]
     rng = np.random.default_rng(0)
     moving = 0
     for _ in range(40):
-        command = solve_twist(
-            config, held.moved_to(config), 0.1 * rng.standard_normal(3), limits=limits
-        )
+        command = solve_twist(config, grip, 0.1 * rng.standard_normal(3), limits=limits)
         rates = robot.topology.incidence @ command.roller_velocities
         assert (rates[beyond] <= 1e-9).all()
         moving += command.scale > 0.0
@@ -189,24 +179,18 @@ def test_walks_of_random_robots_stay_within_limits(robot, rng):
         0.97 * robot.home.member_lengths.min(), 1.03 * robot.home.member_lengths.max()
     )
     limits = [RollerSpeedLimit(0.1), document_limits]
-    config: Configuration = robot.home
     try:
-        held = RollingGrip.attach(
-            config,
-            Grip.at_module(
-                config.robot, module, ConvexObject.disc(tangent_center(config, module, 0.2), 0.2)
-            ),
-        )
+        held = RollingGrip.attach(robot.home, disc_grip(robot.home, module, 0.2))
     except GraspError:
         return
     for _ in range(60):
         try:
-            command = solve_twist(
-                config, held.moved_to(config), rng.standard_normal(3), limits=limits
-            )
-            config = config.moved_to(config.roller_positions + 0.05 * command.roller_velocities)
+            twist = rng.standard_normal(3)
+            command = solve_twist(held.config, held.grip, twist, limits=limits)
+            held = moved(held, 0.05 * command.roller_velocities)
         except ConfigurationError:
             return  # the walk came to a singular shape, which no limit here forbids
         assert np.abs(command.roller_velocities).max() <= 0.1 + 1e-9
-        assert config.member_lengths.min() >= document_limits.min_length - 1e-9
-        assert config.member_lengths.max() <= document_limits.max_length + 1e-9
+        lengths = held.config.member_lengths
+        assert lengths.min() >= document_limits.min_length - 1e-9
+        assert lengths.max() <= document_limits.max_length + 1e-9

@@ -9,16 +9,14 @@
 
 """Programs with few rows to choose from: none, a zero one, one that nothing fulfils."""
 
+from grips import disc_grip
 from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
     load_robot,
     MemberLengthLimit,
     RollerSpeedLimit,
     solve_twist,
     SolverError,
     Status,
-    tangent_center,
 )
 from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.manipulation.few_rows import solve_by_few_rows
@@ -52,9 +50,7 @@ def test_rows_are_added_until_none_is_violated():
 
 def test_rollers_alone_do_not_bend_a_twist():
     """Nothing is left to slide along."""
-    grasp = Grip.at_module(
-        NINE, 'north/Z', ConvexObject.disc(tangent_center(NINE.home, 'north/Z', 0.3), 0.3)
-    )
+    grasp = disc_grip(NINE.home, 'north/Z', 0.3)
     twist, limits = np.array([1.0, -2.0, 0.5]), [RollerSpeedLimit(0.1)]
     scaled = solve_twist(NINE.home, grasp, twist, limits=limits)
     slid = solve_twist(NINE.home, grasp, twist, limits=limits, slide_along_limits=True)
@@ -66,9 +62,7 @@ def test_rollers_alone_do_not_bend_a_twist():
 
 def test_sliding_needs_no_limit_of_roller_speed():
     """The direction is first kept within none, then within those of the lengths."""
-    grasp = Grip.at_module(
-        NINE, 'north/Z', ConvexObject.disc(tangent_center(NINE.home, 'north/Z', 0.3), 0.3)
-    )
+    grasp = disc_grip(NINE.home, 'north/Z', 0.3)
     lengths = NINE.home.member_lengths
     kept = MemberLengthLimit(lengths.min(), lengths.max())
     twist = np.array([0.01, -0.02, 0.005])
@@ -85,7 +79,7 @@ def test_sliding_needs_no_limit_of_roller_speed():
 def test_a_row_of_the_grip_that_no_roller_changes_keeps_nothing(zero):
     active = np.vstack([np.eye(4, 5), np.eye(4, 5)[3:]])
     active[7 - zero], active[zero] = [0.0, 0.0, 0.0, 2.0, 1.0], 0.0
-    reach = Reach.of(active, 0.5, 1.0)
+    reach = Reach.of(active, 0.5)
     weights = np.diag([1.0, 1.0, 0.5])
     assert reach.directions.T @ reach.directions == pytest.approx(np.eye(3), abs=1e-12)
     assert reach.directions.T @ reach.rows[:3] == pytest.approx(weights @ active[:3], abs=1e-12)

@@ -9,13 +9,11 @@
 
 """How progress is traded against roller speed where limits bind: in closed form."""
 
+from grips import disc_grip
 from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
     load_robot,
     RollerSpeedLimit,
     solve_twist,
-    tangent_center,
 )
 from isotruss_ros.core.manipulation.limit_handling import Regularization
 import numpy as np
@@ -25,9 +23,7 @@ from walls import Wall
 ROBOT = load_robot('triangle')
 MODULE = ROBOT.module_names[1]
 MAX_SPEED = ROBOT.description.max_speed
-GRASP = Grip.at_module(
-    ROBOT, MODULE, ConvexObject.disc(tangent_center(ROBOT.home, MODULE, 0.3), 0.3)
-)
+GRASP = disc_grip(ROBOT.home, MODULE, 0.3)
 
 
 def stop(count, roller, velocity):
@@ -57,7 +53,7 @@ def test_progress_costs_roller_speed_as_in_closed_form(twist, speed, slide):
     """With p of the task of a largest roller speed 1: c p^2 / 2 - rho p + rho p^2 / (4 reach)."""
     command = solve_twist(ROBOT.home, GRASP, speed * np.array(twist), limits=[])
     free, wanted = command.roller_velocities, command.achieved_twist
-    surface = np.linalg.norm(wanted * (1.0, 1.0, 0.5 * GRASP.diameter))
+    surface = np.linalg.norm(wanted * (1.0, 1.0, GRASP.arm))
     asked = np.abs(free).max()
     gain = asked / surface
     unit = min(MAX_SPEED, asked)
@@ -89,9 +85,7 @@ def test_the_weight_of_progress_falls_with_the_period_beyond_the_reference():
 
 def test_sliding_trades_the_twist_against_roller_speed_in_loops_only():
     robot, twist = load_robot('nine_member'), (0.05, 0.0, 0.0)
-    grasp = Grip.at_module(
-        robot, 'east/Q', ConvexObject.disc(tangent_center(robot.home, 'east/Q', 0.3), 0.3)
-    )
+    grasp = disc_grip(robot.home, 'east/Q', 0.3)
     free = solve_twist(robot.home, grasp, twist, limits=[]).roller_velocities
     quickest = int(np.abs(free).argmax())
 

@@ -19,10 +19,7 @@ from isotruss_ros.core import (
     place_between,
     Polygon,
     Pose,
-    RollingGrip,
-    tangent_center,
 )
-from isotruss_ros.core.manipulation.grasp import _distance
 from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 import numpy as np
@@ -68,29 +65,3 @@ def test_of_four_places_between_crossing_members_it_is_the_one_nearest_to_their_
     away = 0.15 + 0.5 * TUBE
     wanted = center + complex(np.sign(aside.real), np.sign(aside.imag)) * away
     assert grip.center == pytest.approx(wanted, abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    ('point', 'distance'),
-    [
-        (1.0 + 2.0j, 0.0),
-        (1.45 + 2.6j, 0.0),
-        (1.9 + 3.2j, 0.0),
-        (0.4 + 1.2j, 1.0),
-        (2.5 + 4.0j, 1.0),
-        (1.45 - 0.4 + 1j * (2.6 + 0.3), 0.5),
-        (1.9 + 0.4 + 1j * (3.2 - 0.3), 0.5),
-    ],
-)
-def test_distances_from_a_segment(point, distance):
-    assert _distance(point, 1.0 + 2.0j, 0.9 + 1.2j) == pytest.approx(distance, abs=1e-12)
-
-
-def test_what_is_held_begins_at_angle_zero_and_without_a_misfit():
-    grasp = Grip.at_module(
-        ROBOT, 'north/Z', ConvexObject.disc(tangent_center(ROBOT.home, 'north/Z', 0.3), 0.3)
-    )
-    assert RollingGrip.attach(ROBOT.home, grasp).pose(ROBOT.home).angle == pytest.approx(0.0)
-    rolling = RollingGrip.attach(ROBOT.home, Grip.at_module(ROBOT, grasp))
-    assert rolling.pose.angle == 0.0
-    assert rolling.misfit == 0.0

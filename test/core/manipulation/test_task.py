@@ -41,15 +41,14 @@ def kernel(rows):
     strategies.integers(1, 3),
 )
 def test_reachable_is_what_leaves_the_grip_alone(rng, rollers, count, held, rank):
-    # Several rows are those of contacts, which are speeds.
-    radius, opening = rng.uniform(0.02, 2.0), 1.0 if count > 1 else rng.uniform(0.02, 2.0)
+    radius = rng.uniform(0.02, 2.0)
     grip, task = random_rows(rng, count, rollers, held), random_rows(rng, 3, rollers, rank)
     held = min(held, count, rollers)
     weights = np.array([1.0, 1.0, radius])
     basis, gains, _ = np.linalg.svd(task @ kernel(grip), full_matrices=False)
     assume(((gains < 1e-12) | (gains > 1e-4)).all())
     reached = basis[:, gains > 1e-4]
-    reach = Reach.of(np.vstack([task / weights[:, None], grip / opening]), radius, opening)
+    reach = Reach.of(np.vstack([task / weights[:, None], grip]), radius)
     directions = reach.directions
     assert directions @ directions.T == pytest.approx(np.eye(reached.shape[1]), abs=1e-12)
     assert directions.T @ directions == pytest.approx(reached @ reached.T, abs=1e-8)
@@ -64,7 +63,7 @@ def test_reachable_is_what_leaves_the_grip_alone(rng, rollers, count, held, rank
     if held == count:
         # The first row of the grip may be asked to change.
         opened = opening_rates @ reach.opening
-        assert grip @ opened == pytest.approx(opening * np.eye(count)[0], abs=1e-8)
+        assert grip @ opened == pytest.approx(np.eye(count)[0], abs=1e-8)
 
 
 @pytest.mark.parametrize('size', [1e-3, 0.1, 1.0])
@@ -72,7 +71,7 @@ def test_a_row_of_the_grip_is_kept_from_one_hundred_thousandth_on(size):
     """Of the two rollers the second moves the object, and both change the grip."""
     for change, held in ((0.9 * LOST / size, False), (1.1 * LOST / size, True)):
         active = np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0.0, size * change]])
-        reach = Reach.of(active, 1.0, 1.0)
+        reach = Reach.of(active, 1.0)
         assert len(reach.directions) == (not held)
         assert len(reach.rows) == 1
         assert len(reach.opening) == held
@@ -85,7 +84,7 @@ def test_tasks_are_twists_of_any_size(rng, rollers):
     radius, rows = rng.uniform(0.1, 1.0), rng.standard_normal((4, rollers))
     if rng.integers(2):
         rows[1] = rows[0] * rng.uniform(0.5, 2.0)
-    reach = Reach.of(rows, radius, 1.0)
+    reach = Reach.of(rows, radius)
     twist = 10.0 ** rng.uniform(-200.0, 200.0) * rng.standard_normal(3)
     opening = float(rng.integers(2)) * np.abs(twist).max() * rng.uniform(0.5, 2.0)
     task = Task(reach, twist, np.eye(rollers), opening)
@@ -113,17 +112,17 @@ def test_no_more_rows_are_free_than_rollers_move(held, rollers, capfd):
         _, gains, kept = np.linalg.svd(rows[3:], full_matrices=False)
         kept = kept[gains > LOST]
         left = np.linalg.svd(rows[:3] - rows[:3] @ kept.T @ kept, compute_uv=False)
-        reach = Reach.of(rows, 1.0, 1.0)
+        reach = Reach.of(rows, 1.0)
         assert len(reach.directions) == (left > LOST).sum()
         assert len(reach.rows) == (left > LOST).sum() + len(kept)
     assert capfd.readouterr() == ('', '')
 
 
 def test_a_grip_that_no_roller_opens_is_no_task():
-    task = Task(Reach.of(np.zeros((4, 0)), 1.0, 1.0), np.zeros(3), np.eye(0), 1.0)
+    task = Task(Reach.of(np.zeros((4, 0)), 1.0), np.zeros(3), np.eye(0), 1.0)
     assert task.speed == 0.0
 
 
 def test_only_the_first_row_of_a_grip_is_its_opening():
     rows = np.random.default_rng(0).standard_normal((6, 8))
-    assert Reach.of(rows, 0.1, 0.5).opening.tolist() == [0.5, 0.0, 0.0]
+    assert Reach.of(rows, 0.1).opening.tolist() == [1.0, 0.0, 0.0]

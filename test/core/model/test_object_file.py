@@ -9,16 +9,9 @@
 
 """Objects from YAML: what is read, and what is refused with key and remedy."""
 
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    Ellipse,
-    GraspError,
-    object_from_mapping,
-    ObjectFileError,
-    Polygon,
-    read_object,
-)
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon, read_object
+from isotruss_ros.core.errors import GraspError, ObjectFileError
+from isotruss_ros.core.model.object_file import object_from_mapping
 import pytest
 
 BOX = """

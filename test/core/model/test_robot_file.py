@@ -15,8 +15,9 @@ from pathlib import Path
 import re
 
 from hypothesis import given, strategies
-from isotruss_ros.core import load_robot, preset_names, RobotFileError
-from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.errors import RobotFileError, StructureError
+from isotruss_ros.core.model.presets import preset_names
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.safe_yaml import MAX_FILE_SIZE
 from isotruss_ros.core.model.stiffness_law import read_laws

@@ -9,7 +9,8 @@
 
 """Discs, ellipses and rounded polygons against formulas of handbooks."""
 
-from isotruss_ros.core import ConvexObject, Disc, Ellipse, GraspError, load_robot, Polygon
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.description import RobotDescription
 import numpy as np
 import pytest

@@ -10,13 +10,8 @@
 """Convex shapes: their surface by brute force, and what is no shape is refused with the place."""
 
 from hypothesis import given, strategies
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    Ellipse,
-    GraspError,
-    Polygon,
-)
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model import ellipse as ellipse_module
 import numpy as np
 import pytest
@@ -66,6 +61,28 @@ def test_no_point_of_the_outline_is_beyond_its_tangents(seed):
     assert shape.nearest(on).gaps == pytest.approx(0.0, abs=1e-12)
     furthest = np.abs(dense_outline(shape, 4000)).max()
     assert furthest - 1e-12 <= shape.reach <= furthest + 1e-3 * shape.perimeter
+
+
+@robots.examples(50)
+@given(SEEDS)
+def test_lines_touch_where_the_tangents_do_and_faces_with_both_ends(seed):
+    generator = np.random.default_rng(seed)
+    shape = random_shape(generator)
+    for normal in directions(generator):
+        (corner,) = shape.corners_at(complex(normal), -1.0)
+        wanted = shape.support_points(np.array([normal]))[0]
+        assert shape.point_at(corner, complex(normal)) == pytest.approx(wanted, abs=1e-12)
+    face = random_polygon(generator, 0.2)
+    for k, normal in enumerate(face.normals.tolist()):
+        assert face.corners_at(normal, 1e-9) == (k, (k + 1) % len(face.normals))
+
+
+@robots.examples(20)
+@given(SEEDS)
+def test_round_is_what_stays_the_same_however_it_is_turned(seed):
+    generator = np.random.default_rng(seed)
+    shape = random_shape(generator)
+    assert shape.is_round == (np.ptp(shape.support(directions(generator))) < 1e-12)
 
 
 @robots.examples(100)

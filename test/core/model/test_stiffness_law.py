@@ -9,7 +9,7 @@
 
 """Where stiffness laws end: ranges of numbers, and beams that do not shear but for rounding."""
 
-from isotruss_ros.core import RobotFileError
+from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.stiffness_law import find_contradictions, Law
 import numpy as np

@@ -9,7 +9,8 @@
 
 """Who follows whom along the tubes, by the names in the robot's file."""
 
-from isotruss_ros.core import GraspError, load_robot
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.topology import check_roller_names
 import numpy as np
 import pytest

@@ -39,10 +39,3 @@ def test_gaps_of_the_robot_change_as_differences_say(shape):
             [(a - b) / (2.0 * step) for a, b in zip(ahead[:4], behind[:4], strict=True)]
         )
         assert gaps.by_rollers @ move == pytest.approx(change, abs=1e-4)
-
-
-def test_a_disc_has_the_gaps_of_a_cylinder():
-    body = ConvexObject(Disc(0.3), (0.72, 0.48, 0.33))
-    cylinder = object_gaps(HOME, ConvexObject.disc((0.72, 0.48), 0.3))
-    for one, other in zip(object_gaps(HOME, body), cylinder, strict=True):
-        assert one == pytest.approx(other, abs=1e-12)

@@ -12,7 +12,9 @@
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from isotruss_ros.core import ConfigurationError, ConvexObject, load_robot
+from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment, object_gaps
+from isotruss_ros.core.safety.object_distances import object_distances
 import numpy as np
 import pytest
 import robots
@@ -176,11 +178,11 @@ def test_point_on_a_segment_and_segment_of_no_length_have_directions():
 def test_object_distances_are_those_of_points_along_the_parts(robot, rng):
     config = moved(robot, rng, 0.1)
     center = config.points[rng.integers(len(config.points))] + complex(*rng.uniform(-1, 1, 2))
-    cylinder = ConvexObject.disc((center.real, center.imag), float(rng.uniform(0.05, 0.5)))
+    body = ConvexObject.disc((center.real, center.imag), float(rng.uniform(0.05, 0.5)))
     model, parts = collision_model(robot), parts_of(robot, config)
-    parts['object'] = np.array([center]), 0.5 * cylinder.diameter
+    parts['object'] = np.array([center]), 0.5 * body.shape.diameter
     wanted = np.array([gap(parts, 'object', name) for name in model.part_names()])
-    assert model.object_distances(config, cylinder) == pytest.approx(wanted, abs=3e-4)
+    assert object_distances(config, body) == pytest.approx(wanted, abs=3e-4)
     grip = str(rng.choice(robot.module_names))
     tube, joint = grip.split('/')
     for i, name in enumerate(model.part_names()):
@@ -190,16 +192,17 @@ def test_object_distances_are_those_of_points_along_the_parts(robot, rng):
             name == f'module {grip}' or (kind == 'rod' and place == joint)
         ):
             wanted[i] = np.inf
-    assert model.object_distances(config, cylinder, grip) == pytest.approx(wanted, abs=3e-4)
+    found = object_distances(config, body, members_at(robot, grip))
+    assert found == pytest.approx(wanted, abs=3e-4)
 
 
 @robots.examples(25)
 @given(positions=POSITIONS, center=CENTERS, diameter=st.floats(0.05, 0.6))
 def test_gaps_are_the_object_distances_and_openings(positions, center, diameter):
-    config, cylinder = ROBOT.configuration(positions), ConvexObject.disc(center, diameter)
-    gaps = object_gaps(config, cylinder)
+    config, body = ROBOT.configuration(positions), ConvexObject.disc(center, diameter)
+    gaps = object_gaps(config, body)
     parts = np.concatenate([gaps.members, gaps.modules, gaps.rods])
-    assert (parts == collision_model(ROBOT).object_distances(config, cylinder)).all()
+    assert (parts == object_distances(config, body)).all()
     topology, points = ROBOT.topology, config.points
     along = points[topology.c[topology.following]] - points[topology.b]
     for i, opening in enumerate(gaps.openings):
@@ -211,14 +214,14 @@ def test_gaps_are_the_object_distances_and_openings(positions, center, diameter)
 @robots.examples(25)
 @given(positions=POSITIONS, center=CENTERS)
 def test_derivatives_of_gaps_are_those_of_differences(positions, center):
-    config, cylinder, step = ROBOT.configuration(positions), ConvexObject.disc(center, 0.3), 1e-6
-    gaps = object_gaps(config, cylinder)
+    config, body, step = ROBOT.configuration(positions), ConvexObject.disc(center, 0.3), 1e-6
+    gaps = object_gaps(config, body)
     # At the end of a rod the direction of the gradient jumps.
     assume(gaps.rods.min() > -0.149)
 
     def all_at(move):
         return np.concatenate(
-            object_gaps(config.moved_to(config.roller_positions + move), cylinder)[:4]
+            object_gaps(config.moved_to(config.roller_positions + move), body)[:4]
         )
 
     moves = step * np.eye(ROLLERS)

@@ -18,10 +18,13 @@ from isotruss_ros.core import (
     load_robot,
     tangent_center,
 )
+from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.safety.barrier_law import BarrierLaw, EVERYTHING
 from isotruss_ros.core.safety.barriers import ObjectBarrier
 from isotruss_ros.core.safety.distances import collision_model
 from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.core.safety.neighbor_list import SKIN
+from isotruss_ros.core.safety.object_distances import object_distances
 import numpy as np
 import pytest
 import robots
@@ -94,9 +97,9 @@ def test_presets_are_well_inside_at_home(name, clearance):
 
 def test_object_that_is_free_and_that_is_held():
     robot = load_robot('nine_member')
-    cylinder = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3), 0.3)
-    held = shape_margins(robot.home, cylinder, 'north/Z')
-    free = shape_margins(robot.home, cylinder)
+    body = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3), 0.3)
+    held = shape_margins(robot.home, body, members_at(robot, 'north/Z'))
+    free = shape_margins(robot.home, body)
     # It touches both sides: that is what the grip is for.
     assert free.object_clearance == pytest.approx(0.0, abs=1e-9)
     assert free.nearest_to_object.startswith('member north/')
@@ -105,16 +108,25 @@ def test_object_that_is_free_and_that_is_held():
     # A small one overlaps the disc of the module that holds it, which is no nearer to the rest.
     small = ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.1), 0.1)
     assert shape_margins(robot.home, small).object_clearance < 0.0
-    assert shape_margins(robot.home, small, 'north/Z').object_clearance > held.object_clearance
+    assert (
+        shape_margins(robot.home, small, members_at(robot, 'north/Z')).object_clearance
+        > held.object_clearance
+    )
     # At a joint of two tubes the other tube's module and members count.
     other = ConvexObject.disc(tangent_center(robot.home, 'north/R', 0.3), 0.3)
-    assert shape_margins(robot.home, other, 'north/R').nearest_to_object == 'module east/R'
+    assert (
+        shape_margins(robot.home, other, members_at(robot, 'north/R')).nearest_to_object
+        == 'module east/R'
+    )
     # All of a triangle but the side across holds, or is fixed to what holds.
     triangle = load_robot('triangle')
-    cylinder = ConvexObject.disc(tangent_center(triangle.home, 'main/T', 0.1), 0.1)
-    assert shape_margins(triangle.home, cylinder, 'main/T').nearest_to_object == 'member main/L-R'
-    with pytest.raises(GraspError, match='no such module'):
-        shape_margins(robot.home, cylinder, 'north/X')
+    body = ConvexObject.disc(tangent_center(triangle.home, 'main/T', 0.1), 0.1)
+    assert (
+        shape_margins(triangle.home, body, members_at(triangle, 'main/T')).nearest_to_object
+        == 'member main/L-R'
+    )
+    with pytest.raises(GraspError, match='no such members'):
+        shape_margins(robot.home, body, ('north/X',))
 
 
 @robots.examples(25)
@@ -122,21 +134,22 @@ def test_object_that_is_free_and_that_is_held():
 def test_margins_are_the_least_distances_and_name_them(robot, rng):
     config = moved(robot, rng, 0.1)
     center = config.points[rng.integers(len(config.points))] + complex(*rng.uniform(-1, 1, 2))
-    cylinder = ConvexObject.disc((center.real, center.imag), float(rng.uniform(0.05, 0.5)))
-    grip = str(rng.choice(robot.module_names))
+    body = ConvexObject.disc((center.real, center.imag), float(rng.uniform(0.05, 0.5)))
+    grip = Grip.at_module(robot, str(rng.choice(robot.module_names)), body)
     model = collision_model(robot)
     distances = model.distances(config)
-    found = shape_margins(config, cylinder, grip)
+    found = shape_margins(config, body, grip.members)
     assert found.clearance == distances.min()
     assert found.nearest == model.names(np.array([distances.argmin()]))[0]
-    for held in (None, grip):
-        distances = model.object_distances(config, cylinder, held)
-        found = shape_margins(config, cylinder, held)
+    for members in ((), grip.members):
+        distances = object_distances(config, body, members)
+        found = shape_margins(config, body, members)
         assert found.object_clearance == distances.min()
         assert found.nearest_to_object == model.part_names()[distances.argmin()]
     # It is what the guard goes by.
     barrier = ObjectBarrier(robot, BarrierLaw(0.0, 1.0))
-    grasp = Grip.at_module(
-        config.robot, grip, ConvexObject.disc(cylinder.center, cylinder.diameter)
-    )
-    assert (barrier.values(config, grasp, EVERYTHING) == distances).all()
+    far = barrier.law.active_below + SKIN
+    near = distances < far
+    values = barrier.values(config, grip, EVERYTHING)
+    assert (values[near] == distances[near]).all()
+    assert (values[~near] >= far).all()

@@ -22,6 +22,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.safety.distances import collision_model
 from isotruss_ros.core.safety.neighbor_list import NeighborList
+from isotruss_ros.core.safety.object_distances import object_distances
 import numpy as np
 import pytest
 import robots
@@ -48,9 +49,7 @@ def walk(seed, count=60, step=2e-3):
 @given(strategies.integers(0, 10**6))
 def test_finds_the_pairs_that_measuring_all_finds(seed):
     robot_pairs, object_parts, measured = NeighborList(NEAR), NeighborList(NEAR), []
-    grasp = Grip.at_module(
-        ROBOT, 'east/Q', ConvexObject.disc(tangent_center(ROBOT.home, 'east/Q', 0.3), 0.3)
-    )
+    center = np.array(tangent_center(ROBOT.home, 'east/Q', 0.3))
     configs = list(walk(seed))
     for config in configs:
         every = MODEL.distances(config)
@@ -62,11 +61,12 @@ def test_finds_the_pairs_that_measuring_all_finds(seed):
         pairs, distances = robot_pairs.find_close(config, None, measure)
         np.testing.assert_array_equal(pairs, np.flatnonzero(every < NEAR))
         np.testing.assert_array_equal(distances, every[every < NEAR])
-        apart = MODEL.object_distances(config, grasp, 'east/Q')
-        parts, distances = object_parts.find_close(config, grasp, apart.__getitem__)
+        grip = Grip.at_module(ROBOT, 'east/Q', ConvexObject.disc(center, 0.3))
+        apart = object_distances(config, grip.body, grip.members)
+        parts, distances = object_parts.find_close(config, grip, apart.__getitem__)
         np.testing.assert_array_equal(parts, np.flatnonzero(apart < NEAR))
         np.testing.assert_array_equal(distances, apart[apart < NEAR])
-        grasp = Grip.at_module(ROBOT, 'east/Q', ConvexObject.disc(np.add(grasp.center, 1e-3), 0.3))
+        center += 1e-3
     assert sum(measured) < len(configs) * len(every) / 2
 
 
@@ -91,12 +91,12 @@ def test_measures_nothing_again_before_it_may_be_close():
     assert count == [1, 0, 1]
 
 
-@pytest.mark.parametrize('kind', ['a grasp', 'a grip', 'a grip that turns'])
+@pytest.mark.parametrize('kind', ['a disc', 'a polygon', 'a polygon that turns'])
 def test_measures_again_where_the_object_may_have_come_close(kind):
     shape = Polygon([(-0.3, -0.4), (0.3, -0.4), (0.3, 0.4), (-0.3, 0.4)])
 
     def held(distance):
-        if kind == 'a grasp':
+        if kind == 'a disc':
             return Grip.at_module(
                 ROBOT, 'east/Q', ConvexObject.disc((0.6 * distance, 0.8 * distance), 0.3)
             )
@@ -127,11 +127,11 @@ def test_measures_another_object_again():
             ROBOT.home, grasp, lambda pairs: count.append(1) or np.array([0.5])[pairs]
         )
 
-    for grasp, measured in (
-        (Grip.at_module(ROBOT, 'east/Q', ConvexObject.disc((0.0, 0.0), 0.3)), 1),
-        (Grip.at_module(ROBOT, 'east/Q', ConvexObject.disc((0.0, 0.0), 0.3)), 1),
-        (Grip.at_module(ROBOT, 'east/Q', ConvexObject.disc((0.0, 0.0), 0.31)), 2),
-        (Grip.at_module(ROBOT, 'west/R', ConvexObject.disc((0.0, 0.0), 0.31)), 3),
+    for module, diameter, measured in (
+        ('east/Q', 0.3, 1),
+        ('east/Q', 0.3, 1),
+        ('east/Q', 0.31, 2),
+        ('north/R', 0.31, 3),
     ):
-        find(grasp)
+        find(Grip.at_module(ROBOT, module, ConvexObject.disc((0.0, 0.0), diameter)))
         assert len(count) == measured

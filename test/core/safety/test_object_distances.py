@@ -12,17 +12,15 @@
 from hypothesis import assume, given
 from isotruss_ros.core import (
     ConvexObject,
-    Grip,
     grip_jacobian,
     load_robot,
     Polygon,
     RollingGrip,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
 from isotruss_ros.core.safety.barriers import ObjectBarrier
-from isotruss_ros.core.safety.distances import collision_model
+from isotruss_ros.core.safety.object_distances import object_distances
 import numpy as np
 import pytest
 from random_grips import random_convex_grip
@@ -39,7 +37,7 @@ def test_distances_within_the_band_are_those_of_the_surface(robot, rng):
     assume(grip is not None)
     band = rng.uniform(0.05, 0.5)
     barrier = ObjectBarrier(robot, BarrierLaw(0.0, band))
-    distances = object_distances(config, grip.body, grip.members, np.inf)
+    distances = object_distances(config, grip.body, grip.members)
     near = barrier.active(config, grip)
     assert near.indices.tolist() == np.flatnonzero(distances < band).tolist()
     assert near.values == pytest.approx(distances[near.indices], abs=1e-12)
@@ -75,22 +73,6 @@ def _misfits(config, grip):
     return grip_jacobian(config, grip)[3:]
 
 
-def test_of_a_disc_at_a_module_they_are_those_of_the_short_form():
-    robot = load_robot('nine_member')
-    config, module = robot.home, 'north/Z'
-    grasp = Grip.at_module(config.robot, module, ConvexObject.disc((0.7, 0.7), 0.3))
-    grip = Grip(members_at(robot, module), ConvexObject.disc(grasp.center, grasp.diameter))
-    expected = collision_model(robot).object_distances(config, grasp, module)
-    found = object_distances(config, grip.body, grip.members, 10.0)
-    assert np.isinf(found).tolist() == np.isinf(expected).tolist()
-    finite = np.isfinite(expected)
-    assert found[finite] == pytest.approx(expected[finite], abs=1e-9)
-    disc = Grip(grip.members, grip.body)
-    assert object_distances(config, disc.body, disc.members, 10.0)[finite] == pytest.approx(
-        found[finite]
-    )
-
-
 def test_sides_that_do_not_meet_leave_out_themselves_only():
     robot = load_robot('nine_member')
     members = ('south/P-Q', 'north/R-P')
@@ -104,21 +86,17 @@ def test_sides_that_do_not_meet_leave_out_themselves_only():
 def test_far_parts_have_a_lower_bound():
     robot = load_robot('nine_member')
     shape = Polygon([(-0.25, -0.02), (0.25, -0.02), (0.25, 0.02), (-0.25, 0.02)])
-    body = ConvexObject.disc((0.5, -0.2), 0.5)
-    grip = Grip(('south/P-Q', 'north/R-P'), type(body)(shape, body.pose))
-    exact, bounded = (
-        object_distances(robot.home, grip.body, grip.members, far) for far in (10.0, 0.2)
-    )
+    body, members = ConvexObject(shape, (0.5, -0.2, 0.0)), ('south/P-Q', 'north/R-P')
+    exact, bounded = (object_distances(robot.home, body, members, far) for far in (10.0, 0.2))
     near = bounded < 0.2
     assert (bounded <= exact + 1e-12).all()
     assert bounded[near] == pytest.approx(exact[near])
     assert (bounded < exact - 1e-3).any()
-    assert object_distances(
-        robot.home, grip.body, grip.members, 10.0, np.array([3, 4])
-    ) == pytest.approx(exact[[3, 4]])
+    two = object_distances(robot.home, body, members, 10.0, np.array([3, 4]))
+    assert two == pytest.approx(exact[[3, 4]])
 
 
 def test_an_unknown_member_is_refused():
-    grip = Grip(('nobody', 'north/R-P'), ConvexObject.disc((0.0, 0.0), 0.5))
+    body = ConvexObject.disc((0.0, 0.0), 0.5)
     with pytest.raises(GraspError, match='no such members'):
-        object_distances(load_robot('nine_member').home, grip.body, grip.members, 1.0)
+        object_distances(load_robot('nine_member').home, body, ('nobody', 'north/R-P'))

@@ -39,39 +39,46 @@ PERIOD = 0.01
 class Pushed:
     """A robot whose object is pushed along one twist."""
 
-    def __init__(self, config, grasp, bounds=None, slide=False, period=PERIOD):
-        self.period = period
-        self.config, self.velocities = config, np.zeros(len(config.robot.roller_names))
-        self.held = RollingGrip.attach(config, grasp)
-        self.servo = TwistServo(config.robot, grasp.module, grasp.diameter, period, 1.0)
+    def __init__(self, held, guard=None, slide=False, period=PERIOD):
+        robot, grip = held.config.robot, held.grip
+        self.period, self.held = period, held
+        self.velocities = np.zeros(len(robot.roller_names))
+        # The module does not count where the members are named.
+        self.servo = TwistServo(robot, robot.module_names[0], 1.0, period, 1.0)
+        self.servo.body, self.servo.members = grip.body, grip.members
         self.servo.slide_along_limits = slide
         self.now = 0.0
-        if bounds is not None:
-            self.servo.guard = ShapeGuard(config.robot, bounds)
+        if guard is not None:
+            self.servo.guard = guard
 
     def step(self, twist):
         """Go on for one cycle, and return the command."""
         self.now += self.period
-        state = RollerState(self.config.roller_positions, self.velocities)
+        state = RollerState(self.held.config.roller_positions, self.velocities)
         self.servo.twist = StampedInput(np.asarray(twist), self.now)
         self.servo.rollers = StampedInput(state, self.now)
-        self.servo.pose = StampedInput(self.held.pose(self.config), self.now)
+        self.servo.pose = StampedInput(self.held.pose, self.now)
         command = self.servo.decide(self.now).command
         self.velocities = command.roller_velocities
-        way = self.period * self.velocities
-        self.config = self.config.moved_to(self.config.roller_positions + way)
+        self.held = walks.moved(self.held, self.period * self.velocities)
         return command
 
     @property
     def margins(self):
-        return walks.margins(self.config, self.held.moved_to(self.config))
+        return walks.margins(self.held)
+
+
+def held_at(config, module, diameter):
+    """Return how a disc is held that touches both members at a module."""
+    body = ConvexObject.disc(tangent_center(config, module, diameter), diameter)
+    return RollingGrip.attach(config, Grip.at_module(config.robot, module, body))
 
 
 def pushed(seed, slide=False):
     """Return a robot, and a twist that takes it to a bound."""
     rng = np.random.default_rng(seed)
-    config, grasp = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
-    return Pushed(config, grasp, slide=slide), 0.2 * rng.standard_normal(3)
+    held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
+    return Pushed(held, slide=slide), 0.2 * rng.standard_normal(3)
 
 
 @pytest.mark.parametrize('seed', [0, 9, 15])
@@ -111,11 +118,9 @@ def test_statuses_and_names_say_what_is_in_the_way():
 
 def test_weak_shapes_are_named_and_not_entered():
     robot = walks.ROBOT
-    grasp = Grip.at_module(
-        robot, 'north/Z', ConvexObject.disc(tangent_center(robot.home, 'north/Z', 0.3), 0.3)
-    )
+    held, guard = held_at(robot.home, 'north/Z', 0.3), ShapeGuard(robot, ShapeBounds(0.9))
     for angle in np.linspace(0.0, 2.0 * np.pi, 9):
-        weak = Pushed(robot.home, grasp, ShapeBounds(min_rigidity=0.9))
+        weak = Pushed(held, guard)
         for _ in range(300):
             command = weak.step([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.0])
             assert weak.margins[0] + walks.BOUNDS.min_rigidity > 0.9
@@ -129,11 +134,11 @@ def test_weak_shapes_are_named_and_not_entered():
 def test_leaving_is_always_allowed(seed):
     """From beyond all bounds at once the robot may move as long as nothing gets worse."""
     rng = np.random.default_rng(seed)
-    config, grasp = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
+    held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
     own = np.array(walks.LEAST)
-    found = walks.margins(config, grasp) + own
+    found = walks.margins(held) + own
     bounds = ShapeBounds(min(0.95, found[0] + 0.05), found[1] + 0.01, found[2] + 0.02)
-    robot = Pushed(config, grasp, bounds)
+    robot = Pushed(held, ShapeGuard(walks.ROBOT, bounds))
     least = (
         np.array([bounds.min_rigidity, bounds.min_clearance, bounds.min_object_clearance]) - own
     )
@@ -155,12 +160,10 @@ def test_leaving_is_always_allowed(seed):
 def test_any_robot_keeps_its_bounds_and_gets_no_further_beyond_them(robot, rng, slide):
     module = str(rng.choice(robot.module_names))
     try:
-        grasp = Grip.at_module(
-            robot, module, ConvexObject.disc(tangent_center(robot.home, module, 0.2), 0.2)
-        )
+        held = held_at(robot.home, module, 0.2)
     except GraspError:
         assume(False)
-    walker = Pushed(robot.home, grasp, slide=slide)
+    walker = Pushed(held, slide=slide)
     least = np.minimum(walker.margins, 0.0) - 1e-6
     for step in range(150):
         if step % 50 == 0:
@@ -175,9 +178,9 @@ def test_sliding_gets_further_and_goes_on():
         reached = []
         for slide in (False, True):
             robot, twist = pushed(seed, slide)
-            start = robot.held.pose(robot.config)
+            start = robot.held.pose
             statuses = {robot.step(twist).status for _ in range(count)}
-            end = robot.held.pose(robot.config)
+            end = robot.held.pose
             reached.append((end.x - start.x) * twist[0] + (end.y - start.y) * twist[1])
             assert robot.margins.min() > 0.0
         assert Status.SLIDING in statuses
@@ -206,10 +209,10 @@ def test_rollers_do_not_swing_at_a_bound(seed, slide):
 def test_rollers_do_not_swing_in_slow_loops(seed, size, period, guarded):
     """A step at full speed goes further there than what is the best way of rolling changes in."""
     rng = np.random.default_rng(seed)
-    config, grasp = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
+    held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
     twist = rng.standard_normal(3)
     twist *= size / np.linalg.norm(twist)
-    robot = Pushed(config, grasp, period=period)
+    robot = Pushed(held, period=period)
     if not guarded:
         robot.servo.guard = None
     turns, rolled = 0, 0.0
@@ -228,12 +231,10 @@ def test_guard_changes_nothing_where_nothing_is_near():
     guard = ShapeGuard(robot, ShapeBounds())
     for _ in range(30):
         config = robots.random_state(robot, rng, 0.005)
-        grasp = Grip.at_module(
-            config.robot, 'north/Z', ConvexObject.disc(tangent_center(config, 'north/Z', 0.3), 0.3)
-        )
-        watch = guard.watch(config, grasp)
+        grip = held_at(config, 'north/Z', 0.3).grip
+        watch = guard.watch(config, grip)
         assert watch.limits == ()
-        command = solve_twist(config, grasp, rng.standard_normal(3))
+        command = solve_twist(config, grip, rng.standard_normal(3))
         assert watch.keep(command, command.roller_velocities, PERIOD) is command
 
 
@@ -243,18 +244,17 @@ def test_command_is_cut_where_it_would_lead_too_far(duration):
     cut = 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
-        config, grasp = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
-        held = RollingGrip.attach(config, grasp)
-        watch = ShapeGuard(walks.ROBOT, ShapeBounds()).watch(config, grasp)
+        held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
+        watch = ShapeGuard(walks.ROBOT, ShapeBounds()).watch(held.config, held.grip)
         for _ in range(3):
-            command = solve_twist(config, grasp, rng.standard_normal(3))
+            command = solve_twist(held.config, held.grip, rng.standard_normal(3))
             kept = watch.keep(command, np.zeros(6), duration)
             share = kept.scale / command.scale
             assert 0.0 <= share <= 1.0
             assert kept.roller_velocities == pytest.approx(share * command.roller_velocities)
             assert kept.achieved_twist == pytest.approx(share * command.achieved_twist)
-            end = config.moved_to(config.roller_positions + duration * kept.roller_velocities)
-            assert walks.margins(end, held.moved_to(end)).min() > 0.0
+            end = walks.moved(held, duration * kept.roller_velocities)
+            assert walks.margins(end).min() > 0.0
             if share < 1.0:
                 cut += 1
                 assert kept.status in BARRIERS | {Status.UNREACHABLE}
@@ -281,9 +281,7 @@ def test_large_robot_is_watched_in_little_time():
     robot = robots.random_robot(3, 'ring', 8)
     barrier = SelfCollisionBarrier(robot, BarrierLaw(0.0, 0.1))
     config = robot.home
-    module = robot.module_names[0]
-    grasp = Grip.at_module(config.robot, module, ConvexObject.disc((0.0, 0.0), 0.3))
-    barrier.active(config, grasp)
+    barrier.active(config, None)
     measured = []
     model = barrier._model
     original = model.distances
@@ -297,7 +295,7 @@ def test_large_robot_is_watched_in_little_time():
     try:
         for step in range(1, 6):
             moved = config.moved_to(np.full(len(robot.roller_names), 1e-4 * step))
-            barrier.active(moved, grasp)
+            barrier.active(moved, None)
     finally:
         del model.distances
     assert sum(measured) < 0.1 * 5 * len(original(config))
@@ -306,10 +304,8 @@ def test_large_robot_is_watched_in_little_time():
 def test_without_an_object_all_but_its_barrier_is_watched():
     guard = ShapeGuard(walks.ROBOT, ShapeBounds(clearance_band=10.0, rigidity_band=10.0))
     config = walks.ROBOT.home
-    grasp = Grip.at_module(
-        config.robot, 'north/Z', ConvexObject.disc(tangent_center(config, 'north/Z', 0.3), 0.3)
-    )
-    held, bare = guard.watch(config, grasp).limits, guard.watch(config, None).limits
+    grip = held_at(config, 'north/Z', 0.3).grip
+    held, bare = guard.watch(config, grip).limits, guard.watch(config, None).limits
     assert [limit.status for limit in held] == [*(x.status for x in bare), Status.SLOWED_OBJECT]
     for one, other in zip(held, bare, strict=False):
         assert one.rows(config).matrix == pytest.approx(other.rows(config).matrix, abs=0.0)

@@ -111,7 +111,7 @@ def test_it_is_dropped_where_the_margin_says_and_says_why():
     assert simulated.dropped in (HoldStatus.SLIPS, HoldStatus.NO_CONTACT, HoldStatus.NO_BALANCE)
     # It gave way until it slipped, out of the grip, and lies where the members end to push it.
     assert 0.0 < np.hypot(*np.subtract(simulated.pose(CONFIG)[:2], before[:2])) < 0.2
-    lies = ConvexObject.disc(simulated.pose(CONFIG)[:2], CYLINDER.diameter)
+    lies = ConvexObject.disc(simulated.pose(CONFIG)[:2], CYLINDER.shape.diameter)
     assert member_depths(CONFIG, lies).max() == pytest.approx(0.0, abs=1e-8)
     simulated.external_wrench = (0.0, 0.0, 0.0)
     simulated.follow(CONFIG)
@@ -163,7 +163,7 @@ def test_tubes_may_be_slippery_and_soft():
 
 
 def test_it_lies_until_two_members_press_on_it():
-    simulated = ElasticObject(CYLINDER, FRICTION, angle=0.4)
+    simulated = ElasticObject(CYLINDER.moved_to((*CYLINDER.pose[:2], 0.4)), FRICTION)
     approach = backed_off(CONFIG, CYLINDER, 0.15)[::-1]
     held_at = []
     for config in approach:
@@ -171,7 +171,7 @@ def test_it_lies_until_two_members_press_on_it():
         held_at.append(simulated.grasp is not None)
         if not held_at[-1]:
             # The member that comes first pushes it a little.
-            assert simulated.pose(config) == pytest.approx((*CYLINDER.center, 0.4), abs=5e-3)
+            assert simulated.pose(config) == pytest.approx((*CYLINDER.pose[:2], 0.4), abs=5e-3)
     assert not held_at[0]
     assert held_at[-1]
     assert held_at == sorted(held_at)
@@ -210,10 +210,10 @@ def test_a_wedge_too_wide_for_the_friction_pushes_it_out():
     simulated = ElasticObject(cylinder, FRICTION)
     simulated.follow(config)
     assert simulated.grasp is None
-    lies = ConvexObject.disc(simulated.pose(config)[:2], cylinder.diameter)
+    lies = ConvexObject.disc(simulated.pose(config)[:2], cylinder.shape.diameter)
     assert np.sort(member_depths(config, lies))[-2:] == pytest.approx([0.0, 0.0], abs=1e-6)
     # Along the bisector, by 20 mm.
-    out = np.hypot(*np.subtract(lies.center, cylinder.center))
+    out = abs(lies.center - cylinder.center)
     assert out == pytest.approx(0.02, rel=1e-3)
 
 

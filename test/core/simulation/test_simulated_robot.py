@@ -17,6 +17,7 @@ from isotruss_ros.core import (
     load_robot,
     RollerFaults,
     RollingGrip,
+    RollingObject,
     SimulatedRobot,
     tangent_center,
 )
@@ -33,7 +34,7 @@ SPEEDS = np.linspace(-0.02, 0.03, N)
 
 def simulated(**faults):
     """Return a robot at home with the object in its grip."""
-    held = RollingGrip.attach(ROBOT.home, GRASP)
+    held = RollingObject(RollingGrip.attach(ROBOT.home, GRASP))
     return SimulatedRobot(ROBOT.home, held, RollerFaults(**faults), seed=3)
 
 
@@ -98,7 +99,7 @@ def test_slip_is_what_the_encoders_do_not_see():
     assert shares.max() <= 0.15
     assert len(set(shares.round(9))) == moves.sum()  # each roller has its own
     # The object is where the tubes took it, and the way back leads home.
-    assert robot.object_pose == RollingGrip.attach(ROBOT.home, GRASP).pose(robot.config)
+    assert robot.object_pose == RollingGrip.attach(ROBOT.home, GRASP).moved_to(robot.config).pose
     robot.command(-SPEEDS)
     robot.advance(2.0)
     assert robot.config.roller_positions == pytest.approx(np.zeros(N), abs=1e-15)
@@ -108,7 +109,7 @@ def test_slip_is_as_large_as_asked_for_over_many_robots():
     way = 0.1
     lost = []
     for seed in range(200):
-        held = RollingGrip.attach(ROBOT.home, GRASP)
+        held = RollingObject(RollingGrip.attach(ROBOT.home, GRASP))
         robot = SimulatedRobot(ROBOT.home, held, RollerFaults(slip=0.06), seed)
         robot.command(np.full(N, way))
         robot.advance(0.01)

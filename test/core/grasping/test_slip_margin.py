@@ -7,39 +7,14 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""What a grasp is worth by its forces and places alone."""
+"""The response to wrenches: when it is stable, and at which wrench a member slips first."""
 
 import itertools
 from types import SimpleNamespace
 
-from isotruss_ros.core import HoldStatus
 from isotruss_ros.core.grasping.slip_margin import slip_margin, weakest_direction, WrenchResponse
-from isotruss_ros.core.grasping.sticking_grasp import scaled_wrench, StickingGrasp
 import numpy as np
 import pytest
-
-
-@pytest.mark.parametrize(
-    ('normal', 'feet', 'hold'),
-    [
-        ([0.05, 1.0], [0.0, 0.8], HoldStatus.HELD),
-        ([0.0, 1.0], [0.3, 0.3], HoldStatus.NO_CONTACT),
-        ([1.0, -0.05], [0.3, 0.3], HoldStatus.NO_CONTACT),
-        ([1.0, 1.0], [-0.01, 0.3], HoldStatus.OFF_MEMBER),
-        ([1.0, 1.0], [0.3, 0.81], HoldStatus.OFF_MEMBER),
-        ([1.0, 0.1], [0.3, 0.3], HoldStatus.SLIPS),
-    ],
-)
-def test_a_grasp_holds_where_all_members_press_on_their_length_and_stick(normal, feet, hold):
-    grasp = StickingGrasp()
-    grasp.state = SimpleNamespace(
-        normal_forces=np.array(normal),
-        friction_forces=np.array([0.01, -0.06]),
-        feet=np.array(feet),
-    )
-    lengths = SimpleNamespace(length=np.array([0.7, 0.8]))
-    grasp.statics = SimpleNamespace(owners=np.arange(2), compliance=lengths)
-    assert grasp.hold(0.5) is hold
 
 
 @pytest.mark.parametrize('arm', [0.2, 1.0])
@@ -80,27 +55,3 @@ def test_a_member_slips_by_the_sums_over_its_contacts():
     assert response.squeeze == pytest.approx([0.0, 0.0, 0.15])
     # Far from slipping, the first contact lets go.
     assert slip_margin(state, response, 50.0) == pytest.approx(1.0 / 0.1)
-
-
-def test_forces_of_members_are_sums_over_their_contacts():
-    grasp = StickingGrasp()
-    grasp.state = SimpleNamespace(
-        normal_forces=np.array([1.0, 3.0, 5.0]), friction_forces=np.array([0.4, 0.8, -2.0])
-    )
-    grasp.statics = SimpleNamespace(owners=np.array([0, 0, 1]))
-    assert grasp.normal_forces == pytest.approx([4.0, 5.0])
-    assert grasp.friction_forces == pytest.approx([1.2, -2.0])
-    assert grasp.squeeze == pytest.approx(4.5)
-    assert grasp.required_friction == pytest.approx(0.4)
-
-
-@pytest.mark.parametrize(('angle', 'within'), [(3.0, 3.0), (4.0, 4.0 - 2.0 * np.pi)])
-def test_the_angle_of_a_pose_is_within_half_a_turn(angle, within):
-    grasp = StickingGrasp()
-    grasp.state = SimpleNamespace(unknowns=np.array([1.0, 2.0, angle, 0.5]))
-    assert grasp.pose == pytest.approx((1.0, 2.0, within))
-
-
-def test_moments_compare_with_forces_by_the_arm():
-    assert scaled_wrench([3.0, 4.0, 0.5], 0.2) == pytest.approx([3.0, 4.0, 2.5])
-    assert scaled_wrench(None, 0.2).tolist() == [0.0, 0.0, 0.0]

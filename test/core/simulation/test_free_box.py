@@ -22,7 +22,7 @@ from isotruss_ros.core import (
     solve_twist_ahead,
 )
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
-from isotruss_ros.core.simulation.free_convex_object import FreeObject, pressing_members
+from isotruss_ros.core.simulation.free_object import FreeObject, pressing_members
 import numpy as np
 import pytest
 

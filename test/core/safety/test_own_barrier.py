@@ -1,0 +1,110 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""A barrier of one's own: the object stays above a height."""
+
+from grips import disc_grip
+from isotruss_ros.core import (
+    load_robot,
+    RollerState,
+    RollingGrip,
+    ShapeGuard,
+    StampedInput,
+    Status,
+    TwistServo,
+)
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from isotruss_ros.core.safety.barrier_law import ActiveValues, BarrierLaw, EVERYTHING, NOTHING
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+PERIOD = 0.02
+
+
+class HeightBarrier:
+    """
+    The object stays above a height.
+
+    :param height: of its lowest point in the robot frame [m].
+    :param band: so far above it is slowed [m].
+    """
+
+    status = Status.SLOWED_BARRIER
+    needs_object = True
+
+    def __init__(self, height, band=0.05):
+        self.law = BarrierLaw(height, band)
+
+    def active(self, config, grip):
+        """Return the height of the lowest point, which moves and turns with the object."""
+        value = self.values(config, grip, EVERYTHING)
+        if value[0] >= self.law.active_below:
+            return NOTHING
+        (arm,) = grip.body.turn * grip.body.shape.support_points(np.array([-1j]) / grip.body.turn)
+        rows = grip_jacobian(config, grip)
+        by_rollers = rows[1] + arm.real * rows[2]
+        return ActiveValues(
+            np.array([0]), value, np.zeros((1, 2 * len(config.points))), by_rollers[None]
+        )
+
+    def values(self, config, grip, indices):
+        """Return the height of the lowest point [m]."""
+        return (grip.center.imag - grip.body.support(np.array([-1j])))[indices]
+
+    def names(self, indices):
+        """Return what the value is."""
+        return ['the height of the object'] * len(indices)
+
+
+def drive(barriers, steps=200):
+    """Command an object downward at 50 Hz; return its lowest points [m], and the last command."""
+    held = RollingGrip.attach(ROBOT.home, disc_grip(ROBOT.home, 'north/Z'))
+    servo = TwistServo(ROBOT, 'north/Z', 0.3, PERIOD, timeout=1.0)
+    servo.guard = ShapeGuard(ROBOT, barriers=barriers)
+    heights, velocities = [], np.zeros(len(ROBOT.roller_names))
+    for step in range(steps):
+        now = step * PERIOD
+        state = RollerState(held.config.roller_positions, velocities)
+        servo.twist = StampedInput(np.array([0.0, -0.5, 0.0]), now)
+        servo.rollers, servo.pose = StampedInput(state, now), StampedInput(held.pose, now)
+        command = servo.decide(now).command
+        velocities = command.roller_velocities
+        held = held.moved_to(held.config.moved_to(state.positions + PERIOD * velocities))
+        heights.append(held.grip.center.imag - 0.15)
+    return np.array(heights), command
+
+
+@pytest.mark.parametrize('band', [0.05, 1e-3])
+def test_an_object_comes_to_rest_above_its_height_and_is_told_why(band):
+    """Also where it goes farther in a cycle than the band is wide."""
+    free, _ = drive([], 50)
+    bound = 0.5 * (free[-1] + free[-2])
+    assert free[-2] - free[-1] > 1e-3
+    heights, command = drive([HeightBarrier(bound, band)])
+    assert heights.min() > bound
+    assert heights[-1] == pytest.approx(bound, abs=1e-3)
+    assert command.status is Status.SLOWED_BARRIER
+    assert command.limiting == ('the height of the object',)
+
+
+def test_rows_are_derivatives_of_the_height():
+    grip, barrier = disc_grip(ROBOT.home, 'north/Z'), HeightBarrier(0.0)
+    barrier = HeightBarrier(barrier.values(ROBOT.home, grip, EVERYTHING)[0] - 0.01)
+    (row,) = barrier.active(ROBOT.home, grip).roller_rows
+    opening = grip_jacobian(ROBOT.home, grip)[3:]
+    way = np.linalg.pinv(opening) @ opening
+    held, step = RollingGrip.attach(ROBOT.home, grip), 1e-6
+    for move in np.eye(len(row)) - way:
+        after, before = (
+            held.moved_to(ROBOT.home.moved_to(ROBOT.home.roller_positions + sign * move)).grip
+            for sign in (step, -step)
+        )
+        change = barrier.values(None, after, EVERYTHING) - barrier.values(None, before, EVERYTHING)
+        assert change / (2.0 * step) == pytest.approx(row @ move, abs=1e-6)
