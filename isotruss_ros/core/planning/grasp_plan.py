@@ -16,8 +16,7 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import Grasp
-from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip import Grip, members_at
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -44,8 +43,6 @@ class PlannedGrasp:
     """
     A grasp that fulfils the requirements, and the path to it.
 
-    :ivar grasp: the module whose two members hold the object, and the object, where that is a
-        cylinder; None of a convex object.
     :ivar grip: the members that were closed on the object, and the object where it is then.
     :ivar members: names `t/j-k` of all members that touch the object.
     :ivar config: configuration of the robot in the grasp.
@@ -53,7 +50,7 @@ class PlannedGrasp:
     :ivar score: of the measure asked for; larger is better.
     :ivar squeeze: mean normal force of the grasping members on the free object [N].
     :ivar slip_margin: smallest wrench, moment over d/2, at which a contact slips or lets go, the
-        object free; zero where more than two members hold it [N].
+        object free; zero where it is not held then [N].
     :ivar closure_margin: see `GraspAnalysis.closure_margin`: of the object held fast; negative
         where that is open, which an object that is free does not mind [N].
     :ivar required_friction: see `GraspAnalysis.required_friction`.
@@ -68,7 +65,6 @@ class PlannedGrasp:
     :ivar touch: the row of `path` at which all grasping members touch; none does before.
     """
 
-    grasp: Grasp | None
     grip: Grip
     members: tuple[str, ...]
     config: Configuration
@@ -85,6 +81,13 @@ class PlannedGrasp:
     rigidity: float
     path: Array
     touch: int
+
+    @property
+    def module(self) -> str | None:
+        """Return the name `t/j` of the module at which the grip's two members meet, if they do."""
+        robot, members = self.config.robot, set(self.grip.members)
+        at_module = (name for name in robot.module_names if members == {*members_at(robot, name)})
+        return next(at_module, None)
 
     @property
     def outside_model(self) -> bool:
@@ -168,11 +171,10 @@ def path_times(path: Array, max_speed: float, near: Array, min_duration: float =
 #: By the name of a requirement: value of the closest candidate, and bound.
 SENTENCES = {
     'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
-    'enclosed': 'no loop of the robot that may grip goes around the object',
+    'enclosed': 'no members go all around the object',
     'members': '{value:.0f} of the {bound:.0f} members asked for are seen from within the object',
     'opposed': 'forces of the members, within their friction cones, balance at no angle near',
     'reach': 'a member stays {value:.4g} m short of the object',
-    'opening': 'the members open by {value:.3g} rad; must be at most {bound:.3g}',
     'facing': 'members stay {value:.3g} rad from where friction holds the object between them',
     'rigidity': 'along the path the rigidity index falls to {value:.3g}; must be {bound:.3g}',
     'self_clearance': 'along the path the clearance of the robot from itself is {value:.4g} m',
@@ -216,7 +218,7 @@ def grasp_in_words(grasp: PlannedGrasp) -> str:
     :param grasp: the grasp.
     """
     outside = '; a tube wrinkles, these numbers are outside of the model'
-    where = '' if grasp.grasp is None else f'at {grasp.grasp.module} '
+    where = '' if grasp.module is None else f'at {grasp.module} '
     return (
         f'{where}between {", ".join(grasp.members)}: presses with '
         f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, closure margin held '

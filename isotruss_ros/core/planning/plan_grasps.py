@@ -10,10 +10,10 @@
 """
 The search for grasps: first where the grip must be, then the indentations of its members.
 
-Each round has a number of seeds: a module, its opening, the grasping members, and the nominal
-posture that the remaining freedom is drawn to. Kinematics brings every seed to an open grip, or
-shows that there is none; statics finds the indentations, shortest path first. The first round
-has the seeds that are usually good; the others have random postures.
+Each round has a number of seeds: the grasping members, the directions in which they are to face the
+object, and the nominal posture that the remaining freedom is drawn to. Kinematics brings every seed
+to an open grip, or shows that there is none; statics finds the indentations, shortest path first.
+The first round has the seeds that are usually good; the others have random postures.
 """
 
 from __future__ import annotations
@@ -25,31 +25,29 @@ import time
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grasp import Grasp
-from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
-from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
-from isotruss_ros.core.model.pose import Cylinder
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.planning.approach import Approach, approach
-from isotruss_ros.core.planning.closing_qp import Closing
+from isotruss_ros.core.planning.closed_grip import ClosedGrip
+from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.grasp_candidate import (
     make_grasp_candidate,
     squeeze_candidate,
     Squeezed,
 )
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, Violation
-from isotruss_ros.core.planning.grip_seeds import count_seen, find_grip_seeds
 from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
-from isotruss_ros.core.planning.seeds import find_seeds
+from isotruss_ros.core.planning.seeds import explain_no_seeds, find_seeds, required_members
 from isotruss_ros.core.planning.settings import DEFAULT, SearchSettings
-from isotruss_ros.core.safety.distances import object_gaps
 from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.core.safety.object_distances import object_distances
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
 
 def plan_grasps(
     config: Configuration,
-    body: Cylinder | ConvexObject,
+    body: ConvexObject,
     requirements: GraspRequirements | None = None,
     seed: int = 0,
     executor: Executor | None = None,
@@ -61,10 +59,9 @@ def plan_grasps(
     """
     Find grasps of a free object inside a loop of the robot, and the paths to them.
 
-    A cylinder is grasped by the two members that meet at a module. Of a `ConvexObject` grips are
-    tried of any two members and any three around it, whatever tubes these are of; they are ranked
-    by slip margin, unless another measure is asked for. Where the requirements name members, a
-    cylinder is such an object too.
+    Grips are tried of any two members and any three around it, whatever tubes these are of, unless
+    the requirements name a module or members; they are ranked by slip margin, unless another
+    measure is asked for.
 
     The same seed gives the same plan on any number of cores: candidates are evaluated in their
     order, wherever they are computed.
@@ -85,20 +82,15 @@ def plan_grasps(
     :raises StructureError: the robot cannot be analysed.
     """
     needs = requirements or GraspRequirements()
-    if needs.members is not None:
-        find_members(config.robot, needs.members)  # names are checked here, once
-        body = as_convex_object(body)
-    if isinstance(body, ConvexObject) and body.friction is not None:
+    required_members(config.robot, needs)  # names are checked here, once
+    if body.friction is not None:
         needs = replace(needs, friction=body.friction)
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise GraspError(f'seed {seed!r}: must be an integer, not negative')
     search = _Search(config, body, needs, on_progress or _ignore, should_stop or _never, settings)
     structure_of(config)  # contradictory stiffness laws are reported here, once
     for number in range(settings.max_rounds if search.is_free() else 0):
-        if isinstance(body, ConvexObject):
-            seeds = find_grip_seeds(config, body, needs, int(seed), number, settings)
-        else:
-            seeds = find_seeds(config, body, needs, int(seed), number, settings)
+        seeds = find_seeds(config, body, needs, int(seed), number, settings)
         opened = search.approach(seeds)
         for reached, squeezed in search.squeeze(opened, executor):
             search.add(reached, squeezed)
@@ -115,7 +107,7 @@ class _Search:
     def __init__(
         self,
         config: Configuration,
-        body: Cylinder | ConvexObject,
+        body: ConvexObject,
         needs: GraspRequirements,
         on_progress: Callable[[Progress], None],
         should_stop: Callable[[], bool],
@@ -132,8 +124,7 @@ class _Search:
 
     def is_free(self) -> bool:
         """Return whether nothing touches the object yet; otherwise there is no path to a grasp."""
-        gaps = object_gaps(self._config, self._body)
-        least = float(min(gaps.members.min(), gaps.modules.min(), gaps.rods.min()))
+        least = float(object_distances(self._config, self._body).min())
         if least < 0.0:
             self._record(Violation('free', least, 0.0, 2000.0))
         return least >= 0.0
@@ -157,7 +148,7 @@ class _Search:
             name, value = reached.unmet
             self._record(Violation(name, float(value), closing.bound(name), 100.0))
         if not closings:
-            self._record(self._explain_no_seeds())
+            self._record(explain_no_seeds(self._config, self._body, self._needs))
         self._known += len(opened)
         self._on_progress(self.progress())
         return sorted(opened, key=lambda reached: reached.travel)
@@ -187,12 +178,12 @@ class _Search:
     def add(self, reached: Approach, squeezed: Squeezed) -> None:
         """Add the result of a candidate."""
         self._judged += 1
-        self._evaluations += squeezed.evaluations + squeezed.analysed
-        self._analyses += squeezed.analysed
-        if squeezed.violation is not None:
-            self._record(squeezed.violation)
+        self._evaluations += squeezed.evaluations + squeezed.analyses
+        self._analyses += squeezed.analyses
+        if squeezed.grip is not None:
+            self._grasps.append(self._planned(reached, squeezed.grip))
         else:
-            self._grasps.append(self._planned(reached, squeezed))
+            self._record(squeezed.violation)
         self._on_progress(self.progress())
 
     def best(self) -> list[PlannedGrasp]:
@@ -228,55 +219,32 @@ class _Search:
             time.perf_counter() - self._began,
         )
 
-    def _planned(self, reached: Approach, squeezed: Squeezed) -> PlannedGrasp:
-        robot, closing = self._config.robot, reached.closing
+    def _planned(self, reached: Approach, closed: ClosedGrip) -> PlannedGrasp:
+        robot, needs = self._config.robot, self._needs
+        analysis, loads = closed.analysis, closed.loads
         opened = np.array([config.roller_positions for config in reached.path])
-        path = np.concatenate([opened, squeezed.positions])
+        path = np.concatenate([opened, closed.path])
         travel = float(np.abs(np.diff(path, axis=0)).sum(axis=0).max())
         rigid = min(shape_margins(config).rigidity for config in reached.path)
-        analysis, body = squeezed.analysis, squeezed.body
-        grasp = None
-        if isinstance(body, Cylinder):
-            assert closing.module is not None
-            grasp = Grasp(robot.module_names[closing.module], body.center, body.diameter)
-        names = tuple(robot.member_names[i] for i in closing.members)
+        names = tuple(robot.member_names[i] for i in reached.closing.members)
         return PlannedGrasp(
-            grasp=grasp,
-            grip=Grip(names, body, self._needs.friction),
+            grip=Grip(names, closed.body, needs.friction),
             members=tuple(analysis.contact_lengths),
-            config=Configuration(robot, path[-1], squeezed.points),
+            config=Configuration(robot, path[-1], closed.points),
             analysis=analysis,
-            score=rate_grasp(
-                self._needs,
-                analysis,
-                squeezed.loads.max_total_force,
-                squeezed.slip_margin,
-                -travel,
-            ),
-            squeeze=squeezed.squeeze,
-            slip_margin=squeezed.slip_margin,
+            score=rate_grasp(needs, analysis, loads.max_total_force, closed.slip_margin, -travel),
+            squeeze=closed.squeeze,
+            slip_margin=closed.slip_margin,
             closure_margin=analysis.closure_margin,
             required_friction=analysis.required_friction,
-            max_contact_force=squeezed.loads.max_contact_force,
-            total_force=squeezed.loads.max_total_force,
-            utilisation=squeezed.loads.max_utilisation,
+            max_contact_force=loads.max_contact_force,
+            total_force=loads.max_total_force,
+            utilisation=loads.max_utilisation,
             travel=travel,
-            rigidity=min(rigid, squeezed.rigidity),
+            rigidity=min(rigid, closed.rigidity),
             path=path,
             touch=len(opened),
         )
-
-    def _explain_no_seeds(self) -> Violation:
-        """Return why there is not even a seed: no members around the object, or not those."""
-        wanted, body = self._needs.members, self._body
-        if self._needs.module is not None and isinstance(body, ConvexObject):
-            wanted = members_at(self._config.robot, self._needs.module)
-        if wanted is not None:
-            seen, around = count_seen(self._config, as_convex_object(body).middle, wanted)
-            if around:
-                name = 'members' if seen < len(wanted) else 'opposed'
-                return Violation(name, float(seen), float(len(wanted)), 1000.0)
-        return Violation('enclosed', 0.0, 1.0, 1000.0)
 
     def _check_stop(self) -> bool:
         self.stopped = self.stopped or self._should_stop()

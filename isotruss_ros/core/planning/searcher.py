@@ -23,7 +23,6 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.pose import Cylinder
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, plan_in_words, Progress
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
 from isotruss_ros.core.planning.requirements import GraspRequirements
@@ -71,7 +70,7 @@ class Searcher:
     def begin(
         self,
         config: Configuration,
-        body: Cylinder | ConvexObject,
+        body: ConvexObject,
         requirements: GraspRequirements,
         seed: int,
         time_limit: float,
@@ -178,7 +177,7 @@ class BackgroundSearch:
     def __init__(
         self,
         config: Configuration,
-        body: Cylinder | ConvexObject,
+        body: ConvexObject,
         requirements: GraspRequirements,
         seed: int,
         executor: Executor,
@@ -226,7 +225,7 @@ class BackgroundSearch:
     def _run(
         self,
         config: Configuration,
-        body: Cylinder | ConvexObject,
+        body: ConvexObject,
         requirements: GraspRequirements,
         seed: int,
         executor: Executor,
