@@ -73,10 +73,6 @@ class ClosingInPlace:
         """Return the violation of the best state so far."""
         return self._motion.closest_violation
 
-    @closest_violation.setter
-    def closest_violation(self, violation: Violation) -> None:
-        self._motion.closest_violation = violation
-
     def close(self) -> ClosedGrip | None:
         """
         Return a grip that fulfils the requirements, or None; then see `closest_violation`.
@@ -89,8 +85,7 @@ class ClosingInPlace:
             return None
         needs, path = self._needs, [touch]
         best, best_score = None, -math.inf
-        held = self._rise(touch) if len(self._closing.members) == 2 else self._surround(touch)
-        for grasp in held:
+        for grasp in self._rise(touch):
             path.append(grasp.config)
             self.analyses += 1
             body = self._placed(grasp)
@@ -115,58 +110,46 @@ class ClosingInPlace:
 
     def _rise(self, touch: Configuration) -> Iterator[HeldGrip]:
         """Yield how the object is held with larger and larger squeeze, until it is that wanted."""
-        closing, wanted = self._closing, self._needs.squeeze
-        settings, tube = closing.settings, touch.robot.description.tube_diameter
-        depth = settings.first_contact * tube
-        pressed = self._press(touch, np.full(len(closing.members), depth))
-        if pressed is None:
-            return
-        found = HeldGrip.attach(pressed, closing.body, np.array(closing.members))
-        if isinstance(found, HoldStatus):
-            self._motion.record(Violation('held', 0.0, 1.0, 30.0))
-            return
-        grasp: HeldGrip | None = found
-        closer = settings.closing_step * tube
+        settings, wanted = self._closing.settings, self._needs.squeeze
+        closer = settings.closing_step * touch.robot.description.tube_diameter
+        pair = len(self._closing.members) == 2
+        first = grasp = self._hold(touch)
         while grasp is not None and self._sticks(grasp):
-            if grasp is not found:
+            # Two members bring the object back to its place with the next step only.
+            if not (pair and grasp is first):
                 yield grasp
+            if wanted is not None and _reached(grasp, wanted):
+                return
             force = grasp.squeeze - closer * grasp.squeeze_stiffness()
-            if wanted is not None:
-                if _reached(grasp, wanted):
-                    return
-                force = min(wanted, force)
-            grasp = self._motion.squeeze(grasp, force)
+            if not pair:
+                force = min(
+                    grasp.squeeze * settings.squeeze_growth, grasp.squeeze + settings.squeeze_rise
+                )
+            force = force if wanted is None else min(wanted, force)
+            if pair:
+                grasp = self._motion.squeeze(grasp, force)
+            else:
+                grasp = squeeze_around(self._motion, grasp, force)
 
-    def _surround(self, touch: Configuration) -> Iterator[HeldGrip]:
-        """Yield how three members hold the object with larger and larger squeeze."""
-        closing, wanted = self._closing, self._needs.squeeze
-        body, tube = closing.body, touch.robot.description.tube_diameter
-        depths = np.full(len(closing.members), closing.settings.first_contact * tube)
-        config, found = touch, None
-        # First each presses as deep as keeps the object there without friction.
+    def _hold(self, touch: Configuration) -> HeldGrip | None:
+        """Return how the object is held first; three members press as deep as keeps it there."""
+        body, members = self._closing.body, np.array(self._closing.members)
+        depth = self._closing.settings.first_contact * touch.robot.description.tube_diameter
+        config, depths = touch, np.full(len(members), depth)
         for _ in range(MAX_BALANCE_STEPS):
             pressed = self._press(config, depths)
             if pressed is None:
-                return
-            config, found = pressed, HeldGrip.attach(pressed, body, np.array(closing.members))
+                return None
+            config, found = pressed, HeldGrip.attach(pressed, body, members)
             if isinstance(found, HoldStatus):
                 self._motion.record(Violation('held', 0.0, 1.0, 30.0))
-                return
+                return None
             away = found.body.center - body.center
-            if abs(away) < SAME_PLACE:
+            if len(members) == 2 or abs(away) < SAME_PLACE:
                 break
-            normals = outward_normals(config, closing)
+            normals = outward_normals(config, self._closing)
             depths = np.maximum(depths + (away * normals.conj()).real, 0.0)
-        grasp = found
-        while grasp is not None and self._sticks(grasp):
-            yield grasp
-            force = grasp.squeeze * closing.settings.squeeze_growth
-            force = min(force, grasp.squeeze + closing.settings.squeeze_rise)
-            if wanted is not None:
-                if _reached(grasp, wanted):
-                    return
-                force = min(wanted, force)
-            grasp = squeeze_around(self._motion, grasp, force)
+        return found
 
     def _sticks(self, grasp: HeldGrip) -> bool:
         """Return whether the contacts stick."""
