@@ -22,7 +22,7 @@ from pathlib import Path
 import tempfile
 
 from hypothesis import HealthCheck, settings, strategies
-from isotruss_ros.core import Grasp, load_robot, Robot
+from isotruss_ros.core import ConvexObject, Grip, load_robot, Robot
 from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.core.model.robot_file import describe_robot
 import numpy as np
@@ -148,7 +148,8 @@ def random_grasp(robot, rng, number):
     one = ends[0] + share[0] * (ends[1] - ends[0])
     other = ends[2] + share[1] * (ends[3] - ends[2])
     center = one + share[2] * (other - one)
-    return config, Grasp(module, (center.real, center.imag), rng.uniform(0.05, 0.5)), ends
+    body = ConvexObject.disc((center.real, center.imag), rng.uniform(0.05, 0.5))
+    return config, Grip.at_module(config.robot, module, body), ends
 
 
 def side_ends(config, module):

@@ -48,7 +48,7 @@ def find_seeds(
     :param requirements: what a grasp must fulfil; of a required module only its two members grip,
         and of required members only these.
     :param seed: of the random numbers.
-    :param number: of the round; the first is 0. In the others directions and postures are random,
+    :param number: of the round; the first is 0. In the others cones and postures are random,
         and few groups of members are tried several times.
     :param settings: of the search.
     :raises GraspError: the robot has no such module or members as those required.
@@ -61,7 +61,11 @@ def find_seeds(
             turning *= float(rng.uniform(0.0, 1.0))
             size = settings.random_posture * mean_member_length(config)
             away = size * rng.standard_normal(len(config.roller_positions))
-            closing = replace(closing, nominal_posture=config.roller_positions + away)
+            closing = replace(
+                closing,
+                nominal_posture=config.roller_positions + away,
+                friction_angle=closing.friction_angle * rng.uniform(*settings.random_cones),
+            )
         normals = outward_normals(config, closing)
         facing = _facing(closing, normals, turning)
         if facing is None:

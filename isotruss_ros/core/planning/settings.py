@@ -19,6 +19,8 @@ class SearchSettings:
     """
     How the search for grasps proceeds; lengths are relative, so that they fit robots of any size.
 
+    :ivar random_cones: smallest and largest friction cones of random grips, as shares of all of
+        them.
     :ivar random_posture: standard deviation of the nominal roller positions, against the mean
         length of members at home.
     :ivar max_rounds: number of rounds.
@@ -67,6 +69,7 @@ class SearchSettings:
     :ivar poll_interval: how often a request to stop is checked while workers compute [s].
     """
 
+    random_cones: tuple[float, float] = (0.5, 1.0)
     random_posture: float = 0.3
     max_rounds: int = 5
     standoff: float = 0.06

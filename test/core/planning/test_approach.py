@@ -17,7 +17,6 @@ from types import SimpleNamespace
 import closings
 from isotruss_ros.core import (
     ConvexObject,
-    Cylinder,
     Disc,
     GraspRequirements,
     load_robot,
@@ -25,7 +24,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.planning import approach as approaching
 from isotruss_ros.core.planning.approach import approach, missing_direction, turned_closing
-from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state, outward_normals
+from isotruss_ros.core.planning.closing import Closing, evaluate_state, outward_normals
 from isotruss_ros.core.planning.facing import friction_angles
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.settings import SearchSettings
@@ -42,19 +41,19 @@ NEEDS = GraspRequirements()
 @functools.lru_cache(maxsize=64)
 def reached(seed):
     """Return an object in a robot, and some approaches to it: those of both kinds."""
-    config, cylinder, _ = closings.scene(seed)
+    config, body, _ = closings.scene(seed)
     found = (
-        find_seeds(config, cylinder, NEEDS, 0, 0) + find_seeds(config, cylinder, NEEDS, 0, 1)[:2]
+        find_seeds(config, body, NEEDS, 0, 0) + find_seeds(config, body, NEEDS, 0, 1)[:2]
     )
     ways = [approach(config, closing) for closing in found[::2]]
-    return config, cylinder, ways
+    return config, body, ways
 
 
 def each(kept):
     """Return every approach of all seeds that is to be looked at, with the object."""
     return [
-        (cylinder, way)
-        for config, cylinder, ways in map(reached, SEEDS)
+        (body, way)
+        for config, body, ways in map(reached, SEEDS)
         for way in ways
         if kept(way)
     ]
@@ -84,26 +83,26 @@ def test_there_are_approaches_of_all_kinds():
 
 
 def test_sides_stand_off_the_object_and_are_closed_enough_for_friction():
-    for cylinder, way in each(arrived):
+    for body, way in each(arrived):
         there = way.path[-1]
         tube = there.robot.description.tube_diameter
-        near = closings.gaps(there, cylinder)[0][list(way.closing.members)]
+        near = closings.gaps(there, body)[0][list(way.closing.members)]
         assert near.min() > 0.06 * tube - 0.016 * tube
         assert near.max() <= 0.08 * tube + 3e-5
         assert opening(way, there) <= way.closing.opening + 1e-3 + 1e-9
 
 
 def test_way_is_free_of_the_object_between_its_rows_too():
-    for cylinder, way in each(arrived):
+    for body, way in each(arrived):
         count = len(way.path[0].robot.member_names)
         others = [i for i in range(count) if i not in way.closing.members]
         for _, config in closings.between(way.path, 3):
-            members, *modules = closings.gaps(config, cylinder)
+            members, *modules = closings.gaps(config, body)
             assert members.min() > 0.0
             tube = config.robot.description.tube_diameter
             # What is not to touch keeps away; a side that is to touch comes no nearer than asked.
             least = min(members[others].min(), np.min(modules))
-            began = min(np.concatenate(closings.gaps(way.path[0], cylinder)))
+            began = min(np.concatenate(closings.gaps(way.path[0], body)))
             assert least > min(0.05 * tube, began) - 0.01 * tube
 
 
@@ -219,14 +218,14 @@ def test_a_caller_who_wants_to_stop_waits_for_one_step_at_most():
 
 
 def test_a_search_hears_of_it_on_the_way_to_its_first_grip():
-    config, cylinder, ways = reached(0)
+    config, body, ways = reached(0)
     asked = []
 
     def stop():
         asked.append(None)
         return len(asked) > 3
 
-    plan = plan_grasps(config, cylinder, NEEDS, should_stop=stop)
+    plan = plan_grasps(config, body, NEEDS, should_stop=stop)
     assert not plan.complete
     assert len(asked) == 4
     # Not even the first of the branches came to its end.
@@ -255,37 +254,37 @@ def test_a_posture_draws_what_the_task_leaves_free():
         assert (one - other) @ away > 0.0
 
 
-def mirrored(document, cylinder):
+def mirrored(document, body):
     """Return the mirror image of a robot and an object."""
     joints = {name: [-x, y] for name, (x, y) in document['joints'].items()}
-    x, y = cylinder.center
-    return document | {'joints': joints}, Cylinder((-x, y), cylinder.diameter)
+    x, y = body.center
+    return document | {'joints': joints}, ConvexObject.disc((-x, y), 2.0 * body.arm)
 
 
-def turned(document, cylinder):
+def turned(document, body):
     """Return a robot and an object turned by a right angle."""
     joints = {name: [-y, x] for name, (x, y) in document['joints'].items()}
     axes = {'x': 'y', 'y': 'x'}
     supports = {name: [axes[a] for a in held] for name, held in document['supports'].items()}
-    x, y = cylinder.center
+    x, y = body.center
     return (
         document | {'joints': joints, 'supports': supports},
-        Cylinder((-y, x), cylinder.diameter),
+        ConvexObject.disc((-y, x), 2.0 * body.arm),
     )
 
 
-def reversed_tubes(document, cylinder):
+def reversed_tubes(document, body):
     """Return a robot whose tubes run the other way."""
     tubes = {
         name: tube | {'joints': tube['joints'][::-1]} for name, tube in document['tubes'].items()
     }
-    return document | {'tubes': tubes}, cylinder
+    return document | {'tubes': tubes}, body
 
 
-def at_home(document, cylinder):
+def at_home(document, body):
     """Return what approaches from home come to: by grip and opening, roller travel by name."""
     home, found = robots.load(document).home, {}
-    for closing in find_seeds(home, cylinder, NEEDS, 0, 0):
+    for closing in find_seeds(home, body, NEEDS, 0, 0):
         if len(closing.members) == 2:
             way = approach(home, closing)
             key = home.robot.module_names[closing.module], round(closing.opening, 9)
@@ -308,8 +307,8 @@ def test_mirrored_and_turned_robots_do_the_same(kind, change, sign):
         joints = document['joints']
         tube = document['tubes']['t0']['joints']
         center = tuple(np.mean([joints[name] for name in tube], axis=0))
-    cylinder = Cylinder(center, 0.15)
-    plain, other = at_home(document, cylinder), at_home(*change(document, cylinder))
+    body = ConvexObject.disc(center, 0.15)
+    plain, other = at_home(document, body), at_home(*change(document, body))
     assert plain.keys() == other.keys()
     assert len(plain) >= 6
     for key, (missed, length, rollers) in plain.items():
@@ -324,16 +323,16 @@ def test_symmetric_robot_moves_symmetrically():
     document = robots.example()
     document['joints'] = {'P': [-0.5, 0.0], 'Q': [0.5, 0.0], 'X': [0.0, 0.9]}
     document['supports'] = {'P': ['y'], 'Q': ['y'], 'X': ['x']}
-    home, cylinder = robots.load(document).home, Cylinder((0.0, 0.35), 0.25)
+    home, body = robots.load(document).home, ConvexObject.disc((0.0, 0.35), 0.25)
     needs = GraspRequirements(module='south/X')
-    for closing in find_seeds(home, cylinder, needs, 0, 0)[:2]:
+    for closing in find_seeds(home, body, needs, 0, 0)[:2]:
         way = approach(home, closing)
         assert way.unmet is None
         assert len(way.path) > 3
         for config in way.path:
             one, other = config.roller_positions
             assert one == pytest.approx(-other, abs=1e-6)
-            near = closings.gaps(config, cylinder)[0][list(closing.members)]
+            near = closings.gaps(config, body)[0][list(closing.members)]
             assert near[0] == pytest.approx(near[1], abs=1e-5)
 
 

@@ -16,7 +16,7 @@ import math
 
 from isotruss_ros.core import (
     analyze_grasp,
-    Cylinder,
+    ConvexObject,
     ElasticObject,
     GraspRequirements,
     load_robot,
@@ -37,7 +37,7 @@ import pytest
 
 HOME = load_robot('nine_member').home
 MODULE, FRICTION = 'north/Z', 0.5
-CYLINDER = Cylinder((0.6, 0.3), 0.3)
+CYLINDER = ConvexObject.disc((0.6, 0.3), 0.3)
 
 
 @functools.lru_cache(maxsize=8)
@@ -234,12 +234,12 @@ def test_a_load_is_held_and_costs_margin():
 
 
 def test_a_robot_of_few_rollers_takes_the_object_along_a_little():
-    home, cylinder = load_robot('triangle').home, Cylinder((0.716, 0.5), 0.4)
+    home, body = load_robot('triangle').home, ConvexObject.disc((0.716, 0.5), 0.4)
     needs = GraspRequirements(module='main/T', count=1)
-    (grasp,) = plan_grasps(home, cylinder, needs, thorough=False)
-    away = math.dist(grasp.grasp.center, cylinder.center)
+    (grasp,) = plan_grasps(home, body, needs, thorough=False)
+    away = math.dist(grasp.grasp.center, body.center)
     assert 1e-4 < away < 0.25 * home.robot.description.tube_diameter
     config = load_robot('triangle').configuration(grasp.path[-1])
-    settled = settle_grasp(config, Cylinder(grasp.grasp.center, 0.4), FRICTION)
+    settled = settle_grasp(config, ConvexObject.disc(grasp.grasp.center, 0.4), FRICTION)
     assert settled.held
     assert settled.slip_margin == pytest.approx(grasp.slip_margin, rel=1e-3)

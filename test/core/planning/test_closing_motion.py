@@ -13,7 +13,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import closings
-from isotruss_ros.core import ConfigurationError, Cylinder, load_robot, SolverError
+from isotruss_ros.core import ConfigurationError, ConvexObject, load_robot, SolverError
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.planning import closing_motion
 from isotruss_ros.core.planning import closing_qp as closing_program
@@ -35,27 +35,27 @@ STANDOFF = 0.006
 
 def tasks(seed, count=2):
     """Return an object in a robot, and random things that are to close on it."""
-    config, cylinder, tube = closings.scene(seed)
+    config, body, tube = closings.scene(seed)
     rng = np.random.default_rng([8, seed])
-    return config, [closings.closing(config, cylinder, tube, rng) for _ in range(count)], rng
+    return config, [closings.closing(config, body, tube, rng) for _ in range(count)], rng
 
 
-def watched(config, cylinder):
+def watched(config, body):
     """Return all that a step is to bring about or to leave."""
-    gaps = object_gaps(config, cylinder)
+    gaps = object_gaps(config, body)
     values = rigidity_index(config.robot).modes(config).values[:2]
     near = collision_model(config.robot).distances(config)
     return np.concatenate([*gaps[:4], values, near, config.member_lengths])
 
 
-def slopes(config, cylinder):
+def slopes(config, body):
     """Return the derivatives of what is watched by roller travel, by differences."""
     moves = 1e-6 * np.eye(len(config.roller_positions))
     here = config.roller_positions
     return np.column_stack(
         [
-            watched(config.moved_to(here + move), cylinder)
-            - watched(config.moved_to(here - move), cylinder)
+            watched(config.moved_to(here + move), body)
+            - watched(config.moved_to(here - move), body)
             for move in moves
         ]
     ) / (2e-6)
@@ -265,25 +265,25 @@ def test_sides_come_to_their_targets_where_nothing_else_is_near(preset, module):
     members = np.flatnonzero(topology.tube == topology.tube[number])
     center = complex(np.mean([begin[members], end[members]]))
     room = closings.to_point(config, center)[0][members].min() - 0.051
-    cylinder = Cylinder((center.real, center.imag), 2.0 * (room - 0.03))
-    closing = Closing(cylinder, number, sides, 2.0, (), 0.15)
+    body = ConvexObject.disc((center.real, center.imag), 2.0 * (room - 0.03))
+    closing = Closing(body, number, sides, 2.0, (), 0.15)
     targets = np.array([0.007, 0.016])
-    place, share = evaluate_state(config, cylinder), 1.0
+    place, share = evaluate_state(config, body), 1.0
     for _ in range(20):
         made = take_closing_step(place, closing, targets, share)
         place, share = made.state, made.share
-    reached = closings.gaps(place.config, cylinder)[0][list(sides)]
+    reached = closings.gaps(place.config, body)[0][list(sides)]
     assert reached == pytest.approx(targets, abs=1e-5)
 
 
 def crowded(seed):
     """Return what closes on an object that nearly touches something, or does, and a generator."""
-    config, cylinder, tube = closings.scene(seed)
+    config, body, tube = closings.scene(seed)
     rng = np.random.default_rng([9, seed])
-    gaps = np.concatenate(closings.gaps(config, cylinder))
+    gaps = np.concatenate(closings.gaps(config, body))
     # What is not to touch is to keep 0.05 diameters of the tube away.
     left = config.robot.description.tube_diameter * rng.uniform(-0.02, 0.12)
-    wider = Cylinder(cylinder.center, cylinder.diameter + 2.0 * (gaps.min() - left))
+    wider = ConvexObject.disc(body.center, 2.0 * body.arm + 2.0 * (gaps.min() - left))
     closing = closings.closing(config, wider, tube, rng)
     if rng.random() < 0.7:
         # The nearest part is one that is not to touch.

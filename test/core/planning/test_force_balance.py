@@ -11,7 +11,7 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, tangent_center
+from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, tangent_center
 from isotruss_ros.core.planning.force_balance import imbalance
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def sides_of(robot, module):
     return ahead, back
 
 
-def pushes(config, sides, cylinder):
+def pushes(config, sides, body):
     """Return the unit vectors along which sides push an object that touches them, (s, 2)."""
     place = dict(zip(config.robot.node_names, config.nodes, strict=True))
     found = []
@@ -45,7 +45,7 @@ def pushes(config, sides, cylinder):
         begin, end = place[f'{tube}/{one}/B'], place[f'{tube}/{other}/C']
         along = (end - begin) / np.linalg.norm(end - begin)
         across = np.array([-along[1], along[0]])
-        found.append(across * np.sign(across @ (np.array(cylinder.center) - begin)))
+        found.append(across * np.sign(across @ (np.array(body.center) - begin)))
     return np.array(found)
 
 
@@ -61,12 +61,12 @@ class Contacts:
         self.rng = rng = np.random.default_rng(seed)
         module = MODULES[seed % len(MODULES)]
         self.config = robots.random_state(ROBOT, rng)
-        self.cylinder = Cylinder(tangent_center(self.config, module, 0.3), 0.3)
+        self.body = ConvexObject.disc(tangent_center(self.config, module, 0.3), 0.3)
         self.sides = sides_of(ROBOT, module)
         if third:
             tube = np.flatnonzero(ROBOT.topology.tube == ROBOT.topology.tube[self.sides[0]])
             self.sides = (*self.sides, *set(tube.tolist()).difference(self.sides))
-        self.pushes = pushes(self.config, self.sides, self.cylinder)
+        self.pushes = pushes(self.config, self.sides, self.body)
         self.depths = rng.uniform(0.005, 0.03, len(self.sides))
         self.stiffness = rng.uniform(300.0, 2000.0, len(self.sides))
         self.parts = rng.dirichlet(np.ones(count), len(self.sides))
@@ -96,7 +96,7 @@ class Contacts:
         analysis = given.pop('analysis', None) or self.analysis()
         return imbalance(
             self.config,
-            self.cylinder,
+            self.body,
             analysis,
             given.pop('wrench', self.wrench),
             self.sides,
@@ -241,12 +241,12 @@ def test_real_sides_answer_as_the_slope_says(preset, module):
     config = robots.random_state(load_robot(preset), np.random.default_rng(1))
     sides = sides_of(config.robot, module)
     snug = np.array(tangent_center(config, module, 0.3))
-    into = pushes(config, sides, Cylinder(tuple(snug), 0.3))
+    into = pushes(config, sides, ConvexObject.disc(tuple(snug), 0.3))
 
     def at(depths):
-        cylinder = Cylinder(tuple(snug - np.linalg.solve(into, depths)), 0.3)
-        analysis = analyze_grasp(config, cylinder, FRICTION, spacing=0.0025)
-        return imbalance(config, cylinder, analysis, (0.0, 0.0, 0.0), sides, depths, FRICTION)
+        body = ConvexObject.disc(tuple(snug - np.linalg.solve(into, depths)), 0.3)
+        analysis = analyze_grasp(config, body, FRICTION, spacing=0.0025)
+        return imbalance(config, body, analysis, (0.0, 0.0, 0.0), sides, depths, FRICTION)
 
     depths = np.array([0.02, 0.022])
     found = at(depths)

@@ -14,7 +14,7 @@ import pickle
 
 import closings
 from isotruss_ros.core import (
-    Cylinder,
+    ConvexObject,
     GraspRequirements,
     load_robot,
     Measure,
@@ -31,7 +31,7 @@ from isotruss_ros.core.planning.squeeze import Squeeze
 import numpy as np
 import pytest
 
-CYLINDER = Cylinder((0.716, 0.5), 0.4)
+CYLINDER = ConvexObject.disc((0.716, 0.5), 0.4)
 DIRECTION = (1.0, 2.0, 0.5)
 
 

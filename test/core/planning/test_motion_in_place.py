@@ -17,7 +17,6 @@ from types import SimpleNamespace
 from isotruss_ros.core import (
     ConfigurationError,
     ConvexObject,
-    Cylinder,
     Disc,
     GraspRequirements,
     load_robot,
@@ -32,7 +31,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 from isotruss_ros.core.planning import motion_in_place, surrounding
 from isotruss_ros.core.planning.closing_in_place import attach
-from isotruss_ros.core.planning.closing_qp import Closing
+from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.motion_in_place import MotionInPlace
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.planning.settings import DEFAULT
@@ -42,20 +41,20 @@ import pytest
 
 HOME = load_robot('nine_member').home
 MODULE = 'north/Z'
-CYLINDER = Cylinder(tangent_center(HOME, MODULE, 0.3, 0.01), 0.3)
+CYLINDER = ConvexObject.disc(tangent_center(HOME, MODULE, 0.3, 0.01), 0.3)
 SLOW = RollerSpeedLimit(1e-6)
 BOX = ((-0.12, -0.09), (0.12, -0.09), (0.12, 0.09), (-0.12, 0.09))
 
 
 def pair(**fields):
-    """Return a motion of a cylinder between two members, and how these hold it."""
+    """Return a motion of a body between two members, and how these hold it."""
     number = HOME.robot.module_names.index(MODULE)
     members = (number, int(HOME.robot.topology.previous[number]))
     closing = replace(Closing(CYLINDER, number, members, 2.8, (), 0.15), **fields)
     grasp = attach(HOME, closing)
     assert isinstance(grasp, RollingGrasp)
     x, y, angle = grasp.pose
-    return MotionInPlace(replace(closing, body=Cylinder((x, y), 0.3)), angle), grasp
+    return MotionInPlace(replace(closing, body=ConvexObject.disc((x, y), 0.3)), angle), grasp
 
 
 @functools.cache
@@ -180,7 +179,7 @@ def test_a_place_that_is_not_reached_is_told(monkeypatch):
     monkeypatch.setattr(motion_in_place, 'MAX_CORRECTIONS', 0)
     x, y, _ = grasp.pose
     for away, found in ((1e-3, None), (1e-5, grasp)):
-        motion.closing = replace(motion.closing, body=Cylinder((x + away, y), 0.3))
+        motion.closing = replace(motion.closing, body=ConvexObject.disc((x + away, y), 0.3))
         assert motion.squeeze(grasp, grasp.squeeze) is found
         assert said(motion) == ('in_place', pytest.approx(1e-3), 2e-5)
 
@@ -193,7 +192,7 @@ def test_a_grip_of_few_rollers_takes_the_object_along_a_little(share, monkeypatc
     monkeypatch.setattr(MotionInPlace, '_command', lambda *_: unreachable)
     x, y, _ = grasp.pose
     tube = HOME.robot.description.tube_diameter
-    motion.closing = replace(motion.closing, body=Cylinder((x + share * tube, y), 0.3))
+    motion.closing = replace(motion.closing, body=ConvexObject.disc((x + share * tube, y), 0.3))
     found = motion.squeeze(grasp, grasp.squeeze)
     if share < 0.25:
         assert found.pose == pytest.approx(grasp.pose)

@@ -15,7 +15,6 @@ import re
 
 from isotruss_ros.core import (
     ConvexObject,
-    Cylinder,
     Disc,
     Ellipse,
     GraspError,
@@ -28,7 +27,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.grasping.deformed_shape import member_lines
 from isotruss_ros.core.planning.export import export_figures
 from isotruss_ros.core.planning.facing import balances, contact_ends, find_facing, friction_angles
-from isotruss_ros.core.planning.grasp_plan import plan_in_words
+from isotruss_ros.core.planning.plan_words import plan_in_words
 from isotruss_ros.core.planning.grip_seeds import enclosing_members, find_grip_seeds
 from isotruss_ros.core.planning.settings import DEFAULT
 from isotruss_ros.core.safety.distances import object_gaps
@@ -41,7 +40,7 @@ HOME = ROBOT.home
 HOLE = (0.716, -0.4134)  # between the three tubes
 BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
 SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
-PLAIN = Cylinder((0.0, 0.0), 0.3)
+PLAIN = ConvexObject.disc((0.0, 0.0), 0.3)
 FEW = dataclasses.replace(DEFAULT, max_grips=1, max_rounds=1)
 
 
@@ -198,7 +197,7 @@ def test_only_the_members_that_are_named_grip():
 def test_a_cylinder_is_gripped_by_members_too():
     three = ('south/P-Q', 'east/Q-R', 'north/R-P')
     needs = GraspRequirements(members=three, squeeze=12.0, count=1)
-    (grasp,) = plan_grasps(HOME, Cylinder(HOLE, 0.6), needs, settings=FEW)
+    (grasp,) = plan_grasps(HOME, ConvexObject.disc(HOLE, 0.6), needs, settings=FEW)
     assert grasp.grasp is None
     assert set(grasp.grip.members) == set(three)
     settled = settle_grasp(grasp.config, grasp.grip.body, members=three)

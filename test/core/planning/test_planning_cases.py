@@ -16,7 +16,6 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import (
     ConvexObject,
-    Cylinder,
     Disc,
     Ellipse,
     GraspPlan,
@@ -32,7 +31,7 @@ from isotruss_ros.core.planning import searcher as searchers
 from isotruss_ros.core.planning.approach import approach, missing_direction
 from isotruss_ros.core.planning.closing_in_place import ClosingInPlace
 from isotruss_ros.core.planning.closing_motion import press, Pressing
-from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
+from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.facing import find_facing
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.grip_seeds import find_grip_seeds
@@ -47,7 +46,7 @@ import numpy as np
 import pytest
 
 HOME = load_robot('nine_member').home
-CYLINDER = Cylinder((0.6, 0.3), 0.3)
+CYLINDER = ConvexObject.disc((0.6, 0.3), 0.3)
 NEEDS = GraspRequirements(module='north/Z')
 SEED = find_seeds(HOME, CYLINDER, NEEDS, 0, 0)[0]
 #: Members of three tubes around a disc, next to touching it.
