@@ -42,21 +42,14 @@ NEEDS = GraspRequirements()
 def reached(seed):
     """Return an object in a robot, and some approaches to it: those of both kinds."""
     config, body, _ = closings.scene(seed)
-    found = (
-        find_seeds(config, body, NEEDS, 0, 0) + find_seeds(config, body, NEEDS, 0, 1)[:2]
-    )
+    found = find_seeds(config, body, NEEDS, 0, 0) + find_seeds(config, body, NEEDS, 0, 1)[:2]
     ways = [approach(config, closing) for closing in found[::2]]
     return config, body, ways
 
 
 def each(kept):
     """Return every approach of all seeds that is to be looked at, with the object."""
-    return [
-        (body, way)
-        for config, body, ways in map(reached, SEEDS)
-        for way in ways
-        if kept(way)
-    ]
+    return [(body, way) for config, body, ways in map(reached, SEEDS) for way in ways if kept(way)]
 
 
 def arrived(way):

@@ -190,7 +190,10 @@ def test_margins_that_are_too_small_are_compared_by_their_shares(
 
 @pytest.mark.parametrize(
     ('owner', 'name', 'found'),
-    [(closing_in_place, 'attach', HoldStatus.NO_BALANCE), (RollingGrasp, 'hold', HoldStatus.UNSTABLE)],
+    [
+        (closing_in_place, 'attach', HoldStatus.NO_BALANCE),
+        (RollingGrasp, 'hold', HoldStatus.UNSTABLE),
+    ],
 )
 def test_what_has_no_equilibrium_or_an_unstable_one_is_not_held(owner, name, found, monkeypatch):
     monkeypatch.setattr(owner, name, lambda *_: found)

@@ -30,8 +30,8 @@ from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 from isotruss_ros.core.planning import motion_in_place, surrounding
-from isotruss_ros.core.planning.closing_in_place import attach
 from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.closing_in_place import attach
 from isotruss_ros.core.planning.motion_in_place import MotionInPlace
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.planning.settings import DEFAULT

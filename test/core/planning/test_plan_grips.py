@@ -27,8 +27,8 @@ from isotruss_ros.core import (
 from isotruss_ros.core.grasping.deformed_shape import member_lines
 from isotruss_ros.core.planning.export import export_figures
 from isotruss_ros.core.planning.facing import balances, contact_ends, find_facing, friction_angles
-from isotruss_ros.core.planning.plan_words import plan_in_words
 from isotruss_ros.core.planning.grip_seeds import enclosing_members, find_grip_seeds
+from isotruss_ros.core.planning.plan_words import plan_in_words
 from isotruss_ros.core.planning.settings import DEFAULT
 from isotruss_ros.core.safety.distances import object_gaps
 import numpy as np

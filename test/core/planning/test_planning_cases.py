@@ -29,9 +29,9 @@ from isotruss_ros.core.planning import closing_in_place, release, squeeze
 from isotruss_ros.core.planning import plan_grasps as plan_module
 from isotruss_ros.core.planning import searcher as searchers
 from isotruss_ros.core.planning.approach import approach, missing_direction
+from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.closing_in_place import ClosingInPlace
 from isotruss_ros.core.planning.closing_motion import press, Pressing
-from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.facing import find_facing
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.grip_seeds import find_grip_seeds

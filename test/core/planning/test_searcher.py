@@ -29,7 +29,12 @@ from isotruss_ros.core.planning.searcher import BackgroundSearch, Outcome, Searc
 import pytest
 
 #: What is searched for; no search of these tests computes anything.
-SEARCH = (load_robot('nine_member').home, ConvexObject.disc((0.716, 0.43), 0.3), GraspRequirements(), 0)
+SEARCH = (
+    load_robot('nine_member').home,
+    ConvexObject.disc((0.716, 0.43), 0.3),
+    GraspRequirements(),
+    0,
+)
 DEADLINE = 240.0
 
 

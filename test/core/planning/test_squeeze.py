@@ -39,12 +39,12 @@ SLACK = {0.00125: 0.005, 0.0025: 0.005, 0.005: 1e-6}
 NEEDS = GraspRequirements()
 #: Without a bound on the bending moments.
 UNBOUNDED = GraspRequirements(max_utilisation=np.inf)
-#: Grips that are found: preset, module, centre and diameter of the object, number of the branch.
+#: Grips that are found: preset, module, centre and diameter of the object, number of the seed.
 GRIPS = {
     'top': ('triangle', 'main/T', (0.716, 0.5), 0.4, 0),
     'tight': ('triangle', 'main/T', (0.716, 0.48), 0.44, 0),
     'north': ('nine_member', 'north/P', (0.5, 0.4), 0.3, 0),
-    'narrow': ('nine_member', 'north/P', (0.716, 0.43), 0.3, 1),
+    'narrow': ('nine_member', 'north/P', (0.716, 0.43), 0.3, 0),
 }
 
 
@@ -73,7 +73,7 @@ def side_gaps(config, closing):
     along = end[sides] - begin[sides]
     across = ((center - begin[sides]).conj() * along).imag / np.abs(along)
     tube = config.robot.description.tube_diameter
-    return np.abs(across) - 0.5 * (closing.2.0 * body.arm + tube)
+    return np.abs(across) - closing.body.arm - 0.5 * tube
 
 
 def others(config, closing):
@@ -88,7 +88,7 @@ def unbalanced(analysis, body, needs):
     segments = forces[:, None] * np.column_stack(
         [-normals[:, 1], normals[:, 0], np.ones(len(forces))]
     )
-    arm = np.array([1.0, 1.0, 0.5 * 2.0 * body.arm])
+    arm = np.array([1.0, 1.0, body.arm])
     load = np.append(-forces @ normals, 0.0) + np.array(needs.external_wrench) / arm
     rows = np.block([[segments.T, -np.ones((3, 1))], [-segments.T, -np.ones((3, 1))]])
     bounds = [(-needs.friction, needs.friction)] * len(forces)
@@ -378,13 +378,13 @@ def test_no_member_presses_less_deep_than_its_share(monkeypatch):
         tried.append(depths / depths.mean())
         return press(self, config, depths)
 
-    def lopsided(config, body, analysis, wrench, members, depths, friction):
+    def lopsided(config, closing, analysis, wrench, depths):
         # Balanced where the first is deeper by 0.46 of the mean.
         load = np.array([depths[0] - depths[1] - 0.46 * depths.mean()])
-        return Imbalance(load, np.zeros(1), np.array([[1.0, -1.0]]))
+        return Imbalance(load, np.array([[1.0, -1.0]]))
 
     monkeypatch.setattr(Squeeze, 'press', record)
-    monkeypatch.setattr(squeeze, 'imbalance', lopsided)
+    monkeypatch.setattr(squeeze, 'find_imbalance', lopsided)
     start, closing = opened('tight')
     settings = SearchSettings(max_share=1.25, max_depths=2)
     needs = dataclasses.replace(UNBOUNDED, min_margin=1e3)
