@@ -31,6 +31,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closed_grip import ClosedGrip
 from isotruss_ros.core.planning.closing import Closing, outward_normals
 from isotruss_ros.core.planning.closing_motion import press
+from isotruss_ros.core.planning.facing import contact_ends
 from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.motion_in_place import MotionInPlace, SQUEEZE_TOLERANCE
@@ -134,8 +135,10 @@ class ClosingInPlace:
     def _hold(self, touch: Configuration) -> HeldGrip | None:
         """Return how the object is held first; three members press as deep as keeps it there."""
         body, members = self._closing.body, np.array(self._closing.members)
-        depth = self._closing.settings.first_contact * touch.robot.description.tube_diameter
-        config, depths = touch, np.full(len(members), depth)
+        settings, tube = self._closing.settings, touch.robot.description.tube_diameter
+        one, other = contact_ends(body, outward_normals(touch, self._closing))
+        depth = settings.first_contact if (one == other).all() else settings.face_contact
+        config, depths = touch, np.full(len(members), depth * tube)
         for _ in range(MAX_BALANCE_STEPS):
             pressed = self._press(config, depths)
             if pressed is None:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
@@ -87,8 +87,8 @@ class MotionInPlace:
             # The scale knows large steps: where only the place is left, it would overshoot.
             rate = 0.0 if right else scale * missing / grasp.squeeze_stiffness()
             command = self._command(grasp, np.append(away, turn), rate)
-            reachable = command.status is not Status.UNREACHABLE
-            if command.scale < MIN_SCALE:
+            reachable = command is not None and command.status is not Status.UNREACHABLE
+            if command is None or command.scale < MIN_SCALE:
                 self.record(Violation('squeeze', grasp.squeeze, force, 5.0))
                 return None
             moved = self.move(grasp, command.roller_velocities)
@@ -125,7 +125,7 @@ class MotionInPlace:
         self.evaluations += 1
         command = self._command(grasp, np.zeros(3), distance)
         before = grasp.config
-        if command.scale < MIN_SCALE:
+        if command is None or command.scale < MIN_SCALE:
             self.record(Violation('squeeze', grasp.squeeze, 0.0, 5.0))
             return None
         try:
@@ -134,15 +134,18 @@ class MotionInPlace:
             self.record(Violation('rigidity', 0.0, self.closing.min_rigidity, 50.0))
             return None
 
-    def _command(self, grasp: HeldGrip, back: Array, rate: float) -> RollerCommand:
-        """Return the motion that closes the grip and brings the object back."""
+    def _command(self, grasp: HeldGrip, back: Array, rate: float) -> RollerCommand | None:
+        """Return the motion that closes the grip and brings the object back, if there is one."""
         held, limits = Grip(grasp.member_names, grasp.body), self.closing.limits
-        command = solve_twist(grasp.config, held, back, limits=limits, opening_rate=rate)
-        if command.status is not Status.UNREACHABLE:
-            return command
         # A grip at a passive module cannot turn the object: its place is what counts.
-        back = np.append(back[:2], 0.0)
-        return solve_twist(grasp.config, held, back, limits=limits, opening_rate=rate)
+        for twist in (back, np.append(back[:2], 0.0)):
+            try:
+                command = solve_twist(grasp.config, held, twist, limits=limits, opening_rate=rate)
+            except GraspError:
+                return None  # a member is deeper in the object than its tube is thick
+            if command.status is not Status.UNREACHABLE:
+                break
+        return command
 
     def move(self, grasp: HeldGrip, travel: Array) -> HeldGrip | None:
         """

@@ -44,7 +44,8 @@ class SearchSettings:
     :ivar overshoot: of a grasping member beyond its target, against the tube's diameter.
     :ivar max_halvings: how often a step that violates a requirement is halved.
     :ivar first_contact: indentation with which an object is held first, against the tube's
-        diameter: so deep that a face is touched at both ends.
+        diameter.
+    :ivar face_contact: the same where a face is to lie on a member: it is touched at both ends.
     :ivar max_displacement: of the object while a grip closes whose robot has not the rollers to
         keep it in place, against the tube's diameter.
     :ivar first_depth: first indentation of the grasping members, against the tube's diameter.
@@ -90,7 +91,8 @@ class SearchSettings:
     kept_clearance: float = 0.5
     overshoot: float = 0.015
     max_halvings: int = 5
-    first_contact: float = 1e-2
+    first_contact: float = 1e-3
+    face_contact: float = 1e-2
     max_displacement: float = 0.25
     first_depth: float = 0.33
     depth_range: tuple[float, float] = (0.03, 0.8)

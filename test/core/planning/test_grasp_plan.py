@@ -16,11 +16,9 @@ from isotruss_ros.core.planning.export import export_figures, export_path, expor
 from isotruss_ros.core.planning.grasp_plan import (
     GraspPlan,
     path_times,
-    plan_in_words,
-    SENTENCES,
     Violation,
-    violation_in_words,
 )
+from isotruss_ros.core.planning.plan_words import plan_in_words, SENTENCES, violation_in_words
 import numpy as np
 import pytest
 
