@@ -101,7 +101,8 @@ def test_an_object_that_touches_nothing_is_not_held(count, monkeypatch):
 @pytest.mark.parametrize('steps', [1, 4])
 def test_three_members_press_first_so_that_the_object_stays(steps, monkeypatch):
     monkeypatch.setattr(closing_in_place, 'MAX_BALANCE_STEPS', steps)
-    (seed,) = find_seeds(HOME, DISC, GraspRequirements(members=AROUND), 0, 0)
+    settings = replace(DEFAULT, first_contact=1e-2)
+    (seed,) = find_seeds(HOME, DISC, GraspRequirements(members=AROUND), 0, 0, settings)
     reached = approach(HOME, seed)
     search = ClosingInPlace(reached.path[-1], reached.closing, NEEDS)
     held = next(search._rise(search._press(reached.path[-1], np.zeros(3))))
@@ -245,7 +246,8 @@ def test_who_closes_during_a_search_ends_it(searches):
 
 def test_a_grip_that_hardly_presses_is_opened_at_once(monkeypatch):
     reached = approach(HOME, SEED)
-    there = press(reached.path[-1], reached.closing, np.full(2, 0.01)).config
+    closing = replace(reached.closing, facing=None)
+    there = press(reached.path[-1], closing, np.full(2, 0.01)).config
     held = plan_release(there, BODY, MEMBERS, 0.03)
     assert held.violation is None
     assert held.apart > 1
