@@ -225,7 +225,7 @@ def test_the_shortest_path_is_the_best_where_the_travel_counts():
     assert near.squeeze < 0.7 * firm.squeeze
 
 
-def test_a_cylinder_that_stays_in_place_is_the_one_that_lay_there():
+def test_an_object_that_stays_in_place_is_the_one_that_lay_there():
     assert closing(squeeze=8.0).close().body is opened().closing.body
 
 
