@@ -77,7 +77,7 @@ class SearchSettings:
     standoff_tolerance: float = 0.02
     max_approach_steps: int = 100
     max_idle_steps: int = 12
-    min_progress: float = 0.01
+    min_progress: float = 0.02
     max_step: float = 0.035
     max_gap_step: float = 0.027
     max_turn_step: float = 0.1
