@@ -33,7 +33,7 @@ os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy
 from grasp_planner import objects
 from isotruss_ros.core import (
     analyze_grasp,
-    Cylinder,
+    ConvexObject,
     ElasticObject,
     GraspRequirements,
     load_robot,
@@ -53,7 +53,7 @@ import numpy as np
 ROBOT = load_robot('nine_member')
 FRICTION, RATE, PARTS = 0.5, 50.0, 20
 #: The grasp of the demonstration.
-ITEM, MODULE, SQUEEZE = Cylinder((0.6, 0.3), 0.2), 'north/Z', 24.0
+ITEM, MODULE, SQUEEZE = ConvexObject.disc((0.6, 0.3), 0.2), 'north/Z', 24.0
 
 
 @dataclass
@@ -63,14 +63,14 @@ class Driven:
     plant: SimulatedRobot
     item: ElasticObject
 
-    def moved(self, cylinder: Cylinder) -> float:
+    def moved(self, body: ConvexObject) -> float:
         """Return how far the object is from where it lay [m]."""
-        return math.dist(self.plant.object_pose[:2], cylinder.center)
+        return math.dist(self.plant.object_pose[:2], body.pose[:2])
 
 
-def drive(grasp: PlannedGrasp, cylinder: Cylinder) -> Driven:
+def drive(grasp: PlannedGrasp, body: ConvexObject) -> Driven:
     """Drive the elastic plant along a planned path."""
-    item = ElasticObject(cylinder, FRICTION)
+    item = ElasticObject(body, FRICTION)
     plant = SimulatedRobot(ROBOT.home, item, RollerFaults())
     for begin, end in itertools.pairwise(grasp.path):
         plant.command((end - begin) / PARTS)
@@ -79,23 +79,23 @@ def drive(grasp: PlannedGrasp, cylinder: Cylinder) -> Driven:
     return Driven(plant, item)
 
 
-def row(name: str, cylinders: list[Cylinder], needs: GraspRequirements) -> list[str]:
+def row(name: str, bodies: list[ConvexObject], needs: GraspRequirements) -> list[str]:
     """Return what became of the best grasps by two members."""
     moved, squeezes, margins, held = [], [], [], 0
-    for cylinder in cylinders:
-        plan = plan_grasps(ROBOT.home, cylinder, needs)
+    for body in bodies:
+        plan = plan_grasps(ROBOT.home, body, needs)
         grasp = next((found for found in plan if len(found.members) == 2), None)
         if grasp is None:
             continue
-        driven = drive(grasp, cylinder)
-        moved.append(1e3 * driven.moved(cylinder))
+        driven = drive(grasp, body)
+        moved.append(1e3 * driven.moved(body))
         held += driven.item.grasp is not None
         found = 0.0 if driven.item.grasp is None else driven.item.grasp.squeeze
         squeezes.append(100.0 * found / grasp.squeeze)
         margins.append(driven.item.slip_margin)
     return [
         name,
-        f'{len(moved)} / {len(cylinders)}',
+        f'{len(moved)} / {len(bodies)}',
         f'{held}',
         f'{np.median(moved):.2f} / {max(moved):.2f}',
         f'{np.median(squeezes):.1f} / {min(squeezes):.1f}',
@@ -116,7 +116,7 @@ def squeeze_row(squeeze: float) -> list[str]:
     """Return what the grasp of the demonstration is like when it is squeezed so hard."""
     needs = GraspRequirements(friction=FRICTION, module=MODULE, squeeze=squeeze, count=1)
     driven = drive(plan_grasps(ROBOT.home, ITEM, needs, thorough=False)[0], ITEM)
-    here = Cylinder(driven.plant.object_pose[:2], ITEM.diameter)
+    here = ITEM.moved_to(driven.plant.object_pose)
     analysis = analyze_grasp(driven.plant.config, here, FRICTION)
     return [
         f'{squeeze:g}',
@@ -134,7 +134,7 @@ def figure_9_row(name: str, squeeze: float, pull: tuple[float, float, float] | N
     needs = GraspRequirements(friction=FRICTION, module=MODULE, squeeze=SQUEEZE, count=1)
     driven = drive(plan_grasps(ROBOT.home, ITEM, needs)[0], ITEM)
     plant, item = driven.plant, driven.item
-    servo = TwistServo(ROBOT, MODULE, ITEM.diameter, 1.0 / RATE, timeout=1.0)
+    servo = TwistServo(ROBOT, MODULE, 2.0 * ITEM.arm, 1.0 / RATE, timeout=1.0)
     if squeeze > 0.0:
         servo.squeeze = SqueezeControl(SqueezeSettings(squeeze, FRICTION))
     wanted, now = np.array(plant.object_pose), 0.0
@@ -172,7 +172,7 @@ def figure_9_row(name: str, squeeze: float, pull: tuple[float, float, float] | N
 def main() -> None:
     """Print the tables."""
     print_machine()
-    cylinders = objects(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
+    bodies = objects(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
     free = GraspRequirements(friction=FRICTION, count=2)
     fast = GraspRequirements(friction=FRICTION, min_margin=0.0, count=2)
     header = [
@@ -186,8 +186,8 @@ def main() -> None:
     print_table(
         header,
         [
-            row('closing in place', cylinders, free),
-            row('for an object that the ground holds', cylinders, fast),
+            row('closing in place', bodies, free),
+            row('for an object that the ground holds', bodies, fast),
         ],
     )
     print()

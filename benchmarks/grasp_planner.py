@@ -37,15 +37,16 @@ os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy
 from isotruss_ros.core import (
     analyze_grasp,
     Configuration,
-    Cylinder,
+    ConvexObject,
     GraspRequirements,
     IsotrussError,
     load_robot,
     plan_grasps,
 )
-from isotruss_ros.core.planning.seeds import encloses
-from isotruss_ros.core.safety.distances import object_gaps
+from isotruss_ros.core.planning.closing import Closing, outward_normals
+from isotruss_ros.core.planning.seeds import enclosing_members
 from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.core.safety.object_distances import object_distances
 from measuring import print_machine, print_table
 import numpy as np
 from scipy.optimize import differential_evolution
@@ -76,25 +77,25 @@ class Outcome(NamedTuple):
     duration: float
 
 
-Search = Callable[[Cylinder, int], Outcome]
-
-
-def objects(count: int) -> list[Cylinder]:
+def objects(count: int) -> list[ConvexObject]:
     """Return objects that lie free inside a loop of the robot at home."""
     draw, home = np.random.default_rng(SEED), ROBOT.home
     low, high = home.nodes.min(axis=0), home.nodes.max(axis=0)
-    tubes = range(len(ROBOT.topology.tube_names))
-    found: list[Cylinder] = []
+    found: list[ConvexObject] = []
     while len(found) < count:
-        cylinder = Cylinder(tuple(draw.uniform(low, high)), draw.uniform(*DIAMETERS))
-        if any(encloses(home, tube, complex(*cylinder.center)) for tube in tubes):
-            gaps = object_gaps(home, cylinder)
-            if min(gaps.members.min(), gaps.modules.min(), gaps.rods.min()) >= FREE:
-                found.append(cylinder)
+        body = ConvexObject.disc(tuple(draw.uniform(low, high)), draw.uniform(*DIAMETERS))
+        if loop_around(home, body.center) and object_distances(home, body).min() >= FREE:
+            found.append(body)
     return found
 
 
-def missed(positions: np.ndarray, cylinder: Cylinder) -> float:
+def loop_around(config: Configuration, point: complex) -> tuple[int, ...]:
+    """Return the members around a point where all are of one tube, nothing elsewhere."""
+    around = enclosing_members(config, point)
+    return around if len({int(ROBOT.topology.tube[i]) for i in around}) == 1 else ()
+
+
+def missed(positions: np.ndarray, body: ConvexObject) -> float:
     """Return how much a shape misses of a grasp, 0 for a grasp; smooth where that is possible."""
     file = ROBOT.description
     lengths = ROBOT.home.member_lengths + ROBOT.topology.incidence @ positions
@@ -103,33 +104,32 @@ def missed(positions: np.ndarray, cylinder: Cylinder) -> float:
         return 200.0 + float(off.sum())
     try:
         config = ROBOT.configuration(positions)
-        return _missed(config, cylinder)
+        return _missed(config, body)
     except IsotrussError:
         return 100.0
 
 
-def _missed(config: Configuration, cylinder: Cylinder) -> float:
-    topology = ROBOT.topology
-    margins, gaps = shape_margins(config), object_gaps(config, cylinder)
+def _missed(config: Configuration, body: ConvexObject) -> float:
+    margins, gaps = shape_margins(config), object_distances(config, body)
+    members, modules, _ = gaps.reshape(3, -1)
     shape = (
         max(0.0, NEEDS.min_rigidity - margins.rigidity)
         + max(0.0, -margins.clearance)
-        + np.maximum(0.0, -gaps.modules).sum()
+        + np.maximum(0.0, -modules).sum()
     )
-    center = complex(*cylinder.center)
-    around = [t for t in range(len(topology.tube_names)) if encloses(config, t, center)]
-    if not around:
+    around = loop_around(config, body.center)
+    if len(around) < 2:
         return 50.0 + shape
-    off = np.abs(gaps.members + DEPTH)
-    grips = [int(i) for i in np.flatnonzero(np.isin(topology.tube, around))]
-    grip = min(grips, key=lambda i: off[i] + off[topology.previous[i]])
-    sides = [grip, int(topology.previous[grip])]
-    others = np.delete(gaps.members, sides)
-    wide = max(0.0, gaps.openings[grip] - 1.6 * np.arctan(NEEDS.friction))
+    off = np.abs(members + DEPTH)
+    sides = sorted(around, key=lambda i: off[i])[:2]
+    others = np.delete(members, sides)
+    one, other = outward_normals(config, Closing(body, tuple(sides), (), 0.0))
+    half_wedge = 0.5 * abs(np.angle(-other / one))
+    wide = max(0.0, 2.0 * (half_wedge - 0.8 * np.arctan(NEEDS.friction)))
     shape += np.maximum(0.0, -others).sum()
-    if gaps.members[sides].max() > -1e-3 or shape > 0.0:
+    if members[sides].max() > -1e-3 or shape > 0.0:
         return 20.0 + 10.0 * (off[sides].sum() + shape) + wide
-    found = analyze_grasp(config, cylinder, NEEDS.friction)
+    found = analyze_grasp(config, body, NEEDS.friction)
     total = float(found.normal_forces.sum())
     if total == 0.0:
         return 20.0 + wide
@@ -142,34 +142,34 @@ def _missed(config: Configuration, cylinder: Cylinder) -> float:
     return 0.0
 
 
-def judge(positions: np.ndarray, cylinder: Cylinder) -> bool:
+def judge(positions: np.ndarray, body: ConvexObject) -> bool:
     """Check a grasp again: closed, and within the wrinkling moment."""
-    found = analyze_grasp(ROBOT.configuration(positions), cylinder, NEEDS.friction)
+    found = analyze_grasp(ROBOT.configuration(positions), body, NEEDS.friction)
     return found.force_closure and max(found.utilisation.values()) <= NEEDS.max_utilisation
 
 
-def planned(cylinder: Cylinder) -> Outcome:
+def planned(body: ConvexObject) -> Outcome:
     """Let the planner search."""
     start = time.thread_time()
-    plan = plan_grasps(ROBOT.home, cylinder, NEEDS, SEED, thorough=False)
+    plan = plan_grasps(ROBOT.home, body, NEEDS, SEED, thorough=False)
     duration = time.thread_time() - start
     if plan.grasps:
-        assert judge(plan.grasps[0].roller_positions, cylinder)
+        assert judge(plan.grasps[0].roller_positions, body)
     return Outcome(bool(plan.grasps), plan.evaluations, duration)
 
 
-def sampled(cylinder: Cylinder, budget: int) -> Outcome:
+def sampled(body: ConvexObject, budget: int) -> Outcome:
     """Draw roller positions."""
     draw = np.random.default_rng(SEED)
     start = time.thread_time()
     for count in range(1, budget + 1):
         positions = draw.uniform(-REACH, REACH, len(ROBOT.roller_names))
-        if missed(positions, cylinder) == 0.0 and judge(positions, cylinder):
+        if missed(positions, body) == 0.0 and judge(positions, body):
             return Outcome(True, count, time.thread_time() - start)
     return Outcome(False, budget, time.thread_time() - start)
 
 
-def evolved(cylinder: Cylinder, budget: int) -> Outcome:
+def evolved(body: ConvexObject, budget: int) -> Outcome:
     """Let differential evolution search."""
     count = 0
 
@@ -178,8 +178,8 @@ def evolved(cylinder: Cylinder, budget: int) -> Outcome:
         if count >= budget:
             raise FoundError
         count += 1
-        value = missed(positions, cylinder)
-        if value == 0.0 and judge(positions, cylinder):
+        value = missed(positions, body)
+        if value == 0.0 and judge(positions, body):
             raise FoundError(positions)
         return value
 
@@ -207,16 +207,16 @@ def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else OBJECTS
     print_machine()
     rows: dict[str, list[Outcome]] = {'planner': [], 'random': [], 'evolution': []}
-    peers: dict[str, Callable[[Cylinder, int], Outcome]] = {
+    peers: dict[str, Callable[[ConvexObject, int], Outcome]] = {
         'random': sampled,
         'evolution': evolved,
     }
-    for cylinder in objects(count):
-        own = planned(cylinder)
+    for body in objects(count):
+        own = planned(body)
         rows['planner'].append(own)
         for name, search in peers.items():
             budget = min(ALLOWANCE * own.evaluations, MOST)
-            rows[name].append(search(cylinder, budget))
+            rows[name].append(search(body, budget))
         if sys.stderr.isatty():
             print(f'{len(rows["planner"])} of {count}', end='\r', file=sys.stderr)
     own_total = sum(one.evaluations for one in rows['planner'])

@@ -41,9 +41,9 @@ from isotruss_ros.core import (
     Pose,
 )
 from isotruss_ros.core.model.shapes import Shape
-from isotruss_ros.core.planning.grip_seeds import enclosing_members
+from isotruss_ros.core.planning.seeds import enclosing_members
 from isotruss_ros.core.planning.settings import SearchSettings
-from isotruss_ros.core.safety.distances import object_gaps
+from isotruss_ros.core.safety.object_distances import object_distances
 from measuring import print_machine, print_table, timed
 import numpy as np
 
@@ -110,8 +110,7 @@ def random_object(rng: np.random.Generator) -> tuple[str, float, ConvexObject]:
             place = rng.dirichlet(np.full(3, 3.0)) @ corners
             pose = Pose(place.real, place.imag, float(rng.uniform(0.0, 2.0 * np.pi)))
             body = ConvexObject(shape, pose)
-            gaps = object_gaps(ROBOT.home, body)
-            least = min(gaps.members.min(), gaps.modules.min(), gaps.rods.min())
+            least = object_distances(ROBOT.home, body).min()
             if least > FREE and enclosing_members(ROBOT.home, body.middle):
                 return kind, width, body
 

@@ -33,7 +33,6 @@ from isotruss_ros.cli.progress_bar import ProgressBar
 from isotruss_ros.core import (
     Configuration,
     ConvexObject,
-    Cylinder,
     GraspPlan,
     GraspRequirements,
     IsotrussError,
@@ -41,8 +40,8 @@ from isotruss_ros.core import (
     plan_grasps,
     read_object,
 )
-from isotruss_ros.core.planning.grasp_plan import plan_in_words
-from isotruss_ros.core.planning.searcher import Stop
+from isotruss_ros.core.planning.background_search import Stop
+from isotruss_ros.core.planning.plan_words import plan_in_words
 from isotruss_ros.core.planning.workers import WorkerPool
 from rich.console import Console
 
@@ -85,16 +84,16 @@ def _run(options: argparse.Namespace) -> int:
     return FOUND if plan.grasps else NONE_FOUND
 
 
-def _read_object(options: argparse.Namespace) -> Cylinder | ConvexObject:
+def _read_object(options: argparse.Namespace) -> ConvexObject:
     """Return the object where it lies."""
     if options.object is None:
-        return Cylinder(tuple(options.center), options.diameter)
+        return ConvexObject.disc(tuple(options.center), options.diameter)
     return read_object(options.object).moved_to((*options.center, options.angle))
 
 
 def _search(
     config: Configuration,
-    body: Cylinder | ConvexObject,
+    body: ConvexObject,
     needs: GraspRequirements,
     options: argparse.Namespace,
 ) -> GraspPlan:

@@ -20,7 +20,7 @@ import time
 from boxes import BOX, SIDES
 from isotruss_ros.cli import plan_grasps as command
 from isotruss_ros.core import (
-    Cylinder,
+    ConvexObject,
     GraspRequirements,
     load_robot,
     plan_grasps,
@@ -51,7 +51,7 @@ def test_finds_what_the_core_finds_on_one_process_or_two(tmp_path, capsys):
     needs = GraspRequirements(
         friction=0.6, module='north/Z', min_margin=1e-3, measure='total_force', count=2
     )
-    expected = plan_grasps(ROBOT.home, Cylinder((0.716, 0.43), 0.3), needs, seed=4)
+    expected = plan_grasps(ROBOT.home, ConvexObject.disc((0.716, 0.43), 0.3), needs, seed=4)
     assert expected.grasps
     options = ['--friction', '0.6', '--min-margin', '0.001', '--measure', 'total_force']
     options += ['--count', '2', '--seed', '4', '--module', 'north/Z']

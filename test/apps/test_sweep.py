@@ -15,7 +15,7 @@ from pathlib import Path
 import re
 import time
 
-from isotruss_ros.core import Cylinder, GraspRequirements, load_robot, plan_grasps
+from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
 import pytest
 
 try:
@@ -33,8 +33,8 @@ pytestmark = pytest.mark.skipif(
 NINE, TRIANGLE = (load_robot(name).description for name in ('nine_member', 'triangle'))
 #: A robot that is well formed and cannot work: one support too few.
 LOOSE = replace(TRIANGLE, name='loose', supports={})
-OBJECT = Cylinder((0.72, 0.45), 0.3)
-OBJECTS = (OBJECT, Cylinder((3.0, 3.0), 0.3))
+OBJECT = ConvexObject.disc((0.72, 0.45), 0.3)
+OBJECTS = (OBJECT, ConvexObject.disc((3.0, 3.0), 0.3))
 NEEDS = GraspRequirements(friction=0.7, count=1)
 
 
@@ -61,7 +61,7 @@ def test_gives_every_pair_once_as_the_core_does(client):
     assert len(results) == len(by_pair) == len(robots) * len(OBJECTS)
     for (i, j), result in by_pair.items():
         assert result.name == robots[i].name
-        assert ((result.x, result.y), result.diameter) == (OBJECTS[j].center, 0.3)
+        assert (result.x, result.y, result.diameter) == (*OBJECTS[j].pose[:2], 0.3)
         if i == 3:
             assert timeless(result) == timeless(replace(by_pair[0, j], robot=3))
         elif i != 1:
@@ -70,7 +70,7 @@ def test_gives_every_pair_once_as_the_core_does(client):
     best = plan_grasps(load_robot('nine_member').home, OBJECT, NEEDS, seed=2).grasps[0]
     found = by_pair[1, 0]
     assert found.found == 1
-    assert found.module == best.grasp.module
+    assert found.module == best.module
     assert found.roller_positions == tuple(best.roller_positions)
     shared = {field.name for field in fields(best)} & {field.name for field in fields(found)}
     for name in shared - {'roller_positions'}:

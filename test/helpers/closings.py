@@ -17,9 +17,9 @@ a decomposition of the whole matrix, pairs of parts by their names.
 import functools
 import itertools
 
-from isotruss_ros.core import Cylinder, load_robot
+from isotruss_ros.core import ConvexObject, load_robot
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
-from isotruss_ros.core.planning.closing_qp import Closing
+from isotruss_ros.core.planning.closing import Closing
 import numpy as np
 import robots
 
@@ -58,30 +58,15 @@ def to_segments(point, begin, end):
     return np.where((beside > 0.0) & (beside < np.abs(along) ** 2), height, ends)
 
 
-def gaps(config, cylinder):
+def gaps(config, body):
     """Return the distances of an object from members, modules, rods, (m,) each [m]."""
-    center, radius = complex(*cylinder.center), 0.5 * cylinder.diameter
+    center, radius = body.center, body.arm
     members, modules = to_point(config, center)
     return (
         members - radius - 0.5 * config.robot.description.tube_diameter,
         modules - radius - disc(config.robot),
         to_segments(center, _joints(config), parts(config)[2]) - radius,
     )
-
-
-def openings(config):
-    """Return the angles between the two sides at each module, (m,) [rad]."""
-    begin, end, _ = parts(config)
-    back, first = {}, 0
-    for tube in config.robot.description.tubes:
-        count = len(tube.joints)
-        for i in range(count):
-            back[first + i] = first + (i - 1) % count
-        first += count
-    ahead = end - begin
-    behind = np.array([begin[back[i]] - end[back[i]] for i in range(first)])
-    cosine = (ahead.conj() * behind).real / np.abs(ahead) / np.abs(behind)
-    return np.arccos(np.clip(cosine, -1.0, 1.0))
 
 
 def rigidity(config):
@@ -155,7 +140,7 @@ def scene(seed):
     """
     Return a state of a random robot, an object that lies free in one of its loops, and the tube.
 
-    :return: configuration, cylinder, number of the tube.
+    :return: configuration, a disc, number of the tube.
     """
     rng = np.random.default_rng([7, seed])
     kinds = ('nine_member', 'triangle', 'arch', 'ring', 'polygon')
@@ -172,13 +157,13 @@ def scene(seed):
         members = np.flatnonzero(robot.topology.tube == tube)
         corners = np.concatenate([begin[members], end[members]])
         center = rng.dirichlet(np.full(len(corners), 2.0)) @ corners
-        room = min(map(np.min, gaps(config, Cylinder((center.real, center.imag), 2e-9))))
+        room = min(map(np.min, gaps(config, ConvexObject.disc((center.real, center.imag), 2e-9))))
         if room > 0.05:
             diameter = 2.0 * room * rng.uniform(0.4, 0.9)
-            return config, Cylinder((center.real, center.imag), diameter), tube
+            return config, ConvexObject.disc((center.real, center.imag), diameter), tube
 
 
-def closing(config, cylinder, tube, rng, **fields):
+def closing(config, body, tube, rng, **fields):
     """Return what is to close: the sides at a module of a tube, sometimes a third one."""
     topology, file = config.robot.topology, config.robot.description
     members = np.flatnonzero(topology.tube == tube)
@@ -190,5 +175,5 @@ def closing(config, cylinder, tube, rng, **fields):
         MemberLengthLimit(file.min_length, file.max_length, 0.5),
         RollerSpeedLimit(rng.uniform(0.01, 0.1)),
     )
-    given = {'opening': rng.uniform(0.3, 1.2), 'limits': limits, 'min_rigidity': 0.15} | fields
-    return Closing(cylinder, module, sides, **given)
+    given = {'limits': limits, 'min_rigidity': 0.15} | fields
+    return Closing(body, sides, **given)

@@ -111,7 +111,7 @@ def assert_same(found, expected):
     assert (found.evaluations, found.analyses) == (expected.evaluations, expected.analyses)
     assert len(found.grasps) == len(expected.grasps) > 0
     for one, other in zip(found.grasps, expected.grasps, strict=True):
-        assert one.module == other.grasp.module
+        assert one.module == (other.module or '')
         assert tuple(one.members) == other.members
         rows = np.array([point.positions for point in one.path.points])
         assert np.array_equal(rows, other.path)

@@ -107,7 +107,7 @@ def _parser() -> argparse.ArgumentParser:
         '--objects',
         type=Path,
         required=True,
-        help='CSV file with the columns x, y, diameter [m], a cylinder in each row',
+        help='CSV file with the columns x, y, diameter [m], a disc in each row',
     )
     parser.add_argument('--output', type=Path, required=True, help='CSV file to write')
     add_requirements(parser)

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core import (
-    Cylinder,
+    ConvexObject,
     GraspPlan,
     GraspRequirements,
     IsotrussError,
@@ -35,9 +35,9 @@ class SweepResult:
     :ivar name: of the robot.
     :ivar x: of the object's centre in the robot frame [m].
     :ivar y: of the object's centre in the robot frame [m].
-    :ivar diameter: of the object [m].
+    :ivar diameter: of the object, of one that is no disc the mean width [m].
     :ivar found: how many distinct grasps; what follows is of the best, see `PlannedGrasp`.
-    :ivar module: grip module of the best grasp; empty without one.
+    :ivar module: at which the members of the best grasp meet; empty without one.
     :ivar members: members in contact in the best grasp.
     :ivar score: of the best grasp, by the measure.
     :ivar squeeze: of the best grasp [N].
@@ -91,7 +91,7 @@ class SweepResult:
 def evaluate(
     places: tuple[int, int],
     description: RobotDescription,
-    cylinder: Cylinder,
+    body: ConvexObject,
     requirements: GraspRequirements,
     seed: int,
 ) -> SweepResult:
@@ -100,13 +100,13 @@ def evaluate(
 
     :param places: of the robot and the object, for the result.
     :param description: of the robot.
-    :param cylinder: the object.
+    :param body: the object.
     :param requirements: what a grasp must fulfil.
     :param seed: of the search.
     """
-    asked = unanswered(places, description, cylinder, '')
+    asked = unanswered(places, description, body, '')
     try:
-        plan = plan_grasps(Robot(description).home, cylinder, requirements, seed)
+        plan = plan_grasps(Robot(description).home, body, requirements, seed)
     except IsotrussError as error:
         # One robot that cannot work must not end a sweep over thousands.
         return replace(asked, error=str(error))
@@ -114,17 +114,18 @@ def evaluate(
 
 
 def unanswered(
-    places: tuple[int, int], description: RobotDescription, cylinder: Cylinder, error: str
+    places: tuple[int, int], description: RobotDescription, body: ConvexObject, error: str
 ) -> SweepResult:
     """
     Return a result that has no answer.
 
     :param places: of the robot and the object, for the result.
     :param description: of the robot.
-    :param cylinder: the object.
+    :param body: the object.
     :param error: why there is no result.
     """
-    return SweepResult(*places, description.name, *cylinder.center, cylinder.diameter, error=error)
+    x, y, _ = body.pose
+    return SweepResult(*places, description.name, x, y, 2.0 * body.arm, error=error)
 
 
 def _numbers(plan: GraspPlan) -> dict[str, object]:

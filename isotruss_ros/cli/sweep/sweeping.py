@@ -16,14 +16,14 @@ import itertools
 
 from distributed import as_completed, Client, Future
 from isotruss_ros.cli.sweep.evaluation import evaluate, SweepResult, unanswered
-from isotruss_ros.core import Cylinder, GraspRequirements
+from isotruss_ros.core import ConvexObject, GraspRequirements
 from isotruss_ros.core.model.description import RobotDescription
 
 
 def sweep(
     client: Client,
     robots: Sequence[RobotDescription],
-    objects: Sequence[Cylinder],
+    objects: Sequence[ConvexObject],
     requirements: GraspRequirements | None = None,
     seed: int = 0,
 ) -> Iterator[SweepResult]:
@@ -37,7 +37,7 @@ def sweep(
     :param client: of the cluster; its workers must have this package.
     :param robots: descriptions: `load_robot(...).description`, or variations of it by
         `dataclasses.replace`.
-    :param objects: the cylinders.
+    :param objects: the objects.
     :param requirements: what a grasp must fulfil; those of `GraspRequirements()` if None.
     :param seed: of every search.
     :return: results as they come; a pair that could not be computed says so in `error`.

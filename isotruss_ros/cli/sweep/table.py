@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from isotruss_ros.cli.sweep.evaluation import SweepResult
-from isotruss_ros.core import Cylinder, IsotrussError
+from isotruss_ros.core import ConvexObject, IsotrussError
 
 COLUMNS = tuple(field.name for field in fields(SweepResult))
 OBJECT_COLUMNS = ('x', 'y', 'diameter')
@@ -27,9 +27,9 @@ class TableError(IsotrussError, ValueError):
     """A table of objects cannot be read; says where and what would be right."""
 
 
-def read_objects(path: Path) -> list[Cylinder]:
+def read_objects(path: Path) -> list[ConvexObject]:
     """
-    Read objects, one a row, from a CSV file with the columns x, y and diameter [m].
+    Read discs, one a row, from a CSV file with the columns x, y and diameter [m].
 
     :param path: path of the CSV file.
     :raises TableError: names the file, the row and what would be right.
@@ -43,7 +43,7 @@ def read_objects(path: Path) -> list[Cylinder]:
     for number, row in enumerate(rows, 2):
         try:
             x, y, diameter = (float(row[name]) for name in OBJECT_COLUMNS)
-            found.append(Cylinder((x, y), diameter))
+            found.append(ConvexObject.disc((x, y), diameter))
         except KeyError as error:
             raise TableError(
                 f'{path}: no column {error}; must have {", ".join(OBJECT_COLUMNS)}'

@@ -20,15 +20,13 @@ from dataclasses import dataclass, replace
 import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-
-as_convex_object = lambda b: b
-from isotruss_ros.core.planning.closing_motion import take_closing_step
-from isotruss_ros.core.planning.closing_qp import (
+from isotruss_ros.core.planning.closing import (
     Closing,
     evaluate_state,
     outward_normals,
     SearchState,
 )
+from isotruss_ros.core.planning.closing_motion import take_closing_step
 from isotruss_ros.core.planning.facing import balances, find_facing
 import numpy as np
 
@@ -61,7 +59,7 @@ def approach(
     config: Configuration, closing: Closing, should_stop: Callable[[], bool] | None = None
 ) -> Approach:
     """
-    Bring the grasping members close to the object and open no further than friction can hold.
+    Bring the grasping members close to the object, facing it so that friction can hold it.
 
     :param config: configuration of the robot.
     :param closing: what closes.
@@ -73,29 +71,21 @@ def approach(
     standoff, tolerance = settings.standoff * diameter, settings.standoff_tolerance * diameter
     members, targets = list(closing.members), [standoff] * len(closing.members)
     path, evaluations = [config], 0
-    # Members of any grip turn slowly where they also have to keep apart.
-    progress = settings.min_progress
-    if closing.module is None:
-        progress *= settings.slow_progress
     state = evaluate_state(config, closing.body)
     best, idle, share = np.inf, 0, 1.0
     while True:
-        gaps = state.gaps
-        gap = float(gaps.members[members].max()) - standoff
-        wide = missing_direction(state, closing)
-        if gap <= tolerance and wide <= 1e-3:
+        gap = float(state.gaps[members].max()) - standoff
+        missing = missing_turn(state, closing)
+        if gap <= tolerance and missing <= 1e-3:
             return Approach(closing, tuple(path), evaluations)
-        left = max(gap, 0.0) / diameter + max(wide, 0.0)
-        idle = 0 if left < best - progress else idle + 1
+        left = max(gap, 0.0) / diameter + missing
+        idle = 0 if left < best - settings.min_progress else idle + 1
         best = min(best, left) if idle else left
-        unmet = ('reach', gap)
-        if gap <= tolerance:
-            name = 'opening' if closing.module is not None else 'facing'
-            unmet = (name, closing.bound(name) + wide)
+        unmet = ('reach', gap) if gap > tolerance else ('facing', missing)
         aborted = idle > settings.max_idle_steps or len(path) > settings.max_approach_steps
         if aborted or (should_stop is not None and should_stop()):
             return Approach(closing, tuple(path), evaluations, unmet)
-        step = take_closing_step(state, turned_closing(state, closing, wide), targets, share)
+        step = take_closing_step(state, turned_closing(state, closing, missing), targets, share)
         evaluations += step.evaluations
         if step.blocked:
             return Approach(closing, tuple(path), evaluations, step.blocked)
@@ -109,31 +99,28 @@ def turned_closing(state: SearchState, closing: Closing, missing: float) -> Clos
 
     :param state: where the robot is.
     :param closing: what closes.
-    :param missing: see `missing_direction` [rad]; where friction holds they need not turn.
+    :param missing: see `missing_turn` [rad]; where friction holds they need not turn.
     """
     if closing.facing is None:
         return closing
     if missing <= 0.0:
         return replace(closing, facing=None)
-    settings, body = closing.settings, as_convex_object(closing.body)
-    normals = outward_normals(state.config, closing)
-    angle = settings.cone_share * closing.opening
-    found = find_facing(body, normals, angle, settings.turning_price)
+    settings, normals = closing.settings, outward_normals(state.config, closing)
+    angle = settings.cone_share * closing.friction_angle
+    found = find_facing(closing.body, normals, angle, settings.turning_price)
     return closing if found is None else replace(closing, facing=found)
 
 
-def missing_direction(state: SearchState, closing: Closing) -> float:
+def missing_turn(state: SearchState, closing: Closing) -> float:
     """
-    Return by how much the grasping members are to turn yet, not positive where friction holds.
+    Return by how much the grasping members are to turn yet, zero where friction holds [rad].
 
     :param state: where the robot is.
     :param closing: what closes.
-    :return: [rad]; of two members at a module by how much they open too wide.
     """
-    if closing.module is not None:
-        return float(state.gaps.openings[closing.module]) - closing.opening
-    body, normals = as_convex_object(closing.body), outward_normals(state.config, closing)
-    if balances(body, normals, closing.settings.used_share * closing.opening):
+    normals = outward_normals(state.config, closing)
+    angle = closing.settings.used_share * closing.friction_angle
+    if balances(closing.body, normals, angle):
         return 0.0
     if closing.facing is None:
         return math.pi

@@ -6,38 +6,76 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-
-"""A grip that holds the object, and the path on which it closed."""
+"""A grip that holds the object, and the path on which it closes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.model.convex_object import ConvexObject
-
-Cylinder = type(None)
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.force_bounds import GraspLoads
+import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedGrip:
     """
-    A grip that holds the object.
+    A grip that holds the object; nothing in it is tied to a process.
 
-    :ivar path: configurations from where all grasping members touch the object to the grasp.
+    :ivar path: (k, r) roller positions from where all grasping members touch the object to the
+        grasp [m].
+    :ivar points: (n,) nodes in the grasp [m].
+    :ivar rigidity: the least along the path, 1 at home.
     :ivar body: the object where it lay, or where it went as the grip closed.
     :ivar analysis: of the grasp, the object held fast.
     :ivar loads: of the grasp.
     :ivar squeeze: mean normal force of the grasping members [N].
-    :ivar slip_margin: smallest wrench, moment over d/2, at which a contact slips or lets go, the
-        object free [N]; zero where it is not held then, or by more than two members.
+    :ivar slip_margin: smallest wrench, moment over the arm, at which a contact slips or lets go,
+        the object free [N]; zero where it is not held then.
     """
 
-    path: tuple[Configuration, ...]
-    body: Cylinder | ConvexObject
+    path: Array
+    points: Points
+    rigidity: float
+    body: ConvexObject
     analysis: GraspAnalysis
     loads: GraspLoads
     squeeze: float
     slip_margin: float
+
+    @classmethod
+    def at_end(
+        cls,
+        path: Sequence[Configuration],
+        body: ConvexObject,
+        analysis: GraspAnalysis,
+        loads: GraspLoads,
+        squeeze: float,
+        slip_margin: float,
+    ) -> ClosedGrip:
+        """
+        Return the grip at the end of a path.
+
+        :param path: configurations along it, at least one.
+        :param body: see `ClosedGrip`, as are the others.
+        :param analysis: of the grasp.
+        :param loads: of the grasp.
+        :param squeeze: [N].
+        :param slip_margin: [N].
+        """
+        index = rigidity_index(path[0].robot)
+        return cls(
+            path=np.array([config.roller_positions for config in path]),
+            points=path[-1].points,
+            rigidity=min(float(index.modes(config).values[0]) for config in path),
+            body=body,
+            analysis=analysis,
+            loads=loads,
+            squeeze=squeeze,
+            slip_margin=slip_margin,
+        )

@@ -8,12 +8,12 @@
 # language governing permissions and limitations under the License.
 
 """
-Closing in place: two members press on a free object, which stays where it is.
+Closing in place: members press on a free object, which stays where it is.
 
-The members touch at a wedge so narrow that friction holds the object as soon as both press. From
-there on it is held and the contacts roll: the squeeze rises while the twist of the object is zero.
-The path is what the rollers do then, by the mechanics of the elastic plant. A path for an object
-that the ground holds would drag a free one along, by several centimetres.
+Two members face it so that friction holds it as soon as both press. From there on it is held and
+the contacts roll: the squeeze rises while the twist of the object is zero. The path is what the
+rollers do then, by the mechanics of the elastic plant. A path for an object that the ground holds
+would drag a free one along, by several centimetres.
 """
 
 from __future__ import annotations
@@ -25,23 +25,16 @@ import math
 from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.hold_status import HoldStatus
-
-RollingGrasp = type(None)
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-
-as_convex_object = lambda b: b
-Cylinder = type(None)
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closed_grip import ClosedGrip
+from isotruss_ros.core.planning.closing import Closing, outward_normals
 from isotruss_ros.core.planning.closing_motion import press
-from isotruss_ros.core.planning.closing_qp import Closing, outward_normals
-from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads, GraspLoads
+from isotruss_ros.core.planning.facing import contact_ends
+from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads
 from isotruss_ros.core.planning.grasp_plan import Violation
-from isotruss_ros.core.planning.motion_in_place import (
-    MotionInPlace,
-    SQUEEZE_TOLERANCE,
-)
+from isotruss_ros.core.planning.motion_in_place import MotionInPlace, SQUEEZE_TOLERANCE
 from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
 from isotruss_ros.core.planning.surrounding import squeeze_around
 import numpy as np
@@ -54,7 +47,7 @@ MAX_BALANCE_STEPS = 4
 
 class ClosingInPlace:
     """
-    Searches the squeeze with which two members hold a free object, and the path to it.
+    Searches the squeeze with which members hold a free object, and the path to it.
 
     :ivar analyses: analyses so far.
     :param opened: configuration in which the members are close to the object.
@@ -81,10 +74,6 @@ class ClosingInPlace:
         """Return the violation of the best state so far."""
         return self._motion.closest_violation
 
-    @closest_violation.setter
-    def closest_violation(self, violation: Violation) -> None:
-        self._motion.closest_violation = violation
-
     def close(self) -> ClosedGrip | None:
         """
         Return a grip that fulfils the requirements, or None; then see `closest_violation`.
@@ -92,22 +81,16 @@ class ClosingInPlace:
         :raises SolverError: a quadratic program, or the contact, was not solved.
         :raises StructureError: see `structure_of`.
         """
-        touch = self._press(self._open, 0.0)
+        touch = self._press(self._open, np.zeros(len(self._closing.members)))
         if touch is None:
             return None
         needs, path = self._needs, [touch]
-        best: ClosedGrip | None = None
-        best_score = -math.inf
-        three = self._closing.module is None and len(self._closing.members) > 2
-        for grasp in self._surround(touch) if three else self._rise(touch):
+        best, best_score = None, -math.inf
+        for grasp in self._rise(touch):
             path.append(grasp.config)
             self.analyses += 1
-            analysis = analyze_grasp(
-                grasp.config,
-                self._placed(grasp),
-                needs.friction,
-                needs.external_wrench,
-            )
+            body = self._placed(grasp)
+            analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
             loads = grasp_loads(analysis, grasp)
             over = exceeded_bound(needs, loads)
             if over is not None:
@@ -115,78 +98,63 @@ class ClosingInPlace:
                 break
             if needs.squeeze is not None and not _reached(grasp, needs.squeeze):
                 continue
-            closed = self._require(path, grasp, analysis, loads)
-            if closed is None:
+            margin = self._require(grasp, analysis)
+            if margin is None:
                 continue
             # The path as far as here is shorter than all of it.
-            score = rate_grasp(
-                needs, analysis, loads.max_total_force, closed.slip_margin, -grasp.squeeze
-            )
+            score = rate_grasp(needs, analysis, loads.max_total_force, margin, -grasp.squeeze)
             if score <= best_score:
                 break
-            best, best_score = closed, score
-        return best
+            best_score = score
+            best = (path[:], body, analysis, loads, grasp.squeeze, margin)
+        return None if best is None else ClosedGrip.at_end(*best)
 
-    def _rise(self, touch: Configuration) -> Iterator[RollingGrasp | HeldGrip]:
+    def _rise(self, touch: Configuration) -> Iterator[HeldGrip]:
         """Yield how the object is held with larger and larger squeeze, until it is that wanted."""
-        closing, wanted = self._closing, self._needs.squeeze
-        settings, tube = closing.settings, touch.robot.description.tube_diameter
-        depth = settings.first_contact * tube
-        if closing.module is None:
-            depth = settings.face_contact * tube
-        pressed = self._press(touch, depth)
-        if pressed is None:
-            return
-        found = attach(pressed, closing)
-        if isinstance(found, HoldStatus):
-            self._motion.record(Violation('held', 0.0, 1.0, 30.0))
-            return
-        grasp: RollingGrasp | HeldGrip | None = found
-        closer = (
-            settings.squeeze_step if closing.module is not None else settings.closing_step * tube
-        )
+        settings, wanted = self._closing.settings, self._needs.squeeze
+        closer = settings.closing_step * touch.robot.description.tube_diameter
+        pair = len(self._closing.members) == 2
+        first = grasp = self._hold(touch)
         while grasp is not None and self._sticks(grasp):
-            if grasp is not found:
+            # Two members bring the object back to its place with the next step only.
+            if not (pair and grasp is first):
                 yield grasp
-            force = grasp.squeeze - closer * grasp.squeeze_by_opening()
-            if wanted is not None:
-                if _reached(grasp, wanted):
-                    return
-                force = min(wanted, force)
-            grasp = self._motion.squeeze(grasp, force)
+            if wanted is not None and _reached(grasp, wanted):
+                return
+            force = grasp.squeeze - closer * grasp.squeeze_stiffness()
+            if not pair:
+                force = min(
+                    grasp.squeeze * settings.squeeze_growth, grasp.squeeze + settings.squeeze_rise
+                )
+            force = force if wanted is None else min(wanted, force)
+            if pair:
+                grasp = self._motion.squeeze(grasp, force)
+            else:
+                grasp = squeeze_around(self._motion, grasp, force)
 
-    def _surround(self, touch: Configuration) -> Iterator[HeldGrip]:
-        """Yield how three members hold the object with larger and larger squeeze."""
-        closing, wanted = self._closing, self._needs.squeeze
-        body, tube = as_convex_object(closing.body), touch.robot.description.tube_diameter
-        depths = np.full(len(closing.members), closing.settings.face_contact * tube)
-        config, found = touch, None
-        # First each presses as deep as keeps the object there without friction.
+    def _hold(self, touch: Configuration) -> HeldGrip | None:
+        """Return how the object is held first; three members press as deep as keeps it there."""
+        body, members = self._closing.body, np.array(self._closing.members)
+        settings, tube = self._closing.settings, touch.robot.description.tube_diameter
+        one, other = contact_ends(body, outward_normals(touch, self._closing))
+        depth = settings.first_contact if (one == other).all() else settings.face_contact
+        config, depths = touch, np.full(len(members), depth * tube)
         for _ in range(MAX_BALANCE_STEPS):
-            pressed = self._press_to(config, depths)
+            pressed = self._press(config, depths)
             if pressed is None:
-                return
-            config, found = pressed, attach(pressed, closing)
-            if not isinstance(found, HeldGrip):
+                return None
+            config, found = pressed, HeldGrip.attach(pressed, body, members)
+            if isinstance(found, HoldStatus):
                 self._motion.record(Violation('held', 0.0, 1.0, 30.0))
-                return
+                return None
             away = found.body.center - body.center
-            if abs(away) < SAME_PLACE:
+            if len(members) == 2 or abs(away) < SAME_PLACE:
                 break
-            normals = outward_normals(config, closing)
+            normals = outward_normals(config, self._closing)
             depths = np.maximum(depths + (away * normals.conj()).real, 0.0)
-        grasp = found
-        while grasp is not None and self._sticks(grasp):
-            yield grasp
-            force = grasp.squeeze * closing.settings.squeeze_growth
-            force = min(force, grasp.squeeze + closing.settings.squeeze_rise)
-            if wanted is not None:
-                if _reached(grasp, wanted):
-                    return
-                force = min(wanted, force)
-            grasp = squeeze_around(self._motion, grasp, force)
+        return found
 
-    def _sticks(self, grasp: RollingGrasp | HeldGrip) -> bool:
+    def _sticks(self, grasp: HeldGrip) -> bool:
         """Return whether the contacts stick."""
         friction = self._needs.friction
         hold = grasp.hold(friction)
@@ -199,14 +167,8 @@ class ClosingInPlace:
             self._motion.record(Violation('held', 0.0, 1.0, 10.0))
         return hold is HoldStatus.HELD
 
-    def _require(
-        self,
-        path: list[Configuration],
-        grasp: RollingGrasp | HeldGrip,
-        analysis: GraspAnalysis,
-        loads: GraspLoads,
-    ) -> ClosedGrip | None:
-        """Return the grip if it bears what it must, or None."""
+    def _require(self, grasp: HeldGrip, analysis: GraspAnalysis) -> float | None:
+        """Return the slip margin of a grip [N], None if it does not bear what it must."""
         needs = self._needs
         loaded = grasp.moved_to(grasp.config, np.array(needs.external_wrench))
         if loaded is None:
@@ -231,24 +193,16 @@ class ClosingInPlace:
             distance = 1.0 - max(0.0, fast) / needs.min_margin if needs.min_margin else 1.0
             self._motion.record(Violation('min_margin', fast, needs.min_margin, distance))
             return None
-        return ClosedGrip(tuple(path), self._placed(grasp), analysis, loads, grasp.squeeze, margin)
+        return margin
 
-    def _placed(self, grasp: RollingGrasp | HeldGrip) -> Cylinder | ConvexObject:
+    def _placed(self, grasp: HeldGrip) -> ConvexObject:
         """Return the object where it is: where it lay, if it stayed there."""
         lay = self._closing.body
-        if isinstance(lay, ConvexObject):
-            moved = np.subtract(grasp.pose, lay.pose)
-            moved[2] = lay.arm * math.remainder(moved[2], 2.0 * math.pi)
-            return lay if np.abs(moved).max() < SAME_PLACE else lay.moved_to(grasp.pose)
-        (x, y), center = grasp.pose[:2], lay.center
-        near = np.hypot(x - center[0], y - center[1]) < SAME_PLACE
-        return lay if near else Cylinder((x, y), lay.diameter)
+        moved = np.subtract(grasp.pose, lay.pose)
+        moved[2] = lay.arm * math.remainder(moved[2], 2.0 * math.pi)
+        return lay if np.abs(moved).max() < SAME_PLACE else lay.moved_to(grasp.pose)
 
-    def _press(self, config: Configuration, depth: float) -> Configuration | None:
-        """Return the configuration with one indentation of both members, or None."""
-        return self._press_to(config, np.full(len(self._closing.members), depth))
-
-    def _press_to(self, config: Configuration, depths: Array) -> Configuration | None:
+    def _press(self, config: Configuration, depths: Array) -> Configuration | None:
         """Return the configuration with an indentation of each member, or None."""
         pressed = press(config, self._closing, depths)
         self._motion.evaluations += pressed.evaluations
@@ -257,21 +211,5 @@ class ClosingInPlace:
         return pressed.config
 
 
-def attach(
-    config: Configuration, closing: Closing, angle: float = 0.0
-) -> RollingGrasp | HeldGrip | HoldStatus:
-    """
-    Return how the grasping members hold the object that they press on, or why they do not.
-
-    :param config: configuration of the robot.
-    :param closing: what has closed on which object.
-    :param angle: of a cylinder [rad]; a convex object has its own.
-    :raises StructureError: see `structure_of`.
-    """
-    if isinstance(closing.body, ConvexObject):
-        return HeldGrip.attach(config, closing.body, np.array(closing.members))
-    return RollingGrasp.attach(config, closing.body, angle)
-
-
-def _reached(grasp: RollingGrasp | HeldGrip, squeeze: float) -> bool:
+def _reached(grasp: HeldGrip, squeeze: float) -> bool:
     return grasp.squeeze >= (1.0 - 2.0 * SQUEEZE_TOLERANCE) * squeeze

@@ -22,12 +22,8 @@ from dataclasses import dataclass
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.planning.closing_qp import (
-    Closing,
-    evaluate_state,
-    SearchState,
-    solve_step,
-)
+from isotruss_ros.core.planning.closing import Closing, evaluate_state, SearchState
+from isotruss_ros.core.planning.closing_qp import solve_step
 from isotruss_ros.core.planning.grasp_plan import Violation
 import numpy as np
 
@@ -72,7 +68,7 @@ def take_closing_step(
     room = min(0.0, state.clearance)
     bounds = _gap_bounds(state, closing, aims)
     config, halvings = state.config, closing.settings.max_halvings
-    blocked = ('reach', float((state.gaps.members[list(closing.members)] - aims).max()))
+    blocked = ('reach', float((state.gaps[list(closing.members)] - aims).max()))
     for halving in range(halvings):
         try:
             moved = config.moved_to(config.roller_positions + 0.5**halving * move)
@@ -80,14 +76,13 @@ def take_closing_step(
         except ConfigurationError:
             blocked = ('rigidity', 0.0)
             continue
-        gaps = _gaps(there)
-        low = int((gaps - bounds).argmin())
+        low = int((there.gaps - bounds).argmin())
         if there.rigidity < least:
             blocked = ('rigidity', there.rigidity)
         elif there.clearance < room:
             blocked = ('self_clearance', there.clearance)
-        elif gaps[low] < bounds[low]:
-            blocked = ('object_clearance', float(gaps[low]))
+        elif there.gaps[low] < bounds[low]:
+            blocked = ('object_clearance', float(there.gaps[low]))
         else:
             larger = 2.0 * share if halving == 0 else share * 0.5**halving
             return Step(there, halving + 1, min(1.0, larger))
@@ -121,7 +116,7 @@ def press(config: Configuration, closing: Closing, depths: Array) -> Pressing:
     state = evaluate_state(config, closing.body)
     members, share, evaluations, left = list(closing.members), 1.0, 0, np.inf
     for _ in range(closing.settings.max_press_steps):
-        left = float(np.abs(state.gaps.members[members] + depths).max())
+        left = float(np.abs(state.gaps[members] + depths).max())
         if left <= GAP_TOLERANCE:
             return Pressing(state.config, evaluations)
         step = take_closing_step(state, closing, -depths, share)
@@ -134,14 +129,9 @@ def press(config: Configuration, closing: Closing, depths: Array) -> Pressing:
     return Pressing(None, evaluations, Violation('reach', left, 0.0, 40.0 + left))
 
 
-def _gaps(state: SearchState) -> Array:
-    return np.concatenate([state.gaps.members, state.gaps.modules, state.gaps.rods])
-
-
 def _gap_bounds(state: SearchState, closing: Closing, targets: Array) -> Array:
     """Return the gaps (3m,) that a step must leave; the program is right to first order only."""
     diameter, settings = state.config.robot.description.tube_diameter, closing.settings
-    present = _gaps(state)
-    bounds = np.full(len(present), settings.kept_clearance * settings.clearance * diameter)
+    bounds = np.full(len(state.gaps), settings.kept_clearance * settings.clearance * diameter)
     bounds[list(closing.members)] = targets - settings.overshoot * diameter
-    return np.minimum(bounds, present - GAP_ROUNDING)
+    return np.minimum(bounds, state.gaps - GAP_ROUNDING)

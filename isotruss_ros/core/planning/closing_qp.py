@@ -6,101 +6,33 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-
 """
 One step of closing the grasping members on an object: a quadratic program (QP).
 
-    minimize    1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 (opening excess)^2 + 1/2 w |u - n|^2
+    minimize    1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 |turn - facing|^2 + 1/2 w |u - n|^2
     subject to  limits, gaps of all that must not touch, rigidity, clearance,  |u| <= longest step
 
-u is the roller travel of the step, n that to the nominal posture, a the opening arm and w the
+u is the roller travel of the step, n that to the nominal posture, a the turning arm and w the
 motion weight of `SearchSettings`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import SolverError
-from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
-from isotruss_ros.core.manipulation.limits import Limit
-from isotruss_ros.core.model.convex_object import ConvexObject
-
-as_convex_object = lambda b: b
-Cylinder = type(None)
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
-from isotruss_ros.core.planning.settings import DEFAULT, SearchSettings
-from isotruss_ros.core.safety.distances import collision_model, object_gaps, ObjectGaps
+from isotruss_ros.core.planning.closing import (
+    Closing,
+    mean_member_length,
+    outward_normals,
+    SearchState,
+    turning_rows,
+)
+from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
-
-
-@dataclass(frozen=True, eq=False)
-class Closing:
-    """
-    What closes on which object, within which bounds.
-
-    :ivar body: the object, which stands still.
-    :ivar module: number of the grip module; None where the members are any.
-    :ivar members: numbers of the grasping members: the two at the module, and perhaps others.
-    :ivar opening: largest angle between the two members at the module [rad]; of any members, from
-        the line of the forces between them to the normals, that of the friction cones.
-    :ivar limits: of the rollers; a step is their motion in a unit of time.
-    :ivar min_rigidity: see `rigidity_index`, 1 at home [-].
-    :ivar nominal_posture: (r,) roller positions that the remaining freedom is drawn to [m]; the
-        present ones if None.
-    :ivar settings: of the search.
-    :ivar facing: (s,) unit normals out of the object, x + iy, that the members are turned to face;
-        they stay as they are if None.
-    """
-
-    body: Cylinder | ConvexObject
-    module: int | None
-    members: tuple[int, ...]
-    opening: float
-    limits: tuple[Limit, ...]
-    min_rigidity: float
-    nominal_posture: Array | None = None
-    settings: SearchSettings = DEFAULT
-    facing: Points | None = None
-
-    def bound(self, requirement: str) -> float:
-        """
-        Return the bound of a requirement.
-
-        :param requirement: its name.
-        """
-        return {'rigidity': self.min_rigidity, 'opening': self.opening}.get(requirement, 0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class SearchState:
-    """
-    A configuration, and the quantities that steps from it and to it depend on.
-
-    :ivar config: the configuration.
-    :ivar gaps: between it and the object.
-    :ivar modes: its smallest singular values.
-    :ivar distances: (p,) of parts that must not meet, see `CollisionModel` [m].
-    """
-
-    config: Configuration
-    gaps: ObjectGaps
-    modes: Modes
-    distances: Array
-
-    @property
-    def rigidity(self) -> float:
-        """Return the rigidity index, 1 at home."""
-        return float(self.modes.values[0])
-
-    @property
-    def clearance(self) -> float:
-        """Return the smallest of the distances [m]."""
-        return float(self.distances.min(initial=np.inf))
 
 
 class Part(NamedTuple):
@@ -117,31 +49,6 @@ class Part(NamedTuple):
     upper: Array
 
 
-def evaluate_state(config: Configuration, body: Cylinder | ConvexObject) -> SearchState:
-    """
-    Evaluate a configuration.
-
-    :param config: the configuration.
-    :param body: the object.
-    :raises ConfigurationError: it is singular.
-    """
-    return SearchState(
-        config,
-        object_gaps(config, body),
-        rigidity_index(config.robot).modes(config),
-        collision_model(config.robot).distances(config),
-    )
-
-
-def mean_member_length(config: Configuration) -> float:
-    """
-    Return the mean length of the members at home, which steps are measured by [m].
-
-    :param config: a configuration of the robot.
-    """
-    return float(config.robot.home.member_lengths.mean())
-
-
 def solve_step(state: SearchState, closing: Closing, targets: Array, share: float) -> Array:
     """
     Return the motion of the rollers (r,) in one step [m].
@@ -152,29 +59,19 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     :param share: of the longest step.
     :raises SolverError: the quadratic program was not solved.
     """
-    config, gaps, settings = state.config, state.gaps, closing.settings
+    config, settings = state.config, closing.settings
     size = share * mean_member_length(config)
     members = list(closing.members)
-    by_members, _, _, by_openings = np.split(gaps.by_rollers, 4)
-    matrix = by_members[members]
-    aim = np.maximum(targets - gaps.members[members], -settings.max_gap_step * size)
-    parts = [*_separation(state, closing, targets), _shape(state, closing)]
-    excess, turning = 0.0, np.zeros((1, matrix.shape[1]))
-    if closing.module is not None:
-        excess = float(gaps.openings[closing.module]) - closing.opening
-        turning = settings.opening_arm * by_openings[[closing.module]]
+    separation = _separation(state, closing, targets)
+    matrix = separation.matrix[members]
+    aim = np.maximum(targets - state.gaps[members], -settings.max_gap_step * size)
     if closing.facing is not None:
         turned = np.angle(closing.facing * outward_normals(config, closing).conj())
-        longest = settings.max_opening_step
-        matrix = np.concatenate([matrix, settings.opening_arm * turning_rows(config, members)])
-        aim = np.append(aim, settings.opening_arm * np.clip(turned, -longest, longest))
-    elif excess > 0.0:
-        matrix = np.concatenate([matrix, turning])
-        aim = np.append(aim, -settings.opening_arm * min(excess, settings.max_opening_step))
-    elif closing.module is not None:
-        upper = np.array([-settings.opening_arm * excess])
-        parts.append(Part(turning, np.array([-np.inf]), upper))
-    parts += [Part(*limit.rows(config)) for limit in closing.limits]
+        turned = np.clip(turned, -settings.max_turn_step, settings.max_turn_step)
+        matrix = np.concatenate([matrix, settings.turning_arm * turning_rows(config, members)])
+        aim = np.append(aim, settings.turning_arm * turned)
+    limits = (Part(*limit.rows(config)) for limit in closing.limits)
+    parts = [separation, _shape(state, closing), *limits]
     longest = settings.max_step * size
     nominal = np.zeros(len(config.roller_positions))
     if closing.nominal_posture is not None:
@@ -184,53 +81,14 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     return _solve(hessian, -matrix.T @ aim - weight * nominal, parts, longest)
 
 
-def outward_normals(config: Configuration, closing: Closing) -> Points:
-    """
-    Return the directions from the object across the grasping members, (s,) x + iy.
-
-    :param config: configuration of the robot.
-    :param closing: what closes on which object.
-    """
-    starts, spans = _spans(config, np.array(closing.members))
-    axes = spans / np.abs(spans)
-    aside = (axes.conj() * (as_convex_object(closing.body).middle - starts)).imag
-    return -1j * np.where(aside < 0.0, -axes, axes)
-
-
-def turning_rows(config: Configuration, members: Sequence[int]) -> Array:
-    """
-    Return how fast members turn for 1 m/s at each roller, (s, r) [rad/m].
-
-    :param config: configuration of the robot.
-    :param members: (s,) their numbers.
-    :raises ConfigurationError: the configuration is singular.
-    """
-    topology, numbers = config.robot.topology, np.array(members)
-    turning = 1j / _spans(config, numbers)[1].conj()
-    rows = np.zeros((len(numbers), len(config.points)), dtype=np.complex128)
-    own = np.arange(len(numbers))
-    rows[own, topology.c[topology.following[numbers]]] = turning
-    rows[own, topology.b[numbers]] = -turning
-    return config.module_rows(rows.view(np.float64))[:, topology.driven]
-
-
-def _spans(config: Configuration, members: Indices) -> tuple[Points, Points]:
-    """Return starts and spans of members, (s,) each [m]."""
-    topology, points = config.robot.topology, config.points
-    starts = points[topology.b[members]]
-    return starts, points[topology.c[topology.following[members]]] - starts
-
-
-def _separation(state: SearchState, closing: Closing, targets: Array) -> list[Part]:
+def _separation(state: SearchState, closing: Closing, targets: Array) -> Part:
     """Return bounds on the gaps: by targets for grasping members, a clearance for others."""
     gaps, members, settings = state.gaps, list(closing.members), closing.settings
     clearance = settings.clearance * state.config.robot.description.tube_diameter
-    lower = settings.bound_share * (clearance - gaps.members)
-    lower[members] = targets - gaps.members[members]
-    others = np.concatenate([gaps.modules, gaps.rods])
-    lower = np.concatenate([lower, settings.bound_share * (clearance - others)])
-    rows = gaps.by_rollers[: len(lower)]
-    return [Part(rows, np.minimum(0.0, lower), np.full(len(lower), np.inf))]
+    lower = settings.bound_share * (clearance - gaps)
+    lower[members] = targets - gaps[members]
+    rows = state.gaps_by_nodes @ state.config.node_jacobian
+    return Part(rows, np.minimum(0.0, lower), np.full(len(lower), np.inf))
 
 
 def _shape(state: SearchState, closing: Closing) -> Part:

@@ -21,12 +21,12 @@ def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
     """
     Return what characterises a grasp, by name: module, members, roller positions and scores.
 
-    The module is empty where the grip is of any members.
+    The module is empty where the members of the grip do not meet at one.
 
     :param grasp: see `PlannedGrasp` for the figures and their units.
     """
     return {
-        'module': '' if grasp.grasp is None else grasp.grasp.module,
+        'module': grasp.module or '',
         'members': list(grasp.members),
         'roller_positions': grasp.roller_positions.tolist(),
         'score': grasp.score,

@@ -16,15 +16,12 @@ what matters is the load across it. Three: the resultant force of all.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
-
-Cylinder = type(None)
-from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.safety.distances import nearest_on_segment
+from isotruss_ros.core.numerics.arrays import Array, as_xy
+from isotruss_ros.core.planning.closing import Closing, outward_normals
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -33,57 +30,48 @@ class Imbalance(NamedTuple):
     """
     What friction cannot take, in s - 1 directions for s members.
 
-    :ivar load: (s - 1,) in these directions [N], moments over d/2.
-    :ivar width: (s - 1,) what friction takes of it all the same, not negative [N].
+    :ivar load: (s - 1,) in these directions [N], moments over the arm of the object.
     :ivar slope: (s - 1, s) derivatives of the load by the indentations of the members [N/m].
     """
 
     load: Array
-    width: Array
     slope: Array
 
 
-def imbalance(
+def find_imbalance(
     config: Configuration,
-    cylinder: Cylinder,
+    closing: Closing,
     analysis: GraspAnalysis,
     external_wrench: ArrayLike,
-    members: Sequence[int],
     depths: Array,
-    friction: float,
 ) -> Imbalance | None:
     """
     Return the load that friction cannot take, or None where a member does not press.
 
     :param config: configuration of the robot.
-    :param cylinder: the object.
+    :param closing: what presses on which object.
     :param analysis: of the grasp.
     :param external_wrench: (fx, fy, m) on the object [N, N m].
-    :param members: the s grasping members.
-    :param depths: (s,) indentation of each, positive [m].
-    :param friction: coefficient.
+    :param depths: (s,) indentation of each member, positive [m].
     """
-    topology, points = config.robot.topology, config.points
-    pressing = [analysis.contact_forces.get(config.robot.member_names[i], 0.0) for i in members]
+    body, names = closing.body, config.robot.member_names
+    pressing = [analysis.contact_forces.get(names[i], 0.0) for i in closing.members]
     if min(pressing) <= 0.0:
         return None
-    numbers = list(members)
-    begin, end = points[topology.b[numbers]], points[topology.c[topology.following[numbers]]]
-    inward = nearest_on_segment(complex(*cylinder.center), begin, end).normal
     # As if each member were a spring of its own; the caller's secants correct it.
     stiffness = np.array(pressing) / depths
-    model = np.stack([inward.real * stiffness, inward.imag * stiffness, np.zeros(len(members))])
-
+    inward = -outward_normals(config, closing)
+    model = np.stack([inward.real * stiffness, inward.imag * stiffness, np.zeros(len(inward))])
+    wrench = np.asarray(external_wrench) + analysis.normal_wrench
+    load = wrench / (1.0, 1.0, body.arm)
+    if len(inward) > 2:
+        return Imbalance(load[:2], model[:2])
     touching = analysis.normal_forces > 0.0
-    normals, forces = analysis.normals[touching], analysis.normal_forces[touching]
-    wrench = np.asarray(external_wrench) / (1.0, 1.0, 0.5 * cylinder.diameter)
-    load = wrench - np.append(forces @ normals, 0.0)
-    if len(members) > 2:
-        return Imbalance(load[:2], np.zeros(2), model[:2])
-    tangents = np.column_stack([-normals[:, 1], normals[:, 0], np.ones(len(forces))])
-    segments = forces[:, None] * tangents
-    across = np.linalg.svd(segments)[2][2]
+    normals = analysis.normals[touching]
+    arms = analysis.points[touching] - as_xy(np.array([body.center]))
+    moments = (arms * normals).sum(axis=1) / body.arm
+    tangents = np.column_stack([-normals[:, 1], normals[:, 0], moments])
+    across = np.linalg.svd(analysis.normal_forces[touching, None] * tangents)[2][2]
     slope = across @ model
     turn = 1.0 if slope[0] >= slope[1] else -1.0  # an axis has no sign: always the same one
-    width = friction * np.abs(segments @ across).sum()
-    return Imbalance(turn * np.array([across @ load]), np.array([width]), turn * slope[None])
+    return Imbalance(turn * np.array([across @ load]), turn * slope[None])

@@ -16,8 +16,6 @@ from typing import NamedTuple
 from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.held_utilisation import held_utilisation
-
-RollingGrasp = type(None)
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.requirements import GraspRequirements
 
@@ -36,9 +34,7 @@ class GraspLoads(NamedTuple):
     max_utilisation: float
 
 
-def grasp_loads(
-    analysis: GraspAnalysis, grasp: RollingGrasp | HeldGrip | None = None
-) -> GraspLoads:
+def grasp_loads(analysis: GraspAnalysis, grasp: HeldGrip | None = None) -> GraspLoads:
     """
     Return the loads of a grasp, the larger ones of an object held fast and of the free one.
 
@@ -49,10 +45,8 @@ def grasp_loads(
     forces, total = list(analysis.contact_forces.values()), float(analysis.normal_forces.sum())
     used = max(analysis.utilisation.values())
     if grasp is not None:
-        held = isinstance(grasp, HeldGrip)
-        pressing = grasp.normal_forces if held else grasp.state.normal_forces
-        forces += pressing.tolist()
-        total = max(total, float(pressing.sum()))
+        forces += grasp.normal_forces.tolist()
+        total = max(total, float(grasp.normal_forces.sum()))
         used = max(used, float(held_utilisation(grasp).max()))
     return GraspLoads(max(forces, default=0.0), total, used)
 

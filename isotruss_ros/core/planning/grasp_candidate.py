@@ -6,7 +6,6 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-
 """One grasp candidate, from the open grip to the grasp; it can be sent to other processes."""
 
 from __future__ import annotations
@@ -16,23 +15,16 @@ import functools
 import pickle
 
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.core.grasping.analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.model.convex_object import ConvexObject
-
-Cylinder = type(None)
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.approach import Approach
 from isotruss_ros.core.planning.closed_grip import ClosedGrip
+from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_in_place import ClosingInPlace
-from isotruss_ros.core.planning.closing_qp import Closing
-from isotruss_ros.core.planning.force_bounds import GraspLoads
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.squeeze import Squeeze
-from isotruss_ros.core.safety.margins import shape_margins
-import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,30 +51,16 @@ class Squeezed:
     """
     What became of a candidate.
 
-    :ivar positions: (k, r) roller positions from the touch to the grasp [m]; none if it is none.
-    :ivar points: (n,) nodes in the grasp [m].
-    :ivar body: the object in the grasp.
-    :ivar analysis: of the grasp; None if it is none.
-    :ivar loads: of the grasp; None if it is none.
-    :ivar squeeze: mean normal force of the grasping members [N].
-    :ivar slip_margin: see `PlannedGrasp` [N].
-    :ivar rigidity: the least from the touch to the grasp.
+    :ivar grip: that holds the object; None if it is no grasp.
     :ivar violation: the requirement that it violates; None if it is a grasp.
     :ivar evaluations: configurations that were computed.
-    :ivar analysed: analyses.
+    :ivar analyses: how many were analysed.
     """
 
-    positions: Array
-    points: Points
-    body: Cylinder | ConvexObject
-    analysis: GraspAnalysis | None
-    loads: GraspLoads | None
-    squeeze: float
-    slip_margin: float
-    rigidity: float
+    grip: ClosedGrip | None
     violation: Violation | None
     evaluations: int
-    analysed: int
+    analyses: int
 
 
 def make_grasp_candidate(approached: Approach, requirements: GraspRequirements) -> GraspCandidate:
@@ -103,54 +81,22 @@ def squeeze_candidate(candidate: GraspCandidate) -> Squeezed:
     """
     Find how hard a candidate must press to be a grasp, in any process.
 
-    Two members close in place on a free object, and so do any members of a grip. One that the
-    ground holds, and three members around a cylinder, are pressed on it as it lies.
+    Members close in place on a free object; on one that the ground holds they press as it lies.
 
     :param candidate: the open grip.
     """
-    robot = _robot(candidate.robot)
-    opened = Configuration(robot, candidate.positions, candidate.points)
-    closing = candidate.closing
-    pair = len(closing.members) == 2 and candidate.requirements.object_is_free
-    kind = ClosingInPlace if pair or closing.module is None else Squeeze
-    search: ClosingInPlace | Squeeze = kind(opened, closing, candidate.requirements)
-    found: ClosedGrip | None = None
+    opened = Configuration(_robot(candidate.robot), candidate.positions, candidate.points)
+    kind = ClosingInPlace if candidate.requirements.object_is_free else Squeeze
+    search = kind(opened, candidate.closing, candidate.requirements)
     try:
-        found = search.close()
+        grip = search.close()
     except IsotrussError as error:
         # A candidate that cannot be computed is none; what was found out before still counts.
-        search.closest_violation = search.closest_violation or Violation(
-            str(error), 0.0, 0.0, 100.0
-        )
-    if found is None:
-        nothing = np.empty((0, len(candidate.positions)))
-        violation = search.closest_violation or Violation('path', 0.0, 1.0, 60.0)
-        return Squeezed(
-            nothing,
-            opened.points,
-            candidate.closing.body,
-            None,
-            None,
-            0.0,
-            0.0,
-            0.0,
-            violation,
-            search.evaluations,
-            search.analyses,
-        )
-    return Squeezed(
-        np.array([config.roller_positions for config in found.path]),
-        found.path[-1].points,
-        found.body,
-        found.analysis,
-        found.loads,
-        found.squeeze,
-        found.slip_margin,
-        min(shape_margins(config).rigidity for config in found.path),
-        None,
-        search.evaluations,
-        search.analyses,
-    )
+        grip, failed = None, Violation(str(error), 0.0, 0.0, 100.0)
+    else:
+        failed = Violation('path', 0.0, 1.0, 60.0)
+    violation = None if grip is not None else search.closest_violation or failed
+    return Squeezed(grip, violation, search.evaluations, search.analyses)
 
 
 @functools.lru_cache(maxsize=4)

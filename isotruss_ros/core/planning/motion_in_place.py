@@ -17,48 +17,24 @@ the rollers bring squeeze and place to what is wanted.
 from __future__ import annotations
 
 import math
-from typing import TypeVar
 
-from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.grasping.held_grip import HeldGrip
-
-RollingGrasp = type(None)
 from isotruss_ros.core.kinematics.configuration import Configuration
-
-Grasp = type(None)
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.convex_object import ConvexObject
-
-as_convex_object = lambda b: b
-Cylinder = type(None)
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
+from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.grasp_plan import Violation
 import numpy as np
 
 #: Newton steps with which a waypoint is brought to its squeeze and place ...
 MAX_CORRECTIONS = 12
-#: ... until the squeeze is right to this share, and the place to this length [m].
-SQUEEZE_TOLERANCE, PLACE_TOLERANCE = 1e-3, 2e-5
-#: Of an object that is no cylinder, the angle too [rad].
-TURN_TOLERANCE = 1e-3
+#: ... until the squeeze is right to this share, the place to this length [m], the angle [rad].
+SQUEEZE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE = 1e-3, 2e-5, 1e-3
 #: A command that limits scale down by more than this is not followed.
 MIN_SCALE = 0.999
-#: How an object is held: a cylinder at a module, or any.
-Held = TypeVar('Held', RollingGrasp, HeldGrip)
-
-
-def placed_body(grasp: RollingGrasp | HeldGrip) -> Cylinder | ConvexObject:
-    """
-    Return the object where it is held.
-
-    :param grasp: how it is held.
-    """
-    if isinstance(grasp, HeldGrip):
-        return grasp.body
-    return Cylinder(grasp.pose[:2], grasp.diameter)
 
 
 class MotionInPlace:
@@ -69,11 +45,10 @@ class MotionInPlace:
     :ivar evaluations: configurations that were computed so far.
     :ivar closest_violation: the violation of the best state so far.
     :param closing: the grip, where the object is to stay, and the bounds of the motion.
-    :param angle: at which a cylinder is to stay; a convex object has its own [rad].
     """
 
-    def __init__(self, closing: Closing, angle: float = 0.0) -> None:
-        self.closing, self._angle = closing, angle
+    def __init__(self, closing: Closing) -> None:
+        self.closing = closing
         self.evaluations = 0
         self.closest_violation: Violation | None = None
 
@@ -87,7 +62,7 @@ class MotionInPlace:
         if closest is None or violation.distance < closest.distance:
             self.closest_violation = violation
 
-    def squeeze(self, grasp: Held, force: float) -> Held | None:
+    def squeeze(self, grasp: HeldGrip, force: float) -> HeldGrip | None:
         """
         Return the grasp with another squeeze, the object where it lay.
 
@@ -98,22 +73,22 @@ class MotionInPlace:
         :raises StructureError: see `structure_of`.
         """
         scale, reachable = 1.0, True
-        place = as_convex_object(self.closing.body).pose
-        center, angle = np.array(place[:2]), place.angle + self._angle
+        place = self.closing.body.pose
+        center = np.array(place[:2])
         for _ in range(MAX_CORRECTIONS):
             away = center - grasp.pose[:2]
             missing = force - grasp.squeeze
             right = abs(missing) < SQUEEZE_TOLERANCE * force
-            turn = math.remainder(angle - grasp.pose.angle, 2.0 * math.pi)
-            # A disc may turn; what else has been turned is to come back if it can.
-            turned = isinstance(grasp, HeldGrip) and reachable and abs(turn) > TURN_TOLERANCE
+            turn = math.remainder(place.angle - grasp.pose.angle, 2.0 * math.pi)
+            # What has been turned is to come back if it can.
+            turned = reachable and abs(turn) > TURN_TOLERANCE
             if right and np.hypot(*away) < PLACE_TOLERANCE and not turned:
                 return grasp
             # The scale knows large steps: where only the place is left, it would overshoot.
-            rate = 0.0 if right else scale * missing / grasp.squeeze_by_opening()
+            rate = 0.0 if right else scale * missing / grasp.squeeze_stiffness()
             command = self._command(grasp, np.append(away, turn), rate)
-            reachable = command.status is not Status.UNREACHABLE
-            if command.scale < MIN_SCALE:
+            reachable = command is not None and command.status is not Status.UNREACHABLE
+            if command is None or command.scale < MIN_SCALE:
                 self.record(Violation('squeeze', grasp.squeeze, force, 5.0))
                 return None
             moved = self.move(grasp, command.roller_velocities)
@@ -136,21 +111,21 @@ class MotionInPlace:
             return grasp
         return None
 
-    def open_grip(self, grasp: Held, angle: float) -> Configuration | None:
+    def open_grip(self, grasp: HeldGrip, distance: float) -> Configuration | None:
         """
         Return the configuration in which the grip is open by so much more, the object in place.
 
         Members that merely moved away would roll the object along as long as they touch it.
 
         :param grasp: how the object is held, by a small squeeze.
-        :param angle: by which the members open [rad]; members of any grip [m].
+        :param distance: by which the members open, see `solve_twist` [m].
         :return: None where limits end the motion; then see `closest_violation`.
         :raises SolverError: a quadratic program was not solved.
         """
         self.evaluations += 1
-        command = self._command(grasp, np.zeros(3), angle)
+        command = self._command(grasp, np.zeros(3), distance)
         before = grasp.config
-        if command.scale < MIN_SCALE:
+        if command is None or command.scale < MIN_SCALE:
             self.record(Violation('squeeze', grasp.squeeze, 0.0, 5.0))
             return None
         try:
@@ -159,25 +134,20 @@ class MotionInPlace:
             self.record(Violation('rigidity', 0.0, self.closing.min_rigidity, 50.0))
             return None
 
-    def _command(self, grasp: Held, back: Array, rate: float) -> RollerCommand:
-        """Return the motion that closes the grip and brings the object back."""
-        held, limits = self._grip(grasp), self.closing.limits
-        command = solve_twist(grasp.config, held, back, limits=limits, opening_rate=rate)
-        if command.status is not Status.UNREACHABLE:
-            return command
+    def _command(self, grasp: HeldGrip, back: Array, rate: float) -> RollerCommand | None:
+        """Return the motion that closes the grip and brings the object back, if there is one."""
+        held, limits = Grip(grasp.member_names, grasp.body), self.closing.limits
         # A grip at a passive module cannot turn the object: its place is what counts.
-        back = np.append(back[:2], 0.0)
-        return solve_twist(grasp.config, held, back, limits=limits, opening_rate=rate)
+        for twist in (back, np.append(back[:2], 0.0)):
+            try:
+                command = solve_twist(grasp.config, held, twist, limits=limits, opening_rate=rate)
+            except GraspError:
+                return None  # a member is deeper in the object than its tube is thick
+            if command.status is not Status.UNREACHABLE:
+                break
+        return command
 
-    def _grip(self, grasp: Held) -> Grasp | Grip:
-        """Return what holds the object, for the rows of (19)."""
-        if isinstance(grasp, HeldGrip):
-            return Grip(grasp.member_names, grasp.body)
-        assert self.closing.module is not None
-        module = grasp.config.robot.module_names[self.closing.module]
-        return Grasp(module, grasp.pose[:2], grasp.diameter)
-
-    def move(self, grasp: Held, travel: Array) -> Held | None:
+    def move(self, grasp: HeldGrip, travel: Array) -> HeldGrip | None:
         """
         Return the grasp after a motion of the rollers; None where a requirement is violated.
 
@@ -196,9 +166,8 @@ class MotionInPlace:
         if moved is None:
             self.record(Violation('held', 0.0, 1.0, 10.0))
             return None
-        state = evaluate_state(config, placed_body(moved))
-        gaps = np.concatenate([state.gaps.members, state.gaps.modules, state.gaps.rods])
-        gaps[list(closing.members)] = np.inf
+        state = evaluate_state(config, moved.body)
+        gaps = np.delete(state.gaps, closing.members)
         values = {
             'rigidity': (state.rigidity, closing.min_rigidity),
             'self_clearance': (state.clearance, 0.0),

@@ -21,20 +21,17 @@ from dataclasses import dataclass, replace
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasping.depths import member_depths
+from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import find_members, Grip, module_index
+from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import ConvexObject
-
-as_convex_object = lambda b: b
-Cylinder = type(None)
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.planning.closing_in_place import attach
+from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_motion import press
-from isotruss_ros.core.planning.closing_qp import Closing
 from isotruss_ros.core.planning.grasp_plan import Violation
-from isotruss_ros.core.planning.motion_in_place import MotionInPlace, placed_body
+from isotruss_ros.core.planning.motion_in_place import MotionInPlace
 from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
 from isotruss_ros.core.planning.settings import DEFAULT
 import numpy as np
@@ -44,10 +41,9 @@ import numpy as np
 UNLOADING = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
 #: A member that presses with less than this only touches the object [N].
 LEAST_FORCE = 0.01
-#: By so much the grip then opens in place, before the members move away [rad].
-FIRST_OPENING = 5e-3
-#: The same of any members, as a share of the tube's diameter.
-OPENED = 0.015
+#: Members that are no deeper in the object than this only touch it, and by so much a grip opens in
+#: place before its members move away, as shares of the tube's diameter.
+TOUCHING, FIRST_OPENING = 1e-3, 0.015
 #: Waypoints of the members' way from the object.
 OPENING_STEPS = 5
 
@@ -70,10 +66,9 @@ class Release:
 
 def plan_release(
     config: Configuration,
-    body: Cylinder | ConvexObject,
-    held_by: str | Sequence[str],
+    body: ConvexObject,
+    members: Sequence[str],
     clearance: float,
-    angle: float = 0.0,
     min_rigidity: float = MIN_RIGIDITY,
 ) -> Release:
     """
@@ -81,39 +76,26 @@ def plan_release(
 
     :param config: configuration of the robot.
     :param body: the object, where it was measured.
-    :param held_by: the module `t/j` whose two members hold a cylinder; or names `t/j-k` of the two
-        members, or three, that hold any convex object.
+    :param members: names `t/j-k` of the two members, or three, that hold it.
     :param clearance: gap of each of these at the end, positive [m].
-    :param angle: measured orientation of a cylinder [rad]; a convex object has its own.
     :param min_rigidity: smallest rigidity index along the path, 1 at home.
-    :raises GraspError: no such module or members, or a clearance that is not positive.
+    :raises GraspError: no such members, or a clearance that is not positive.
     :raises SolverError: a quadratic program was not solved.
     :raises StructureError: see `structure_of`.
     """
     if not 0.0 < clearance < np.inf:
         raise GraspError(f'clearance {clearance} m: must be positive')
-    robot = config.robot
-    description = robot.description
-    module: int | None = None
-    if isinstance(held_by, str):
-        module = module_index(robot, held_by)
-        members = (module, int(robot.topology.previous[module]))
-        if isinstance(body, ConvexObject):
-            module = None
-    else:
-        body = as_convex_object(body)
-        members = tuple(find_members(robot, Grip(tuple(held_by), body).members).members.tolist())
-    limit = MemberLengthLimit(description.min_length, description.max_length, DEFAULT.bound_share)
-    closing = Closing(
-        body, module, members, DEFAULT.opening_range[1], (limit,), min_rigidity, None, DEFAULT
-    )
-    unloaded = _unload(config, closing, angle)
+    file = config.robot.description
+    numbers = find_members(config.robot, Grip(tuple(members), body).members).members
+    limit = MemberLengthLimit(file.min_length, file.max_length, DEFAULT.bound_share)
+    closing = Closing(body, tuple(numbers.tolist()), (limit,), min_rigidity)
+    unloaded = _unload(config, closing)
     if isinstance(unloaded, Violation):
         return _fail(config, unloaded)
     path, closing = unloaded
     apart = len(path) - 1 if len(path) > 1 else 1
     for gap in np.linspace(0.0, clearance, OPENING_STEPS + 1)[1:]:
-        opened = press(path[-1], closing, np.full(len(members), -gap))
+        opened = press(path[-1], closing, np.full(len(closing.members), -gap))
         if opened.config is None:
             return _fail(config, opened.violation)
         path.append(opened.config)
@@ -121,41 +103,33 @@ def plan_release(
 
 
 def _unload(
-    config: Configuration, closing: Closing, angle: float
+    config: Configuration, closing: Closing
 ) -> tuple[list[Configuration], Closing] | Violation:
     """
     Return the path on which the squeeze falls, only its beginning where nothing presses.
 
     Also where the object is at its end: a grip of few rollers takes it along a little.
     """
-    path = [config]
-    diameter = config.robot.description.tube_diameter
-    depth = float(member_depths(config, closing.body).max())
-    if depth <= closing.settings.first_contact * diameter:
+    path, diameter = [config], config.robot.description.tube_diameter
+    if float(member_depths(config, closing.body).max()) <= TOUCHING * diameter:
         return path, closing
-    grasp = attach(config, closing, angle)
-    if isinstance(grasp, HoldStatus):
+    found = HeldGrip.attach(config, closing.body, np.array(closing.members))
+    if isinstance(found, HoldStatus):
         return Violation('held', 0.0, 1.0, 10.0)
-    if grasp.state.normal_forces.min() <= LEAST_FORCE:
+    if found.normal_forces.min() <= LEAST_FORCE:
         return path, closing
-    if set(map(int, grasp.members)) != set(closing.members):
-        pressing, asked = float(len(grasp.members)), float(len(closing.members))
-        return Violation('grip', pressing, asked, 15.0)
-    own = isinstance(closing.body, ConvexObject)
-    motion = MotionInPlace(closing, 0.0 if own else angle)
-    full = grasp.squeeze
+    motion, grasp = MotionInPlace(closing), found
     for share in UNLOADING:
-        moved = motion.squeeze(grasp, share * full)
+        moved = motion.squeeze(grasp, share * found.squeeze)
         if moved is None:
             return motion.closest_violation or Violation('held', 0.0, 1.0, 10.0)
         grasp = moved
         path.append(grasp.config)
-    opening = FIRST_OPENING if closing.module is not None else OPENED * diameter
-    opened = motion.open_grip(grasp, opening)
+    opened = motion.open_grip(grasp, FIRST_OPENING * diameter)
     if opened is None:
         return motion.closest_violation or Violation('held', 0.0, 1.0, 10.0)
     path.append(opened)
-    return path, replace(closing, body=placed_body(grasp))
+    return path, replace(closing, body=grasp.body)
 
 
 def _fail(config: Configuration, violation: Violation | None) -> Release:

@@ -19,25 +19,22 @@ class SearchSettings:
     """
     How the search for grasps proceeds; lengths are relative, so that they fit robots of any size.
 
-    :ivar openings: of the first grips, as shares of the largest opening that friction holds.
-    :ivar random_openings: smallest and largest of the random ones, as such shares.
-    :ivar opening_range: smallest and largest opening of a grip [rad].
+    :ivar random_cones: smallest and largest friction cones of random grips, as shares of all of
+        them.
     :ivar random_posture: standard deviation of the nominal roller positions, against the mean
         length of members at home.
-    :ivar random_seeds: number of random seeds in each round after the first.
     :ivar max_rounds: number of rounds.
     :ivar standoff: gap of the grasping members at the end of the approach, against the tube's
         diameter.
     :ivar standoff_tolerance: of that gap, against the tube's diameter.
     :ivar max_approach_steps: number of steps of an approach.
     :ivar max_idle_steps: an approach ends after more steps in a row than this without progress.
-    :ivar min_progress: of such steps, in diameters of the tube plus radians of opening.
-    :ivar slow_progress: share of that which is progress of members that do not meet.
+    :ivar min_progress: of such steps, in diameters of the tube plus radians of turning.
     :ivar max_step: longest step of a roller, against the mean length of members at home.
     :ivar max_gap_step: largest change of a gap in a step, against the same.
-    :ivar max_opening_step: largest change of the opening in a step [rad].
+    :ivar max_turn_step: largest turn of a member in a step [rad].
     :ivar motion_weight: weight of the rollers' motion against that of the gaps.
-    :ivar opening_arm: a gap of 1 m weighs as much as this many metres times 1 rad of opening [m].
+    :ivar turning_arm: a gap of 1 m weighs as much as this many metres times a turn of 1 rad [m].
     :ivar bound_share: a step uses at most this share of the distance from a bound.
     :ivar clearance: of parts that must not touch the object, against the tube's diameter.
     :ivar self_clearance: of parts of the robot, against the mean length of members at home.
@@ -48,8 +45,7 @@ class SearchSettings:
     :ivar max_halvings: how often a step that violates a requirement is halved.
     :ivar first_contact: indentation with which an object is held first, against the tube's
         diameter.
-    :ivar face_contact: the same of any members, so deep that a face is touched at both ends.
-    :ivar squeeze_step: by how much the grip closes from waypoint to waypoint [rad].
+    :ivar face_contact: the same where a face is to lie on a member: it is touched at both ends.
     :ivar max_displacement: of the object while a grip closes whose robot has not the rollers to
         keep it in place, against the tube's diameter.
     :ivar first_depth: first indentation of the grasping members, against the tube's diameter.
@@ -63,34 +59,30 @@ class SearchSettings:
         smallest.
     :ivar same_share: grasps of the same members are the same where no roller differs by more than
         this, against the mean length of members at home.
-    :ivar max_grips: of any members that are tried in a round, the easiest first.
-    :ivar cone_share: of the friction cones that such grips are to use at most as they close.
+    :ivar max_grips: that are tried in a round, the easiest first.
+    :ivar cone_share: of the friction cones that grips are to use at most as they close.
     :ivar used_share: of the friction cones that they use at most where they are open.
     :ivar turning_price: angle of friction that is given up for a smaller turn of the members [-].
-    :ivar closing_step: by how much such a grip closes from waypoint to waypoint, against the
+    :ivar closing_step: by how much two members close from waypoint to waypoint, against the
         tube's diameter.
     :ivar squeeze_growth: of three members from waypoint to waypoint, at most this factor ...
     :ivar squeeze_rise: ... and this much more [N].
     :ivar poll_interval: how often a request to stop is checked while workers compute [s].
     """
 
-    openings: tuple[float, ...] = (0.8, 0.56)
-    random_openings: tuple[float, float] = (0.4, 0.9)
-    opening_range: tuple[float, float] = (0.1, 2.8)
+    random_cones: tuple[float, float] = (0.5, 1.0)
     random_posture: float = 0.3
-    random_seeds: int = 8
     max_rounds: int = 5
     standoff: float = 0.06
     standoff_tolerance: float = 0.02
     max_approach_steps: int = 100
     max_idle_steps: int = 12
-    min_progress: float = 0.1
-    slow_progress: float = 0.1
+    min_progress: float = 0.02
     max_step: float = 0.035
     max_gap_step: float = 0.027
-    max_opening_step: float = 0.1
+    max_turn_step: float = 0.1
     motion_weight: float = 1e-4
-    opening_arm: float = 0.3
+    turning_arm: float = 0.3
     bound_share: float = 0.5
     clearance: float = 0.1
     self_clearance: float = 0.01
@@ -101,7 +93,6 @@ class SearchSettings:
     max_halvings: int = 5
     first_contact: float = 1e-3
     face_contact: float = 1e-2
-    squeeze_step: float = 0.03
     max_displacement: float = 0.25
     first_depth: float = 0.33
     depth_range: tuple[float, float] = (0.03, 0.8)

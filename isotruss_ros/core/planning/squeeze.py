@@ -25,9 +25,9 @@ from isotruss_ros.core.grasping.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closed_grip import ClosedGrip
+from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_motion import GAP_TOLERANCE, press
-from isotruss_ros.core.planning.closing_qp import Closing
-from isotruss_ros.core.planning.force_balance import Imbalance, imbalance
+from isotruss_ros.core.planning.force_balance import find_imbalance, Imbalance
 from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.requirements import GraspRequirements
@@ -66,7 +66,7 @@ class Squeeze:
     ) -> None:
         self._open, self._needs = opened, requirements
         # A nominal posture would keep the gaps from their targets, by a little.
-        self._closing = replace(closing, nominal_posture=None)
+        self._closing = replace(closing, nominal_posture=None, facing=None)
         self.evaluations = self.analyses = 0
         self.closest_violation: Violation | None = None
 
@@ -104,13 +104,12 @@ class Squeeze:
         path = () if pressed is None else self.closing_path(pressed)
         if pressed is None or not path:
             return None
-        needs, cylinder = self._needs, self._closing.body
+        needs, body = self._needs, self._closing.body
         mean = float(pressed.analysis.normal_forces.sum()) / len(pressed.depths)
-        freed = settle_grasp(pressed.config, cylinder, needs.friction, needs.external_wrench)
+        freed = settle_grasp(pressed.config, body, needs.friction, needs.external_wrench)
         margin = freed.slip_margin if freed.held else 0.0
-        return ClosedGrip(
-            path, cylinder, pressed.analysis, grasp_loads(pressed.analysis), mean, margin
-        )
+        loads = grasp_loads(pressed.analysis)
+        return ClosedGrip.at_end(path, body, pressed.analysis, loads, mean, margin)
 
     def closing_path(self, pressed: Pressed) -> tuple[Configuration, ...]:
         """
@@ -188,15 +187,7 @@ class Squeeze:
         needs, closing = self._needs, self._closing
         self.analyses += 1
         analysis = analyze_grasp(config, closing.body, needs.friction, needs.external_wrench)
-        left = imbalance(
-            config,
-            closing.body,
-            analysis,
-            needs.external_wrench,
-            closing.members,
-            depths,
-            needs.friction,
-        )
+        left = find_imbalance(config, closing, analysis, needs.external_wrench, depths)
         missing = self._missing(analysis)
         if missing[0] is not None:
             self._record(missing[0])

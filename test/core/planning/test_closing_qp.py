@@ -12,16 +12,14 @@
 from dataclasses import replace
 
 import closings
-from isotruss_ros.core import ConvexObject, Cylinder, Disc, load_robot
-from isotruss_ros.core.planning.closing_qp import (
-    _separation,
-    _shape,
+from isotruss_ros.core import ConvexObject, Disc, load_robot
+from isotruss_ros.core.planning.closing import (
     Closing,
     evaluate_state,
     outward_normals,
-    solve_step,
     turning_rows,
 )
+from isotruss_ros.core.planning.closing_qp import _separation, _shape, solve_step
 from isotruss_ros.core.planning.settings import SearchSettings
 import numpy as np
 import pytest
@@ -30,7 +28,7 @@ HOME = load_robot('nine_member').home
 BODY = ConvexObject(Disc(0.2), (0.716, 0.43, 0.0))
 MEMBERS = tuple(HOME.robot.member_names.index(name) for name in ('north/P-Z', 'north/Z-R'))
 #: Closes two members, within no limits.
-PAIR = Closing(BODY, None, MEMBERS, 0.4, (), 0.0)
+PAIR = Closing(BODY, MEMBERS, (), 0.0)
 
 
 def test_normals_go_out_of_the_object_across_the_members():
@@ -52,7 +50,7 @@ def test_members_turn_toward_where_they_are_to_face(turns):
     normals = outward_normals(HOME, PAIR)
     facing = replace(PAIR, facing=normals * np.exp(1j * np.array(turns)))
     members = list(PAIR.members)
-    move = solve_step(state, facing, state.gaps.members[members], 1.0)
+    move = solve_step(state, facing, state.gaps[members], 1.0)
     assert turning_rows(HOME, members) @ move == pytest.approx(turns, rel=0.05)
     moved = outward_normals(HOME.moved_to(HOME.roller_positions + move), PAIR)
     assert np.angle(moved / normals) == pytest.approx(turns, rel=0.1)
@@ -61,8 +59,8 @@ def test_members_turn_toward_where_they_are_to_face(turns):
 def test_parts_that_are_not_to_touch_come_nearer_by_half_of_what_is_left():
     state = evaluate_state(HOME, PAIR.body)
     members = list(PAIR.members)
-    (part,) = _separation(state, PAIR, np.full(2, 0.006))
-    gaps = np.concatenate(closings.gaps(HOME, Cylinder(BODY.pose[:2], BODY.shape.diameter)))
+    part = _separation(state, PAIR, np.full(2, 0.006))
+    gaps = np.concatenate(closings.gaps(HOME, BODY))
     expected = 0.5 * (0.1 * HOME.robot.description.tube_diameter - gaps)
     expected[members] = 0.006 - gaps[members]
     assert part.lower == pytest.approx(np.minimum(0.0, expected), abs=1e-9)
@@ -72,11 +70,11 @@ def test_parts_that_are_not_to_touch_come_nearer_by_half_of_what_is_left():
 @pytest.mark.parametrize('seed', [3, 8, 18])
 @pytest.mark.parametrize(('near', 'apart'), [(0.2, 0.01), (0.6, 0.05)])
 def test_parts_of_the_robot_that_are_near_keep_apart(seed, near, apart):
-    config, cylinder, tube = closings.scene(seed)
+    config, body, tube = closings.scene(seed)
     length = config.member_lengths.mean()
-    closing = closings.closing(config, cylinder, tube, np.random.default_rng(0))
+    closing = closings.closing(config, body, tube, np.random.default_rng(0))
     settings = SearchSettings(near=near, self_clearance=apart)
-    state = evaluate_state(config, cylinder)
+    state = evaluate_state(config, body)
     part = _shape(state, replace(closing, settings=settings))
     left = state.distances[state.distances < near * length] - apart * length
     assert 0 < len(left) < len(state.distances)

@@ -11,12 +11,13 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core import analyze_grasp, Cylinder, load_robot, tangent_center
-from isotruss_ros.core.planning.force_balance import imbalance
+from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, tangent_center
+from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.force_balance import find_imbalance
 import numpy as np
 import pytest
 import robots
-from scipy.optimize import linprog, minimize
+from scipy.optimize import minimize
 
 ROBOT = load_robot('nine_member')
 MODULES = ('north/Z', 'north/P', 'north/R', 'east/R', 'south/P')
@@ -35,7 +36,7 @@ def sides_of(robot, module):
     return ahead, back
 
 
-def pushes(config, sides, cylinder):
+def pushes(config, sides, body):
     """Return the unit vectors along which sides push an object that touches them, (s, 2)."""
     place = dict(zip(config.robot.node_names, config.nodes, strict=True))
     found = []
@@ -45,7 +46,7 @@ def pushes(config, sides, cylinder):
         begin, end = place[f'{tube}/{one}/B'], place[f'{tube}/{other}/C']
         along = (end - begin) / np.linalg.norm(end - begin)
         across = np.array([-along[1], along[0]])
-        found.append(across * np.sign(across @ (np.array(cylinder.center) - begin)))
+        found.append(across * np.sign(across @ (np.array(body.pose[:2]) - begin)))
     return np.array(found)
 
 
@@ -61,12 +62,12 @@ class Contacts:
         self.rng = rng = np.random.default_rng(seed)
         module = MODULES[seed % len(MODULES)]
         self.config = robots.random_state(ROBOT, rng)
-        self.cylinder = Cylinder(tangent_center(self.config, module, 0.3), 0.3)
+        self.body = ConvexObject.disc(tangent_center(self.config, module, 0.3), 0.3)
         self.sides = sides_of(ROBOT, module)
         if third:
             tube = np.flatnonzero(ROBOT.topology.tube == ROBOT.topology.tube[self.sides[0]])
             self.sides = (*self.sides, *set(tube.tolist()).difference(self.sides))
-        self.pushes = pushes(self.config, self.sides, self.cylinder)
+        self.pushes = pushes(self.config, self.sides, self.body)
         self.depths = rng.uniform(0.005, 0.03, len(self.sides))
         self.stiffness = rng.uniform(300.0, 2000.0, len(self.sides))
         self.parts = rng.dirichlet(np.ones(count), len(self.sides))
@@ -85,7 +86,11 @@ class Contacts:
         normals = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
         names = [ROBOT.member_names[i] for i in self.sides]
         away = np.array([[1.0, 0.0], [0.0, 1.0]])
+        pressed = -(forces[..., None] * normals).sum(axis=(0, 1))
         return SimpleNamespace(
+            normal_wrench=np.append(pressed, 0.0),
+            points=np.array(self.body.pose[:2])
+            + self.body.arm * np.concatenate([normals.reshape(-1, 2), away]),
             normal_forces=np.append(forces.ravel(), [0.0, 0.0]),
             normals=np.concatenate([normals.reshape(-1, 2), away]),
             contact_forces=dict(zip(names, forces.sum(axis=1), strict=True)),
@@ -94,15 +99,9 @@ class Contacts:
     def imbalance(self, **given):
         """Return the imbalance."""
         analysis = given.pop('analysis', None) or self.analysis()
-        return imbalance(
-            self.config,
-            self.cylinder,
-            analysis,
-            given.pop('wrench', self.wrench),
-            self.sides,
-            given.pop('depths', self.depths),
-            given.pop('friction', FRICTION),
-        )
+        closing = Closing(self.body, self.sides, (), 0.0)
+        depths = given.pop('depths', self.depths)
+        return find_imbalance(self.config, closing, analysis, self.wrench, depths)
 
     def friction_wrenches(self):
         """Return what friction of coefficient 1 does at each contact, (k, 3), moments over d/2."""
@@ -133,45 +132,13 @@ def across_of(segments):
 
 
 @pytest.mark.parametrize('seed', range(10))
-def test_load_is_that_across_the_plane_of_friction_and_width_what_friction_takes_of_it(seed):
+def test_load_is_that_across_the_plane_of_friction(seed):
     contacts = Contacts(seed)
     found, segments = contacts.imbalance(), contacts.friction_wrenches()
     across = across_of(segments)
     assert abs(found.load[0]) == pytest.approx(abs(across @ contacts.load()), rel=1e-3, abs=1e-3)
-    bounds = [(-FRICTION, FRICTION)] * len(segments)
-    most = linprog(-segments @ across, bounds=bounds)
-    assert found.width[0] == pytest.approx(-most.fun, rel=1e-2)
-    assert found.load.shape == found.width.shape == (1,)
+    assert found.load.shape == (1,)
     assert found.slope.shape == (1, 2)
-
-
-@pytest.mark.parametrize('seed', range(10))
-def test_what_is_wider_than_friction_is_not_balanced_by_it(seed):
-    # One load is moved across the plane until no friction balances it: that is the width.
-    contacts = Contacts(seed)
-    segments = contacts.friction_wrenches()
-    across, size = across_of(segments), np.array([1.0, 1.0, 0.15])
-    inside = FRICTION * 0.3 * contacts.rng.uniform(-1.0, 1.0, len(segments)) @ segments
-    bounds = [(-FRICTION, FRICTION)] * len(segments)
-    pressed = contacts.load() - contacts.wrench / size
-    balanced = (-pressed - inside) * size
-
-    def rest(wrench):
-        """Return what friction leaves of the load, by a linear program."""
-        load = pressed + wrench / size
-        k = len(segments)
-        rows = np.block([[segments.T, -np.ones((3, 1))], [-segments.T, -np.ones((3, 1))]])
-        right = np.concatenate([-load, load])
-        found = linprog(np.append(np.zeros(k), 1.0), rows, right, bounds=[*bounds, (0, None)])
-        return found.fun
-
-    here = contacts.imbalance(wrench=balanced)
-    assert rest(balanced) < 1e-8
-    assert abs(here.load[0]) <= here.width[0]
-    outside = balanced + 1.1 * (here.width[0] + abs(here.load[0])) * across * size
-    there = contacts.imbalance(wrench=outside)
-    assert abs(there.load[0]) > there.width[0]
-    assert rest(outside) > 1e-8
 
 
 @pytest.mark.parametrize('seed', range(10))
@@ -207,7 +174,6 @@ def test_three_sides_are_balanced_by_their_forces(seed):
     contacts = Contacts(seed, third=True)
     found = contacts.imbalance()
     assert found.load == pytest.approx(contacts.load()[:2])
-    assert found.width.tolist() == [0.0, 0.0]
     # What each side's spring adds to the load goes the way in which it pushes.
     for push, stiffness, slope in zip(
         contacts.pushes, contacts.stiffness, found.slope.T, strict=True
@@ -241,12 +207,13 @@ def test_real_sides_answer_as_the_slope_says(preset, module):
     config = robots.random_state(load_robot(preset), np.random.default_rng(1))
     sides = sides_of(config.robot, module)
     snug = np.array(tangent_center(config, module, 0.3))
-    into = pushes(config, sides, Cylinder(tuple(snug), 0.3))
+    into = pushes(config, sides, ConvexObject.disc(tuple(snug), 0.3))
 
     def at(depths):
-        cylinder = Cylinder(tuple(snug - np.linalg.solve(into, depths)), 0.3)
-        analysis = analyze_grasp(config, cylinder, FRICTION, spacing=0.0025)
-        return imbalance(config, cylinder, analysis, (0.0, 0.0, 0.0), sides, depths, FRICTION)
+        body = ConvexObject.disc(tuple(snug - np.linalg.solve(into, depths)), 0.3)
+        analysis = analyze_grasp(config, body, FRICTION, spacing=0.0025)
+        closing = Closing(body, sides, (), 0.0)
+        return find_imbalance(config, closing, analysis, (0.0, 0.0, 0.0), depths)
 
     depths = np.array([0.02, 0.022])
     found = at(depths)

@@ -14,7 +14,7 @@ import pickle
 
 import closings
 from isotruss_ros.core import (
-    Cylinder,
+    ConvexObject,
     GraspRequirements,
     load_robot,
     Measure,
@@ -31,7 +31,7 @@ from isotruss_ros.core.planning.squeeze import Squeeze
 import numpy as np
 import pytest
 
-CYLINDER = Cylinder((0.716, 0.5), 0.4)
+BODY = ConvexObject.disc((0.716, 0.5), 0.4)
 DIRECTION = (1.0, 2.0, 0.5)
 
 
@@ -40,7 +40,7 @@ def opened():
     """Return an open grip that can be squeezed."""
     home = load_robot('triangle').home
     needs = GraspRequirements(module='main/T')
-    reached = approach(home, find_seeds(home, CYLINDER, needs, 0, 0)[0])
+    reached = approach(home, find_seeds(home, BODY, needs, 0, 0)[0])
     assert reached.unmet is None
     return reached
 
@@ -60,21 +60,20 @@ def test_what_was_sent_is_squeezed_as_here():
     needs, there, start = GraspRequirements(), squeezed(), opened().path[-1]
     search = ClosingInPlace(start, opened().closing, needs)
     closed = search.close()
-    positions = np.array([config.roller_positions for config in closed.path])
     assert there.violation is None
-    assert (there.positions == positions).all()
-    assert (there.points == closed.path[-1].points).all()
-    assert (there.body, there.squeeze) == (closed.body, closed.squeeze)
-    assert there.slip_margin == closed.slip_margin > 0.0
-    assert (there.evaluations, there.analysed) == (search.evaluations, search.analyses)
-    assert (there.analysis.normal_forces == closed.analysis.normal_forces).all()
+    assert (there.grip.path == closed.path).all()
+    assert (there.grip.points == closed.points).all()
+    assert (there.grip.body, there.grip.squeeze) == (closed.body, closed.squeeze)
+    assert there.grip.slip_margin == closed.slip_margin > 0.0
+    assert (there.evaluations, there.analyses) == (search.evaluations, search.analyses)
+    assert (there.grip.analysis.normal_forces == closed.analysis.normal_forces).all()
 
 
 def test_rows_go_from_the_touch_to_the_grasp_and_rigidity_is_the_least_of_them():
-    there, robot = squeezed(), load_robot('triangle')
-    configs = [opened().path[-1].moved_to(row) for row in there.positions]
+    there, robot = squeezed().grip, load_robot('triangle')
+    configs = [opened().path[-1].moved_to(row) for row in there.path]
     sides = list(opened().closing.members)
-    gaps = np.array([closings.gaps(config, CYLINDER)[0][sides] for config in configs])
+    gaps = np.array([closings.gaps(config, BODY)[0][sides] for config in configs])
     assert gaps[0] == pytest.approx(0.0, abs=1e-5)
     assert (np.diff(gaps.mean(axis=1)) < 0.0).all()
     assert configs[-1].points == pytest.approx(there.points)
@@ -89,24 +88,22 @@ def test_what_is_no_grasp_says_what_it_misses_and_what_it_took():
     there = squeeze_candidate(sent(needs))
     search = ClosingInPlace(opened().path[-1], opened().closing, needs)
     assert search.close() is None
-    assert there.positions.shape == (0, 2)
-    assert there.analysis is None
+    assert there.grip is None
     assert (there.violation.requirement, there.violation.bound) == ('max_total_force', 1e-3)
     assert there.violation.value == search.closest_violation.value
-    assert (there.evaluations, there.analysed) == (search.evaluations, search.analyses)
+    assert (there.evaluations, there.analyses) == (search.evaluations, search.analyses)
 
 
 @pytest.mark.parametrize('known', [None, Violation('min_margin', 0.1, 0.2, 0.5)])
 def test_what_cannot_be_computed_is_no_grasp_and_ends_nothing(known, monkeypatch):
     def close(self):
-        self.closest_violation, self.analyses = known, 3
+        self._motion.closest_violation, self.analyses = known, 3
         raise SolverError('no solver found anything')
 
     monkeypatch.setattr(ClosingInPlace, 'close', close)
     there = squeeze_candidate(sent(GraspRequirements()))
-    assert len(there.positions) == 0
-    assert there.analysis is None
-    assert there.analysed == 3
+    assert there.grip is None
+    assert there.analyses == 3
     # What was found out before is still the nearest.
     expected = known or Violation('no solver found anything', 0.0, 0.0, 0.0)
     for name in ('requirement', 'value', 'bound'):
@@ -116,22 +113,20 @@ def test_what_cannot_be_computed_is_no_grasp_and_ends_nothing(known, monkeypatch
 def test_a_grasp_without_a_path_is_none(monkeypatch):
     monkeypatch.setattr(ClosingInPlace, 'close', lambda self: None)
     there = squeeze_candidate(sent(GraspRequirements()))
-    assert len(there.positions) == 0
-    assert there.analysis is None
+    assert there.grip is None
     violation = there.violation
     assert (violation.requirement, violation.value, violation.bound) == ('path', 0.0, 1.0)
-    assert (there.squeeze, there.slip_margin, there.rigidity) == (0.0, 0.0, 0.0)
 
 
 def test_an_object_that_the_ground_holds_is_pressed_on_as_it_lies():
     needs = GraspRequirements(min_margin=0.0)
     assert not needs.object_is_free
-    there = squeeze_candidate(sent(needs))
+    there = squeeze_candidate(sent(needs)).grip
     closed = Squeeze(opened().path[-1], opened().closing, needs).close()
-    assert (there.positions[-1] == closed.path[-1].roller_positions).all()
+    assert (there.path == closed.path).all()
     assert there.squeeze == pytest.approx(there.analysis.normal_forces.sum() / 2.0)
     assert there.analysis.force_closure
-    assert there.body == CYLINDER
+    assert there.body == BODY
 
 
 def test_other_errors_are_not_hidden(monkeypatch):
@@ -144,7 +139,7 @@ def test_other_errors_are_not_hidden(monkeypatch):
 
 
 def test_scores_are_those_of_the_measure():
-    there = squeezed()
+    there = squeezed().grip
     # Along the unit vector of the direction, by hand.
     x, y, turn = np.array(DIRECTION) / np.sqrt(1.0 + 4.0 + 0.25)
     k = there.analysis.stiffness

@@ -11,16 +11,14 @@
 
 from dataclasses import replace
 
-from isotruss_ros.core import Cylinder, GraspRequirements, load_robot, plan_grasps
+from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
 from isotruss_ros.core.planning.export import export_figures, export_path, export_violation
 from isotruss_ros.core.planning.grasp_plan import (
     GraspPlan,
     path_times,
-    plan_in_words,
-    SENTENCES,
     Violation,
-    violation_in_words,
 )
+from isotruss_ros.core.planning.plan_words import plan_in_words, SENTENCES, violation_in_words
 import numpy as np
 import pytest
 
@@ -31,7 +29,7 @@ HOME = load_robot('nine_member').home
 def grasp():
     """Plan one grasp."""
     needs = GraspRequirements(module='north/Z', squeeze=10.0, count=1)
-    return plan_grasps(HOME, Cylinder((0.6, 0.3), 0.3), needs, thorough=False)[0]
+    return plan_grasps(HOME, ConvexObject.disc((0.6, 0.3), 0.3), needs, thorough=False)[0]
 
 
 def test_pieces_take_as_long_as_the_roller_that_travels_furthest():

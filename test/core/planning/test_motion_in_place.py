@@ -17,7 +17,6 @@ from types import SimpleNamespace
 from isotruss_ros.core import (
     ConfigurationError,
     ConvexObject,
-    Cylinder,
     Disc,
     GraspRequirements,
     load_robot,
@@ -27,12 +26,11 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 from isotruss_ros.core.planning import motion_in_place, surrounding
-from isotruss_ros.core.planning.closing_in_place import attach
-from isotruss_ros.core.planning.closing_qp import Closing
+from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.motion_in_place import MotionInPlace
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.planning.settings import DEFAULT
@@ -42,20 +40,18 @@ import pytest
 
 HOME = load_robot('nine_member').home
 MODULE = 'north/Z'
-CYLINDER = Cylinder(tangent_center(HOME, MODULE, 0.3, 0.01), 0.3)
+BODY = ConvexObject.disc(tangent_center(HOME, MODULE, 0.3, 0.01), 0.3)
 SLOW = RollerSpeedLimit(1e-6)
 BOX = ((-0.12, -0.09), (0.12, -0.09), (0.12, 0.09), (-0.12, 0.09))
 
 
 def pair(**fields):
-    """Return a motion of a cylinder between two members, and how these hold it."""
+    """Return a motion of a disc between two members, and how these hold it."""
     number = HOME.robot.module_names.index(MODULE)
     members = (number, int(HOME.robot.topology.previous[number]))
-    closing = replace(Closing(CYLINDER, number, members, 2.8, (), 0.15), **fields)
-    grasp = attach(HOME, closing)
-    assert isinstance(grasp, RollingGrasp)
-    x, y, angle = grasp.pose
-    return MotionInPlace(replace(closing, body=Cylinder((x, y), 0.3)), angle), grasp
+    closing = replace(Closing(BODY, members, (), 0.15), **fields)
+    grasp = HeldGrip.attach(HOME, BODY, np.array(members))
+    return MotionInPlace(replace(closing, body=grasp.body)), grasp
 
 
 @functools.cache
@@ -71,9 +67,8 @@ def three(**fields):
     """Return a motion of a disc between three members, and how these hold it."""
     names, body = planned().grip.members, planned().grip.body
     members = tuple(HOME.robot.member_names.index(name) for name in names)
-    closing = replace(Closing(body, None, members, 2.8, (), 0.15), **fields)
-    grasp = attach(planned().config, closing)
-    assert isinstance(grasp, HeldGrip)
+    closing = replace(Closing(body, members, (), 0.15), **fields)
+    grasp = HeldGrip.attach(planned().config, body, np.array(members))
     return MotionInPlace(replace(closing, body=grasp.body)), grasp
 
 
@@ -119,8 +114,8 @@ def test_what_has_been_turned_comes_back(away, turned):
     needs = GraspRequirements(module=MODULE, squeeze=10.0, count=1)
     found = plan_grasps(HOME, body, needs, settings=replace(DEFAULT, max_rounds=1))[0]
     members = tuple(HOME.robot.member_names.index(name) for name in found.grip.members)
-    closing = Closing(found.grip.body, None, members, 2.8, (), 0.15)
-    grasp = attach(found.config, closing)
+    closing = Closing(found.grip.body, members, (), 0.15)
+    grasp = HeldGrip.attach(found.config, found.grip.body, np.array(members))
     x, y, angle = grasp.pose
     motion = MotionInPlace(replace(closing, body=body.moved_to((x, y, angle + away))))
     placed = motion.squeeze(grasp, grasp.squeeze)
@@ -178,9 +173,9 @@ def test_a_squeeze_that_is_not_reached_is_told(held, squeeze, monkeypatch):
 def test_a_place_that_is_not_reached_is_told(monkeypatch):
     motion, grasp = pair()
     monkeypatch.setattr(motion_in_place, 'MAX_CORRECTIONS', 0)
-    x, y, _ = grasp.pose
+    x, y, angle = grasp.pose
     for away, found in ((1e-3, None), (1e-5, grasp)):
-        motion.closing = replace(motion.closing, body=Cylinder((x + away, y), 0.3))
+        motion.closing = replace(motion.closing, body=grasp.body.moved_to((x + away, y, angle)))
         assert motion.squeeze(grasp, grasp.squeeze) is found
         assert said(motion) == ('in_place', pytest.approx(1e-3), 2e-5)
 
@@ -191,9 +186,11 @@ def test_a_grip_of_few_rollers_takes_the_object_along_a_little(share, monkeypatc
     still = np.zeros(len(HOME.roller_positions))
     unreachable = SimpleNamespace(status=Status.UNREACHABLE, scale=1.0, roller_velocities=still)
     monkeypatch.setattr(MotionInPlace, '_command', lambda *_: unreachable)
-    x, y, _ = grasp.pose
+    x, y, angle = grasp.pose
     tube = HOME.robot.description.tube_diameter
-    motion.closing = replace(motion.closing, body=Cylinder((x + share * tube, y), 0.3))
+    motion.closing = replace(
+        motion.closing, body=grasp.body.moved_to((x + share * tube, y, angle))
+    )
     found = motion.squeeze(grasp, grasp.squeeze)
     if share < 0.25:
         assert found.pose == pytest.approx(grasp.pose)
@@ -225,7 +222,7 @@ def test_what_is_beyond_a_bound_ends_the_motion(monkeypatch):
     assert stiff.move(grasp, still) is None
     assert said(stiff) == ('rigidity', pytest.approx(1.0), 100.0)
     with monkeypatch.context() as patched:
-        patched.setattr(RollingGrasp, 'moved_to', lambda *_: None)
+        patched.setattr(HeldGrip, 'moved_to', lambda *_: None)
         motion, _ = pair()
         assert motion.move(grasp, still) is None
         assert said(motion) == ('held', 0.0, 1.0)
@@ -239,14 +236,13 @@ def test_what_is_beyond_a_bound_ends_the_motion(monkeypatch):
 @pytest.mark.parametrize('name', ['squeeze', 'open_grip'])
 def test_a_release_that_cannot_be_moved_says_so(name, monkeypatch):
     monkeypatch.setattr(MotionInPlace, name, lambda *_: None)
-    found = plan_release(HOME, CYLINDER, MODULE, 0.05)
+    found = plan_release(HOME, BODY, members_at(HOME.robot, MODULE), 0.05)
     violation = found.violation
     assert (violation.requirement, violation.value, violation.bound) == ('held', 0.0, 1.0)
     assert found.path.shape == (0, len(HOME.roller_positions))
 
 
-def test_what_is_not_held_cannot_be_let_go(monkeypatch):
-    deep = ConvexObject(Disc(0.3), (*tangent_center(HOME, MODULE, 0.3, 0.01), 0.0))
-    aside = plan_release(HOME, deep, ('south/P-Q', 'south/Q-X'), 0.05)
+def test_what_is_not_held_cannot_be_let_go():
+    aside = plan_release(HOME, BODY, ('south/P-Q', 'south/Q-X'), 0.05)
     assert aside.violation.requirement == 'held'
     assert (aside.violation.value, aside.violation.bound) == (0.0, 1.0)

@@ -18,7 +18,7 @@ from types import SimpleNamespace
 from isotruss_ros.cli.plan_report import table
 from isotruss_ros.core import (
     analyze_grasp,
-    Cylinder,
+    ConvexObject,
     GraspError,
     GraspRequirements,
     load_robot,
@@ -27,8 +27,10 @@ from isotruss_ros.core import (
     settle_grasp,
 )
 from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.planning import grasp_search
 from isotruss_ros.core.planning import plan_grasps as search
-from isotruss_ros.core.planning.grasp_plan import plan_in_words, violation_in_words
+from isotruss_ros.core.planning.plan_words import plan_in_words, violation_in_words
+from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.settings import DEFAULT
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
@@ -36,9 +38,9 @@ import pytest
 
 ROBOT = load_robot('nine_member')
 OBJECTS = {
-    'north': Cylinder((0.716, 0.5), 0.3),
-    'east': Cylinder((1.4, -0.85), 0.35),
-    'south': Cylinder((0.05, -0.8), 0.3),
+    'north': ConvexObject.disc((0.716, 0.5), 0.3),
+    'east': ConvexObject.disc((1.4, -0.85), 0.35),
+    'south': ConvexObject.disc((0.05, -0.8), 0.3),
 }
 NEEDS = GraspRequirements(min_margin=0.01, count=2)
 
@@ -54,13 +56,13 @@ def each(plans):
     return [(OBJECTS[name], grasp) for name, plan in plans.items() for grasp in plan]
 
 
-def distances(config, cylinder):
+def distances(config, body):
     """Return the distances of the tubes' skins from the object by brute force, (m,) [m]."""
     topology, points = config.robot.topology, config.points
     share = np.linspace(0.0, 1.0, 2001)[:, None]
     start, end = points[topology.b], points[topology.c[topology.following]]
-    way = np.abs(start + share * (end - start) - complex(*cylinder.center)).min(axis=0)
-    return way - 0.5 * (cylinder.diameter + config.robot.description.tube_diameter)
+    way = np.abs(start + share * (end - start) - body.center).min(axis=0)
+    return way - body.arm - 0.5 * config.robot.description.tube_diameter
 
 
 def along(path, pieces=5):
@@ -82,11 +84,11 @@ def test_grasps_are_found_in_every_loop(plans):
 
 
 def test_grasps_hold_whatever_the_spacing(plans):
-    for cylinder, grasp in each(plans):
+    for body, grasp in each(plans):
         # From the roller positions alone, in a robot that was loaded anew.
         config = load_robot('nine_member').configuration(grasp.path[-1])
         for spacing in (0.005, 0.0025, 0.00125):
-            analysis = analyze_grasp(config, cylinder, NEEDS.friction, spacing=spacing)
+            analysis = analyze_grasp(config, body, NEEDS.friction, spacing=spacing)
             assert analysis.force_closure
             slack = 1e-6 if spacing == 0.005 else 0.005
             total = analysis.normal_forces.sum()
@@ -100,28 +102,28 @@ def test_grasps_hold_whatever_the_spacing(plans):
             assert max(analysis.utilisation.values()) <= NEEDS.max_utilisation + 4.0 * slack
         assert grasp.utilisation <= NEEDS.max_utilisation
         assert set(grasp.members) <= set(ROBOT.member_names)
-        assert grasp.grasp.center == cylinder.center
+        assert grasp.grip.body == body
 
 
 def test_path_begins_here_and_touches_nothing_before_it_says_so(plans):
-    for cylinder, grasp in each(plans):
+    for body, grasp in each(plans):
         assert grasp.path[0] == pytest.approx(ROBOT.home.roller_positions)
         assert np.abs(grasp.path[-1] - grasp.config.roller_positions).max() == 0.0
         sides = [ROBOT.member_names.index(name) for name in grasp.members]
         until = grasp.touch + 1
         for row, config in along(grasp.path[:until]):
-            assert distances(config, cylinder).min() > -1e-6, row
-        touching = distances(config, cylinder)[sides]
+            assert distances(config, body).min() > -1e-6, row
+        touching = distances(config, body)[sides]
         assert np.abs(touching).max() < 1e-6
 
 
 def test_only_the_grip_presses_after_the_touch_and_all_of_it_together(plans):
-    for cylinder, grasp in each(plans):
+    for body, grasp in each(plans):
         sides = [ROBOT.member_names.index(name) for name in grasp.members]
         before = np.zeros(len(sides))
         touch = grasp.touch
         for _, config in along(grasp.path[touch:]):
-            gaps = distances(config, cylinder)
+            gaps = distances(config, body)
             assert np.delete(gaps, sides).min() > 0.0
             assert (gaps[sides] <= before + 1e-4).all()
             before = gaps[sides]
@@ -178,7 +180,7 @@ def test_same_seed_same_answer_on_one_core_and_on_two():
     assert [grasp.score for grasp in alone] == [grasp.score for grasp in together]
     assert all((a.path == b.path).all() for a, b in zip(alone, together, strict=True))
     assert alone.evaluations == together.evaluations
-    assert {grasp.grasp.module for grasp in alone} == {'north/Z'}
+    assert {grasp.module for grasp in alone} == {'north/Z'}
 
 
 def test_bounds_on_forces_are_kept():
@@ -203,23 +205,23 @@ def test_begins_where_the_robot_is():
 
 
 @pytest.mark.parametrize(
-    ('cylinder', 'needs', 'missed'),
+    ('body', 'needs', 'missed'),
     [
-        (Cylinder((0.5, 3.0), 0.3), {}, 'enclosed'),
-        (Cylinder((0.5, 0.4), 0.9), {}, 'free'),
-        (OBJECTS['north'], {'module': 'south/P'}, 'enclosed'),
+        (ConvexObject.disc((0.5, 3.0), 0.3), {}, 'enclosed'),
+        (ConvexObject.disc((0.5, 0.4), 0.9), {}, 'free'),
+        (OBJECTS['north'], {'module': 'south/P'}, 'members'),
         (OBJECTS['north'], {'max_total_force': 1e-3}, 'max_total_force'),
         (OBJECTS['north'], {'min_margin': 1e3, 'max_utilisation': np.inf}, 'min_margin'),
         (OBJECTS['north'], {'max_utilisation': 1e-4}, 'max_utilisation'),
         (OBJECTS['north'], {'friction': 0.0}, 'force_closure'),
     ],
 )
-def test_none_found_comes_with_what_is_missed(cylinder, needs, missed):
+def test_none_found_comes_with_what_is_missed(body, needs, missed):
     needs = GraspRequirements(module=needs.pop('module', 'north/Z'), **needs)
     told = []
     plan = plan_grasps(
         ROBOT.home,
-        cylinder,
+        body,
         needs,
         on_progress=told.append,
         should_stop=lambda: len(told) > 4,
@@ -234,7 +236,7 @@ def test_none_found_comes_with_what_is_missed(cylinder, needs, missed):
     if missed == 'enclosed':
         assert (miss.value, miss.bound) == (0.0, 1.0)
     if missed == 'free':
-        assert miss.value == pytest.approx(distances(ROBOT.home, cylinder).min(), abs=1e-4)
+        assert miss.value == pytest.approx(distances(ROBOT.home, body).min(), abs=1e-4)
         assert miss.bound == 0.0
 
 
@@ -242,9 +244,9 @@ def test_none_found_comes_with_what_is_missed(cylinder, needs, missed):
 def test_rounds_follow_until_there_are_enough_grasps(count, rounds, monkeypatch):
     begun, find = [], search.find_seeds
 
-    def find_seeds(config, cylinder, needs, seed, number, settings):
+    def find_seeds(config, body, needs, seed, number, settings):
         begun.append(number)
-        return find(config, cylinder, needs, seed, number, settings)[:1]
+        return find(config, body, needs, seed, number, settings)[:1]
 
     monkeypatch.setattr(search, 'find_seeds', find_seeds)
     needs = GraspRequirements(module='north/Z', squeeze=10.0, count=count)
@@ -267,13 +269,15 @@ def test_a_search_that_is_not_thorough_ends_with_the_first_grasp():
     assert judged[0] == 1 < judged[1]
 
 
-def fresh_search(cylinder=OBJECTS['north'], needs=NEEDS):
+def fresh_search(body=OBJECTS['north'], needs=NEEDS):
     """Return a search that has not begun."""
-    return search._Search(ROBOT.home, cylinder, needs, lambda _: None, lambda: False, DEFAULT)
+    return grasp_search.GraspSearch(
+        ROBOT.home, body, needs, lambda _: None, lambda: False, DEFAULT
+    )
 
 
 def test_an_object_that_is_near_is_free():
-    near = Cylinder((0.716, 0.5), 0.4)
+    near = ConvexObject.disc((0.716, 0.5), 0.4)
     assert 0.0 < distances(ROBOT.home, near).min() < 0.08
     begun = fresh_search(near)
     assert begun.is_free()
@@ -297,7 +301,7 @@ def test_grasps_of_the_same_members_nearby_are_one():
 
 @pytest.mark.parametrize(('number', 'found'), [(1, 0), (2, 1)])
 def test_a_seed_that_cannot_be_computed_is_skipped(number, found, monkeypatch):
-    seeds, approach = [], search.approach
+    seeds, approach = [], grasp_search.approach
 
     def fail_last(config, closing, stop):
         seeds.append(closing)
@@ -305,8 +309,9 @@ def test_a_seed_that_cannot_be_computed_is_skipped(number, found, monkeypatch):
             raise SolverError('no solution')
         return approach(config, closing, stop)
 
-    monkeypatch.setattr(search, 'approach', fail_last)
-    settings = replace(DEFAULT, max_rounds=1, openings=DEFAULT.openings[:number])
+    monkeypatch.setattr(grasp_search, 'approach', fail_last)
+    monkeypatch.setattr(search, 'find_seeds', lambda *given: find_seeds(*given) * number)
+    settings = replace(DEFAULT, max_rounds=1)
     needs = GraspRequirements(module='north/Z', squeeze=10.0, count=1)
     plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs, settings=settings)
     assert (len(plan), len(seeds)) == (found, number)
@@ -322,11 +327,11 @@ def test_grasps_outside_of_the_model_say_so(plans):
     needs = GraspRequirements(squeeze=40.0, max_utilisation=2.0, count=2)
     strong = plan_grasps(ROBOT.home, OBJECTS['north'], needs)
     assert len(strong) == 2
-    for grasp, cylinder in [(one, OBJECTS['north']) for one in strong] + [
-        (grasp, cylinder) for cylinder, grasp in each(plans)
+    for grasp, body in [(one, OBJECTS['north']) for one in strong] + [
+        (grasp, body) for body, grasp in each(plans)
     ]:
         config = load_robot('nine_member').configuration(grasp.path[-1])
-        used = max(analyze_grasp(config, cylinder, needs.friction).utilisation.values())
+        used = max(analyze_grasp(config, body, needs.friction).utilisation.values())
         assert grasp.outside_model == (used > 1.0)
         assert grasp.utilisation >= used - 1e-6
     assert all(grasp.outside_model for grasp in strong)
@@ -355,7 +360,9 @@ def test_stops_when_asked_with_what_it_has():
 
 def test_time_left_is_that_of_the_candidates_so_far(monkeypatch):
     told, ticks = [], itertools.count(50)
-    monkeypatch.setattr(search, 'time', SimpleNamespace(perf_counter=lambda: float(next(ticks))))
+    monkeypatch.setattr(
+        grasp_search, 'time', SimpleNamespace(perf_counter=lambda: float(next(ticks)))
+    )
     plan = plan_grasps(
         ROBOT.home,
         OBJECTS['north'],

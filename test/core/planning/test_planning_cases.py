@@ -16,7 +16,6 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import (
     ConvexObject,
-    Cylinder,
     Disc,
     Ellipse,
     GraspPlan,
@@ -26,16 +25,15 @@ from isotruss_ros.core import (
     plan_grasps,
     Pose,
 )
-from isotruss_ros.core.planning import closing_in_place, release, squeeze
-from isotruss_ros.core.planning import plan_grasps as plan_module
+from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.planning import closing_in_place, grasp_search, release, squeeze
 from isotruss_ros.core.planning import searcher as searchers
-from isotruss_ros.core.planning.approach import approach, missing_direction
+from isotruss_ros.core.planning.approach import approach, missing_turn
+from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.closing_in_place import ClosingInPlace
 from isotruss_ros.core.planning.closing_motion import press, Pressing
-from isotruss_ros.core.planning.closing_qp import Closing, evaluate_state
 from isotruss_ros.core.planning.facing import find_facing
 from isotruss_ros.core.planning.grasp_plan import Violation
-from isotruss_ros.core.planning.grip_seeds import find_grip_seeds
 from isotruss_ros.core.planning.motion_in_place import MotionInPlace
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.planning.searcher import Outcome, Searcher
@@ -47,9 +45,10 @@ import numpy as np
 import pytest
 
 HOME = load_robot('nine_member').home
-CYLINDER = Cylinder((0.6, 0.3), 0.3)
+BODY = ConvexObject.disc((0.6, 0.3), 0.3)
 NEEDS = GraspRequirements(module='north/Z')
-SEED = find_seeds(HOME, CYLINDER, NEEDS, 0, 0)[0]
+MEMBERS = ('north/Z-R', 'north/P-Z')
+SEED = find_seeds(HOME, BODY, NEEDS, 0, 0)[0]
 #: Members of three tubes around a disc, next to touching it.
 AROUND = ('south/P-Q', 'east/Q-R', 'north/R-P')
 DISC = ConvexObject(Disc(0.6), (0.716, -0.4134, 0.2))
@@ -63,7 +62,7 @@ def numbers(names):
 
 def closing_of_three():
     """Return what closes three members around a disc."""
-    return Closing(DISC, None, numbers(AROUND), 1.0, (), 0.1, None, DEFAULT)
+    return Closing(DISC, numbers(AROUND), (), 0.1)
 
 
 def pressing_only(times, monkeypatch, module):
@@ -91,7 +90,7 @@ def test_members_that_cannot_press_close_no_grip(times, count, monkeypatch):
 @pytest.mark.parametrize('count', [2, 3])
 def test_an_object_that_touches_nothing_is_not_held(count, monkeypatch):
     pressing_only(9, monkeypatch, closing_in_place)
-    monkeypatch.setattr(closing_in_place, 'attach', lambda config, closing: HoldStatus.NO_CONTACT)
+    monkeypatch.setattr(HeldGrip, 'attach', lambda *_: HoldStatus.NO_CONTACT)
     search = ClosingInPlace(HOME, SEED if count == 2 else closing_of_three(), NEEDS)
     assert search.close() is None
     violation = search.closest_violation
@@ -102,10 +101,11 @@ def test_an_object_that_touches_nothing_is_not_held(count, monkeypatch):
 @pytest.mark.parametrize('steps', [1, 4])
 def test_three_members_press_first_so_that_the_object_stays(steps, monkeypatch):
     monkeypatch.setattr(closing_in_place, 'MAX_BALANCE_STEPS', steps)
-    (seed,) = find_grip_seeds(HOME, DISC, GraspRequirements(members=AROUND), 0, 0)
+    settings = replace(DEFAULT, first_contact=1e-2)
+    (seed,) = find_seeds(HOME, DISC, GraspRequirements(members=AROUND), 0, 0, settings)
     reached = approach(HOME, seed)
     search = ClosingInPlace(reached.path[-1], reached.closing, NEEDS)
-    held = next(search._surround(search._press(reached.path[-1], 0.0)))
+    held = next(search._rise(search._press(reached.path[-1], np.zeros(3))))
     # As deep as each other they would push it aside.
     away = math.dist(held.pose[:2], DISC.pose[:2])
     assert away > 5e-4 if steps == 1 else away < 1e-4
@@ -135,26 +135,19 @@ def test_an_ellipse_askew_is_held_from_no_direction_without_friction():
 
 
 def test_members_with_nothing_to_turn_to_are_off_by_half_a_turn():
-    body = ConvexObject(Disc(0.3), (*CYLINDER.center, 0.0))
     apart = numbers(('north/P-Z', 'north/Z-R'))
-    closing = Closing(body, None, apart, 0.01, (), 0.1, None, DEFAULT)
+    closing = Closing(BODY, apart, (), 0.1, 0.01)
     assert closing.facing is None
-    state = evaluate_state(HOME, body)
-    assert missing_direction(state, closing) == np.pi
-    assert missing_direction(state, replace(closing, opening=3.0)) == 0.0
+    state = evaluate_state(HOME, BODY)
+    assert missing_turn(state, closing) == np.pi
+    assert missing_turn(state, replace(closing, friction_angle=3.0)) == 0.0
 
 
-def test_a_shape_is_let_go_by_its_module_as_by_its_members():
-    reached = approach(HOME, SEED)
-    there = reached.path[-1]
-    body = ConvexObject(Disc(CYLINDER.diameter), (*CYLINDER.center, 0.3))
-    names = tuple(HOME.robot.member_names[i] for i in SEED.members)
-    one, other = (plan_release(there, body, by, 0.03) for by in ('north/Z', names))
-    assert one.violation is None
-    assert one.apart == 1
-    assert one.path == pytest.approx(other.path, abs=1e-12)
-    # Members end; where they cannot open that far, the release ends.
-    far = plan_release(there, body, names, 3.0)
+def test_members_that_cannot_open_so_far_do_not_let_go():
+    there = approach(HOME, SEED).path[-1]
+    near, far = (plan_release(there, BODY, MEMBERS, away) for away in (0.03, 3.0))
+    assert near.violation is None
+    assert near.apart == 1
     assert far.violation is not None
     assert len(far.path) == 0
 
@@ -180,7 +173,7 @@ def test_a_search_that_waits_for_others_stops_when_it_is_told_to():
 
     settings = replace(DEFAULT, poll_interval=1e-3)
     plan = plan_grasps(
-        HOME, CYLINDER, NEEDS, executor=executor, should_stop=should_stop, settings=settings
+        HOME, BODY, NEEDS, executor=executor, should_stop=should_stop, settings=settings
     )
     assert not plan.complete
     assert plan.grasps == ()
@@ -230,7 +223,7 @@ def test_the_next_search_has_the_same_processes(searches):
     searcher = Searcher(2)
     searcher.cancel()
     for number in range(2):
-        searcher.begin(HOME, CYLINDER, NEEDS, 0, 0.0)
+        searcher.begin(HOME, BODY, NEEDS, 0, 0.0)
         made[number].done = True
         answer = searcher.answer()
         assert (answer.outcome, answer.message) == (Outcome.FOUND, '1 grasp')
@@ -243,22 +236,23 @@ def test_the_next_search_has_the_same_processes(searches):
 def test_who_closes_during_a_search_ends_it(searches):
     made, pools = searches
     searcher = Searcher(2)
-    searcher.begin(HOME, CYLINDER, NEEDS, 0, 0.0)
+    searcher.begin(HOME, BODY, NEEDS, 0, 0.0)
     searcher.close()
     assert (made[0].waited, pools[0].open) == (1, False)
     assert searcher.answer() is None
-    searcher.begin(HOME, CYLINDER, NEEDS, 0, 0.0)
+    searcher.begin(HOME, BODY, NEEDS, 0, 0.0)
     assert len(pools) == 2
 
 
 def test_a_grip_that_hardly_presses_is_opened_at_once(monkeypatch):
     reached = approach(HOME, SEED)
-    there = press(reached.path[-1], reached.closing, np.full(2, 0.01)).config
-    held = plan_release(there, CYLINDER, 'north/Z', 0.03)
+    closing = replace(reached.closing, facing=None)
+    there = press(reached.path[-1], closing, np.full(2, 0.01)).config
+    held = plan_release(there, BODY, MEMBERS, 0.03)
     assert held.violation is None
     assert held.apart > 1
     monkeypatch.setattr(release, 'LEAST_FORCE', 1e3)
-    loose = plan_release(there, CYLINDER, 'north/Z', 0.03)
+    loose = plan_release(there, BODY, MEMBERS, 0.03)
     assert loose.violation is None
     assert loose.apart == 1
     assert len(held.path) - len(loose.path) == held.apart
@@ -275,16 +269,16 @@ class AtOnce:
 
 def test_another_executor_finds_the_same(monkeypatch):
     violation = Violation('grip', 1.0, 2.0, 15.0)
-    asked, costs = [], SimpleNamespace(evaluations=2, analysed=1, violation=violation)
+    asked, costs = [], SimpleNamespace(evaluations=2, analyses=1, grip=None, violation=violation)
 
     def squeeze_candidate(candidate):
         asked.append(candidate)
         return costs
 
-    monkeypatch.setattr(plan_module, 'squeeze_candidate', squeeze_candidate)
+    monkeypatch.setattr(grasp_search, 'squeeze_candidate', squeeze_candidate)
     settings = replace(DEFAULT, max_rounds=2)
     alone, other = (
-        plan_grasps(HOME, CYLINDER, NEEDS, executor=executor, settings=settings)
+        plan_grasps(HOME, BODY, NEEDS, executor=executor, settings=settings)
         for executor in (None, AtOnce())
     )
     assert alone.complete
@@ -292,6 +286,6 @@ def test_another_executor_finds_the_same(monkeypatch):
     assert (alone.evaluations, alone.analyses) == (other.evaluations, other.analyses)
     assert alone.analyses == other.analyses == len(asked) / 2 > 1
     assert other.closest_violation == violation
-    costs.evaluations, costs.analysed = 7, 3
-    more = plan_grasps(HOME, CYLINDER, NEEDS, settings=settings)
+    costs.evaluations, costs.analyses = 7, 3
+    more = plan_grasps(HOME, BODY, NEEDS, settings=settings)
     assert more.evaluations - alone.evaluations == alone.analyses * (7 + 3 - 2 - 1)

@@ -13,7 +13,7 @@ import functools
 import itertools
 
 from isotruss_ros.core import (
-    Cylinder,
+    ConvexObject,
     ElasticObject,
     GraspError,
     GraspRequirements,
@@ -22,13 +22,15 @@ from isotruss_ros.core import (
     RollerFaults,
     SimulatedRobot,
 )
+from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.planning.release import plan_release
-from isotruss_ros.core.safety.distances import object_gaps
+from isotruss_ros.core.safety.object_distances import object_distances
 import numpy as np
 import pytest
 
 HOME = load_robot('nine_member').home
 MODULE, CLEARANCE, CENTER = 'north/Z', 0.05, (0.6, 0.3)
+MEMBERS = members_at(HOME.robot, MODULE)
 
 
 class Plant:
@@ -40,7 +42,8 @@ class Plant:
 
     def __init__(self, diameter, module=MODULE, angle=0.0):
         self.grasp = grasped(diameter, module)
-        self.object = ElasticObject(Cylinder(CENTER, diameter), 0.5, angle)
+        body = ConvexObject.disc(CENTER, diameter).moved_to((*CENTER, angle))
+        self.object = ElasticObject(body, 0.5)
         self.robot = SimulatedRobot(HOME, self.object, RollerFaults())
         self.drive(self.grasp.path)
 
@@ -57,7 +60,7 @@ class Plant:
 def grasped(diameter, module=MODULE):
     """Return a planned grasp."""
     needs = GraspRequirements(module=module, squeeze=15.0, count=1)
-    return plan_grasps(HOME, Cylinder(CENTER, diameter), needs, thorough=False)[0]
+    return plan_grasps(HOME, ConvexObject.disc(CENTER, diameter), needs, thorough=False)[0]
 
 
 @pytest.mark.parametrize(
@@ -67,9 +70,8 @@ def grasped(diameter, module=MODULE):
 def test_the_object_stays_where_it_is_let_go(diameter, module, angle):
     plant = Plant(diameter, module, angle)
     held = plant.robot.object_pose
-    release = plan_release(
-        plant.robot.config, Cylinder(held[:2], diameter), module, CLEARANCE, held.angle
-    )
+    body = ConvexObject.disc(CENTER, diameter).moved_to(held)
+    release = plan_release(plant.robot.config, body, plant.grasp.grip.members, CLEARANCE)
     assert release.violation is None
     squeezes = [plant.object.grasp.squeeze]
     for piece in itertools.pairwise(release.path[: release.apart]):
@@ -86,28 +88,30 @@ def test_the_object_stays_where_it_is_let_go(diameter, module, angle):
     lies = plant.robot.object_pose
     assert np.hypot(lies.x - held.x, lies.y - held.y) < 2e-4
     assert abs(lies.angle - held.angle) < 1e-3
-    gaps = object_gaps(config, Cylinder(lies[:2], diameter))
+    gaps = object_distances(config, ConvexObject.disc(lies[:2], diameter))
     names = config.robot.member_names
     ours = [names.index(name) for name in plant.grasp.members]
-    assert gaps.members[ours] == pytest.approx(CLEARANCE, abs=1e-3)
-    assert min(gaps.members.min(), gaps.modules.min(), gaps.rods.min()) > 0.01
+    assert gaps[ours] == pytest.approx(CLEARANCE, abs=1e-3)
+    assert gaps.min() > 0.01
 
 
 def test_a_squeeze_that_is_right_does_not_overshoot_while_the_object_is_brought_back():
     rollers = [-0.1916, 0.0704, 0.1637, 0.1456, 0.2097, -0.3699]  # it was carried to there
-    held = Cylinder((0.6002, 0.4007), 0.2)
-    release = plan_release(HOME.robot.configuration(rollers), held, 'north/P', CLEARANCE)
+    held = ConvexObject.disc((0.6002, 0.4007), 0.2)
+    release = plan_release(
+        HOME.robot.configuration(rollers), held, members_at(HOME.robot, 'north/P'), CLEARANCE
+    )
     assert release.violation is None
 
 
 def test_an_object_that_nothing_presses_on_is_left_at_once():
     held = grasped(0.2)
-    cylinder = Cylinder(CENTER, 0.2)
-    first = plan_release(held.config, cylinder, MODULE, CLEARANCE)
+    body = ConvexObject.disc(CENTER, 0.2)
+    first = plan_release(held.config, body, MEMBERS, CLEARANCE)
     config = held.config
     for row in first.path[1:]:
         config = config.moved_to(row)
-    again = plan_release(config, cylinder, MODULE, 1.5 * CLEARANCE)
+    again = plan_release(config, body, MEMBERS, 1.5 * CLEARANCE)
     assert again.violation is None
     assert again.apart == 1
 
@@ -116,16 +120,17 @@ def test_an_object_that_is_barely_touched_is_left_at_once():
     plant = Plant(0.2)
     touch = plant.grasp.path[plant.grasp.touch]
     config = HOME.robot.configuration(touch)
-    release = plan_release(config, Cylinder(CENTER, 0.2), MODULE, CLEARANCE)
+    release = plan_release(config, ConvexObject.disc(CENTER, 0.2), MEMBERS, CLEARANCE)
     assert release.violation is None
     assert release.apart == 1
 
 
-def test_another_module_does_not_hold_it():
+def test_other_members_do_not_hold_it():
     held = grasped(0.2)
-    release = plan_release(held.config, Cylinder(CENTER, 0.2), 'south/P', CLEARANCE)
+    other = members_at(HOME.robot, 'south/P')
+    release = plan_release(held.config, ConvexObject.disc(CENTER, 0.2), other, CLEARANCE)
     violation = release.violation
-    assert (violation.requirement, violation.value, violation.bound) == ('grip', 2.0, 2.0)
+    assert (violation.requirement, violation.value, violation.bound) == ('held', 0.0, 1.0)
     assert len(release.path) == 0
 
 
@@ -133,4 +138,4 @@ def test_another_module_does_not_hold_it():
 def test_a_clearance_is_positive(clearance):
     held = grasped(0.2)
     with pytest.raises(GraspError, match=f'clearance {clearance}'):
-        plan_release(held.config, Cylinder(CENTER, 0.2), MODULE, clearance)
+        plan_release(held.config, ConvexObject.disc(CENTER, 0.2), MEMBERS, clearance)

@@ -27,7 +27,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.planning.settings import DEFAULT
-from isotruss_ros.core.safety.distances import object_gaps
+from isotruss_ros.core.safety.object_distances import object_distances
 import numpy as np
 import pytest
 
@@ -73,8 +73,8 @@ def test_what_was_picked_up_is_held_and_let_go_where_it_is(body, count):
     assert np.hypot(*(left - held)[:2]) < 3e-3
     assert abs(left[2] - held[2]) < 0.02
     members = [HOME.robot.member_names.index(name) for name in grasp.grip.members]
-    gaps = object_gaps(robot.config, body.moved_to(held))
-    assert gaps.members[members] == pytest.approx(CLEARANCE, abs=5e-3)
+    gaps = object_distances(robot.config, body.moved_to(held))
+    assert gaps[members] == pytest.approx(CLEARANCE, abs=5e-3)
 
 
 def test_only_members_of_the_robot_let_go():

@@ -15,7 +15,7 @@ import time
 from types import SimpleNamespace
 
 from isotruss_ros.core import (
-    Cylinder,
+    ConvexObject,
     GraspError,
     GraspPlan,
     GraspRequirements,
@@ -24,12 +24,18 @@ from isotruss_ros.core import (
     SolverError,
     StructureError,
 )
-from isotruss_ros.core.planning import searcher as searchers
-from isotruss_ros.core.planning.searcher import BackgroundSearch, Outcome, Searcher, Stop
+from isotruss_ros.core.planning import background_search
+from isotruss_ros.core.planning.background_search import BackgroundSearch, Stop
+from isotruss_ros.core.planning.searcher import Outcome, Searcher
 import pytest
 
 #: What is searched for; no search of these tests computes anything.
-SEARCH = (load_robot('nine_member').home, Cylinder((0.716, 0.43), 0.3), GraspRequirements(), 0)
+SEARCH = (
+    load_robot('nine_member').home,
+    ConvexObject.disc((0.716, 0.43), 0.3),
+    GraspRequirements(),
+    0,
+)
 DEADLINE = 240.0
 
 
@@ -47,7 +53,7 @@ def test_every_end_of_a_search_is_an_answer(ended_by, outcome, words, monkeypatc
     def plan(*_arguments):
         raise ended_by
 
-    monkeypatch.setattr(searchers, 'plan_grasps', plan)
+    monkeypatch.setattr(background_search, 'plan_grasps', plan)
     searcher = Searcher(1)
     assert searcher.answer() is None
     searcher.begin(*SEARCH, 0.0)
@@ -70,7 +76,7 @@ class Clock:
 
     def __init__(self, monkeypatch):
         self.now = 100.0
-        monkeypatch.setattr(searchers, 'time', SimpleNamespace(monotonic=lambda: self.now))
+        monkeypatch.setattr(background_search, 'time', SimpleNamespace(monotonic=lambda: self.now))
 
 
 def test_stops_when_asked_or_when_the_time_is_up(monkeypatch):
@@ -101,7 +107,7 @@ def test_the_time_left_passes_and_ends_at_the_limit(told, limit, passed, left, m
     def plan(config, body, needs, seed, executor, on_progress, stop):
         on_progress(Progress(5, 1, 2.0, 0.5, told))
 
-    monkeypatch.setattr(searchers, 'plan_grasps', plan)
+    monkeypatch.setattr(background_search, 'plan_grasps', plan)
     search = BackgroundSearch(*SEARCH, None, limit) if limit else BackgroundSearch(*SEARCH, None)
     search.wait()
     clock.now += passed
@@ -120,7 +126,7 @@ def test_the_time_left_passes_and_ends_at_the_limit(told, limit, passed, left, m
 )
 def test_a_plan_without_grasps_says_why(complete, requested, outcome, monkeypatch):
     plan = GraspPlan((), complete, None, 7, 2, 0.1)
-    monkeypatch.setattr(searchers, 'plan_grasps', lambda *_: plan)
+    monkeypatch.setattr(background_search, 'plan_grasps', lambda *_: plan)
     searcher = Searcher(1)
     searcher.begin(*SEARCH, 0.0)
     assert searcher.progress() == Progress(0, 0, None, 0.0, None)

@@ -6,187 +6,177 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-
-"""What the search for grasps tries: which modules, how far open, which sides, toward what."""
+"""What the search for grasps tries: members seen, turns, cones, postures, the easiest first."""
 
 import math
 
 import closings
-from hypothesis import given
-from hypothesis import strategies as st
-from isotruss_ros.core import Cylinder, GraspError, GraspRequirements, load_robot
-from isotruss_ros.core.planning.seeds import find_seeds
+from isotruss_ros.core import ConvexObject, GraspError, GraspRequirements, load_robot
+from isotruss_ros.core.planning import seeds
+from isotruss_ros.core.planning.closing import outward_normals
+from isotruss_ros.core.planning.facing import friction_angles
+from isotruss_ros.core.planning.seeds import enclosing_members, find_seeds, SIGHTS
+from isotruss_ros.core.planning.settings import SearchSettings
 import numpy as np
 import pytest
-import robots
 
-NINE = load_robot('nine_member')
-INSIDE = Cylinder((0.716, 0.5), 0.2)
-LATER = range(1, 5)
-SCENES = st.integers(0, 24)
+HOME = load_robot('nine_member').home
+NAMES = HOME.robot.member_names
+BODY = ConvexObject.disc((0.716, 0.5), 0.2)
+ANY = GraspRequirements()
+MANY = SearchSettings(max_grips=100)
 
 
-def meeting_at(robot, module):
-    """Return the members that meet at a module, by their names."""
-    tube, joint = module.split('/')
-    return {
-        i
-        for i, name in enumerate(robot.member_names)
-        if name.startswith(f'{tube}/') and joint in name.split('/')[1].split('-')
+def seen_from(config, point):
+    """Return the members that lines of sight meet first; none if one of them meets nothing."""
+    begin, end, middle = closings.parts(config)
+    joints = np.array([config.points[i] for i in config.robot.topology.joint])
+    back = [config.points[nodes] for nodes in (config.robot.topology.b, config.robot.topology.c)]
+    segments = [*zip(begin, end, strict=True), *zip(*back, strict=True)]
+    segments += zip(joints, middle, strict=True)
+    found = set()
+    for angle in 2.0 * math.pi * (np.arange(SIGHTS) + 0.5) / SIGHTS:
+        ray, hits = np.array([math.cos(angle), math.sin(angle)]), {}
+        for number, (one, other) in enumerate(segments):
+            start, span = one - point, other - one
+            rows = np.column_stack([ray, [-span.real, -span.imag]])
+            if abs(np.linalg.det(rows)) < 1e-12:
+                continue
+            away, share = np.linalg.solve(rows, [start.real, start.imag])
+            if away > 0.0 and 0.0 <= share <= 1.0:
+                hits[away] = number
+        if not hits:
+            return ()
+        found.add(hits[min(hits)])
+    return tuple(sorted(number for number in found if number < len(begin)))
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_members_that_are_seen_are_those_that_lines_of_sight_meet_first(seed):
+    config, body, _ = closings.scene(seed)
+    nodes, rng = config.points, np.random.default_rng(seed)
+    near = nodes[rng.integers(len(nodes), size=3)]
+    points = [body.middle, *(0.97 * near + 0.03 * body.middle), *(1.5 * near)]
+    for point in points:
+        assert enclosing_members(config, point) == seen_from(config, point)
+
+
+def test_pairs_and_triples_of_the_members_around_are_tried():
+    found = find_seeds(HOME, BODY, ANY, 0, 0)
+    assert sorted(len(seed.members) for seed in found) == [2, 2, 2, 3]
+    assert {NAMES[i] for seed in found for i in seed.members} == {
+        'north/P-Z',
+        'north/Z-R',
+        'north/R-P',
     }
-
-
-def around(config, point):
-    """Return the tubes whose loops go around a point: a ray from it leaves them an odd time."""
-    begin, end, _ = closings.parts(config)
-    topology, found = config.robot.topology, set()
-    for tube in range(len(config.robot.description.tubes)):
-        members = np.flatnonzero(topology.tube == tube)
-        corners = np.column_stack([begin[members], end[members]]).ravel() - point
-        others = np.roll(corners, -1)
-        passing = (corners.imag > 0.0) != (others.imag > 0.0)
-        with np.errstate(divide='ignore', invalid='ignore'):
-            share = corners.imag / (corners.imag - others.imag)
-            right = (corners + share * (others - corners)).real > 0.0
-        if (passing & right).sum() % 2:
-            found.add(tube)
-    return found
-
-
-@robots.examples(20)
-@given(seed=SCENES, friction=st.floats(0.0, 3.0))
-def test_first_round_opens_every_module_around_the_object_twice(seed, friction):
-    config, cylinder, tube = closings.scene(seed)
-    robot, needs = config.robot, GraspRequirements(friction=friction)
-    found = find_seeds(config, cylinder, needs, 0, 0)
-    tubes = around(config, complex(*cylinder.center))
-    assert tube in tubes
-    modules = [i for i in range(len(robot.module_names)) if robot.topology.tube[i] in tubes]
-    pairs = [one for one in found if len(one.members) == 2]
-    assert [one.module for one in pairs] == [i for i in modules for _ in range(2)]
-    widest = 2.0 * math.atan(friction)
-    for wide, narrow in zip(pairs[::2], pairs[1::2], strict=True):
-        for one, share in ((wide, 0.8), (narrow, 0.56)):
-            assert set(one.members) == meeting_at(robot, robot.module_names[one.module])
-            assert one.opening == pytest.approx(min(max(share * widest, 0.1), 2.8))
-    # The wedges hold: the angle from the normals to the middle is less than that of friction.
-    if friction > 0.1:
-        assert all(math.tan(0.5 * one.opening) < friction for one in pairs)
-
-
-def test_grips_open_by_shares_of_what_friction_holds():
-    needs = GraspRequirements(module='north/Z', friction=0.5, squeeze=10.0)
-    openings = [seed.opening for seed in find_seeds(NINE.home, INSIDE, needs, 0, 0)]
-    assert np.tan(0.5 * np.array(openings) / (0.8, 0.56)) == pytest.approx(0.5)
-
-
-@robots.examples(20)
-@given(seed=SCENES)
-def test_first_round_has_one_grip_by_three_sides_for_each_loop(seed):
-    config, cylinder, _ = closings.scene(seed)
-    robot = config.robot
-    threes = [
-        o for o in find_seeds(config, cylinder, GraspRequirements(), 0, 0) if len(o.members) > 2
-    ]
-    tubes = around(config, complex(*cylinder.center))
-    assert [robot.topology.tube[one.module] for one in threes] == sorted(tubes)
-    gaps = closings.gaps(config, cylinder)[0]
-    for one in threes:
-        two, (third,) = one.members[:2], one.members[2:]
-        assert set(two) == meeting_at(robot, robot.module_names[one.module])
-        tube = robot.topology.tube[one.module]
-        assert all(robot.topology.tube[i] == tube for i in one.members)
-        others = [
-            gaps[i] for i in range(len(gaps)) if robot.topology.tube[i] == tube and i not in two
-        ]
-        assert gaps[third] == min(others)
-        # Three sides hold whatever the angle between two of them is.
-        assert one.opening == 2.8
-
-
-@robots.examples(15)
-@given(seed=SCENES, number=st.sampled_from(LATER), friction=st.floats(0.2, 2.0))
-def test_later_rounds_draw_modules_openings_and_postures(seed, number, friction):
-    config, cylinder, _ = closings.scene(seed)
-    robot, needs = config.robot, GraspRequirements(friction=friction)
-    found = find_seeds(config, cylinder, needs, seed, number)
-    again = find_seeds(config, cylinder, needs, seed, number)
-    assert len(found) == len(again) == 8
-    tubes = around(config, complex(*cylinder.center))
-    for one, other in zip(found, again, strict=True):
-        assert robot.topology.tube[one.module] in tubes
-        assert set(one.members) == meeting_at(robot, robot.module_names[one.module])
-        assert len(one.members) == 2
-        share = one.opening / (2.0 * math.atan(friction))
-        assert 0.4 <= share <= 0.9 or one.opening in (0.1, 2.8)
-        assert one.nominal_posture.shape == config.roller_positions.shape
-        assert (one.module, one.opening) == (other.module, other.opening)
-        assert (one.nominal_posture == other.nominal_posture).all()
-
-
-def test_what_is_drawn_is_another_in_every_round_and_with_every_seed():
-    config = NINE.home
-    drawn = {
-        (seed, number): find_seeds(config, INSIDE, GraspRequirements(), seed, number)
-        for seed in range(6)
-        for number in LATER
-    }
-    pulls = np.array([one.nominal_posture for found in drawn.values() for one in found])
-    assert len(np.unique(pulls.round(12), axis=0)) == len(pulls)
-    # Around where the robot is, 0.3 of a member away.
-    spread = 0.3 * np.mean(config.robot.home.member_lengths)
-    assert pulls.std() == pytest.approx(spread, rel=0.05)
-    assert abs(pulls.mean()) < 0.1 * spread
-    moved = NINE.configuration([0.05, -0.05, 0.02, 0.03, -0.04, 0.05])
-    for one, other in zip(
-        find_seeds(moved, INSIDE, GraspRequirements(), 2, 1), drawn[2, 1], strict=True
-    ):
-        assert one.nominal_posture - moved.roller_positions == pytest.approx(other.nominal_posture)
-    modules = {NINE.module_names[one.module] for found in drawn.values() for one in found}
-    assert modules == {'north/R', 'north/P', 'north/Z'}
-    openings = [one.opening for found in drawn.values() for one in found]
-    assert np.ptp(openings) > 0.4 * 2.0 * math.atan(0.5)
-
-
-def test_postures_are_drawn_in_lengths_of_the_members():
-    config, cylinder, _ = closings.scene(7)
-    length = config.member_lengths.mean()
-    assert length > 2.0
-    drawn = np.array(
-        [
-            one.nominal_posture - config.roller_positions
-            for number in range(1, 17)
-            for one in find_seeds(config, cylinder, GraspRequirements(), 0, number)
-        ]
-    )
-    assert drawn.std() == pytest.approx(0.3 * length, rel=0.2)
-
-
-def test_a_small_slip_margin_asks_for_two_members_too():
-    for margin, fewest in ((0.0, 3), (0.05, 2)):
-        found = find_seeds(NINE.home, INSIDE, GraspRequirements(min_slip_margin=margin), 0, 0)
-        assert max(len(one.members) for one in found) == fewest
 
 
 @pytest.mark.parametrize('number', [0, 1])
-def test_a_module_that_is_asked_for_is_the_only_one(number):
-    for module in ('north/R', 'north/P', 'north/Z'):
-        found = find_seeds(NINE.home, INSIDE, GraspRequirements(module=module), 0, number)
-        assert found
-        assert {NINE.module_names[one.module] for one in found} == {module}
-    elsewhere = GraspRequirements(module='east/R')
-    assert find_seeds(NINE.home, INSIDE, elsewhere, 0, number) == []
+@pytest.mark.parametrize(
+    'wanted', [{'module': 'north/Z'}, {'members': ('north/P-Z', 'north/Z-R')}]
+)
+def test_only_the_members_that_are_asked_for_are_tried(wanted, number):
+    found = find_seeds(HOME, BODY, GraspRequirements(**wanted), 0, number)
+    assert len(found) == (8 if number else 1)
+    for seed in found:
+        assert {NAMES[i] for i in seed.members} == {'north/P-Z', 'north/Z-R'}
+
+
+def test_members_that_are_not_around_the_object_are_not_tried():
+    assert find_seeds(HOME, BODY, GraspRequirements(module='east/R'), 0, 0) == []
     with pytest.raises(GraspError, match='north/Q'):
-        find_seeds(NINE.home, INSIDE, GraspRequirements(module='north/Q'), 0, number)
+        find_seeds(HOME, BODY, GraspRequirements(module='north/Q'), 0, 0)
 
 
-def test_an_object_outside_or_in_the_middle_of_all_has_no_loop_around_it():
-    # The middle triangle of the three is no loop of a tube.
-    for center in ((0.5, 2.0), (-1.0, 0.0), (0.5, -0.3)):
+def test_nothing_is_tried_where_nothing_goes_around_the_object():
+    for center in ((0.5, 2.0), (-1.0, 0.0)):
         for number in (0, 1):
-            assert (
-                find_seeds(NINE.home, Cylinder(center, 0.1), GraspRequirements(), 0, number) == []
-            )
+            assert find_seeds(HOME, ConvexObject.disc(center, 0.1), ANY, 0, number) == []
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_pairs_face_the_object_so_that_friction_holds_to_spare(seed):
+    config, body, _ = closings.scene(seed)
+    for number in (0, 1):
+        for one in find_seeds(config, body, ANY, 0, number):
+            assert one.friction_angle <= math.atan(ANY.friction)
+            if len(one.members) == 2:
+                used = friction_angles(body, one.facing[:1], one.facing[1:])[0]
+                assert used <= 0.75 * one.friction_angle + 1e-12
+
+
+def test_later_rounds_draw_cones_between_half_and_all_of_them():
+    drawn = np.array(
+        [
+            one.friction_angle / math.atan(ANY.friction)
+            for number in range(1, 40)
+            for one in find_seeds(HOME, BODY, ANY, 0, number)
+        ]
+    )
+    assert 0.5 <= drawn.min() < 0.52
+    assert 0.98 < drawn.max() <= 1.0
+
+
+def test_later_rounds_turn_members_farther(monkeypatch):
+    find_facing, prices = seeds.find_facing, []
+
+    def record(body, normals, angle, turning):
+        prices.append(turning)
+        return find_facing(body, normals, angle, turning)
+
+    monkeypatch.setattr(seeds, 'find_facing', record)
+    find_seeds(HOME, BODY, ANY, 0, 0, MANY)
+    assert set(prices) == {0.3}
+    prices.clear()
+    for number in range(1, 10):
+        find_seeds(HOME, BODY, ANY, 0, number, MANY)
+    assert 0.0 < min(prices) < 0.01
+    assert 0.29 < max(prices) < 0.3
+
+
+@pytest.mark.parametrize('seed', [8, 18])
+def test_later_rounds_draw_postures_in_lengths_of_the_members(seed):
+    config, body, _ = closings.scene(seed)
+    assert all(one.nominal_posture is None for one in find_seeds(config, body, ANY, 0, 0, MANY))
+    drawn = np.array(
+        [
+            one.nominal_posture - config.roller_positions
+            for number in range(1, 5)
+            for one in find_seeds(config, body, ANY, 0, number, MANY)
+        ]
+    )
+    assert drawn.std() == pytest.approx(0.3 * config.member_lengths.mean(), rel=0.08)
+
+
+def test_what_is_drawn_is_another_in_every_round_and_with_every_seed():
+    drawn = [
+        one.nominal_posture
+        for seed in range(6)
+        for number in range(1, 5)
+        for one in find_seeds(HOME, BODY, ANY, seed, number)
+    ]
+    assert len(np.unique(np.array(drawn).round(12), axis=0)) == len(drawn)
+    again = find_seeds(HOME, BODY, ANY, 0, 1)
+    assert all((a.nominal_posture == b).all() for a, b in zip(again, drawn, strict=False))
+
+
+@pytest.mark.parametrize('seed', [0, 8, 18])
+def test_the_easiest_come_first(seed):
+    config, body, _ = closings.scene(seed)
+    found = find_seeds(config, body, ANY, 0, 0, MANY)
+    radius = 0.5 * config.robot.description.tube_diameter
+    reaches = closings.gaps(config, body)[0] + radius
+    efforts = []
+    for one in found:
+        normals = outward_normals(config, one)
+        facing = normals if one.facing is None else one.facing
+        turns = np.abs(np.angle(facing / normals)).sum()
+        reach = reaches[list(one.members)].sum()
+        efforts.append(reach + 0.5 * config.member_lengths.mean() * turns)
+    assert len(efforts) > 2
+    assert efforts == sorted(efforts)
+    (easiest,) = find_seeds(config, body, ANY, 0, 0, SearchSettings(max_grips=1))
+    assert easiest.members == found[0].members
 
 
 @pytest.mark.parametrize(
@@ -195,13 +185,12 @@ def test_an_object_outside_or_in_the_middle_of_all_has_no_loop_around_it():
 )
 def test_bounds_are_those_required_or_of_the_robot_file(values, lengths):
     needs = GraspRequirements(min_rigidity=0.31, **values)
-    config = NINE.home
     for number in (0, 1):
-        for one in find_seeds(config, INSIDE, needs, 0, number):
-            assert (one.body, one.min_rigidity) == (INSIDE, 0.31)
+        for one in find_seeds(HOME, BODY, needs, 0, number):
+            assert (one.body, one.min_rigidity) == (BODY, 0.31)
             (limit,) = one.limits
-            rows = limit.rows(config)
+            rows = limit.rows(HOME)
             # Half of what is left in one step, so that it is never crossed.
-            half = 0.5 * (np.array(lengths)[:, None] - config.member_lengths)
+            half = 0.5 * (np.array(lengths)[:, None] - HOME.member_lengths)
             assert rows.lower == pytest.approx(half[0])
             assert rows.upper == pytest.approx(half[1])
