@@ -38,14 +38,13 @@ from isotruss_ros.core import (
     GraspRequirements,
     load_robot,
     plan_grasps,
-    PlannedGrasp,
     RollerFaults,
-    RollerState,
     SimulatedRobot,
-    StampedInput,
     TwistServo,
 )
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
 from isotruss_ros.demo.path import figure_9
 from measuring import print_machine, print_table
 import numpy as np

@@ -33,13 +33,13 @@ from isotruss_ros.core import (
     ConvexObject,
     Disc,
     Ellipse,
-    GraspError,
     GraspRequirements,
     load_robot,
     plan_grasps,
     Polygon,
     Pose,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.planning.seeds import enclosing_members
 from isotruss_ros.core.planning.settings import SearchSettings

@@ -30,7 +30,8 @@ from isotruss_ros.core.control.inputs import Input, InputError, require_fresh, S
 from isotruss_ros.core.control.path_tracking import RETURN, RETURN_SPEED, RETURN_TURN_RATE
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST
 from isotruss_ros.core.planning.export import export_violation
-from isotruss_ros.core.planning.grasp_plan import path_times, violation_in_words
+from isotruss_ros.core.planning.grasp_plan import path_times
+from isotruss_ros.core.planning.plan_words import violation_in_words
 from isotruss_ros.core.planning.release import Release
 from isotruss_ros.nodes.components.action_steps import (
     ActionStep,
