@@ -26,6 +26,7 @@ from PIL import Image
 from probe import begin_context
 import pytest
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
 
 CHROMIUM = shutil.which('chromium')
@@ -164,7 +165,9 @@ class Follower:
         self._poses = self._node.create_publisher(PoseStamped, 'object_pose', 1)
         self._node.create_subscription(Twist, 'cmd_vel', self._follow, 100)
         self._node.create_timer(0.1, self._publish)
-        self._thread = threading.Thread(target=rclpy.spin, args=(self._node,))
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._executor.spin)
         self._thread.start()
 
     def _follow(self, twist):
@@ -195,9 +198,10 @@ class Follower:
 
     def close(self):
         """End the node."""
-        rclpy.shutdown()
+        self._executor.shutdown()
         self._thread.join()
         self._node.destroy_node()
+        rclpy.shutdown()
 
 
 @contextlib.contextmanager
