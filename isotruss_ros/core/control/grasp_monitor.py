@@ -73,6 +73,8 @@ class GraspMonitor:
     :param timeout: inputs older than this are not used [s].
     :param body: the object, wherever; None for a disc of the diameter. Where its friction is
         known, it counts instead of the other.
+    :param flattening: whether the tubes flatten where they are touched; if not, the analysis of
+        the object held fast is that of the paper's model.
     """
 
     def __init__(
@@ -83,6 +85,7 @@ class GraspMonitor:
         spacing: float,
         timeout: float,
         body: ConvexObject | None = None,
+        flattening: bool = True,
     ) -> None:
         self.robot = robot
         self.object_diameter = object_diameter
@@ -90,6 +93,7 @@ class GraspMonitor:
         self.spacing = spacing
         self.timeout = timeout
         self.body = body
+        self.flattening = flattening
         self.rollers: Input = None
         self.center: Input = None
         self.wrench: Input = None
@@ -124,6 +128,7 @@ class GraspMonitor:
             wrench[0].value if wrench else NO_WRENCH,
             self.spacing,
             body,
+            self.flattening,
         )
         if question != self._question:
             self._report = _analyze(question, self._tracker.configuration, self._report.grasp)
@@ -171,6 +176,7 @@ def _analyze(
             question.friction,
             question.external_wrench,
             spacing=question.spacing,
+            flattening=question.flattening,
             previous=None if last is None else last.analysis,
         )
         settled = settle_grasp(

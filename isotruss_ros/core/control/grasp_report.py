@@ -57,6 +57,7 @@ class Question(NamedTuple):
     :ivar external_wrench: (fx, fy, m) on the object about its centre [N, N m].
     :ivar spacing: of the contact points along the tubes [m].
     :ivar body: an object that is no disc, in its pose; centre and diameter do not count then.
+    :ivar flattening: whether the tubes flatten where they are touched, see `analyze_grasp`.
     """
 
     roller_positions: tuple[float, ...]
@@ -66,6 +67,7 @@ class Question(NamedTuple):
     external_wrench: tuple[float, float, float]
     spacing: float
     body: ConvexObject | None = None
+    flattening: bool = True
 
 
 @dataclass(frozen=True, eq=False)
