@@ -12,9 +12,9 @@ How often and how fast quadratic programs are solved, beside other solvers.
 
 Programs come from walks at the edge of the shapes and from the planning of grasps. Each is varied:
 targets by 1 %, bounds by half of themselves or to zero, so that many meet at a corner, equalities
-by a thousandth, one in ten of them next to parallel. Force closure seldom needs a program: here
-each grip poses it. Counted is what is not solved: no answer, one that is beyond a constraint by
-1e-7, or one that costs more than duality shows to be the least; x = 0 is always admissible.
+by a thousandth, one in ten of them next to parallel. Counted is what is not solved: no answer, one
+that is beyond a constraint by 1e-7, or one that costs more than duality shows to be the least;
+x = 0 is always admissible.
 
     python benchmarks/qp_solvers.py [PROGRAMS [SEED]]
 """
@@ -30,7 +30,6 @@ os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy
 sys.path.append(str(Path(__file__).parents[1] / 'test' / 'helpers'))
 
 from isotruss_ros.core import Cylinder, load_robot, plan_grasps
-from isotruss_ros.core.grasping import force_closure
 from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
@@ -43,7 +42,7 @@ import walks
 
 PROGRAMS, KEPT, WALKS = 20_000, 3000, 30
 PEERS = {'daqp': {'primal_tol': 1e-9}, 'quadprog': {}}
-SOURCES = {'twist': twist_qp, 'closing': closing_qp, 'force closure': force_closure}
+SOURCES = {'twist': twist_qp, 'closing': closing_qp}
 
 
 def harvest() -> dict[str, list[QuadraticProgram]]:
@@ -57,7 +56,6 @@ def harvest() -> dict[str, list[QuadraticProgram]]:
             return solve_qp(problem)
 
         module.solve_qp = record
-    force_closure._exchange = lambda *_: None
     for seed in range(WALKS):
         walks.walk(seed, 300, slide=seed % 3 == 2)
     home = load_robot('nine_member').home

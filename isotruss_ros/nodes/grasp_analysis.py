@@ -59,6 +59,12 @@ RATE = replace(params.RATE, default=100.0, bounds=(1.0, 1000.0))
 SPACING = params.Spec(
     'spacing', 0.005, 'Distance of the points that can touch, along the tubes [m]', (0.002, 0.1)
 )
+FLATTENING = params.Spec(
+    'flattening',
+    True,
+    "Whether tubes flatten where they are touched; if not, (5) to (10) in the paper's model, and "
+    'only whether the object is held with flattening',
+)
 SPECS = (
     params.ROBOT,
     params.OBJECT_DIAMETER,
@@ -67,6 +73,7 @@ SPECS = (
     RATE,
     params.COMMAND_TIMEOUT,
     SPACING,
+    FLATTENING,
 )
 #: Markers are published at most this often, as RViz draws [s].
 MARKER_PERIOD = 1.0 / 30.0
@@ -101,8 +108,10 @@ class GraspAnalysisNode(ManagedNode):
             values[SPACING],
             values[params.COMMAND_TIMEOUT],
             read_object(values[params.OBJECT]) if values[params.OBJECT] else None,
+            values[FLATTENING],
         )
         self._states = self.create_lifecycle_publisher(GraspState, 'grasp/state', RELIABLE)
+        self._held = self.create_lifecycle_publisher(Bool, 'grasp/held', RELIABLE)
         self._closures = self.create_lifecycle_publisher(Bool, 'grasp/force_closure', RELIABLE)
         self._wrenches = self.create_lifecycle_publisher(WrenchStamped, 'grasp/wrench', RELIABLE)
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
@@ -170,6 +179,7 @@ class GraspAnalysisNode(ManagedNode):
         self._monitor.object_diameter = self.values[params.OBJECT_DIAMETER]
         self._monitor.friction = self.values[params.FRICTION]
         self._monitor.spacing = self.values[SPACING]
+        self._monitor.flattening = self.values[FLATTENING]
         self._monitor.timeout = self.values[params.COMMAND_TIMEOUT]
         if self.cycle is not None:
             self.cycle.change(self.values[RATE])
@@ -183,7 +193,7 @@ class GraspAnalysisNode(ManagedNode):
         self._inputs.take()
         now = self.now()
         try:
-            question = read_question(request, self.values[SPACING])
+            question = read_question(request, self.values[SPACING], self.values[FLATTENING])
         except MessageError as error:
             report = GraspReport(GraspCode.INVALID_REQUEST, str(error), now)
         else:
@@ -198,7 +208,9 @@ class GraspAnalysisNode(ManagedNode):
         report = self._monitor.report(1e-9 * now.nanoseconds)
         state = to_state_message(report, self._robot.frame, self._contacts)
         self._states.publish(state)
-        self._closures.publish(Bool(data=state.held))
+        held = Bool(data=state.held)
+        self._held.publish(held)
+        self._closures.publish(held)
         if report.grasp is not None:
             # A wrench has no code: without a result, none is published.
             wrench = WrenchStamped(wrench=state.normal_wrench)
@@ -208,7 +220,7 @@ class GraspAnalysisNode(ManagedNode):
             grasp = report.grasp
             pose = as_convex_object(grasp.body).pose
             self._transforms.broadcast(grasp.config, pose[:2], measured)
-            used = max(report.grasp.analysis.utilisation.values())
+            used, _ = max(grasp.utilisation.values())
             level = Level.OK if used <= MAX_UTILISATION else Level.WARN
             if report.code is not GraspCode.OK:
                 self._throttle.warn(report.code.name, f'{report.code}: {report.message}')

@@ -13,6 +13,7 @@ from types import SimpleNamespace
 
 from isotruss_ros.core.statics.beam import local_stiffness
 from isotruss_ros.core.statics.frame import Frame, Members
+from isotruss_ros.core.statics.structure import tube_pieces
 import numpy as np
 
 
@@ -112,6 +113,29 @@ def with_nodes(frame, held, rows, points):
 def robot_with_nodes(structure, points):
     """Return the frame of a robot with nodes at points on its tubes, and their numbers."""
     return with_nodes(structure.frame, structure._layout.held, structure.frame._rows, points)
+
+
+def largest_utilisation(structure, pressure, ends, inside):
+    """
+    Return the largest |M| / M_w of each member of a robot in whose tubes points are nodes.
+
+    :param ends: (k, 6) forces on the members of that frame, see `FrameState.end_forces`.
+    :param inside: (c,) the members of the robot's own frame that have the points inside.
+    """
+    topology, m = structure.config.robot.topology, len(structure.config.member_lengths)
+    radius = 0.5 * structure.config.robot.description.tube_diameter
+    cuts = 1 + np.bincount(inside, minlength=len(structure.frame.members.start))
+    piece = np.repeat(np.arange(len(cuts)), cuts)
+    largest = np.zeros(m)
+    owners = (np.arange(m), topology.previous, np.arange(m))
+    for kind, owner in zip(tube_pieces(m), owners, strict=True):
+        for number, member in zip(kind, owner, strict=True):
+            here = ends[piece == number]
+            pull = pressure[member] * np.pi * radius**2 - here[:, 0]
+            moment = np.abs(here[:, [2, 5]]).max(axis=1)
+            used = np.where(pull > 0.0, 2.0 * moment / radius / pull, np.inf)
+            largest[member] = max(largest[member], used.max())
+    return largest
 
 
 def node_compliance(frame, nodes):

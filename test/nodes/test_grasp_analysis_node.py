@@ -70,6 +70,7 @@ def assert_no_answer(w, state):
     assert not state.force_closure
     assert not state.contacts
     assert state.closure_residual == math.inf
+    assert state.closure_margin == -math.inf
     assert state.required_friction == math.inf
     w.until(lambda: len(w.probe.seen['closure']) >= len(w.probe.seen['state']))
     assert not w.probe.last('closure').data
@@ -316,7 +317,7 @@ def test_the_object_is_green_when_held():
             things = [m for a in arrays[-1:] for m in a.markers if m.ns == 'object']
             return bool(things) and things[0].color.g > things[0].color.r
 
-        w.until(green, feed(w, center=tangent_center(ROBOT.home, MODULE, DIAMETER, 0.05)))
+        w.until(green, feed(w, center=tangent_center(ROBOT.home, MODULE, DIAMETER, 0.03)))
 
 
 def ask(w, **fields):
@@ -465,6 +466,7 @@ def test_topic_names_are_relative():
             'external_wrench',
             'grasp/state',
             'grasp/force_closure',
+            'grasp/held',
             'grasp/wrench',
             'grasp/markers',
         ):
@@ -473,12 +475,22 @@ def test_topic_names_are_relative():
         assert '/analyze_grasp' in names
 
 
+def test_the_papers_own_model_is_a_parameter():
+    expected = analyze_grasp(ROBOT.home, Cylinder(SQUEEZED, DIAMETER), 0.5, flattening=False)
+    with world(node(flattening=False)) as w:
+        state = until_ok(w)
+        assert state.required_friction == pytest.approx(expected.required_friction)
+        assert not state.contact_widths
+        answer = ask(w)
+        assert answer.state.required_friction == pytest.approx(expected.required_friction)
+
+
 # Held or not
 
 
 def test_what_is_held_is_published_beside_the_analysis():
     friction = 0.8
-    center = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.05)
+    center = tangent_center(ROBOT.home, MODULE, DIAMETER, 0.03)
     expected = settle_grasp(ROBOT.home, Cylinder(center, DIAMETER), friction)
     assert expected.held
     with world(node(friction=friction)) as w:
@@ -490,7 +502,8 @@ def test_what_is_held_is_published_beside_the_analysis():
         squeeze = dict(zip(state.grasping_members, state.squeeze, strict=True))
         assert squeeze == pytest.approx(expected.normal_forces)
         assert state.friction_used == pytest.approx(list(expected.friction_used.values()))
-        w.until(lambda: any(m.data for _, m in w.probe.seen['closure']), feed(w, center=center))
+        for topic in ('held', 'closure'):
+            w.until(lambda: any(m.data for _, m in w.probe.seen[topic]), feed(w, center=center))
 
 
 def test_what_slips_is_not_held_and_the_message_says_why():

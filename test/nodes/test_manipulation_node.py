@@ -13,8 +13,10 @@ import math
 
 from geometry_msgs.msg import Pose, PoseStamped, Quaternion, TwistStamped
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import Status, tangent_center
+from isotruss_ros.core import Status, tangent_center, TwistServo
+from isotruss_ros.nodes.components import servo_settings
 from isotruss_ros.nodes.conversions.messages import read_stamp, stamp_header
+from isotruss_ros.nodes.framework import parameters
 from isotruss_ros.nodes.manipulation import Manipulation
 from manual_world import check_refused, world
 import numpy as np
@@ -350,6 +352,13 @@ def test_parameters_change_at_run_time_or_are_rejected_with_the_reason():
         assert change('grip_module', MODULE).successful
         assert change('object_diameter', DIAMETER / 2).successful
         w.until_code(Status.OK, w.probe.send_all)
+
+
+def test_a_changed_diameter_is_that_of_the_servo():
+    servo = TwistServo(ROBOT, MODULE, DIAMETER, 0.005, 0.2)
+    values = {spec: spec.default for spec in servo_settings.SPECS}
+    servo_settings.apply_settings(servo, values | {parameters.OBJECT_DIAMETER: 0.21})
+    assert servo.object_diameter == 0.21
 
 
 def test_whole_numbers_are_taken_for_real_parameters():

@@ -28,7 +28,7 @@ from isotruss_ros.core.errors import (
     SolverError,
     StructureError,
 )
-from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
+from isotruss_ros.core.grasping.analysis import analyze_grasp
 from isotruss_ros.core.grasping.settle_grasp import settle_grasp
 from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
@@ -73,6 +73,8 @@ class GraspMonitor:
     :param timeout: inputs older than this are not used [s].
     :param body: the object, wherever; None for a disc of the diameter. Where its friction is
         known, it counts instead of the other.
+    :param flattening: whether the tubes flatten where they are touched; if not, the analysis of
+        the object held fast is that of the paper's model.
     """
 
     def __init__(
@@ -83,6 +85,7 @@ class GraspMonitor:
         spacing: float,
         timeout: float,
         body: ConvexObject | None = None,
+        flattening: bool = True,
     ) -> None:
         self.robot = robot
         self.object_diameter = object_diameter
@@ -90,6 +93,7 @@ class GraspMonitor:
         self.spacing = spacing
         self.timeout = timeout
         self.body = body
+        self.flattening = flattening
         self.rollers: Input = None
         self.center: Input = None
         self.wrench: Input = None
@@ -124,6 +128,7 @@ class GraspMonitor:
             wrench[0].value if wrench else NO_WRENCH,
             self.spacing,
             body,
+            self.flattening,
         )
         if question != self._question:
             self._report = _analyze(question, self._tracker.configuration, self._report.grasp)
@@ -171,6 +176,7 @@ def _analyze(
             question.friction,
             question.external_wrench,
             spacing=question.spacing,
+            flattening=question.flattening,
             previous=None if last is None else last.analysis,
         )
         settled = settle_grasp(
@@ -185,18 +191,17 @@ def _analyze(
         return GraspReport(code, str(error), 0.0)
     duration = time.perf_counter() - begin
     grasp = AnalyzedGrasp(config, body, question.spacing, analysis, settled, duration)
-    code, message = _judge(analysis)
+    code, message = _judge(grasp)
     return GraspReport(code, message, 0.0, grasp)
 
 
-def _judge(analysis: GraspAnalysis) -> tuple[GraspCode, str]:
+def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:
     """Return the code of an answer, and what is special about it."""
-    if not analysis.contact_lengths:
+    if not grasp.analysis.contact_lengths:
         return GraspCode.OK, NO_CONTACT
-    member, used = max(analysis.utilisation.items(), key=lambda item: item[1])
+    member, (used, place) = max(grasp.utilisation.items(), key=lambda item: item[1])
     if used <= MAX_UTILISATION:
         return GraspCode.OK, ''
-    place = analysis.utilisation_places[member]
     message = (
         f'member {member} bears {used:.2f} of its wrinkling moment, {place:.3g} m from its start'
     )

@@ -57,6 +57,7 @@ class Question(NamedTuple):
     :ivar external_wrench: (fx, fy, m) on the object about its centre [N, N m].
     :ivar spacing: of the contact points along the tubes [m].
     :ivar body: an object that is no disc, in its pose; centre and diameter do not count then.
+    :ivar flattening: whether the tubes flatten where they are touched, see `analyze_grasp`.
     """
 
     roller_positions: tuple[float, ...]
@@ -66,6 +67,7 @@ class Question(NamedTuple):
     external_wrench: tuple[float, float, float]
     spacing: float
     body: ConvexObject | None = None
+    flattening: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +89,22 @@ class AnalyzedGrasp:
     analysis: GraspAnalysis
     settled: SettledGrasp
     computing_time: float
+
+    @property
+    def utilisation(self) -> dict[str, tuple[float, float]]:
+        """
+        Return how much of its wrinkling moment each member bears, friction included if it holds.
+
+        :return: by member the larger one of the object held fast and, where it is at rest, the
+            free one [-], and where that is, from its start [m].
+        """
+        grasps = (self.analysis, self.settled) if self.settled.hold.at_rest else (self.analysis,)
+        return {
+            name: max(
+                (grasp.utilisation[name], grasp.utilisation_places[name]) for grasp in grasps
+            )
+            for name in self.analysis.utilisation
+        }
 
 
 @dataclass(frozen=True)

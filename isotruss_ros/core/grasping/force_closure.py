@@ -23,23 +23,18 @@ from dataclasses import dataclass
 import functools
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
-import scipy
-from scipy.linalg import lapack
+from scipy.optimize import lsq_linear
 
 #: Closed when what is left is this small, against the forces involved.
 CLOSURE_TOLERANCE = 1e-6
 #: Facets whose normal is this short, against 1, are degenerate: their segments are parallel.
 FACET_TOLERANCE = 1e-9
-#: Weight of small friction forces against a small residual; in the end it must not show, so that
-#: where friction suffices the balance is refined until it holds, at most so often.
-REGULARIZATION = 1e-10
-MAX_REFINEMENTS = 20
-#: Steps of the descent before the quadratic program; where friction does not suffice, at most so
-#: many contacts are between their bounds.
-MAX_DESCENTS, FEW = 30, 2
-EYE = np.eye(3)
+#: Weight of small friction forces against a small residual: it makes them unique, and must not
+#: show in what is left.
+SMALL = 1e-8
+#: Precision of the shares, and steps of their search for each of them.
+PRECISION, MOST_STEPS = 1e-14, 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,154 +85,27 @@ def check_force_closure(
     )
     facets = (_facets_of_cone if levers is None else _facets)(segments)
     required, margin = _extremes(facets, -load, friction, tolerance)
-    shares, residual = _balance(segments, load, friction, np.zeros(len(segments)))
-    for _ in range(MAX_REFINEMENTS):
-        if residual <= 0.1 * tolerance or required > friction:
-            break
-        shares, residual = _balance(segments, load, friction, shares)
+    shares, residual = _balance(segments, load, friction)
     forces = np.zeros(len(normal_forces))
     forces[touching] = shares * normal_forces[touching]
     return Closure(residual <= tolerance, residual, tolerance, forces, required, margin)
 
 
-def _balance(segments: Array, load: Array, friction: float, shares: Array) -> tuple[Array, float]:
-    """
-    Return the shares (k,) in [-mu, mu] of the segments that balance the load best.
-
-    :param shares: near which they are to be, where there is a choice.
-    :return: also what is left of the load.
-    """
+def _balance(segments: Array, load: Array, friction: float) -> tuple[Array, float]:
+    """Return the shares (k,) in [-mu, mu] of the segments, and what they leave of the load."""
     k = len(segments)
     if k == 0 or friction == 0.0:
         return np.zeros(k), float(np.linalg.norm(load))
     size = np.sqrt(np.einsum('ki,ki->k', segments, segments).max())
-    scaled, target = segments / size, load / size
-    found = _exchange(scaled, target, friction, shares)
-    if found is None:
-        found = _balance_by_qp(scaled, target, friction, shares)
+    found = lsq_linear(
+        np.concatenate([segments.T / size, SMALL * np.eye(k)]),
+        np.concatenate([-load / size, np.zeros(k)]),
+        (-friction, friction),
+        method='bvls',
+        tol=PRECISION,
+        max_iter=MOST_STEPS * k,
+    ).x
     return found, float(np.linalg.norm(segments.T @ found + load))
-
-
-def _exchange(segments: Array, load: Array, friction: float, shares: Array) -> Array | None:
-    """
-    Return the shares (k,) that balance the load best, by finding which of them are at bounds.
-
-    Where friction suffices with room to spare none is at its bound. Where it does not, what is
-    left of the load, r, has the least |r - load|^2 / 2 + mu sum |s_i r|: it comes to be at right
-    angles to at most two segments s_i, and each of the others is at its bound against it. A
-    descent with exact steps from plane to plane finds r. None if it does not, or nearly all of
-    the load is balanced.
-    """
-    # Segments are of length one at most: with the regularization their squares can be factored.
-    normal = segments.T @ segments + REGULARIZATION * EYE
-    needed = lapack.dposv(normal, segments.T @ shares + load)[1]
-    found = shares - segments @ needed
-    if np.abs(found).max() <= friction:
-        return found
-    left = np.clip(found, -friction, friction) @ segments + load
-    across = segments @ left
-    signs, free = np.where(across < 0.0, -1.0, 1.0), list[int]()
-    for _ in range(MAX_DESCENTS):
-        found = -friction * signs
-        found[free] = 0.0
-        rest = found @ segments + load
-        target = _at_right_angles(segments[free], rest)
-        ahead, way = segments @ target, target - left
-        crossing = np.flatnonzero(across * ahead < 0.0)
-        if not len(crossing):
-            if free:
-                rows = segments[free]
-                inner = rows @ rows.T + REGULARIZATION * EYE[: len(free), : len(free)]
-                inside = lapack.dposv(inner, REGULARIZATION * shares[free] - rows @ rest)[1]
-                size = np.abs(inside)
-                if not size.max() < friction:
-                    # One that would take more than there is does not stay between its bounds.
-                    worst = int(size.argmax())
-                    left, across = target, ahead
-                    across[free] = 0.0
-                    signs[free.pop(worst)] = -1.0 if inside[worst] > 0.0 else 1.0
-                    continue
-                found[free] = inside
-            settled = _is_settled(found, free, signs, segments, load, friction)
-            return found if settled else None
-        step, plane = _find_step(across, ahead, crossing, float(way @ way), friction, signs)
-        if plane is not None:
-            free.append(plane)
-        if len(free) > FEW:
-            return None
-        left, across = left + step * way, across + step * (ahead - across)
-        across[free] = 0.0
-    return None
-
-
-def _find_step(
-    across: Array, ahead: Array, crossing: Indices, slope: float, friction: float, signs: Array
-) -> tuple[float, int | None]:
-    """
-    Return which share of a step leads to the least value on the way, and the plane that is there.
-
-    :param across: (k,) s_i r where the step begins.
-    :param ahead: (k,) where it leads.
-    :param crossing: (c,) numbers of those that change their sign.
-    :param slope: by which the value falls in the beginning, for the whole step.
-    :param signs: (k,) of s_i r; those of the planes that are passed are turned around.
-    """
-    change = ahead[crossing] - across[crossing]
-    places, rises = -across[crossing] / change, 2.0 * friction * np.abs(change)
-    risen = 0.0
-    for at, rise, i in sorted(
-        zip(places.tolist(), rises.tolist(), crossing.tolist(), strict=True)
-    ):
-        left = slope * (1.0 - at)
-        if risen >= left:
-            break
-        risen += rise
-        if risen >= left:
-            return at, i
-        signs[i] = -signs[i]
-    return 1.0 - risen / slope, None
-
-
-def _at_right_angles(segments: Array, vector: Array) -> Array:
-    """Return the part (3,) of a vector at right angles to no segment, to one or to two."""
-    if len(segments) == 0:
-        return vector
-    if len(segments) == 1:
-        (segment,) = segments
-        return vector - (vector @ segment) / (segment @ segment) * segment
-    (a, b, c), (u, v, w) = segments.tolist()
-    normal = np.array([b * w - c * v, c * u - a * w, a * v - b * u])
-    size = float(normal @ normal)
-    return (vector @ normal) / size * normal if size > 0.0 else normal
-
-
-def _is_settled(
-    found: Array, free: list[int], signs: Array, segments: Array, load: Array, friction: float
-) -> bool:
-    """Return whether each share at a bound, all but the free ones, is against what is left."""
-    pulls = (segments @ (found @ segments + load)) * signs
-    pulls[free] = np.inf
-    return bool(pulls.min() > 2.0 * REGULARIZATION * friction)
-
-
-def _balance_by_qp(segments: Array, load: Array, friction: float, shares: Array) -> Array:
-    """Return the shares (k,) that balance the load best, by a quadratic program."""
-    k = len(segments)
-    bound = np.full(k, friction)
-    found = solve_qp(
-        QuadraticProgram(
-            segments @ segments.T + REGULARIZATION * np.eye(k),
-            segments @ load - REGULARIZATION * shares,
-            np.zeros((0, k)),
-            np.zeros(0),
-            -bound,
-            bound,
-        )
-    )
-    if found is None:
-        # Loads far beyond all friction: the digits of the small term above are lost in them.
-        found = scipy.optimize.lsq_linear(segments.T, -load, (-bound, bound), method='bvls').x
-    return np.clip(found, -bound, bound)
 
 
 def _extremes(

@@ -41,6 +41,12 @@ class Hold(enum.Enum):
     UNSTABLE = 'the balance is unstable'
     OFF_MEMBER = 'a contact is beyond the end of its member'
     OTHER_CONTACT = 'another member presses on the object'
+    WRINKLES = 'a tube wrinkles, outside of the model'
+
+    @property
+    def at_rest(self) -> bool:
+        """Return whether the linear model holds the object, even if a tube wrinkles."""
+        return self in (Hold.HELD, Hold.WRINKLES)
 
 
 def held_object_statics(

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
-from isotruss_ros.core.grasping.wrinkling import load_sections
+from isotruss_ros.core.grasping.wrinkling import load_sections, SectionLoads, SectionPoints
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -23,29 +23,35 @@ def held_utilisation(grasp: RollingGrasp | HeldGrip) -> Array:
     """
     Return the largest |M| / M_w of each member under the forces of a held object, (m,) [-].
 
-    The turning of the tube by friction at its skin is left out.
+    :param grasp: how the object is held.
+    :raises StructureError: see `structure_of`.
+    """
+    return held_sections(grasp).largest(grasp.config.robot.topology.n_modules)[0]
+
+
+def held_sections(grasp: RollingGrasp | HeldGrip) -> SectionLoads:
+    """
+    Return what the sections of the tubes bear under the forces of a held object.
+
+    Friction acts at the skin of a tube, so that it turns the tube as well.
 
     :param grasp: how the object is held.
     :raises StructureError: see `structure_of`.
     """
     structure = structure_of(grasp.config, grasp.pressure)
-    frame, topology = structure.frame, grasp.config.robot.topology
-    state, compliance = grasp.state, grasp.statics.compliance
+    frame, state, statics = structure.frame, grasp.state, grasp.statics
+    compliance, feet = statics.compliance, state.feet
     forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
+    skin = statics.tube_radius - statics.indentation(state.normal_forces)[0]
+    couples = -skin * state.friction_forces
     local = forces * compliance.axis.conj()
-    loads = np.stack([local.real, local.imag, np.zeros(len(local))], axis=1)
-    carried = compliance.at(state.feet).carried(loads)
-    piece, place = compliance.locate(state.feet)
-    pressure = np.array(structure.pressures)[topology.tube]
-    sections = load_sections(
+    carried = compliance.at(feet).carried(np.column_stack([local.real, local.imag, couples]))
+    piece, within = compliance.locate(feet)
+    return load_sections(
         structure,
-        pressure,
+        np.array(structure.pressures)[grasp.config.robot.topology.tube],
         frame.end_forces(piece, carried),
-        piece,
-        place,
+        SectionPoints(piece, within, grasp.contact_members, feet),
         forces * frame.axis[piece].conj(),
-        grasp.contact_members,
+        couples,
     )
-    used = np.zeros(topology.n_modules)
-    np.maximum.at(used, sections.member, sections.utilisation)
-    return used

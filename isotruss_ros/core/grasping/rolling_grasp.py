@@ -159,6 +159,11 @@ class RollingGrasp(StickingGrasp):
         )
 
     @property
+    def body(self) -> Cylinder:
+        """Return the object, where it is in equilibrium."""
+        return Cylinder(self.pose[:2], self.diameter)
+
+    @property
     def contact_members(self) -> Indices:
         """Return the numbers of the members of the contacts, (2,)."""
         return self.members
@@ -174,9 +179,8 @@ class RollingGrasp(StickingGrasp):
         :return: None where there is no equilibrium.
         """
         wrench = scaled_wrench(external_wrench, self.statics.radius)
-        cylinder = Cylinder(self.pose[:2], self.diameter)
         statics = held_object_statics(
-            config, cylinder, self.members, self.stiffness_scale, pressure=self.pressure
+            config, self.body, self.members, self.stiffness_scale, pressure=self.pressure
         )
         closure = roll(self.anchors, travel_into(config, self.members), statics)
         travel = config.roller_positions - self.config.roller_positions

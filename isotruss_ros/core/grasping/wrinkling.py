@@ -52,62 +52,96 @@ class SectionLoads(NamedTuple):
     """
     What the sections of the tubes bear where it is largest.
 
-    :ivar moment: (c,) at the forces inside the pieces [N m].
-    :ivar compression: (c,) there [N].
-    :ivar utilisation: (c + 6m,) |M| / M_w there, at the starts and at the ends of all pieces.
-    :ivar member: (c + 6m,) the members on which that is.
+    :ivar moment: (c,) inside the pieces, just before the loads [N m].
+    :ivar compression: (c,) there, the larger of both sides of the load [N].
+    :ivar utilisation: (2c + 6m,) |M| / M_w before the loads, behind them, at the starts and at the
+        ends of all pieces.
+    :ivar member: (2c + 6m,) the members on which that is.
+    :ivar place: (2c + 6m,) where on these that is, from their starts [m].
     """
 
     moment: Array
     compression: Array
     utilisation: Array
     member: Indices
+    place: Array
+
+    def largest(self, count: int) -> tuple[Array, Array]:
+        """
+        Return the largest utilisation of each member, and where along it that is [m], (m,) each.
+
+        :param count: of the members, m.
+        """
+        order = np.lexsort((self.utilisation, self.member))
+        last = order[np.searchsorted(self.member[order], np.arange(count), side='right') - 1]
+        return self.utilisation[last], self.place[last]
+
+
+class SectionPoints(NamedTuple):
+    """
+    Where loads act on the tubes.
+
+    :ivar piece: (c,) number of the member of the frame that each load acts on.
+    :ivar within: (c,) distance from that member's start [m].
+    :ivar member: (c,) the members of the robot that they act on.
+    :ivar place: (c,) distance from that member's start [m].
+    """
+
+    piece: Indices
+    within: Array
+    member: Indices
+    place: Array
 
 
 def load_sections(
     structure: Structure,
     pressure: Array,
     end_forces: Array,
-    piece: Indices,
-    place: Array,
+    points: SectionPoints,
     local: Points,
-    owner: Indices,
+    couples: Array,
 ) -> SectionLoads:
     """
     Return moments and compressions of the tubes, and how near to wrinkling they bring them.
 
+    Moments are piecewise linear between the loads, and are largest at one of them or at an end
+    of a piece of tube.
+
     :param structure: the frame of the robot.
     :param pressure: (m,) p in each member, gauge [Pa].
     :param end_forces: (k, 6) on all members of the frame, see `FrameState.end_forces`.
-    :param piece: (c,) number of the member of the frame that each force inside acts on.
-    :param place: (c,) distance from that member's start [m].
-    :param local: (c,) the forces along + i across these members [N].
-    :param owner: (c,) the members of the robot that they act on.
+    :param points: where the loads act.
+    :param local: (c,) the forces along + i across these members of the frame [N].
+    :param couples: (c,) with them, counter-clockwise [N m].
     """
-    topology, file = structure.config.robot.topology, structure.config.robot.description
+    config, frame = structure.config, structure.frame
+    topology, file = config.robot.topology, config.robot.description
     m, radius = topology.n_modules, 0.5 * file.tube_diameter
-    count, pieces = len(piece), 3 * m
     along, across = local.real, local.imag
-    # At each force: all that acts on the piece between its start and there.
-    apart = place[:, None] - place
-    before = (piece[:, None] == piece) & (apart > 0.0)
-    there = end_forces[piece]
-    moment = there[:, 1] * place - there[:, 2] + np.where(before, apart, 0.0) @ across
+    # At each load: all that acts on the piece between its start and there.
+    apart = points.within[:, None] - points.within
+    before = (points.piece[:, None] == points.piece) & (apart > 0.0)
+    there = end_forces[points.piece]
+    moment = there[:, 1] * points.within - there[:, 2] - before @ couples
+    moment += np.where(before, apart, 0.0) @ across
     compression = there[:, 0] + before @ along
-    compression = np.maximum(compression, compression + along)
     # At the ends of all pieces, of the moments the sizes alone.
-    ends = end_forces[tube_pieces(m).ravel()]
-    moments, left = np.empty(count + 2 * pieces), np.empty(count + 2 * pieces)
-    first, second = slice(count, count + pieces), slice(count + pieces, None)
-    moments[:count], moments[first], moments[second] = moment, ends[:, 2], ends[:, 5]
-    left[:count], left[first], left[second] = -compression, -ends[:, 0], ends[:, 3]
+    pieces = tube_pieces(m).ravel()
+    ends, length = end_forces[pieces], frame.length[pieces]
+    ring, whole = file.module.guide_ring_distance, config.member_lengths[topology.previous]
+    starts = np.concatenate([np.zeros(m), whole, np.full(m, ring)])
+    stops = starts + np.repeat([1.0, -1.0, 1.0], m) * length
+    moments = np.concatenate([moment, moment - couples, ends[:, 2], ends[:, 5]])
+    left = np.concatenate([-compression, -compression - along, -ends[:, 0], ends[:, 3]])
     own = np.arange(m)
     of_pieces = np.concatenate([own, topology.previous, own])
-    member = np.concatenate([owner, of_pieces, of_pieces])
+    member = np.concatenate([points.member, points.member, of_pieces, of_pieces])
     left += (pressure * (np.pi * radius**2))[member]
     used = np.full(len(moments), np.inf)
     np.divide(np.abs(moments), 0.5 * radius * left, out=used, where=left > 0.0)
-    return SectionLoads(moment, compression, used, member)
+    place = np.concatenate([points.place, points.place, starts, stops])
+    larger = np.maximum(compression, compression + along)
+    return SectionLoads(moment, larger, used, member, place)
 
 
 def find_wrinkling(
@@ -116,18 +150,13 @@ def find_wrinkling(
     """
     Return how near the members of a robot are to wrinkling under contact forces.
 
-    Moments are piecewise linear between the forces, and are largest at one of them or at an end
-    of a piece of tube.
-
     :param structure: the frame of the robot.
     :param pressure: (m,) p in each member, gauge [Pa].
     :param contact_points: points that the object could touch.
     :param contact: where it does, and with what force.
     """
-    config, frame = structure.config, structure.frame
-    topology, file = config.robot.topology, config.robot.description
-    m = topology.n_modules
-    radius = 0.5 * file.tube_diameter
+    frame, topology = structure.frame, structure.config.robot.topology
+    radius = 0.5 * structure.config.robot.description.tube_diameter
     pieces, touching = contact_points.pieces, np.flatnonzero(contact.forces > 0.0)
     local = contact.push * contact_points.axis.conj()
     # What moves the ends of the pieces as the forces inside do, which the pieces carry besides.
@@ -136,23 +165,15 @@ def find_wrinkling(
     end_forces = frame.end_forces(pieces, pushed)
 
     piece = pieces[contact_points.piece[touching]]
-    start = frame.points[frame.members.start[piece]]
-    place = np.abs(contact_points.points[touching] - start)
-    local = local[touching]
-    owner = contact_points.member[touching]
-    sections = load_sections(structure, pressure, end_forces, piece, place, local, owner)
-    used, member = sections.utilisation, sections.member
-    length = frame.length[tube_pieces(m).ravel()]
-    ring, whole = file.module.guide_ring_distance, config.member_lengths[topology.previous]
-    starts = np.concatenate([np.zeros(m), whole, np.full(m, ring)])
-    ends = starts + np.repeat([1.0, -1.0, 1.0], m) * length
-    places = np.concatenate([contact_points.place[touching], starts, ends])
-    order = np.lexsort((used, member))
-    last = order[np.searchsorted(member[order], np.arange(m), side='right') - 1]
+    within = np.abs(contact_points.points[touching] - frame.points[frame.members.start[piece]])
+    member, local = contact_points.member[touching], local[touching]
+    points = SectionPoints(piece, within, member, contact_points.place[touching])
+    couples = np.zeros(len(local))
+    sections = load_sections(structure, pressure, end_forces, points, local, couples)
 
     # The force points away from the object, which presses the wall together on its own side.
     tension = (pressure * np.pi * radius**2)[contact_points.member]
     pressed = 2.0 / radius * sections.moment * np.sign(local.imag)
     tension[touching] += pressed - sections.compression
     tension /= 2.0 * np.pi * radius
-    return Wrinkling(used[last], places[last], np.maximum(tension, 0.0))
+    return Wrinkling(*sections.largest(topology.n_modules), np.maximum(tension, 0.0))

@@ -46,6 +46,9 @@ from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
+#: An object that overlaps the robot by less than this does not yet touch it [m].
+OVERLAP = 1e-6
+
 
 def plan_grasps(
     config: Configuration,
@@ -134,9 +137,10 @@ class _Search:
         """Return whether nothing touches the object yet; otherwise there is no path to a grasp."""
         gaps = object_gaps(self._config, self._body)
         least = float(min(gaps.members.min(), gaps.modules.min(), gaps.rods.min()))
-        if least < 0.0:
+        free = least >= -OVERLAP
+        if not free:
             self._record(Violation('free', least, 0.0, 2000.0))
-        return least >= 0.0
+        return free
 
     def approach(self, closings: Sequence[Closing]) -> list[Approach]:
         """Bring the seeds of a round to open grips; return these."""

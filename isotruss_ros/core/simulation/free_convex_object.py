@@ -86,7 +86,7 @@ class FreeConvexObject:
             return
         try:
             settled = settle_grasp(config, body, self._friction, members=names)
-            if settled.held:
+            if settled.hold.at_rest:
                 grip = Grip(names, body.moved_to(settled.pose), self._friction)
                 self._held = RollingObject(RollingGrip.attach(config, grip))
         except IsotrussError:

@@ -81,7 +81,7 @@ class FreeObject:
             if object_gaps(config, lying).members.min() < -config.robot.description.tube_diameter:
                 return
             settled = settle_grasp(config, lying, self._friction)
-            held, forces, center = settled.held, settled.normal_forces, settled.pose[:2]
+            held, forces, center = settled.hold.at_rest, settled.normal_forces, settled.pose[:2]
             if settled.hold is Hold.OTHER_CONTACT or len(forces) > 2:
                 # Three members and more fix its place: it is held where it is, by (10).
                 analysis = analyze_grasp(config, lying, self._friction)

@@ -72,12 +72,15 @@ def to_wrench_message(wrench: Sequence[float]) -> Wrench:
     return Wrench(force=Vector3(x=fx, y=fy), torque=Vector3(z=m))
 
 
-def read_question(request: AnalyzeGrasp.Request, spacing: float) -> Question:
+def read_question(
+    request: AnalyzeGrasp.Request, spacing: float, flattening: bool = True
+) -> Question:
     """
     Return the question of a request; the analysis checks the other values.
 
     :param request: of the service `analyze_grasp`.
     :param spacing: of the contact points along the tubes [m].
+    :param flattening: whether the tubes flatten where they are touched.
     :raises MessageError: no object, two of them, or one that is not usable.
     """
     body = _read_described(request)
@@ -87,7 +90,7 @@ def read_question(request: AnalyzeGrasp.Request, spacing: float) -> Question:
         friction = friction if body.friction is None else body.friction
     wrench = read_wrench(request.external_wrench)
     rollers = tuple(request.roller_positions)
-    return Question(rollers, place, request.diameter, friction, wrench, spacing, body)
+    return Question(rollers, place, request.diameter, friction, wrench, spacing, body, flattening)
 
 
 def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
@@ -156,9 +159,10 @@ def to_state_message(
     state.contact_areas = list(analysis.contact_areas.values())
     state.contact_pressures = list(analysis.contact_pressures.values())
     state.peak_pressures = list(analysis.peak_pressures.values())
-    state.members = list(analysis.utilisation)
-    state.utilisation = list(analysis.utilisation.values())
-    state.utilisation_places = list(analysis.utilisation_places.values())
+    utilisation = report.grasp.utilisation
+    state.members = list(utilisation)
+    state.utilisation = [used for used, _ in utilisation.values()]
+    state.utilisation_places = [place for _, place in utilisation.values()]
     state.stiffness = analysis.stiffness.ravel()
     state.computing_time = report.grasp.computing_time
     return state

@@ -90,10 +90,10 @@ def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
     markers = [
         _make_lines('members', i, strip, 0.5, UNDEFORMED, line) for i, line in enumerate(lines)
     ]
-    used = grasp.analysis.utilisation.values()
+    used = grasp.utilisation.values()
     markers += [
         _make_lines('deformed', i, strip, 1.0, _tube_color(part), line)
-        for i, (line, part) in enumerate(zip(bent, used, strict=True))
+        for i, (line, (part, _)) in enumerate(zip(bent, used, strict=True))
     ]
     regions = region_lines(grasp.config, grasp.body, grasp.analysis)
     widths = grasp.analysis.contact_widths

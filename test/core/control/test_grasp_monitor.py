@@ -223,14 +223,26 @@ def test_tubes_that_wrinkle_or_nearly_do_are_reported(indentation, code, text):
 )
 def test_tubes_wrinkle_beyond_the_whole_of_their_moment(used, code, told):
     """From four fifths of it on that is told."""
-    analysis = SimpleNamespace(
-        contact_lengths={'a': 0.1},
-        utilisation={'a': used, 'b': 0.5 * used},
-        utilisation_places={'a': 0.3, 'b': 0.2},
-    )
-    found, message = _judge(analysis)
+    analysis = SimpleNamespace(contact_lengths={'a': 0.1})
+    utilisation = {'a': (used, 0.3), 'b': (0.5 * used, 0.2)}
+    found, message = _judge(SimpleNamespace(analysis=analysis, utilisation=utilisation))
     assert found is code
     assert ('0.3 m from its start' in message) is told
+
+
+@pytest.mark.parametrize(('friction', 'larger'), [(0.8, 'settled'), (0.5, 'analysis')])
+def test_tubes_bear_the_friction_of_an_object_that_is_held(friction, larger):
+    center = tangent_center(ROBOT.home, 'north/Z', DIAMETER, indentation=0.06)
+    made = monitor(center=StampedInput(center, NOW), wrench=None)
+    made.friction = friction
+    report = made.report(NOW)
+    grasp = getattr(report.grasp, larger)
+    expected = {
+        name: (used, grasp.utilisation_places[name]) for name, used in grasp.utilisation.items()
+    }
+    worst = max(expected, key=expected.get)
+    assert report.grasp.utilisation[worst] == expected[worst]
+    assert (report.code is GraspCode.WRINKLED) == (expected[worst][0] > 1.0) == (friction == 0.8)
 
 
 def test_no_configuration_no_answer():

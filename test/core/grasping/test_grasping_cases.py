@@ -26,7 +26,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.grasping import (
     analysis,
     contact,
-    force_closure,
     lcp,
     relaxation,
     sliding_contact,
@@ -111,25 +110,6 @@ def test_an_analysis_may_begin_with_one_without_flattening():
         again = analyze_grasp(CONFIG, CYLINDER, flattening=False, previous=first)
     assert started[0].forces is first.normal_forces
     assert again.normal_forces == pytest.approx(first.normal_forces, rel=1e-9, abs=1e-12)
-
-
-def test_shares_at_more_than_three_bounds_go_to_the_program(monkeypatch):
-    """In the middle of few steps, so many of all contacts may be between their bounds."""
-    rng, given_up = np.random.default_rng(0), 0
-    for _ in range(300):
-        count = int(rng.integers(4, 12))
-        segments = rng.uniform(-1.0, 1.0, (count, 3))
-        segments /= np.linalg.norm(segments, axis=1).max()
-        load = segments.T @ rng.uniform(-1.0, 1.0, count)
-        friction, shares = 0.6, np.zeros(count)
-        quick = force_closure._exchange(segments, load, friction, shares)
-        slow = force_closure._balance_by_qp(segments, load, friction, shares)
-        if quick is None:
-            given_up += 1
-            continue
-        off, least = (np.linalg.norm(segments.T @ found + load) for found in (quick, slow))
-        assert off == pytest.approx(least, abs=1e-7)
-    assert 0 < given_up < 300
 
 
 def test_a_box_beside_the_tubes_touches_nothing():

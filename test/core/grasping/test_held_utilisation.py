@@ -7,38 +7,40 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Utilisation under the forces of a held object, against that of forces at contact points."""
+"""Utilisation under the forces of a held object, against a frame with nodes at its contacts."""
 
+import frames
 from grips import gripped
-from isotruss_ros.core.grasping.contact import ContactState
-from isotruss_ros.core.grasping.contact_points import find_contact_points
-from isotruss_ros.core.grasping.equilibrium import FEET
-from isotruss_ros.core.grasping.held_utilisation import held_utilisation
+from held_grips import BOX, held
+from isotruss_ros.core.grasping.held_utilisation import held_sections, held_utilisation
 from isotruss_ros.core.grasping.rolling_grasp import RollingGrasp
-from isotruss_ros.core.grasping.surfaces import RoundSurface
-from isotruss_ros.core.grasping.wrinkling import find_wrinkling
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
+import tubes
 
 
-@pytest.mark.parametrize('angle', [30.0, 45.0, 60.0])
-def test_as_for_the_same_forces_at_the_nearest_contact_points(angle):
-    config, cylinder = gripped(angle, squeeze=0.1)
-    grasp = RollingGrasp.attach(config, cylinder)
-    structure, state = structure_of(config), grasp.state
-    radius = 0.5 * (cylinder.diameter + config.robot.description.tube_diameter)
-    points = find_contact_points(structure, RoundSurface(state.center, radius), 5e-4)
-    feet = grasp.statics.compliance.start + state.unknowns[FEET] * grasp.statics.compliance.axis
-    nearest = [int(np.abs(points.points - foot).argmin()) for foot in feet]
-    forces = np.zeros(len(points.points))
-    normals = np.ones(len(points.points), dtype=complex)
-    pushed = (state.normal_forces + 1j * state.friction_forces) * state.normals
-    forces[nearest], normals[nearest] = np.abs(pushed), pushed / np.abs(pushed)
-    zero = np.zeros(len(forces))
-    none = zero.astype(complex)
-    contact = ContactState(forces, zero, normals, none, zero, forces * normals)
-    pressure = np.array(structure.pressures)[config.robot.topology.tube]
-    expected = find_wrinkling(structure, pressure, points, contact).utilisation
-    assert held_utilisation(grasp) == pytest.approx(expected, rel=0.01, abs=1e-4)
-    assert held_utilisation(grasp).max() > 0.3
+def disc(angle):
+    """Return a disc pressed into the wedge of a module."""
+    return RollingGrasp.attach(*gripped(angle, squeeze=0.1))
+
+
+@pytest.mark.parametrize('grasp', [disc(30.0), disc(45.0), disc(60.0), held(BOX, 0.0)])
+def test_tubes_bear_what_a_frame_under_the_same_loads_does(grasp):
+    structure, state, statics = structure_of(grasp.config), grasp.state, grasp.statics
+    feet = statics.compliance.start + state.feet * statics.compliance.axis
+    frame, nodes = tubes.robot_with_nodes(structure, feet)
+    push = (state.normal_forces + 1j * state.friction_forces) * state.normals
+    # From the bent centre lines to the skin, where friction acts.
+    arms = -(statics.tube_radius - statics.indentation(state.normal_forces)[0]) * state.normals
+    loads = np.zeros((len(frame.points), 3))
+    loads[nodes] = np.column_stack([push.real, push.imag, (arms.conj() * push).imag])
+    rows, fixed = frames.dense(frame._rows, len(frame.points)), frame._held.reshape(-1, 3)
+    *_, ends = frames.reference(frame.points, frame.members, fixed, loads, rows)
+    before = [ends[frame.members.end == node, 5].item() for node in nodes]
+    assert held_sections(grasp).moment == pytest.approx(before, rel=1e-6)
+    pressure = np.array(structure.pressures)[grasp.config.robot.topology.tube]
+    inside = statics.compliance.locate(state.feet)[0]
+    expected = tubes.largest_utilisation(structure, pressure, ends, inside)
+    assert held_utilisation(grasp) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    assert expected.max() > 0.1

@@ -12,7 +12,17 @@
 from types import SimpleNamespace
 
 from held_grips import BOX, HOME
-from isotruss_ros.core import ConvexObject, Hold, place_between, Polygon, settle_grasp
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    Cylinder,
+    Hold,
+    place_between,
+    Polygon,
+    settle_grasp,
+    tangent_center,
+)
+from isotruss_ros.core.grasping import settle_grasp as settle_grasp_module
 from isotruss_ros.core.grasping.settle_grasp import _judge
 import numpy as np
 import pytest
@@ -21,12 +31,20 @@ DIAMETER = HOME.robot.description.tube_diameter
 NAMES = HOME.robot.member_names
 
 
-def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True):
+def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True, used=0.5):
     """Judge an equilibrium of the first two members; another one is as deep in the object."""
     depths = np.full(len(NAMES), -0.1)
     depths[:2], depths[4] = 0.02, other
-    found = SimpleNamespace(required_friction=needed)
-    return _judge(HOME, shift, depths, np.arange(2), found, friction, stable)
+    found = SimpleNamespace(
+        config=HOME,
+        body=None,
+        members=np.arange(2),
+        required_friction=needed,
+        response=SimpleNamespace(stable=stable),
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(settle_grasp_module, 'member_depths', lambda *_: depths)
+        return _judge(found, shift, friction, np.full(len(NAMES), used))
 
 
 @pytest.mark.parametrize(
@@ -39,6 +57,8 @@ def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True):
         ({'needed': 0.5}, Hold.HELD, ''),
         ({'needed': 0.51}, Hold.SLIPS, '0.51 against 0.5'),
         ({'stable': False}, Hold.UNSTABLE, ''),
+        ({'used': 1.0}, Hold.HELD, ''),
+        ({'used': 1.01}, Hold.WRINKLES, f'{NAMES[0]} bears 1.01 of its wrinkling moment'),
         ({'shift': 1.0, 'other': 0.1, 'stable': False}, Hold.FAR, 'too far'),
     ],
 )
@@ -73,3 +93,12 @@ def test_what_has_no_equilibrium_has_no_margin():
     assert found.slip_margin == 0.0
     assert found.required_friction == np.inf
     assert not found.stiffness.any()
+
+
+def test_friction_loads_the_tubes_until_they_wrinkle():
+    cylinder = Cylinder(tangent_center(HOME, 'north/Z', 0.3, 0.06), 0.3)
+    fast = analyze_grasp(HOME, cylinder, 0.8)
+    free = settle_grasp(HOME, cylinder, 0.8)
+    assert max(fast.utilisation.values()) < 1.0 < max(free.utilisation.values())
+    assert free.hold is Hold.WRINKLES
+    assert list(free.utilisation) == list(NAMES)

@@ -17,7 +17,7 @@ from isotruss_ros.core.grasping.contact import ContactState
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.surfaces import RoundSurface
 from isotruss_ros.core.grasping.wrinkling import find_wrinkling, MAX_UTILISATION
-from isotruss_ros.core.statics.structure import structure_of, tube_pieces
+from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 import robots
@@ -121,31 +121,12 @@ def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, di
     push = forces[some] * normals[some]
     np.add.at(loads, nodes, np.column_stack([push.real, push.imag, 0.0 * push.real]))
     ends = frame.solve(loads).end_forces
-    cuts = 1 + np.bincount(
-        found.pieces[found.piece][some], minlength=len(structure.frame.members.start)
-    )
-    piece = np.repeat(np.arange(len(cuts)), cuts)
-    radius = 0.5 * robot.description.tube_diameter
-    pieces = found_tubes(structure)
-    expected = np.zeros(m)
-    for kind, owner in zip(
-        pieces, (np.arange(m), robot.topology.previous, np.arange(m)), strict=True
-    ):
-        for number, member in zip(kind, owner, strict=True):
-            here = ends[piece == number]
-            pull = pressure[member] * np.pi * radius**2 - here[:, 0]
-            moment = np.abs(here[:, [2, 5]]).max(axis=1)
-            used = np.where(pull > 0.0, 2.0 * moment / radius / pull, np.inf)
-            expected[member] = max(expected[member], used.max())
+    inside = found.pieces[found.piece][some]
+    expected = tubes.largest_utilisation(structure, pressure, ends, inside)
     assert result.utilisation == pytest.approx(expected, rel=1e-5, abs=1e-9)
     assert (result.place >= -1e-9).all()
     assert (result.place <= config.member_lengths + 1e-9).all()
     assert (result.tension >= 0.0).all()
-
-
-def found_tubes(structure):
-    """Return the numbers of the tube pieces BD, CE and DE', (3, m)."""
-    return tube_pieces(structure.config.robot.topology.n_modules)
 
 
 def test_the_default_bound_is_the_documented_one():
