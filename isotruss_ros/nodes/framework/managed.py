@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import traceback
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework import parameters as params
@@ -145,6 +146,7 @@ class ManagedNode(LifecycleNode):
 
         :param error: logged and reported as the reason.
         """
+        traceback.print_exception(error)
         self._record_failure('run', error)
         if self._running:
             self.trigger_deactivate()

@@ -45,6 +45,9 @@ RELIABLE = _last(1)
 ACKNOWLEDGE_TIME = Duration(seconds=0.5)
 #: What tools that show `/diagnostics` expect.
 DIAGNOSTICS = _last(10)
+#: For a record of what is published seldom: a best-effort subscription loses what a publisher
+#: sends at once.
+EVENTS = _last(100)
 #: For what holds until the next message: late joiners receive it.
 LATCHED = _last(100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: For `EveryMessage`: publishers that latch, and those that do not. Reliable both: what a
