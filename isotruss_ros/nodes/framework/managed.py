@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 import traceback
+from typing import ClassVar
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework import parameters as params
@@ -46,6 +47,7 @@ class ManagedNode(LifecycleNode):
     A step that raises an `IsotrussError` leaves the node in the state before, one that raises
     anything else leaves it unconfigured; the reason is logged and in the diagnostics.
 
+    :cvar awaited: topics and actions without which the active node does nothing, as it logs.
     :ivar diagnostics: status of the node while it is active.
     :ivar cycle: what the node does at a rate, while it is active; None if there is nothing.
     :ivar values: of the parameters, as `values[spec]`.
@@ -54,6 +56,8 @@ class ManagedNode(LifecycleNode):
     :param parameter_overrides: values of parameters other than the defaults.
     :raises IsotrussError: a parameter is of another type or out of range.
     """
+
+    awaited: ClassVar[tuple[str, ...]] = ()
 
     def __init__(
         self,
@@ -184,6 +188,9 @@ class ManagedNode(LifecycleNode):
         result = self._try_step('activate', self.activate)
         if result != SUCCESS:
             self._disable(state)
+            return result
+        names = ', '.join(map(self.resolve_topic_name, self.awaited))
+        self.get_logger().info(f'active, waits for {names}')
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
