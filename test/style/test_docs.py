@@ -45,6 +45,16 @@ def test_managed_nodes_wait_for_what_they_declare():
         assert {*kind.awaited} <= declared.subscribed.keys() | declared.actions.keys(), name
 
 
+def test_rviz_shows_topics_of_the_nodes_in_any_namespace():
+    said = YAML(typ='safe').load((TOP / 'config' / 'isotruss.rviz').read_text('utf-8'))
+    displays = said['Visualization Manager']['Displays']
+    topics = {display['Topic']['Value'] for display in displays if 'Topic' in display}
+    assert len(topics) == 4
+    interfaces = all_interfaces().values()
+    # Relative names, as the nodes declare them: RViz resolves both in its namespace.
+    assert topics <= set().union(*(each.published for each in interfaces))
+
+
 def test_notes_must_be_those_of_the_declared_names():
     with pytest.raises(ValueError, match='cmd_vel'):
         node_tables('teleop', {})

@@ -37,7 +37,7 @@ def test_the_description_is_a_tree_of_the_rollers(description):
 
 
 def find_travel_limits():
-    """Return the travel at which the members between a roller and a passive module are at a limit."""
+    """Return the travel at which a member between roller and passive module is at a limit."""
     said = ROBOT.description
     limits = np.array([said.min_length, said.max_length])
     travel = {}
