@@ -99,7 +99,8 @@ def test_starts_by_itself_with_autostart():
 
 def test_says_in_one_line_that_it_is_active_and_what_it_waits_for(capfd):
     with world(Toy):
-        (line,) = (line for line in capfd.readouterr().err.splitlines() if 'toy' in line)
+        said = [line for line in capfd.readouterr().err.splitlines() if '[toy]: ' in line]
+    (line,) = said
     assert line.endswith('[toy]: active, waits for /heard, /act')
     assert line.startswith('[INFO]')
 
