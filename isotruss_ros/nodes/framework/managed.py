@@ -144,6 +144,14 @@ class ManagedNode(LifecycleNode):
         super().destroy_node()
         self._state_machine.destroy_when_not_in_use()
 
+    def keep(self, entity: object) -> None:
+        """
+        Have an entity outlive the present state, as if it had been created with the node.
+
+        :param entity: of this node.
+        """
+        self._entities.keep(entity)
+
     def fail(self, error: Exception) -> None:
         """
         Deactivate after an error that escaped a callback; the node is unconfigured afterwards.
@@ -286,6 +294,11 @@ class _EntityScopes:
     def begin(self, state: str) -> None:
         """Record what is there before a state begins."""
         self._before[state] = {id(entity): entity for entity, _ in self._list()}
+
+    def keep(self, entity: object) -> None:
+        """Leave an entity there when the present states end."""
+        for before in self._before.values():
+            before[id(entity)] = entity
 
     def end(self, state: str) -> None:
         """Destroy what was created since: timers first and publishers last."""
