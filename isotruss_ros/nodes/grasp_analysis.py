@@ -87,6 +87,8 @@ class GraspAnalysisNode(ManagedNode):
     :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    awaited = ('joint_states', 'object_pose')
+
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('grasp_analysis', SPECS, parameter_overrides)
         self._throttle = WarningThrottle(self.get_logger())

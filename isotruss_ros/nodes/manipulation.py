@@ -124,6 +124,8 @@ class Manipulation(ManagedNode):
     :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    awaited = ('joint_states', 'object_pose', 'cmd_vel')
+
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('manipulation', SPECS, parameter_overrides)
         self._report: StatusReport | None = None

@@ -91,6 +91,8 @@ class PathFollower(ManagedNode):
     :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    awaited = ('follow_object_path',)
+
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('path_follower', SPECS, parameter_overrides)
         self._servo: PathServo | None = None
@@ -102,7 +104,8 @@ class PathFollower(ManagedNode):
     def configure(self) -> None:
         """Create publishers and subscriptions, and offer the action."""
         values = self.values
-        self._frame = load_robot(values[params.ROBOT]).frame
+        robot = load_robot(values[params.ROBOT])
+        self._frame = robot.frame
         self._servo = PathServo(1.0 / values[RATE], values[params.COMMAND_TIMEOUT])
         values.on_change(lambda _new: None, self._apply)
         self._stamped = values[params.USE_STAMPED_TWIST]
@@ -140,6 +143,7 @@ class PathFollower(ManagedNode):
             preempted=lambda: self._end(Outcome.PREEMPTED, 'a newer goal took over'),
             cancelled=lambda: self._end(Outcome.CANCELLED, 'cancelled by the client'),
         )
+        self.diagnostics.hardware_id = robot.name
 
     def activate(self) -> None:
         """Accept goals from now on."""

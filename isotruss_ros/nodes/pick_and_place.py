@@ -56,6 +56,8 @@ class PickAndPlace(ManagedNode):
     :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    awaited = ('pick_object', 'move_object', 'place_object')
+
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         self._sequences: GraspSequences | None = None
         super().__init__('pick_and_place', SPECS, parameter_overrides)

@@ -121,6 +121,8 @@ class Simulator(ManagedNode):
     :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    awaited = ('roller_velocity_controller/commands',)
+
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('simulator', SPECS, parameter_overrides)
         self._throttle = WarningThrottle(self.get_logger())

@@ -9,6 +9,7 @@
 
 """The live view without a browser: meshes, drags, recordings."""
 
+import contextlib
 import importlib.util
 import math
 
@@ -26,6 +27,8 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 ROBOT = load_robot('nine_member')
+#: With which MCAP files begin and end.
+MAGIC = b'\x89MCAP0\r\n'
 RECORDS = all(map(importlib.util.find_spec, ('mcap', 'rosbags')))
 
 
@@ -184,6 +187,61 @@ def test_a_recording_is_read_without_ros(tmp_path):
     picture = Picture(ROBOT, 0.3)
     show_message(picture, topic, message, time)
     assert picture.config.nodes == pytest.approx(ROBOT.configuration(positions).nodes, abs=1e-9)
+
+
+@pytest.mark.skipif(not RECORDS, reason='needs mcap and rosbags')
+def test_what_is_complete_of_a_recording_that_breaks_off_is_read(tmp_path):
+    """Wherever its writer was killed: all messages up to there, or one sentence that says none."""
+    from isotruss_ros.viewer.recording import read_recording, RecordingError
+    from mcap.writer import Writer
+
+    path = tmp_path / 'whole.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start('ros2')
+        schema = writer.register_schema('std_msgs/msg/Byte', 'ros2msg', b'byte data')
+        channel = writer.register_channel('/bytes', 'cdr', schema)
+        ends = []
+        for k in range(5):
+            writer.add_message(channel, 10**9 * k, bytes([0, 1, 0, 0, k]), 0)
+            writer.flush()
+            ends.append(stream.tell())
+        writer.finish()
+    whole = path.read_bytes()
+    for size in range(len(whole) + 1):
+        path.write_bytes(whole[:size])
+        complete = sum(end <= size for end in ends)
+        times = []
+        with contextlib.nullcontext() if complete else contextlib.suppress(RecordingError):
+            times += (time for time, _, _ in read_recording(path))
+        # The index of a chunk follows it.
+        assert times in (list(range(complete)), list(range(complete + 1))), size
+
+
+@pytest.mark.skipif(
+    not (RECORDS and importlib.util.find_spec('viser')), reason='needs viser, mcap and rosbags'
+)
+def test_replay_says_once_that_a_recording_breaks_off_or_holds_nothing(tmp_path, capsys):
+    from isotruss_ros.cli import replay
+
+    path = tmp_path / 'short.mcap'
+    path.write_bytes(MAGIC)
+    assert replay.main([str(path), '--once', '--port', '0']) == 1
+    assert capsys.readouterr().err.splitlines() == [
+        f'replay: {path} breaks off: what is complete is shown',
+        f'replay failed: {path}: holds no complete message',
+    ]
+
+
+@pytest.mark.skipif(not RECORDS, reason='needs mcap and rosbags')
+@pytest.mark.parametrize('content', [b'', MAGIC[:3], MAGIC, 2 * MAGIC[:4], MAGIC + b'\1'])
+def test_a_recording_without_a_message_is_refused(tmp_path, content):
+    from isotruss_ros.viewer.recording import read_recording, RecordingError
+
+    path = tmp_path / 'short.mcap'
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r'short\.mcap: '):
+        list(read_recording(path))
 
 
 def test_a_curve_begins_where_it_is_known():

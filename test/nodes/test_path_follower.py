@@ -123,6 +123,11 @@ def test_codes_are_those_of_the_action():
     assert sorted(constants) == sorted(outcome.name for outcome in Outcome)
 
 
+def test_diagnostics_name_the_robot():
+    with world(node()) as w:
+        w.until(lambda: w.report('path_follower').hardware_id == 'nine_member')
+
+
 def test_carries_the_object_to_the_end_of_the_path():
     steps = (0.0, 0.04, 0.0), (0.02, 0.0, 0.3)
     with world(*real(slip=0.05)) as w:
