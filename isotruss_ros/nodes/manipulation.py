@@ -153,7 +153,7 @@ class Manipulation(ManagedNode):
         if values[params.OBJECT]:
             self._servo.body = read_object(values[params.OBJECT])
         self._inputs = PolledGroup()
-        self._trajectory = TrajectoryFollowing(self, self._servo)
+        self._trajectory = TrajectoryFollowing(self, self._servo, self._inputs)
         apply_settings(self._servo, values)
         self._apply_mode()
         self._apply_squeeze()
