@@ -40,7 +40,11 @@ from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.framework.single_goal import (
+    describe_lost_client,
+    Ending,
+    SingleGoal,
+)
 import numpy as np
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -104,8 +108,7 @@ class PathFollower(ManagedNode):
     def configure(self) -> None:
         """Create publishers and subscriptions, and offer the action."""
         values = self.values
-        robot = load_robot(values[params.ROBOT])
-        self._frame = robot.frame
+        self._robot = load_robot(values[params.ROBOT])
         self._servo = PathServo(1.0 / values[RATE], values[params.COMMAND_TIMEOUT])
         values.on_change(lambda _new: None, self._apply)
         self._stamped = values[params.USE_STAMPED_TWIST]
@@ -142,8 +145,9 @@ class PathFollower(ManagedNode):
             begin=self._begin,
             preempted=lambda: self._end(Outcome.PREEMPTED, 'a newer goal took over'),
             cancelled=lambda: self._end(Outcome.CANCELLED, 'cancelled by the client'),
+            supervision=self._inputs,
         )
-        self.diagnostics.hardware_id = robot.name
+        self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Accept goals from now on."""
@@ -185,7 +189,7 @@ class PathFollower(ManagedNode):
     # -- Inputs --
 
     def _read_pose(self, message: PoseStamped) -> Pose:
-        return read_object_pose(message, self._frame)
+        return read_object_pose(message, self._robot.frame)
 
     def _read_status(self, message: ManipulationStatus) -> ServoFeedback:
         return ServoFeedback(message.code, message.scale, message.message)
@@ -217,7 +221,7 @@ class PathFollower(ManagedNode):
                 goal.path,
                 goal.speed,
                 goal.turn_rate,
-                self._frame,
+                self._robot,
                 values[SMOOTH_PATH],
                 self._servo.measured(self.now()),
             )
@@ -254,6 +258,9 @@ class PathFollower(ManagedNode):
     def _step(self, now: Time) -> None:
         if not self._goal.active:
             return
+        if self._goal.has_lost_client(self._servo.timeout):
+            self._end(Outcome.STOPPED, describe_lost_client(self._servo.timeout))
+            return
         step = self._servo.decide(1e-9 * now.nanoseconds)
         self._last = step.tracking or self._last
         if step.outcome is not None:
@@ -278,7 +285,7 @@ class PathFollower(ManagedNode):
         message = to_twist_message(twist)
         if self._stamped:
             message = TwistStamped(twist=message)
-            stamp_header(message.header, self.get_clock().now(), self._frame)
+            stamp_header(message.header, self.get_clock().now(), self._robot.frame)
         self._twists.publish(message)
 
 

@@ -175,6 +175,9 @@ class PickAndPlace(ManagedNode):
             ended = goal.kind.Result(code=outcome, message=str(ended), **details)
         if hasattr(ended, 'object_pose') and (pose := self._sequences.measured_pose()):
             ended.object_pose = pose
+        if isinstance(ended, MoveObject.Result):
+            left = self._sequences.distance_left(goal.request.path)
+            ended.position_error, ended.angle_error = left
         text = f'{goal.kind.__name__}: {outcome.name.lower().replace("_", " ")}: {ended.message}'
         goal.end(ENDINGS.get(outcome, Ending.ABORTED), ended)
         good = outcome in ENDINGS

@@ -79,9 +79,9 @@ def record(node):
     commands, statuses = node._commands, node._report._publisher
     send, tell = commands.publish, statuses.publish
 
-    def publish(message):
-        pairs.append((np.array(opened(message, Float64MultiArray).data), None))
-        send(message)
+    def publish(velocities):
+        pairs.append((np.array(velocities), None))
+        send(velocities)
 
     def report(message):
         pairs[-1] = (pairs[-1][0], Status(opened(message, ManipulationStatus).code))

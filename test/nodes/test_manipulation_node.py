@@ -403,6 +403,11 @@ def test_bad_parameters_are_refused_at_start(values, words):
     check_refused(lambda: Manipulation(overrides(**values)), words)
 
 
+def test_a_value_out_of_range_is_named_once():
+    words = '^parameter object_diameter: -1.0: out of range; must be from 0.001 to 100$'
+    check_refused(node(object_diameter=-1.0), words)
+
+
 def test_topic_names_are_relative():
     with world(node()) as w:
         for topic in (
