@@ -48,7 +48,7 @@ GRIP_MODULE = 'north/Z'
 FRICTION = 0.5
 #: Normal force of each of the two members [N]: the object bears more than the pull, and the tubes
 #: have a reserve to wrinkling for the turn in place, where a side is short.
-SQUEEZE = 24.0
+SQUEEZE = 22.0
 #: The path to the grasp takes so much longer where the robot has masses: one member of a grip that
 #: closes quicker hits the object before the other one is there.
 SLOWER = 2.0
