@@ -503,7 +503,8 @@ def test_what_is_held_is_published_beside_the_analysis():
         assert squeeze == pytest.approx(expected.normal_forces)
         assert state.friction_used == pytest.approx(list(expected.friction_used.values()))
         for topic in ('held', 'closure'):
-            w.until(lambda: any(m.data for _, m in w.probe.seen[topic]), feed(w, center=center))
+            seen = w.probe.seen[topic]
+            w.until(lambda seen=seen: any(m.data for _, m in seen), feed(w, center=center))
 
 
 def test_what_slips_is_not_held_and_the_message_says_why():

@@ -24,7 +24,7 @@ import functools
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
-from scipy.optimize import lsq_linear
+import scipy
 
 #: Closed when what is left is this small, against the forces involved.
 CLOSURE_TOLERANCE = 1e-6
@@ -97,7 +97,7 @@ def _balance(segments: Array, load: Array, friction: float) -> tuple[Array, floa
     if k == 0 or friction == 0.0:
         return np.zeros(k), float(np.linalg.norm(load))
     size = np.sqrt(np.einsum('ki,ki->k', segments, segments).max())
-    found = lsq_linear(
+    found = scipy.optimize.lsq_linear(
         np.concatenate([segments.T / size, SMALL * np.eye(k)]),
         np.concatenate([-load / size, np.zeros(k)]),
         (-friction, friction),
