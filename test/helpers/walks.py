@@ -47,6 +47,8 @@ PERIODS = (0.05, 0.01, 0.005, 0.002, 0.001)
 LATE = 0.15
 #: Changes of the speed of a roller from cycle to cycle that do not count as chatter [m/s].
 CHATTER = 0.005
+#: So many cycles with reversals are a limit that binds in place of another.
+EXCHANGE = 2
 #: By how much starts beyond a bound may get further beyond it.
 LOST = 1e-4
 
@@ -133,11 +135,11 @@ def come_back(seed, steps=40):
 
 
 def reversals(commands):
-    """Return how often a roller is slowed and driven again from cycle to cycle."""
+    """Return in how many cycles a roller is slowed that was driven before, and is after."""
     changes = np.diff(commands, axis=0)
     turned = changes[1:] * changes[:-1] < 0.0
     noticed = np.minimum(np.abs(changes[1:]), np.abs(changes[:-1])) > CHATTER
-    return int((turned & noticed).sum())
+    return int((turned & noticed).any(axis=1).sum())
 
 
 @dataclass
@@ -237,7 +239,7 @@ def main():
     chattering = []
     for number in range(arguments.walks):
         commands, lost = come_back(arguments.first + number)
-        if reversals(commands) or lost.max() > LOST:
+        if reversals(commands) > EXCHANGE or lost.max() > LOST:
             chattering.append(number)
             print(f'start {number} beyond a bound: {reversals(commands)} reversals, lost {lost}')
     print(f'{arguments.walks} starts beyond a bound, {len(chattering)} did not come back smoothly')

@@ -31,6 +31,7 @@ from isotruss_ros.core.model.objects import (
 )
 from isotruss_ros.core.model.shapes import normalize
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Flags, Indices, Points
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.frame_stack import FrameStack
 from isotruss_ros.core.statics.pressures import Pressure, tube_pressures
 import numpy as np
@@ -55,6 +56,7 @@ class _Grasps(NamedTuple):
     pressures: tuple[float, ...]
 
 
+@single_threaded
 def analyze_grasps(
     robot: Robot,
     nodes: ArrayLike,

@@ -36,7 +36,7 @@ import numpy as np
 
 #: What is beyond the bound must not get further, but for rounding and effects of second order: for
 #: the square of the rollers' travel, in units of this [m], times the band.
-ROUNDING, BEND = 1e-9, 0.1
+ROUNDING, BEND = 1e-9, 0.05
 
 
 @dataclass(frozen=True)

@@ -49,4 +49,4 @@ def test_slow_and_quick_bounds_of_a_sample():
 def test_what_is_beyond_the_bound_may_lose_the_square_of_the_travel(travel):
     for margin in (0.09 * REST, 0.0, -0.1):
         left = LAW.discrete_bound(np.array([margin]), 0.01, travel)[0]
-        assert margin - left == pytest.approx(1e-9 + 0.2 * (travel / 0.1) ** 2, rel=0.01)
+        assert margin - left == pytest.approx(1e-9 + 0.2 * (travel / 0.05) ** 2, rel=0.01)
