@@ -21,6 +21,7 @@ from isotruss_ros.nodes.framework.managed import ManagedNode
 from node_pages import all_interfaces, node_tables
 import promises
 import pytest
+from ruamel.yaml import YAML
 
 TOP = Path(__file__).parents[2]
 DOCS = TOP / 'docs'

@@ -35,6 +35,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration, Configurat
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 
 #: The code for each fault of an input; a wrench that was never received is zero.
 FAULTS = {
@@ -101,6 +102,7 @@ class GraspMonitor:
         self._question: Question | None = None
         self._report = GraspReport(GraspCode.NO_JOINT_STATES, '', 0.0)
 
+    @single_threaded
     def report(self, now: float) -> GraspReport:
         """
         Return the analysis for now; computed only if an input or a setting has changed.
@@ -136,6 +138,7 @@ class GraspMonitor:
         analyzed = self._report.grasp is not None
         return replace(self._report, time=min(rollers.time, center.time) if analyzed else now)
 
+    @single_threaded
     def analyze_request(self, question: Question, now: float) -> GraspReport:
         """
         Return the analysis for other values; that of `report` stays as it is.

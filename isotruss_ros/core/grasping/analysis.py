@@ -30,6 +30,7 @@ from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array, as_xy, finite_array, Indices
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.pressures import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -112,6 +113,7 @@ class GraspAnalysis:
     stiffness: Array
 
 
+@single_threaded
 def analyze_grasp(
     config: Configuration,
     body: Cylinder | ConvexObject,

@@ -28,6 +28,7 @@ from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder, Pose
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.pressures import Pressure
 import numpy as np
 from numpy.typing import ArrayLike
@@ -88,6 +89,7 @@ class SettledGrasp:
         return self.hold is Hold.HELD
 
 
+@single_threaded
 def settle_grasp(
     config: Configuration,
     body: Cylinder | ConvexObject,

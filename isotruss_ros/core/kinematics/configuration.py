@@ -17,6 +17,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.constraints import Constraints, Targets
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.factorization import Factor, factorize
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +25,10 @@ from numpy.typing import ArrayLike
 #: No member changes by more than this share of the shortest in one step along a branch.
 MAX_STEP = 0.25
 #: Where a step in which no member changes by more than this fails, the branch ends [m].
-MIN_STEP = 1e-9
+MIN_STEP = 1e-6
+#: A way that takes more steps than this passes next to a singular shape; two such searches take a
+#: loop 20 ms at most.
+MAX_STEPS = 50
 MAX_ITERATIONS = 12
 #: Travel of any roller up to which shapes are predicted to first order [m].
 FIRST_ORDER = 3e-3
@@ -100,6 +104,7 @@ class Configuration:
         return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
     @cached_property
+    @single_threaded
     def factor(self) -> Factor:
         """
         Return the factored matrix of (12).
@@ -121,6 +126,7 @@ class Configuration:
         )
 
     @cached_property
+    @single_threaded
     def node_jacobian(self) -> Array:
         """
         Return the (2n, r) velocities of the nodes (x0, y0, x1, y1, ...) for 1 m/s at each roller.
@@ -134,6 +140,7 @@ class Configuration:
         right[: topology.n_modules] = topology.incidence
         return np.asarray(self.factor.solve(right))
 
+    @single_threaded
     def moved_to(self, roller_positions: ArrayLike, nearby: Factor | None = None) -> Configuration:
         """
         Return the configuration at other roller travel, reached without leaving the branch.
@@ -142,7 +149,8 @@ class Configuration:
         :param nearby: factored matrix of a shape nearby, to begin with, and for the
             configuration that is returned.
         :raises ConfigurationError: wrong shape or not finite; a member would have no length; or
-            the straight line there in roller travel passes a singular configuration.
+            the straight line there in roller travel passes a singular configuration, or so near
+            to one that it takes more than `MAX_STEPS` steps.
         """
         robot = self.robot
         start = self.roller_positions
@@ -160,25 +168,30 @@ class Configuration:
                 f'{robot.member_names[worst]} {shortest:.6g} m long; must be positive'
             )
         lengths = self.member_lengths
-        change = float(np.abs(goal_lengths - lengths).max())
-        longest = MAX_STEP * min(float(lengths.min()), shortest)
+        difference = goal_lengths - lengths
+        change = float(np.abs(difference).max())
         points, factor = self.points, nearby or self.__dict__.get('factor', self._nearby)
-        done, step = 0.0, min(change, longest)
+        done, step, steps = 0.0, change, 0
         while done < change:
+            steps += 1
+            step = min(step, MAX_STEP * float((lengths + (done / change) * difference).min()))
             end = change if done + step > change * (1.0 - 1e-9) else done + step
             targets = goal_targets
             if end < change:
                 targets = _targets(robot, start + (end / change) * (goal - start))
             found = follow_branch(robot.constraints, points, targets, factor)
             if found is not None:
-                points, factor, done, step = found, None, end, min(2.0 * step, longest)
-            elif step < MIN_STEP:
-                raise ConfigurationError(
-                    f'robot {robot.name}: roller positions {goal.tolist()} m: no shape of the '
-                    f'robot beyond {100 * done / change:.6g} % of the way from {start.tolist()} m'
-                )
+                points, factor, done, step = found, None, end, 2.0 * step
             else:
-                step *= 0.5
+                step *= 0.25
+            if done < change and (step < MIN_STEP or steps == MAX_STEPS):
+                why = 'no shape of the robot'
+                if step >= MIN_STEP:
+                    why = f'next to a singular shape, none found in {MAX_STEPS} steps'
+                raise ConfigurationError(
+                    f'robot {robot.name}: roller positions {goal.tolist()} m: {why} '
+                    f'beyond {100 * done / change:.6g} % of the way from {start.tolist()} m'
+                )
         return Configuration(robot, goal, points, nearby)
 
     def has_factor_for(self, roller_positions: Array) -> bool:
@@ -191,6 +204,7 @@ class Configuration:
             return False
         return bool(np.abs(roller_positions - self.roller_positions).max() < FIRST_ORDER)
 
+    @single_threaded
     def predict(self, travel: Array, first_order: float = FIRST_ORDER) -> Configuration:
         """
         Return the configuration after some roller travel, to first order where that is short.

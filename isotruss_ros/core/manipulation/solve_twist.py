@@ -37,6 +37,7 @@ from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import find_reach, Reach, Task
 from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -68,6 +69,7 @@ class RollerCommand:
     reachable_dof: int = 0
 
 
+@single_threaded
 def solve_twist(
     config: Configuration,
     grasp: Grasp | Grip,
@@ -250,6 +252,7 @@ def solve_twist_ahead(
     return solve_twist(ahead, held.grasp_in(ahead), twist, failed, limits)
 
 
+@single_threaded
 def reachable_twists(
     config: Configuration, grasp: Grasp | Grip, failed: Collection[str] = ()
 ) -> Array:

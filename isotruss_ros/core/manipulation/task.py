@@ -147,31 +147,19 @@ class Reach:
         """
         sizes, weights, opened = _sizes(radius, opening, len(active))
         rows = sizes * active
-        if _moves_freely(rows):
+        # Rows that are independent together are so in the two steps below.
+        squares = lapack.dsyev(rows.dot(rows.T), compute_v=0)[0]
+        if squares[0] > FREE_SHARE * max(1.0, squares[-1]):
             return cls(rows, EVERYWHERE, weights, opened)
-        if len(active) > 4:
-            return cls._of_many(rows[:3], rows[3:], weights)
-        task, grip = rows[:3], rows[3]
-        square = float(grip @ grip)
-        held = square > RANK_TOLERANCE**2
-        keeping = task - (task @ grip)[:, None] * (grip / square) if held else task
-        basis, gains, _ = np.linalg.svd(keeping, full_matrices=False)
-        directions = basis[:, gains > RANK_TOLERANCE].T
-        if not held:
-            return cls(directions @ task, directions, weights, np.zeros(0))
-        return cls(np.vstack([directions @ task, grip]), directions, weights, opened)
-
-    @classmethod
-    def _of_many(cls, task: Array, grip: Array, weights: Array) -> Reach:
-        """Compute which twists are reachable with several rows (g, w) that keep the grip."""
-        mixed, gains, basis, _ = lapack.dgesdd(grip, full_matrices=0)
+        task, grip = rows[:3], rows[3:]
+        mixed, gains, basis = np.linalg.svd(grip, full_matrices=False)
         held = gains > RANK_TOLERANCE
         kept = basis[held]
         left = task - task.dot(kept.T).dot(kept)
-        directions, sizes, _, _ = lapack.dgesdd(left, full_matrices=0)
+        directions, sizes, _ = np.linalg.svd(left, full_matrices=False)
         reachable = directions[:, sizes > RANK_TOLERANCE].T
         rows = np.concatenate([reachable.dot(task), kept])
-        return cls(rows, reachable, weights, mixed[0, held] / gains[held])
+        return cls(rows, reachable, weights, opening * mixed[0, held] / gains[held])
 
     @classmethod
     def of_points(cls, active: Array) -> Reach:
@@ -192,39 +180,6 @@ def _sizes(radius: float, opening: float, count: int) -> tuple[Array, Array, Arr
     opened = np.array([opening] + [0.0] * (count - 4))
     sizes.flags.writeable = opened.flags.writeable = False
     return sizes[:, None], sizes[:3], opened
-
-
-def _moves_freely(rows: Array) -> bool:
-    """
-    Tell whether all twists are reachable, and the grip can be kept: surely so, or not surely.
-
-    The least eigenvalue of the Gram matrix of three rows, less their parts along the others, is at
-    least 4 det / trace^2, since the other two add up to at most the trace. That of the g rows of
-    the grip is at least det / trace^(g - 1).
-    """
-    gram = rows.dot(rows.T).tolist()
-    needed = FREE_SHARE
-    if len(gram) > 4:
-        size = 1.0 + sum(row[k] for k, row in enumerate(gram[3:], 3))
-        while len(gram) > 4:
-            *last, pivot = gram.pop()
-            if not pivot > FREE_SHARE:
-                return False
-            needed *= size / pivot
-            shares = [value / pivot for value in last]
-            gram = [
-                [value - row[-1] * share for value, share in zip(row, shares, strict=False)]
-                for row in gram
-            ]
-    (xx, xy, xz, xg), (_, yy, yz, yg), (_, _, zz, zg), (_, _, _, gg) = gram
-    if not gg > needed:
-        return False
-    x, y, z = xg / gg, yg / gg, zg / gg
-    xx, yy, zz = xx - x * xg, yy - y * yg, zz - z * zg
-    xy, xz, yz = xy - x * yg, xz - x * zg, yz - y * zg
-    trace = xx + yy + zz
-    det = xx * (yy * zz - yz * yz) - xy * (xy * zz - xz * yz) + xz * (xy * yz - xz * yy)
-    return 4.0 * det > FREE_SHARE * trace * trace * max(1.0, trace)
 
 
 def find_reach(
@@ -287,6 +242,9 @@ class Task:
         """Find direction and size of the closest reachable twist, whatever the reach is."""
         opening = reach.opening * opening_rate
         size = max(size, float(np.abs(opening).max(initial=0.0)))
+        self.reachable, self.speed = True, 0.0
+        if size == 0.0:  # the grip shall open, and nothing changes it
+            return
         unit = reach.weights * (twist / size)
         closest = reach.directions.dot(unit)
         missed = closest.dot(reach.directions) - unit
@@ -294,7 +252,6 @@ class Task:
         self.reachable = math.sqrt(missed.dot(missed)) <= smallest
         self.direction = np.append(closest, opening / size)
         length = math.sqrt(self.direction.dot(self.direction))
-        self.speed = 0.0
         if length > smallest:
             self.speed = size * length
             self.direction /= length

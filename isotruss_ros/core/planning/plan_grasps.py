@@ -29,6 +29,7 @@ from isotruss_ros.core.manipulation.grasp import Grasp
 from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.approach import Approach, approach
 from isotruss_ros.core.planning.closing_qp import Closing
 from isotruss_ros.core.planning.grasp_candidate import (
@@ -50,6 +51,7 @@ import numpy as np
 OVERLAP = 1e-6
 
 
+@single_threaded
 def plan_grasps(
     config: Configuration,
     body: Cylinder | ConvexObject,

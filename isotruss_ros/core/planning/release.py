@@ -29,6 +29,7 @@ from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import as_convex_object, ConvexObject
 from isotruss_ros.core.model.objects import Cylinder
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.closing_in_place import attach
 from isotruss_ros.core.planning.closing_motion import press
 from isotruss_ros.core.planning.closing_qp import Closing
@@ -67,6 +68,7 @@ class Release:
     violation: Violation | None = None
 
 
+@single_threaded
 def plan_release(
     config: Configuration,
     body: Cylinder | ConvexObject,

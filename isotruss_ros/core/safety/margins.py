@@ -17,6 +17,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.model.objects import Cylinder
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 
@@ -41,6 +42,7 @@ class ShapeMargins(NamedTuple):
     nearest_to_object: str
 
 
+@single_threaded
 def shape_margins(
     config: Configuration, cylinder: Cylinder | None = None, grip: str | None = None
 ) -> ShapeMargins:
