@@ -145,12 +145,12 @@ def solve_twist(world):
 
 
 def check_speeds(robot, velocities):
-    """No roller moves faster than the file admits."""
+    """Check that no roller moves faster than the file admits."""
     assert np.abs(velocities).max() <= robot.description.max_speed * (1.0 + 1e-6), velocities
 
 
 def check_motion(config, grip, command):
-    """The achieved twist is what the object does, by a difference over a few micrometres."""
+    """Compare the achieved twist with what the object does, over a few micrometres."""
     try:
         held = core.RollingGrip.attach(config, grip)
         step = 1e-6 / np.abs(command.roller_velocities).max()
