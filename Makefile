@@ -3,6 +3,9 @@
 PYTHON ?= python3
 MINUTES ?= 10
 WALKS ?= 1000
+CALLS ?= 100000
+# Kinds of processors whose rounding the random calls run with, as far as this one has their instructions.
+CORETYPES ?= Nehalem Sandybridge Haswell
 PLANT ?= elastic
 VENV := .venv
 # .noble has Ubuntu 24.04's versions of the Python packages, and only what package.xml declares; its
@@ -42,7 +45,7 @@ help:
 	@echo 'make colcon   build and test both packages as a colcon workspace, in .colcon'
 	@echo 'make bench    run the benchmarks'
 	@echo 'make fuzz     fuzz the readers of files, MINUTES=10 each (x86-64)'
-	@echo 'make soak     run the nodes at 1 kHz for MINUTES=15, and WALKS=1000 walks at the edge of the shapes'
+	@echo 'make soak     run the nodes at 1 kHz for MINUTES=15, WALKS=1000 walks at the edge of the shapes, CALLS=100000 random calls'
 	@echo 'make coverage run the tests and list lines and branches of the core that none of them runs'
 	@echo 'make format   format the sources and fix what can be fixed'
 	@echo 'make venv     only set up .venv'
@@ -99,6 +102,9 @@ soak: MINUTES = 15
 soak: venv
 	$(BIN)/python test/helpers/soak.py --minutes $(MINUTES)
 	$(BIN)/python test/helpers/walks.py --walks $(WALKS)
+	set -e; first=0; for kind in $(CORETYPES); do \
+		OPENBLAS_CORETYPE=$$kind $(BIN)/python test/helpers/random_calls.py \
+			--first $$first --calls $$(($(CALLS) / $(words $(CORETYPES)))); first=$$((first + $(CALLS))); done
 
 coverage: venv
 	EXAMPLES_SHARE=1 $(PYTEST) -m 'not system and not linter' --cov=isotruss_ros.core --cov-branch \

@@ -37,7 +37,7 @@ def replay(view: View, path: Path, speed: float) -> int:
     :param view: shows it.
     :param path: of the MCAP file.
     :param speed: against that of the recording.
-    :raises RecordingError: the file cannot be read.
+    :raises RecordingError: the file cannot be read, or holds no complete message.
     :raises MissingPackageError: mcap or rosbags is not installed.
     """
     try:
@@ -79,10 +79,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f'--speed {options.speed}: must be positive')
     try:
         try:
+            from isotruss_ros.viewer.recording import is_finished
             from isotruss_ros.viewer.view import View
         except ModuleNotFoundError as error:
             raise MissingPackageError(error) from error
         robot = load_robot(options.robot)
+        if not is_finished(options.file):
+            print(f'replay: {options.file} breaks off: what is complete is shown', file=sys.stderr)
         view = View(Picture(robot, options.diameter), LOCAL, options.port)
         print(f'replay: {view.address}', flush=True)
         while replay(view, options.file, options.speed) and not options.once:

@@ -80,7 +80,13 @@ def make_panels(records: Sequence[PhaseRecord]) -> list[Panel]:
     return panels
 
 
-def draw_panels(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path: Path) -> None:
+def draw_panels(
+    robot: Robot,
+    diameter: float,
+    records: Sequence[PhaseRecord],
+    path: Path,
+    flattening: bool = True,
+) -> None:
     """
     Write a picture of all phases; the grasp magnified where there is one.
 
@@ -88,6 +94,7 @@ def draw_panels(robot: Robot, diameter: float, records: Sequence[PhaseRecord], p
     :param diameter: of the object [m].
     :param records: of the phases.
     :param path: of the picture.
+    :param flattening: whether the tubes flatten where they are touched.
     """
     stops = make_panels(records)
     travelled = [snap for record in records for snap in record.snapshots]
@@ -108,7 +115,7 @@ def draw_panels(robot: Robot, diameter: float, records: Sequence[PhaseRecord], p
         _draw_path(axes, [snap for snap in travelled if snap.time <= stop.snapshot.time])
         draw_object(axes, pose, diameter)
         cylinder = ConvexObject.disc(pose[:2], diameter)
-        analysis = analyze_grasp(configs[i], cylinder)
+        analysis = analyze_grasp(configs[i], cylinder, flattening=flattening)
         draw_forces(axes, cylinder, analysis, ARROW_SCALE)
         wrench = (0.0, 0.0, 0.0)
         if stop.pull is not None:

@@ -49,7 +49,7 @@ GRIP_MODULE = 'north/Z'
 FRICTION = 0.5
 #: Normal force of each of the two members [N]: the object bears more than the pull, and the tubes
 #: have a reserve to wrinkling for the turn in place, where a side is short.
-SQUEEZE = 24.0
+SQUEEZE = 22.0
 #: The path to the grasp takes so much longer where the robot has masses: one member of a grip that
 #: closes quicker hits the object before the other one is there.
 SLOWER = 2.0
@@ -89,13 +89,14 @@ def run(arguments: Sequence[str] | None = None) -> int:
     # ros2 launch and friends append arguments of their own.
     options, _ = parser.parse_known_args(arguments)
     options.output.mkdir(parents=True, exist_ok=True)
-    console = Console()
+    console, round_tubes = Console(), options.plant == MUJOCO
     for ending in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(ending, signal.default_int_handler)  # the same as Ctrl-C
     try:
-        if options.plant == MUJOCO:
+        if round_tubes:
             require_egl()
-        records, plan = _play(options, console)
+        file = str(_write_round_robot(options.output)) if round_tubes else ROBOT
+        records, plan = _play(options, file, console)
     except IsotrussError as error:
         console.print(f'demo failed: {error}', style='red', markup=False)
         return 1
@@ -103,12 +104,14 @@ def run(arguments: Sequence[str] | None = None) -> int:
     console.print(plan_table(plan))
     console.print(motion_table(moved))
     console.print(grasp_table([part for record in records[2:] for part in record.parts()]))
-    console.print(contact_table(records[2:]))
-    robot = load_robot(ROBOT)
+    if not round_tubes:
+        console.print(contact_table(records[2:]))
+    robot = load_robot(file)
     with console.status('drawing'):
         shown = [record for record in records if record.name != 'approach']
-        draw_panels(robot, OBJECT_DIAMETER, shown, options.output / 'demo.png')
-        if options.plant == MUJOCO:
+        picture = options.output / 'demo.png'
+        draw_panels(robot, OBJECT_DIAMETER, shown, picture, flattening=not round_tubes)
+        if round_tubes:
             film(options.output / RECORDING, records[1:], options.output / 'demo.gif')
         else:
             animate(robot, OBJECT_DIAMETER, records[1:], options.output / 'demo.gif')
@@ -117,14 +120,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 
 def _play(
-    options: argparse.Namespace, console: Console
+    options: argparse.Namespace, robot: str, console: Console
 ) -> tuple[list[PhaseRecord], PlanGrasp.Result]:
     """Run the nodes as processes: plan, approach, grip, then follow the path."""
     domain = keep_to_this_machine()
     output, rate, plant = options.output, options.rate, options.plant
     # A machine that is too slow for MuJoCo takes longer, and nothing lags.
     simulated = plant == MUJOCO
-    robot = str(_write_round_robot(output)) if simulated else ROBOT
     common = {'robot': robot, 'command_timeout': COMMAND_TIMEOUT, 'use_sim_time': simulated}
     shared = common | {'object_diameter': OBJECT_DIAMETER, 'friction': FRICTION}
     gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
@@ -138,7 +140,7 @@ def _play(
     started = [
         ('simulator', gripping | lying),
         ('manipulation', gripping | regulated),
-        ('grasp_analysis', shared),
+        ('grasp_analysis', shared | {'flattening': not simulated}),
         ('grasp_planner', common),
     ]
     names = ', '.join(name for name, _ in started)

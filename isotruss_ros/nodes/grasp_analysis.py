@@ -59,6 +59,12 @@ RATE = replace(params.RATE, bounds=(1.0, 1000.0))
 SPACING = params.Spec(
     'spacing', 0.005, 'Distance of the points that can touch, along the tubes [m]', (0.002, 0.1)
 )
+FLATTENING = params.Spec(
+    'flattening',
+    True,
+    "Whether tubes flatten where they are touched; if not, (5) to (10) in the paper's model, and "
+    'only whether the object is held with flattening',
+)
 SPECS = (
     params.ROBOT,
     params.OBJECT_DIAMETER,
@@ -67,6 +73,7 @@ SPECS = (
     RATE,
     params.COMMAND_TIMEOUT,
     SPACING,
+    FLATTENING,
 )
 #: Markers are published at most this often, as RViz draws [s].
 MARKER_PERIOD = 1.0 / 30.0
@@ -79,6 +86,8 @@ class GraspAnalysisNode(ManagedNode):
     :param parameter_overrides: values of parameters other than the defaults.
     :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
+
+    awaited = ('joint_states', 'object_pose')
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('grasp_analysis', SPECS, parameter_overrides)
@@ -101,8 +110,10 @@ class GraspAnalysisNode(ManagedNode):
             values[SPACING],
             values[params.COMMAND_TIMEOUT],
             read_object(values[params.OBJECT]) if values[params.OBJECT] else None,
+            values[FLATTENING],
         )
         self._states = self.create_lifecycle_publisher(GraspState, 'grasp/state', RELIABLE)
+        self._held = self.create_lifecycle_publisher(Bool, 'grasp/held', RELIABLE)
         self._closures = self.create_lifecycle_publisher(Bool, 'grasp/force_closure', RELIABLE)
         self._wrenches = self.create_lifecycle_publisher(WrenchStamped, 'grasp/wrench', RELIABLE)
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
@@ -168,6 +179,7 @@ class GraspAnalysisNode(ManagedNode):
         self._monitor.object_diameter = self.values[params.OBJECT_DIAMETER]
         self._monitor.friction = self.values[params.FRICTION]
         self._monitor.spacing = self.values[SPACING]
+        self._monitor.flattening = self.values[FLATTENING]
         self._monitor.timeout = self.values[params.COMMAND_TIMEOUT]
         if self.cycle is not None:
             self.cycle.change(self.values[RATE])
@@ -181,7 +193,7 @@ class GraspAnalysisNode(ManagedNode):
         self._inputs.take()
         now = self.now()
         try:
-            query = read_query(request, self.values[SPACING])
+            query = read_query(request, self.values[SPACING], self.values[FLATTENING])
         except IsotrussError as error:
             report = GraspReport(GraspCode.INVALID_REQUEST, str(error), now)
         else:
@@ -196,7 +208,9 @@ class GraspAnalysisNode(ManagedNode):
         report = self._monitor.report(1e-9 * now.nanoseconds)
         state = to_state_message(report, self._robot.frame, self._contacts)
         self._states.publish(state)
-        self._closures.publish(Bool(data=state.held))
+        held = Bool(data=state.held)
+        self._held.publish(held)
+        self._closures.publish(held)
         if report.grasp is not None:
             # A wrench has no code: without a result, none is published.
             wrench = WrenchStamped(wrench=state.normal_wrench)

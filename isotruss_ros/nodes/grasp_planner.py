@@ -73,6 +73,8 @@ class GraspPlanner(ManagedNode):
     :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    awaited = ('plan_grasp',)
+
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         # First of all: where a parameter is of a wrong type the node is destroyed at once.
         self._searcher: Searcher | None = None

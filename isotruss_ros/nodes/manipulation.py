@@ -27,6 +27,7 @@ from isotruss_ros.nodes.components.failed_rollers import (
     describe_reachable_twists,
     FailedRollers,
 )
+from isotruss_ros.nodes.components.roller_commands import RollerCommands
 from isotruss_ros.nodes.components.sensors import (
     format_age,
     subscribe_input,
@@ -41,20 +42,15 @@ from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     MessageError,
     read_twist,
-    to_command_message,
 )
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
-from isotruss_ros.nodes.framework.kept_message import KeptBytes
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.polling import PolledGroup
-from isotruss_ros.nodes.framework.qos import ACKNOWLEDGE_TIME, RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
-import numpy as np
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
 SQUEEZE_FORCE = params.Spec(
@@ -118,11 +114,15 @@ class Manipulation(ManagedNode):
     :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    awaited = ('joint_states', 'object_pose', 'cmd_vel')
+
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('manipulation', SPECS, parameter_overrides)
         self._report: StatusReport | None = None
         self._servo: TwistServo | None = None
         self._trajectory: TrajectoryFollowing | None = None
+        #: Why the rollers are not this node's alone; None if they are.
+        self._others: str | None = None
         self._stop = EmergencyStop(
             self,
             lambda: self.values[params.REQUIRE_EMERGENCY_STOP],
@@ -148,18 +148,15 @@ class Manipulation(ManagedNode):
         )
         if values[params.OBJECT]:
             self._servo.body = read_object(values[params.OBJECT])
-        self._trajectory = TrajectoryFollowing(self, self._servo)
+        self._inputs = PolledGroup()
+        self._trajectory = TrajectoryFollowing(self, self._servo, self._inputs)
         apply_settings(self._servo, values)
         self._apply_mode()
         self._apply_squeeze()
         self._failed_rollers.restore_detected()
+        self._others = None
         self._apply_failures()
-        self._commands = self.create_lifecycle_publisher(
-            Float64MultiArray, 'roller_velocity_controller/commands', RELIABLE
-        )
-        self._command = Float64MultiArray()
-        self._command_bytes = KeptBytes(self._command)
-        self._inputs = PolledGroup()
+        self._commands = RollerCommands(self, len(self._robot.roller_names))
         subscribe_joint_states(self, self._robot, self._servo, self._inputs)
         subscribe_object_pose(self, self._robot, self._servo, self._inputs)
         if values[params.USE_STAMPED_TWIST]:
@@ -182,6 +179,7 @@ class Manipulation(ManagedNode):
         """Start the cycle."""
         self._discard_twist()
         self._trajectory.subscribe()
+        self._commands.subscribe()
         self.cycle = Cycle(
             self,
             self.values[params.RATE],
@@ -196,7 +194,7 @@ class Manipulation(ManagedNode):
         """Command zero velocities, and wait until the subscribers have received them."""
         self.cycle = None
         self._trajectory.abort('the node was deactivated')
-        self._send_zeros()
+        self._commands.stop()
         if not self._wait_for_zero():
             self.get_logger().warning('not every subscriber acknowledged the last command, zero')
 
@@ -227,18 +225,17 @@ class Manipulation(ManagedNode):
             details['reachable twists'] = describe_reachable_twists(servo)
         return details | self._report.summary(servo.period)
 
-    def _send_zeros(self) -> None:
-        self._commands.publish(to_command_message(np.zeros(len(self._robot.roller_names))))
-
     def _wait_for_zero(self) -> bool:
         """Return whether the subscribers have received the last command, zero."""
-        return not self.active or self._commands.wait_for_all_acked(ACKNOWLEDGE_TIME)
+        return not self.active or self._commands.wait_for_subscribers()
 
     def _halt(self) -> tuple[Status, str] | None:
         """Return why the rollers are halted whatever the inputs are."""
         reason = self._stop.reason
         if reason is not None:
             return Status.HALT_EMERGENCY_STOP, reason
+        if self._others is not None:
+            return Status.HALT_OTHER_COMMANDS, self._others
         fault = self._failed_rollers.find_fault(self._robot)
         return None if fault is None else (Status.HALT_INVALID_FAILED_ROLLERS, fault)
 
@@ -251,13 +248,22 @@ class Manipulation(ManagedNode):
         if self._servo.stopped is not None:
             self._trajectory.abort('emergency stop')
             if self.active:
-                self._send_zeros()
+                self._commands.stop()
 
     def _read_inputs(self) -> None:
         """Read what has come since the last cycle, the stop before all else."""
         self._stop.read()
         self._failed_rollers.read()
+        self._check_others()
         self._inputs.take()
+
+    def _check_others(self) -> None:
+        """Halt while another node commands the rollers, which do not follow this one then."""
+        others = self._commands.find_others()
+        if others != self._others:
+            self._others = others
+            self._servo.detector.reset(())
+            self._apply_halt()
 
     def _discard_twist(self) -> None:
         """Forget the last twist and those that wait: only a later one may move the object."""
@@ -283,6 +289,10 @@ class Manipulation(ManagedNode):
             return
         by_parameter = set(self.values[FAILED_ROLLERS]) - {''}
         self._servo.failed = self._failed_rollers.select_named(self._robot) | by_parameter
+        self._apply_halt()
+
+    def _apply_halt(self) -> None:
+        """Halt the rollers whatever the inputs are, or no longer."""
         self._servo.stopped = self._halt()
         if self._servo.stopped is not None:
             self._trajectory.abort(self._servo.stopped[1])
@@ -317,7 +327,7 @@ class Manipulation(ManagedNode):
         self._servo.joint = joint
         self._trajectory.abort('what twists move was changed')
         if self.active:
-            self._send_zeros()
+            self._commands.stop()
 
     def _set_joint_mode(
         self, request: SetBool.Request, response: SetBool.Response
@@ -380,8 +390,7 @@ class Manipulation(ManagedNode):
     def _step(self, now: Time) -> None:
         began = time.perf_counter()
         decision = self._trajectory.decide(1e-9 * now.nanoseconds)
-        to_command_message(decision.command.roller_velocities, self._command)
-        self._commands.publish(self._command_bytes.pack())
+        self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, now)
         self._report.add_cycle_time(time.perf_counter() - began)
 

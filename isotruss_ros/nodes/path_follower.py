@@ -41,7 +41,11 @@ from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.framework.single_goal import (
+    describe_lost_client,
+    Ending,
+    SingleGoal,
+)
 import numpy as np
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -92,6 +96,8 @@ class PathFollower(ManagedNode):
     :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    awaited = ('follow_object_path',)
+
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('path_follower', SPECS, parameter_overrides)
         self._servo: PathServo | None = None
@@ -103,7 +109,7 @@ class PathFollower(ManagedNode):
     def configure(self) -> None:
         """Create publishers and subscriptions, and offer the action."""
         values = self.values
-        self._frame = load_robot(values[params.ROBOT]).frame
+        self._robot = load_robot(values[params.ROBOT])
         self._servo = PathServo(1.0 / values[RATE], values[params.COMMAND_TIMEOUT])
         values.on_change(lambda _new: None, self._apply)
         self._stamped = values[params.USE_STAMPED_TWIST]
@@ -140,7 +146,9 @@ class PathFollower(ManagedNode):
             begin=self._begin,
             preempted=lambda: self._end(Outcome.PREEMPTED, 'a newer goal took over'),
             cancelled=lambda: self._end(Outcome.CANCELLED, 'cancelled by the client'),
+            supervision=self._inputs,
         )
+        self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Accept goals from now on."""
@@ -182,7 +190,7 @@ class PathFollower(ManagedNode):
     # -- Inputs --
 
     def _read_pose(self, message: PoseStamped) -> Pose:
-        return read_object_pose(message, self._frame)
+        return read_object_pose(message, self._robot.frame)
 
     def _read_status(self, message: ManipulationStatus) -> ServoFeedback:
         return ServoFeedback(message.code, message.scale, message.message)
@@ -214,7 +222,7 @@ class PathFollower(ManagedNode):
                 goal.path,
                 goal.speed,
                 goal.turn_rate,
-                self._frame,
+                self._robot,
                 values[SMOOTH_PATH],
                 self._servo.measured(self.now()),
             )
@@ -251,6 +259,9 @@ class PathFollower(ManagedNode):
     def _step(self, now: Time) -> None:
         if not self._goal.active:
             return
+        if self._goal.has_lost_client(self._servo.timeout):
+            self._end(Outcome.STOPPED, describe_lost_client(self._servo.timeout))
+            return
         step = self._servo.decide(1e-9 * now.nanoseconds)
         self._last = step.tracking or self._last
         if step.outcome is not None:
@@ -275,7 +286,7 @@ class PathFollower(ManagedNode):
         message = to_twist_message(twist)
         if self._stamped:
             message = TwistStamped(twist=message)
-            stamp_header(message.header, self.get_clock().now(), self._frame)
+            stamp_header(message.header, self.get_clock().now(), self._robot.frame)
         self._twists.publish(message)
 
 

@@ -57,6 +57,8 @@ class PickAndPlace(ManagedNode):
     :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    awaited = ('pick_object', 'move_object', 'place_object')
+
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         self._sequences: GraspSequences | None = None
         super().__init__('pick_and_place', SPECS, parameter_overrides)
@@ -174,6 +176,9 @@ class PickAndPlace(ManagedNode):
             ended = goal.kind.Result(code=outcome, message=str(ended), **details)
         if hasattr(ended, 'object_pose') and (pose := self._sequences.measured_pose()):
             ended.object_pose = pose
+        if isinstance(ended, MoveObject.Result):
+            left = self._sequences.distance_left(goal.request.path)
+            ended.position_error, ended.angle_error = left
         text = f'{goal.kind.__name__}: {outcome.name.lower().replace("_", " ")}: {ended.message}'
         goal.end(ENDINGS.get(outcome, Ending.ABORTED), ended)
         good = outcome in ENDINGS

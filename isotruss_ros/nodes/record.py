@@ -11,21 +11,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+import contextlib
+import json
 from pathlib import Path
 import time
 from typing import TYPE_CHECKING
 
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
+from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.components.transforms import TFMessage
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.nodes.framework import parameters as params
-from isotruss_ros.nodes.framework.qos import NEWEST
+from isotruss_ros.nodes.framework.qos import EVENTS, NEWEST
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
 from isotruss_ros.viewer.names import MissingPackageError
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Bool, Float64MultiArray
 from visualization_msgs.msg import MarkerArray
 
 if TYPE_CHECKING:
@@ -39,15 +48,21 @@ TOPICS = {
     'object_pose': PoseStamped,
     'external_wrench': WrenchStamped,
     'cmd_vel': Twist,
+    'emergency_stop': Bool,
     'roller_velocity_controller/commands': Float64MultiArray,
     'manipulation/status': ManipulationStatus,
     'grasp/state': GraspState,
     'grasp/markers': MarkerArray,
-}
+    '/diagnostics': DiagnosticArray,
+} | ({} if TFMessage is None else {'/tf': TFMessage})
 #: The number of a publisher's messages is not known to subscribers; the format takes zero.
 NO_SEQUENCE = 0
-#: A node that is stopped by a signal is woken by a timer [s].
-PERIOD = 0.2
+#: What was received is written this often: a recorder that is killed loses no more [s].
+PERIOD = 0.5
+
+
+class RecordError(IsotrussError, OSError):
+    """A recording cannot be written."""
 
 
 class Record(StoppableNode):
@@ -70,10 +85,12 @@ class Record(StoppableNode):
                 kind,
                 topic,
                 lambda message, name=topic: self._write(name, message),
-                NEWEST,
+                EVENTS if topic == 'emergency_stop' else NEWEST,
                 raw=True,
             )
-        self.create_timer(PERIOD, lambda: None)
+        # Steady clock: it also wakes a node that is stopped by a signal.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(PERIOD, self._flush, clock=steady)
 
     def open_file(self) -> Path:
         """
@@ -93,20 +110,18 @@ class Record(StoppableNode):
             raise params.ParameterError(f'parameter file: {name}: {error.strerror}') from error
         self._writer = Writer(self._stream)
         self._writer.start(profile='ros2', library='isotruss_ros')
-        for topic, kind in TOPICS.items():
-            schema = self._writer.register_schema(
-                type_name(kind), 'ros2msg', schema_text(kind).encode()
-            )
-            self._channels[topic] = self._writer.register_channel(
-                self.resolve_topic_name(topic), 'cdr', schema
-            )
         return Path(name)
 
     def stop(self) -> None:
-        """Finish the file."""
+        """
+        Finish the file.
+
+        :raises RecordError: there is no room for the rest.
+        """
         if self._writer is not None:
-            self._writer.finish()
-            self._stream.close()
+            with self._writing():
+                self._writer.finish()
+                self._stream.close()
             self._writer = None
             print(f'record: {self.count} messages', flush=True)
 
@@ -114,8 +129,66 @@ class Record(StoppableNode):
         if self._writer is None:
             return
         now = self.get_clock().now().nanoseconds
-        self._writer.add_message(self._channels[topic], now, message, now, NO_SEQUENCE)
+        with self._writing():
+            if topic not in self._channels:
+                self._channels[topic] = self._register(topic)
+            self._writer.add_message(self._channels[topic], now, message, now, NO_SEQUENCE)
         self.count += 1
+
+    def _register(self, topic: str) -> int:
+        """Add a channel, with the quality of service of its publishers as rosbag2 keeps it."""
+        kind = TOPICS[topic]
+        schema = self._writer.register_schema(
+            type_name(kind), 'ros2msg', schema_text(kind).encode()
+        )
+        offered = [p.qos_profile for p in self.get_publishers_info_by_topic(topic)]
+        # rosbag2 reads YAML, of which JSON is a part.
+        qualities = {'offered_qos_profiles': json.dumps(list(map(describe_quality, offered)))}
+        name = self.resolve_topic_name(topic)
+        return self._writer.register_channel(name, 'cdr', schema, qualities)
+
+    def _flush(self) -> None:
+        if self._writer is not None:
+            with self._writing():
+                self._writer.flush()
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Give the file up where there is no room."""
+        try:
+            yield
+        except OSError as error:
+            self._writer = None
+            # It tries to write the rest once more.
+            with contextlib.suppress(OSError):
+                self._stream.close()
+            raise RecordError(
+                f'{self._stream.name}: {error.strerror}: `replay` shows what was written so far'
+            ) from error
+
+
+def describe_quality(profile: QoSProfile) -> dict[str, object]:
+    """
+    Return a quality of service with the keys and values of rosbag2.
+
+    :param profile: of a publisher.
+    """
+
+    def parts(duration: Duration) -> dict[str, int]:
+        seconds, nanoseconds = divmod(duration.nanoseconds, 10**9)
+        return {'sec': seconds, 'nsec': nanoseconds}
+
+    return {
+        'history': profile.history.short_key,
+        'depth': profile.depth,
+        'reliability': profile.reliability.short_key,
+        'durability': profile.durability.short_key,
+        'deadline': parts(profile.deadline),
+        'lifespan': parts(profile.lifespan),
+        'liveliness': profile.liveliness.short_key,
+        'liveliness_lease_duration': parts(profile.liveliness_lease_duration),
+        'avoid_ros_namespace_conventions': profile.avoid_ros_namespace_conventions,
+    }
 
 
 def _make_node() -> Record:

@@ -14,7 +14,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
-from isotruss_ros.core import ElasticObject, load_robot, Pose, RollerFaults, SimulatedRobot
+from isotruss_ros.core import (
+    ElasticObject,
+    HoldStatus,
+    load_robot,
+    Pose,
+    RollerFaults,
+    SimulatedRobot,
+)
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
@@ -115,9 +122,12 @@ class Simulator(ManagedNode):
     :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
     """
 
+    awaited = ('roller_velocity_controller/commands',)
+
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('simulator', SPECS, parameter_overrides)
         self._throttle = WarningThrottle(self.get_logger())
+        self._dropped: HoldStatus | None = None
         self._driven: DrivenRobot | None = None
         self._recorder: PlantRecorder | None = None
         self.start()
@@ -303,16 +313,22 @@ class Simulator(ManagedNode):
             self.diagnostics.set_status(Level.WARN, 'the object is not held')
 
     def _report_hold(self, simulated: ElasticObject) -> None:
-        """State in the diagnostics whether the object is held, and warn when it is dropped."""
+        """State in the diagnostics whether the object is held, and log once why it is not."""
+        dropped, before = simulated.dropped, self._dropped
+        self._dropped = dropped
         if simulated.grasp is not None:
             self.diagnostics.set_status(Level.OK, 'the object is held')
             return
-        dropped = simulated.dropped
         words = 'the object is not held'
-        if dropped is not None:
+        if dropped is HoldStatus.NO_CONTACT:
+            words = f'the object is free: {dropped.value}'
+        elif dropped is not None:
             words = f'the object was dropped: {dropped.value}'
-            self._throttle.warn('dropped', words)
         self.diagnostics.set_status(Level.WARN, words)
+        if dropped is HoldStatus.NO_CONTACT and before is not dropped:
+            self.get_logger().info(words)
+        elif dropped is not None and before is not dropped:
+            self.get_logger().warning(words)
 
 
 def main(args: Sequence[str] | None = None) -> int:

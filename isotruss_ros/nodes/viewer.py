@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import math
 import time
 from typing import TYPE_CHECKING
 
@@ -30,8 +31,10 @@ from isotruss_ros.nodes.framework.diagnostics import WarningThrottle
 from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
-from isotruss_ros.viewer.drag import drag_twist
+from isotruss_ros.viewer.control import ZERO
+from isotruss_ros.viewer.drag import PATIENCE
 from isotruss_ros.viewer.names import (
+    DRAGGED,
     LOCAL,
     MissingPackageError,
     OBJECT,
@@ -60,7 +63,7 @@ HOST = params.Spec(
     'host', LOCAL, 'Address that is served: only this machine, unless another', read_only=True
 )
 PORT = params.Spec('port', 8080, 'Port of the server', bounds=(1, 65535), read_only=True)
-RATE = params.Spec('rate', 20.0, 'Pictures per second [Hz]', bounds=(1.0, 60.0), read_only=True)
+RATE = params.Spec('rate', 20.0, 'Pictures per second [Hz]', bounds=(5.0, 60.0), read_only=True)
 MAX_SPEED = params.Spec(
     'max_speed', 0.05, 'Largest speed of what is dragged [m/s]', bounds=(0.001, 1.0)
 )
@@ -80,7 +83,6 @@ SETTINGS = {
     'diameter': ('object_diameter', ('manipulation', 'grasp_analysis', 'pick_and_place')),
     'squeeze': ('squeeze_force', ('manipulation',)),
 }
-ZERO = (0.0, 0.0, 0.0)
 #: The release of a stop is tried for so long [s].
 RELEASE_TIME = 2.0
 
@@ -170,38 +172,53 @@ class Viewer(StoppableNode):
             self._throttle.warn('joint_states', str(error))
 
     def _step(self) -> None:
-        controls, picture = self._controls, self.picture
-        for name, value in controls.take():
+        controls, now = self._controls, time.monotonic()
+        for name, value in controls.take(now):
             self._carry_out(name, value)
-        position = self._dragged_position()
-        picture.goal = controls.target
+        control, position = controls.control, self._dragged_position(now)
+        if control.drag is not None and control.drag.is_stuck(now):
+            self._give_up(position, now)
+        self.picture.goal = None if control.drag is None else control.drag.target
         controls.update(position)
-        self._publish_twist(position)
+        self._publish_twist(position, now)
         self._publish_wrench()
-        self._view.update(time.monotonic())
+        self._view.update(now)
 
-    def _dragged_position(self) -> tuple[float, float] | None:
-        """Return where the object or the joint is that the handle drags."""
+    def _dragged_position(self, now: float) -> tuple[float, float] | None:
+        """Return where the object or the joint is that the handle drags; None if unknown."""
         picture, name = self.picture, self._controls.dragged
+        if not picture.is_fresh('object_pose' if name == OBJECT else 'joint_states', now):
+            return None
         if name == OBJECT:
-            fresh = picture.is_fresh('object_pose', time.monotonic())
-            return picture.pose[:2] if fresh else None
+            return picture.pose[:2]
         place = picture.robot.node_names.index(name)
         return tuple(picture.config.nodes[place].tolist())
 
-    def _publish_twist(self, position: tuple[float, float] | None) -> None:
-        target = self._controls.target
-        if not self._controls.on or target is None or position is None:
+    def _give_up(self, position: tuple[float, float] | None, now: float) -> None:
+        control = self._controls.control
+        left = 'its place is unknown'
+        if position is not None:
+            left = f'{1e3 * math.dist(position, control.drag.target):.0f} mm left'
+        control.drag = None
+        words = f'{self._controls.dragged}: no progress for {PATIENCE:.0f} s, {left}'
+        self._report_goal(f'drag given up: {words}; {self.picture.describe_manipulation(now)}')
+        self.get_logger().warning(self.picture.goal_report)
+
+    def _publish_twist(self, position: tuple[float, float] | None, now: float) -> None:
+        drag = self._controls.control.drag
+        if drag is None or position is None:
             if self._moving:
                 self._twists.publish(Twist())
             self._moving = False
             return
-        velocity = drag_twist(position, target, self.values[MAX_SPEED])
+        if not self._moving:
+            self._report_goal('')
+        velocity = drag.follow(position, self.values[MAX_SPEED], now)
         self._twists.publish(to_twist_message((*velocity, 0.0)))
         self._moving = True
 
     def _publish_wrench(self) -> None:
-        wrench = self._controls.wrench if self._controls.on else ZERO
+        wrench = self._controls.control.wrench
         if wrench == ZERO and not self._pulling:
             return
         message = WrenchStamped()
@@ -215,12 +232,11 @@ class Viewer(StoppableNode):
     def _carry_out(self, name: str, value: float | str) -> None:
         if name == STOP:
             self._stops.publish(Bool(data=True))
-            self._controls.switch_off()
         elif name == RELEASE:
             self._stops.publish(Bool(data=False))
             self._release_until = time.monotonic() + RELEASE_TIME
             self._ask_for_release()
-        elif name == 'drag':
+        elif name == DRAGGED:
             joint = '' if value == OBJECT else value
             mode = 'object' if value == OBJECT else 'joint'
             self._send_parameters('manipulation', {'joint': joint, 'mode': mode})

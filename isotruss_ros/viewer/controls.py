@@ -8,7 +8,7 @@
 # language governing permissions and limitations under the License.
 
 """
-The controls of the view: a handle to drag, sliders, buttons.
+The controls of the view: a stop, a handle to drag, and for each browser its own panel.
 
 The functions of a browser's events run in threads of the server. They only leave requests, which
 the owner of the view takes in its own thread.
@@ -16,86 +16,48 @@ the owner of the view takes in its own thread.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 import queue
 
-from isotruss_ros.viewer.names import OBJECT, PICK, PLACE, PLANT, PLANTS, RELEASE, STOP
+from isotruss_ros.viewer.browser_panel import AS_STARTED, BrowserPanel, WRENCH
+from isotruss_ros.viewer.control import Control
+from isotruss_ros.viewer.names import DRAGGED, OBJECT, PICK, PLACE, PLANT, STOP, TARGET
 from isotruss_ros.viewer.picture import Picture
 import viser
 
 #: Radius of the handle [m], and its colour.
 HANDLE, COLOR = 0.05, (31, 79, 217)
-#: The plant that runs, of which the view knows nothing.
-AS_STARTED = 'as started'
-
-
-@dataclass(frozen=True)
-class Setting:
-    """
-    A slider.
-
-    :ivar name: of the request that it leaves.
-    :ivar label: as it is shown.
-    :ivar bounds: smallest and largest value.
-    :ivar step: between values.
-    :ivar initial: value at the beginning.
-    """
-
-    name: str
-    label: str
-    bounds: tuple[float, float]
-    step: float
-    initial: float
-
-
-WRENCH = (
-    Setting('fx', 'force x [N]', (-20.0, 20.0), 0.5, 0.0),
-    Setting('fy', 'force y [N]', (-20.0, 20.0), 0.5, 0.0),
-    Setting('m', 'moment [N m]', (-2.0, 2.0), 0.05, 0.0),
-)
+#: Requests with which what was dragged to so far does not count any more.
+NEW_TASKS = (DRAGGED, PICK, PLACE, PLANT)
+FORCES = tuple(setting.name for setting in WRENCH)
 
 
 class Controls:
     """
-    The controls, which leave requests only while `control` is switched on; a stop always.
+    The controls: requests count from the browser in control only, but a stop from each.
 
-    :ivar target: (x, y) of the handle [m]; None while nothing is to be moved.
-    :ivar wrench: (fx, fy, m) by the sliders [N, N m].
+    :ivar control: who has it, and what is commanded so.
     :param server: of the view.
     :param picture: of the first view.
     :param friction: initial value of its slider.
     """
 
     def __init__(self, server: viser.ViserServer, picture: Picture, friction: float) -> None:
-        self._requests: queue.SimpleQueue[tuple[str, float | str]] = queue.SimpleQueue()
-        self.target: tuple[float, float] | None = None
-        self.wrench = (0.0, 0.0, 0.0)
+        self.control = Control()
+        self._server = server
+        self._requests: queue.SimpleQueue[tuple[int, str, object]] = queue.SimpleQueue()
+        self._panels: dict[int, BrowserPanel] = {}
+        self._values = {
+            DRAGGED: OBJECT,
+            PLANT: AS_STARTED,
+            'friction': friction,
+            'diameter': picture.diameter,
+            'squeeze': 0.0,
+        }
+        self._joints = picture.robot.node_names[: len(picture.robot.topology.joint_names)]
         self._at: tuple[float, float] | None = None
-        gui = server.gui
-        self._stop = gui.add_button('stop', color='red')
-        self._stop.on_click(lambda _: self._leave(STOP, 0.0))
-        self._control = gui.add_checkbox('control', False, hint='Commands are sent while on')
-        self._control.on_update(lambda _: self._switch())
-        joints = picture.robot.node_names[: len(picture.robot.topology.joint_names)]
-        self._dragged = gui.add_dropdown('drag', (OBJECT, *joints))
-        self._dragged.on_update(lambda _: self._choose())
-        for name in (PICK, PLACE):
-            self._add_goal(gui, name)
-        release = gui.add_button('release the stop')
-        release.on_click(lambda _: self._leave_if_on(RELEASE, 0.0))
-        with gui.add_folder('settings', expand_by_default=False):
-            for setting in (
-                Setting('friction', 'friction', (0.05, 1.5), 0.05, friction),
-                Setting('diameter', 'diameter [m]', (0.05, 0.6), 0.01, picture.diameter),
-                Setting('squeeze', 'squeeze [N]', (0.0, 60.0), 1.0, 0.0),
-            ):
-                self._add(gui, setting, self._leave_if_on)
-            plant = gui.add_dropdown('plant', (AS_STARTED, *PLANTS))
-            plant.on_update(lambda _: self._choose_plant(plant.value))
-        with gui.add_folder('external wrench', expand_by_default=False):
-            for setting in WRENCH:
-                self._add(gui, setting, self._set_wrench)
+        self._grip = (0.0, 0.0)
+        stop = server.gui.add_button('stop', color='red')
+        stop.on_click(lambda event: self._requests.put((event.client_id, STOP, 0.0)))
         # Above the object and the tubes, so that it is always within reach.
         self._height = picture.robot.description.tube_diameter
         self._handle = server.scene.add_icosphere(
@@ -104,20 +66,31 @@ class Controls:
         self._handle.on_drag('left')(self._drag)
 
     @property
-    def on(self) -> bool:
-        """Return whether commands are to be sent."""
-        return self._control.value
-
-    @property
     def dragged(self) -> str:
         """Return `object`, or the name of the joint that is dragged."""
-        return self._dragged.value
+        return self._values[DRAGGED]
 
-    def take(self) -> list[tuple[str, float | str]]:
-        """Return the requests since the last call, (name, value) in their order."""
+    def take(self, now: float) -> list[tuple[str, float | str]]:
+        """
+        Decide who has control, and return the requests since the last call in their order.
+
+        :param now: time [s].
+        :return: name and value of each.
+        """
+        clients = self._server.get_clients()
+        self._panels = {
+            number: self._panels.get(number) or self._add_panel(client)
+            for number, client in clients.items()
+        }
+        wishes = {number: panel.wish for number, panel in self._panels.items()}
+        self.control.pass_on(wishes)
         taken = []
         while not self._requests.empty():
-            taken.append(self._requests.get())
+            number, name, value = self._requests.get()
+            if name == STOP or number == self.control.browser:
+                taken += self._sort(name, value, now)
+        for number, panel in self._panels.items():
+            panel.show(self.control, wishes[number], self._values)
         return taken
 
     def update(self, position: tuple[float, float] | None) -> None:
@@ -126,66 +99,51 @@ class Controls:
 
         :param position: (x, y) of object or joint [m]; None if unknown.
         """
-        visible = self.on and position is not None
-        if self._handle.visible != visible:
-            self._handle.visible = visible
-        if visible and self.target is None and position != self._at:
+        self._handle.visible = self.control.browser is not None and position is not None
+        if self.control.drag is not None:
+            self._at = None
+        elif position is not None and position != self._at:
             self._handle.position = (*position, self._height)
             self._at = position
 
-    def switch_off(self) -> None:
-        """Switch the control off."""
-        self._control.value = False
-        self._switch()
+    def _add_panel(self, client: viser.ClientHandle) -> BrowserPanel:
+        number = client.client_id
+        return BrowserPanel(
+            client, self._joints, lambda name, value: self._requests.put((number, name, value))
+        )
 
-    def _choose_plant(self, plant: str) -> None:
-        self._switch()
-        if plant != AS_STARTED:
-            self._leave_if_on(PLANT, plant)
+    def _sort(self, name: str, value: object, now: float) -> list[tuple[str, float | str]]:
+        """Keep what a request changes here; return what is left for the owner of the view."""
+        control = self.control
+        if name == TARGET:
+            self._move_handle(*value, now)
+            return []
+        if name in FORCES:
+            wrench = dict(zip(FORCES, control.wrench, strict=True)) | {name: value}
+            control.wrench = tuple(wrench.values())
+            return []
+        if name in self._values:
+            self._values[name] = value
+        if name == STOP:
+            control.release()
+        elif name in NEW_TASKS:
+            control.drag = None
+        return [] if value == AS_STARTED else [(name, value)]
 
-    def _add_goal(self, gui: viser.GuiApi, name: str) -> None:
-        gui.add_button(name).on_click(lambda _: self._begin_goal(name))
+    async def _drag(self, event: viser.SceneNodeDragEvent) -> None:
+        """Leave a request; in the loop of the server, which keeps the order of the events."""
+        begins = event.phase == 'start'
+        drag = (begins, event.start_position[:2], event.end_position[:2])
+        self._requests.put((event.client_id, TARGET, drag))
 
-    def _begin_goal(self, name: str) -> None:
-        """Leave the request; what was dragged to so far does not count any more."""
-        self._switch()
-        self._leave_if_on(name, 0.0)
-
-    def _add(
-        self,
-        gui: viser.GuiApi,
-        setting: Setting,
-        leave: Callable[[str, float], None],
+    def _move_handle(
+        self, begins: bool, grabbed: tuple[float, float], pointer: tuple[float, float], now: float
     ) -> None:
-        slider = gui.add_slider(setting.label, *setting.bounds, setting.step, setting.initial)
-        slider.on_update(lambda _: leave(setting.name, slider.value))
-
-    def _leave(self, name: str, value: float | str) -> None:
-        self.target = None if name == STOP else self.target
-        self._requests.put((name, value))
-
-    def _leave_if_on(self, name: str, value: float | str) -> None:
-        if self.on:
-            self._leave(name, value)
-
-    def _switch(self) -> None:
-        self.target = self._at = None
-
-    def _choose(self) -> None:
-        self._switch()
-        self._leave_if_on('drag', self.dragged)
-
-    def _set_wrench(self, name: str, value: float) -> None:
-        names = [setting.name for setting in WRENCH]
-        new = dict(zip(names, self.wrench, strict=True)) | {name: value}
-        self.wrench = tuple(new.values())
-
-    def _drag(self, event: viser.SceneNodeDragEvent) -> None:
-        if not self.on:
-            return
-        # The grabbed point goes where the pointer is.
-        x, y, height = self._handle.position
-        x += event.end_position[0] - event.start_position[0]
-        y += event.end_position[1] - event.start_position[1]
-        self._handle.position = (x, y, height)
-        self.target = (float(x), float(y))
+        """Put the point that was grabbed where the pointer is."""
+        if begins:
+            x, y, _ = self._handle.position
+            self._grip = (x - grabbed[0], y - grabbed[1])
+        target = (pointer[0] + self._grip[0], pointer[1] + self._grip[1])
+        self.control.drag_to(target, begins, now)
+        if self.control.drag is not None:
+            self._handle.position = (*target, self._height)

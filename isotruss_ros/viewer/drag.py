@@ -15,6 +15,52 @@ import math
 
 #: Speed for a distance [1/s], and the distance that counts as reached [m].
 GAIN, REACHED = 2.0, 0.001
+#: A drag is stuck where it gets less than this share of the way asked for, within so long [s].
+PROGRESS, PATIENCE = 0.1, 2.0
+
+
+class Drag:
+    """
+    What is dragged on its way to a target.
+
+    :ivar target: (x, y) of the handle [m].
+    :param target: its initial value [m].
+    :param now: time [s].
+    """
+
+    def __init__(self, target: tuple[float, float], now: float) -> None:
+        self.target = target
+        self._since, self._way = now, 0.0
+        self._position, self._velocity = (0.0, 0.0), (0.0, 0.0)
+
+    def follow(
+        self, position: tuple[float, float], max_speed: float, now: float
+    ) -> tuple[float, float]:
+        """
+        Return the velocity (vx, vy) toward the target [m/s], and note the progress.
+
+        :param position: (x, y) of what is dragged [m].
+        :param max_speed: largest speed [m/s].
+        :param now: time [s].
+        """
+        # By the direction asked for: the target itself may move faster than what follows it.
+        (x, y), (vx, vy) = self._position, self._velocity
+        if speed := math.hypot(vx, vy):
+            self._way += ((position[0] - x) * vx + (position[1] - y) * vy) / speed
+        velocity = drag_twist(position, self.target, max_speed)
+        asked = PATIENCE * math.hypot(*velocity)
+        if asked == 0.0 or self._way >= PROGRESS * asked:
+            self._since, self._way = now, 0.0
+        self._position, self._velocity = position, velocity
+        return velocity
+
+    def is_stuck(self, now: float) -> bool:
+        """
+        Return whether there was no progress for PATIENCE.
+
+        :param now: time [s].
+        """
+        return now - self._since >= PATIENCE
 
 
 def drag_twist(

@@ -17,6 +17,8 @@ from isotruss_ros.core import IsotrussError
 OBJECT, STOP, RELEASE = 'object', 'stop', 'release'
 #: Requests that are goals.
 PICK, PLACE = 'pick', 'place'
+#: Requests to drag something else, and to drag it somewhere.
+DRAGGED, TARGET = 'dragged', 'target'
 #: The request for another plant, and what can be chosen.
 PLANT = 'plant'
 KINEMATIC, ELASTIC, MUJOCO = PLANTS = ('kinematic', 'elastic', 'mujoco')

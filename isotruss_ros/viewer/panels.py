@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core import GraspCode, Status
+from isotruss_ros.core import GraspCode
 from isotruss_ros.viewer.picture import HISTORY, NOTHING, Picture, trim_start
 import numpy as np
 import viser
@@ -87,12 +87,7 @@ def describe(picture: Picture, now: float) -> str:
             f'utilisation {max(state.utilisation, default=0.0):.2f} of the wrinkling moment',
         ]
         parts += [f'{state.message}'] if state.message else []
-    if not picture.is_fresh('status', now):
-        parts.append('no manipulation')
-    else:
-        status = picture.status
-        parts.append(f'manipulation: {Status(status.code)}'.replace('_', ' '))
-        parts += [status.message] if status.message else []
+    parts.append(picture.describe_manipulation(now))
     if picture.goal_report:
         parts.append(picture.goal_report)
     if picture.is_fresh('object_pose', now):

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
-from isotruss_ros.core import Robot
+from isotruss_ros.core import Robot, Status
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
@@ -185,6 +185,17 @@ class Picture:
         if not self.is_fresh('state', now) or self.state.code >= 10:
             return None
         return bool(self.state.held)
+
+    def describe_manipulation(self, now: float) -> str:
+        """
+        Return the status of the manipulation in words.
+
+        :param now: as above [s].
+        """
+        if not self.is_fresh('status', now):
+            return 'no manipulation'
+        code = str(Status(self.status.code)).replace('_', ' ')
+        return ': '.join(filter(None, ('manipulation', code, self.status.message)))
 
     def sample(self, now: float) -> Sample:
         """

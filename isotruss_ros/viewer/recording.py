@@ -12,13 +12,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+import contextlib
+import os
 from pathlib import Path
-from typing import Any
+import struct
+from typing import Any, BinaryIO
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.viewer.picture import Picture
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
+from mcap.exceptions import EndOfFile, McapError
+from mcap.reader import make_reader, NonSeekingReader
+from mcap.writer import MCAP0_MAGIC
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 #: Between the definitions in a schema, and what stands before the name of one.
@@ -41,14 +45,18 @@ def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
     """
     Yield (time [s], topic, message) of an MCAP file in the order of time.
 
+    Of a file whose writer was killed, or had no room, it yields what is complete, in the order in
+    which it was recorded.
+
     :param path: of the file.
-    :raises RecordingError: it cannot be read, or has messages of another encoding than CDR.
+    :raises RecordingError: it cannot be read, has messages of another encoding than CDR, or none.
     """
     types = get_typestore(Stores.EMPTY)
     known: set[int] = set()
+    finished = is_finished(path)
     try:
         with path.open('rb') as stream:
-            for schema, channel, message in make_reader(stream).iter_messages():
+            for schema, channel, message in _read_messages(stream, finished):
                 if schema is None or channel.message_encoding != 'cdr':
                     raise RecordingError(f'{path}: topic {channel.topic} holds no ROS messages')
                 if schema.id not in known:
@@ -58,6 +66,35 @@ def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
                 yield 1e-9 * message.log_time, channel.topic, content
     except (OSError, McapError) as error:
         raise RecordingError(f'{path}: {error}') from error
+    if not known:
+        raise RecordingError(f'{path}: holds no complete message')
+
+
+def is_finished(path: Path) -> bool:
+    """
+    Return whether the writer of an MCAP file finished it.
+
+    :param path: of the file.
+    :raises RecordingError: it cannot be read.
+    """
+    try:
+        with path.open('rb') as stream:
+            size = stream.seek(0, os.SEEK_END)
+            stream.seek(max(0, size - len(MCAP0_MAGIC)))
+            # A file that holds only its first bytes ends as a finished one does.
+            return size > len(MCAP0_MAGIC) and stream.read() == MCAP0_MAGIC
+    except OSError as error:
+        raise RecordingError(f'{path}: {error.strerror}') from error
+
+
+def _read_messages(stream: BinaryIO, finished: bool) -> Iterator[tuple[Any, Any, Any]]:
+    """Yield (schema, channel, message) of a file, up to where it breaks off."""
+    if finished:
+        yield from make_reader(stream).iter_messages()
+        return
+    # Sorting by time would read all of it at first.
+    with contextlib.suppress(EndOfFile, struct.error):
+        yield from NonSeekingReader(stream).iter_messages(log_time_order=False)
 
 
 def show_message(picture: Picture, topic: str, message: Any, now: float) -> None:

@@ -30,6 +30,7 @@ from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectory, RollerTrajectoryServo
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.demo import processes
+from isotruss_ros.demo import run as demo
 from isotruss_ros.demo.figures import animate, draw_panels
 from isotruss_ros.demo.gripping import slow_down
 from isotruss_ros.demo.path import figure_9
@@ -209,6 +210,26 @@ def test_pictures_are_written(played, tmp_path):
     animate(ROBOT, OBJECT_DIAMETER, records[:1], tmp_path / 'demo.gif')
     with Image.open(tmp_path / 'demo.gif') as animation:
         assert animation.n_frames == 28
+
+
+def test_the_picture_shows_the_robot_that_runs(monkeypatch, tmp_path):
+    seen = []
+
+    def play(_options, robot, _console):
+        seen.append(load_robot(robot))
+        return [], None
+
+    def draw(robot, *_, flattening):
+        seen.append(robot)
+        assert not flattening
+
+    for name in ('require_egl', 'film', 'plan_table', 'motion_table', 'grasp_table'):
+        monkeypatch.setattr(demo, name, lambda *_: '')
+    monkeypatch.setattr(demo, '_play', play)
+    monkeypatch.setattr(demo, 'draw_panels', draw)
+    demo.run(['--plant', 'mujoco', '--output', str(tmp_path)])
+    ran, drawn = seen
+    assert drawn.description == ran.description != ROBOT.description
 
 
 def test_a_slower_path_to_a_grasp_touches_at_the_same_point():

@@ -9,6 +9,7 @@
 
 """The live view without a browser: meshes, drags, recordings."""
 
+import contextlib
 import importlib.util
 import math
 
@@ -16,7 +17,8 @@ from builtin_interfaces.msg import Time
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, Polygon
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
-from isotruss_ros.viewer.drag import drag_twist, REACHED
+from isotruss_ros.viewer.control import Control, ZERO
+from isotruss_ros.viewer.drag import Drag, drag_twist, PATIENCE, PROGRESS, REACHED
 from isotruss_ros.viewer.meshes import color_of, CORNERS, prism, tube_faces, tube_vertices
 from isotruss_ros.viewer.picture import Picture, TIMEOUT, trim_start
 import numpy as np
@@ -25,6 +27,8 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 ROBOT = load_robot('nine_member')
+#: With which MCAP files begin and end.
+MAGIC = b'\x89MCAP0\r\n'
 RECORDS = all(map(importlib.util.find_spec, ('mcap', 'rosbags')))
 
 
@@ -70,6 +74,62 @@ def test_a_drag_goes_straight_to_its_target_and_not_faster_than_allowed():
         x, y = x + 0.01 * vx, y + 0.01 * vy
     assert math.dist((x, y), (0.3, 0.4)) <= REACHED
     assert (vx, vy) == (0.0, 0.0)
+
+
+def drag_along(drag, share, speed=0.05, duration=10.0, step=0.05):
+    """Return the time at which a drag is stuck, where that share of each twist is carried out."""
+    x, y, now = 0.0, 0.0, 0.0
+    while now < duration and not drag.is_stuck(now):
+        vx, vy = drag.follow((x, y), speed, now)
+        x, y, now = x + share * step * vx, y + share * step * vy, now + step
+    return now
+
+
+def test_a_drag_that_creeps_is_stuck_after_its_patience():
+    assert drag_along(Drag((3.0, 4.0), 0.0), 0.5 * PROGRESS) == pytest.approx(PATIENCE, abs=0.06)
+
+
+@pytest.mark.parametrize('target', [(3.0, 4.0), (0.02, 0.0)])
+def test_a_slow_drag_goes_on_and_stays_where_it_arrived(target):
+    assert drag_along(Drag(target, 0.0), 2.0 * PROGRESS) == pytest.approx(10.0, abs=0.06)
+
+
+def test_a_drag_whose_target_runs_away_is_not_stuck():
+    drag, x = Drag((0.1, 0.0), 0.0), 0.0
+    for step in range(200):
+        drag.target = (0.1 + 0.02 * step, 0.0)
+        x += 0.05 * drag.follow((x, 0.0), 0.05, 0.05 * step)[0]
+        assert not drag.is_stuck(0.05 * step)
+
+
+def test_a_drag_of_what_is_not_seen_is_stuck_after_its_patience():
+    drag = Drag((1.0, 0.0), 5.0)
+    assert not drag.is_stuck(5.0 + 0.9 * PATIENCE)
+    assert drag.is_stuck(5.0 + PATIENCE)
+
+
+def test_one_browser_has_control_and_the_others_see_which():
+    control = Control()
+    control.pass_on({1: False, 2: True})
+    control.pass_on({1: True, 2: True})
+    assert control.browser == 2
+    assert control.describe(1) == 'browser 1: browser 2 has control'
+
+
+@pytest.mark.parametrize('wishes', [{}, {2: False}, {1: False, 3: False}, {3: True}])
+def test_what_a_browser_commands_ends_with_its_control(wishes):
+    control = Control(2, Drag((1.0, 0.0), 0.0), (5.0, 0.0, 0.0))
+    control.pass_on(wishes)
+    assert control == Control(3 if wishes.get(3) else None, None, ZERO)
+
+
+def test_a_drag_that_was_given_up_comes_back_only_with_a_new_one():
+    control = Control(2)
+    control.drag_to((1.0, 0.0), False, 0.0)
+    assert control.drag is None
+    control.drag_to((1.0, 0.0), True, 0.0)
+    control.drag_to((2.0, 0.0), False, 1.0)
+    assert control.drag.target == (2.0, 0.0)
 
 
 def test_what_is_old_is_not_shown_as_held():
@@ -127,6 +187,61 @@ def test_a_recording_is_read_without_ros(tmp_path):
     picture = Picture(ROBOT, 0.3)
     show_message(picture, topic, message, time)
     assert picture.config.nodes == pytest.approx(ROBOT.configuration(positions).nodes, abs=1e-9)
+
+
+@pytest.mark.skipif(not RECORDS, reason='needs mcap and rosbags')
+def test_what_is_complete_of_a_recording_that_breaks_off_is_read(tmp_path):
+    """Wherever its writer was killed: all messages up to there, or one sentence that says none."""
+    from isotruss_ros.viewer.recording import read_recording, RecordingError
+    from mcap.writer import Writer
+
+    path = tmp_path / 'whole.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start('ros2')
+        schema = writer.register_schema('std_msgs/msg/Byte', 'ros2msg', b'byte data')
+        channel = writer.register_channel('/bytes', 'cdr', schema)
+        ends = []
+        for k in range(5):
+            writer.add_message(channel, 10**9 * k, bytes([0, 1, 0, 0, k]), 0)
+            writer.flush()
+            ends.append(stream.tell())
+        writer.finish()
+    whole = path.read_bytes()
+    for size in range(len(whole) + 1):
+        path.write_bytes(whole[:size])
+        complete = sum(end <= size for end in ends)
+        times = []
+        with contextlib.nullcontext() if complete else contextlib.suppress(RecordingError):
+            times += (time for time, _, _ in read_recording(path))
+        # The index of a chunk follows it.
+        assert times in (list(range(complete)), list(range(complete + 1))), size
+
+
+@pytest.mark.skipif(
+    not (RECORDS and importlib.util.find_spec('viser')), reason='needs viser, mcap and rosbags'
+)
+def test_replay_says_once_that_a_recording_breaks_off_or_holds_nothing(tmp_path, capsys):
+    from isotruss_ros.cli import replay
+
+    path = tmp_path / 'short.mcap'
+    path.write_bytes(MAGIC)
+    assert replay.main([str(path), '--once', '--port', '0']) == 1
+    assert capsys.readouterr().err.splitlines() == [
+        f'replay: {path} breaks off: what is complete is shown',
+        f'replay failed: {path}: holds no complete message',
+    ]
+
+
+@pytest.mark.skipif(not RECORDS, reason='needs mcap and rosbags')
+@pytest.mark.parametrize('content', [b'', MAGIC[:3], MAGIC, 2 * MAGIC[:4], MAGIC + b'\1'])
+def test_a_recording_without_a_message_is_refused(tmp_path, content):
+    from isotruss_ros.viewer.recording import read_recording, RecordingError
+
+    path = tmp_path / 'short.mcap'
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r'short\.mcap: '):
+        list(read_recording(path))
 
 
 def test_a_curve_begins_where_it_is_known():

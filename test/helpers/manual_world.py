@@ -72,6 +72,7 @@ class Goal:
 
     :ivar accepted: whether the server accepted it.
     :ivar feedback: all messages so far.
+    :ivar info: with its id.
     """
 
     def __init__(self, server: ActionServer, request: Any) -> None:
@@ -81,7 +82,7 @@ class Goal:
         self.accepted = server._goal_callback(request) is GoalResponse.ACCEPT
         if not self.accepted:
             return
-        info = GoalInfo()
+        info = self.info = GoalInfo()
         info.goal_id.uuid = list(uuid.uuid4().bytes)
         self._handle = ServerGoalHandle(server, info, request)
         self._handle.publish_feedback = self.feedback.append

@@ -84,6 +84,7 @@ class Probe(Node):
             (PoseStamped, 'pose', 'object_pose'),
             (GraspState, 'state', 'grasp/state'),
             (Bool, 'closure', 'grasp/force_closure'),
+            (Bool, 'held', 'grasp/held'),
             (WrenchStamped, 'wrench', 'grasp/wrench'),
             (DiagnosticArray, 'diagnostics', '/diagnostics'),
         ):

@@ -10,6 +10,8 @@
 """
 Random walks of a held object under the twist servo, and how near to its bounds each came.
 
+Others begin beyond bounds, and must not chatter there.
+
 For a soak:  python test/helpers/walks.py --walks 1000 --steps 1000
 """
 
@@ -42,6 +44,12 @@ GRIPS = ('north/Z', 'north/R', 'north/P', 'east/Q', 'east/R')
 PERIODS = (0.05, 0.01, 0.005, 0.002, 0.001)
 #: Inputs are this old at most [s].
 LATE = 0.15
+#: Changes of the speed of a roller from cycle to cycle that do not count as chatter [m/s].
+CHATTER = 0.005
+#: So many cycles with reversals are a limit that binds in place of another.
+EXCHANGE = 2
+#: By how much starts beyond a bound may get further beyond it.
+LOST = 1e-4
 
 
 @dataclass
@@ -83,6 +91,58 @@ def begin(rng, module):
         fits = lengths.min() > file.min_length and lengths.max() < file.max_length
         if fits and margins(held).min() > 0.002:
             return held
+
+
+def begin_beyond(rng):
+    """Return an object held at a module, the robot beyond some bounds."""
+    modules = ROBOT.module_names
+    while True:
+        try:
+            config = ROBOT.configuration(rng.uniform(-0.8, 0.8, len(ROBOT.roller_names)))
+            diameter, module = float(rng.uniform(0.1, 0.4)), modules[rng.integers(len(modules))]
+            body = ConvexObject.disc(tangent_center(config, module, diameter), diameter)
+            held = RollingGrip.attach(config, Grip.at_module(ROBOT, module, body))
+            if margins(held).min() < 0.0:
+                return held
+        except IsotrussError:
+            continue
+
+
+def come_back(seed, steps=40):
+    """
+    Command one twist from a random start beyond bounds.
+
+    :return: (steps, r) commanded roller velocities [m/s], and (3,) by how much the margins that
+        were beyond their bounds fell below where they began.
+    """
+    rng = np.random.default_rng([seed, 7])
+    held = begin_beyond(rng)
+    period = float(rng.choice([0.02, 0.01, 0.005, 0.002]))
+    servo = TwistServo(ROBOT, '', held.grip.body.shape.diameter, period, timeout=0.2)
+    servo.members = held.grip.members
+    servo.slide_along_limits = bool(seed % 3 == 2)
+    twist = rng.standard_normal(3) * rng.choice([0.03, 0.1])
+    first = margins(held)
+    commands, lost = [np.zeros(len(ROBOT.roller_names))], np.zeros(3)
+    for step in range(steps):
+        now = 1.0 + step * period
+        servo.twist = StampedInput(twist, now)
+        travel = held.config.roller_positions
+        servo.rollers = StampedInput(RollerState(travel, commands[-1]), now)
+        servo.pose = StampedInput(held.pose, now)
+        commands.append(servo.decide(now).command.roller_velocities)
+        held = moved(held, period * commands[-1])
+        after = margins(held)
+        lost = np.maximum(lost, np.where(first < 0.0, first - after, 0.0))
+    return np.array(commands[1:]), lost
+
+
+def reversals(commands):
+    """Return in how many cycles a roller is slowed that was driven before, and is after."""
+    changes = np.diff(commands, axis=0)
+    turned = changes[1:] * changes[:-1] < 0.0
+    noticed = np.minimum(np.abs(changes[1:]), np.abs(changes[:-1])) > CHATTER
+    return int((turned & noticed).any(axis=1).sum())
 
 
 @dataclass
@@ -169,7 +229,7 @@ def walk(seed, steps, slide=False, guarded=True, sensors=None):
 
 
 def main():
-    """Walk, and tell how many crossed a bound; the exit code is 1 if any did."""
+    """Walk, and tell how many crossed a bound or chatter beyond one; with code 1 if any did."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument('--walks', type=int, default=1000)
     parser.add_argument('--steps', type=int, default=1000)
@@ -186,11 +246,18 @@ def main():
             print(f'walk {seed} crossed a bound: {found.lowest}', flush=True)
         if sys.stdout.isatty() or number % 100 == 99:
             print(f'{number + 1} walks, {len(crossed)} crossed a bound', flush=True)
+    chattering = []
+    for number in range(arguments.walks):
+        commands, lost = come_back(arguments.first + number)
+        if reversals(commands) > EXCHANGE or lost.max() > LOST:
+            chattering.append(number)
+            print(f'start {number} beyond a bound: {reversals(commands)} reversals, lost {lost}')
+    print(f'{arguments.walks} starts beyond a bound, {len(chattering)} did not come back smoothly')
     print(f'smallest margins: rigidity {lowest[0]:.5f}, clearance {lowest[1]:.5f} m,', end=' ')
     print(f'clearance of the object {lowest[2]:.5f} m')
     for status, count in statuses.most_common():
         print(f'{count:9d} steps {status}')
-    return 1 if crossed else 0
+    return 1 if crossed or chattering else 0
 
 
 if __name__ == '__main__':

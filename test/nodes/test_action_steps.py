@@ -9,16 +9,21 @@
 
 """Steps over other nodes' actions: progress, failures, and cancels wherever they wait."""
 
+from math import nan
+import re
 from types import SimpleNamespace
 
+from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseStamped
-from isotruss_msgs.action import PickObject, PlanGrasp
+from isotruss_msgs.action import MoveObject, PickObject, PlanGrasp
+from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import ConvexObject, Ellipse, Pose
-from isotruss_ros.core.control.inputs import StampedInput
+from isotruss_ros.core.control.inputs import InputError, StampedInput
 from isotruss_ros.core.control.path_tracking import RETURN
-from isotruss_ros.nodes.components import action_steps
+from isotruss_ros.nodes.components import action_steps, grasp_sequences
 from isotruss_ros.nodes.components.action_steps import (
     ActionStep,
+    CANCEL_TICKS,
     CancelledError,
     Outcome,
     RETRY_TICKS,
@@ -30,8 +35,12 @@ from isotruss_ros.nodes.components.grasp_sequences import (
     check_grip,
     GraspSequences,
 )
+from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
 from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.pick_and_place import find_outcome
+from nav_msgs.msg import Path
+import numpy as np
 from probe import ROBOT
 import pytest
 from rclpy.task import Future
@@ -41,36 +50,48 @@ class Server:
     """Stands for an action client and the server behind it."""
 
     def __init__(self):
-        self.ready, self.discovers_client = True, True
-        self.sent, self.result = Future(), Future()
+        self.ready, self.discovers_client, self.knows_goal = True, True, False
+        self.sent, self.ended = Future(), None
         self.goals = self.questions = self.cancels = 0
+        self.supervised = []
 
     def server_is_ready(self):
         """Return whether the server is there."""
         return self.ready
 
-    def _get_result_async(self, _unknown_goal):
+    def publish(self, info):
+        """Hear from the client."""
+        self.supervised.append(bytes(info.goal_id.uuid))
+
+    def _get_result_async(self, handle):
         self.questions += 1
+        self.asked_for = bytes(handle.goal_id.uuid)
         answer = Future()
-        if self.discovers_client:
-            answer.set_result('no such goal')
+        if self.discovers_client and not self.knows_goal:
+            answer.set_result(SimpleNamespace(status=GoalStatus.STATUS_UNKNOWN))
+        if self.knows_goal:
+            self.ended = answer
         return answer
 
-    def send_goal_async(self, _goal, feedback):
+    def send_goal_async(self, _goal, feedback, goal_id):
         """Send a goal."""
         self.goals += 1
-        self.feedback = feedback
+        self.feedback, self.goal_id = feedback, bytes(goal_id.uuid)
+        self.knows_goal = True
         return self.sent
 
     def accept(self, accepted=True):
         """Answer the goal."""
-        self.sent.set_result(
-            SimpleNamespace(
-                accepted=accepted,
-                get_result_async=lambda: self.result,
-                cancel_goal_async=self._cancel,
-            )
-        )
+        self.knows_goal = accepted
+        self.sent.set_result(SimpleNamespace(accepted=accepted, cancel_goal_async=self._cancel))
+
+    def end(self, result):
+        """End the goal."""
+        self.ended.set_result(SimpleNamespace(status=GoalStatus.STATUS_SUCCEEDED, result=result))
+
+    def start_again(self):
+        """Forget everything, as a process that was killed and started again."""
+        self.knows_goal = False
 
     def _cancel(self):
         self.cancels += 1
@@ -84,26 +105,34 @@ def server(monkeypatch):
     return made
 
 
-def run():
+def run(server):
     """Return the steps of a goal."""
-    return ActionStep(None, None, 'work').run('goal', lambda feedback: feedback)
+    return ActionStep(None, None, 'work', server).run('goal', lambda feedback: feedback)
+
+
+def last_of(steps, most=10 * RETRY_TICKS):
+    """Return what the steps return, or raise what they raise."""
+    for _ in range(most):
+        try:
+            next(steps)
+        except StopIteration as ended:
+            return ended.value
+    raise AssertionError('the steps do not end')
 
 
 def test_steps_yield_the_progress_and_return_the_result(server):
-    steps = run()
+    steps = run(server)
     assert next(steps) == 0.0
     server.accept()
     server.feedback(SimpleNamespace(feedback=0.25))
     assert next(steps) == 0.25
-    server.result.set_result(SimpleNamespace(result='done'))
-    with pytest.raises(StopIteration) as ended:
-        next(steps)
-    assert ended.value.value == 'done'
+    server.end('done')
+    assert last_of(steps) == 'done'
 
 
 @pytest.mark.parametrize('when', ['before', 'asked', 'accepted'])
 def test_a_server_that_is_missing_ends_the_steps(server, when):
-    steps = run()
+    steps = run(server)
     if when != 'before':
         next(steps)
     if when == 'accepted':
@@ -117,7 +146,7 @@ def test_a_server_that_is_missing_ends_the_steps(server, when):
 
 def test_a_goal_is_sent_only_once_the_server_answers(server):
     server.discovers_client = False
-    steps = run()
+    steps = run(server)
     for _ in range(2 * RETRY_TICKS + 1):
         next(steps)
     assert (server.questions, server.goals) == (3, 0)
@@ -127,9 +156,21 @@ def test_a_goal_is_sent_only_once_the_server_answers(server):
     assert (server.questions, server.goals) == (4, 1)
 
 
+def test_late_answers_from_before_the_goal_was_sent_are_not_about_it(server):
+    server.discovers_client = False
+    steps = run(server)
+    next(steps)
+    asked_before = server.asked_for
+    server.discovers_client = True
+    for _ in range(RETRY_TICKS):
+        next(steps)
+    assert server.goals == 1
+    assert asked_before != server.goal_id
+
+
 def test_a_cancel_before_the_goal_is_sent_ends_the_steps(server):
     server.discovers_client = False
-    steps = run()
+    steps = run(server)
     next(steps)
     with pytest.raises(CancelledError):
         steps.throw(CancelledError())
@@ -137,28 +178,80 @@ def test_a_cancel_before_the_goal_is_sent_ends_the_steps(server):
 
 
 def test_a_goal_that_is_rejected_ends_the_steps(server):
-    steps = run()
+    steps = run(server)
     next(steps)
     server.accept(False)
     with pytest.raises(StepError, match='work rejects goals'):
+        last_of(steps)
+
+
+@pytest.mark.parametrize('accepted', [True, False])
+def test_a_server_that_was_started_again_ends_the_steps(server, accepted):
+    steps = run(server)
+    next(steps)
+    if accepted:
+        server.accept()
         next(steps)
+    server.start_again()
+    with pytest.raises(StepError, match='work does not know the goal') as error:
+        last_of(steps)
+    assert error.value.outcome is Outcome.STOPPED
+    assert server.asked_for == server.goal_id
+
+
+def test_a_goal_is_supervised_from_before_it_is_sent_until_it_ends(server):
+    server.discovers_client = False
+    steps = run(server)
+    next(steps)
+    assert (server.goals, len(server.supervised)) == (0, 2)
+    server.discovers_client = True
+    for _ in range(RETRY_TICKS):
+        next(steps)
+    server.accept()
+    for _ in range(10):
+        before = len(server.supervised)
+        next(steps)
+        assert len(server.supervised) > before
+    assert {*server.supervised} == {server.goal_id}
 
 
 def test_a_cancel_waits_until_the_server_has_ended_the_goal(server):
-    steps = run()
+    steps = run(server)
     next(steps)
     server.accept()
     next(steps)
     steps.throw(CancelledError())
     assert server.cancels == 1
     next(steps)
-    server.result.set_result(SimpleNamespace(result='cancelled'))
+    server.end('cancelled')
     with pytest.raises(CancelledError):
         next(steps)
 
 
+@pytest.mark.parametrize('accepted', [True, False])
+def test_a_cancel_ends_the_steps_where_the_server_does_not(server, accepted):
+    steps = run(server)
+    next(steps)
+    if accepted:
+        server.accept()
+    steps.throw(CancelledError())
+    with pytest.raises(CancelledError):
+        last_of(steps, CANCEL_TICKS)
+
+
+@pytest.mark.parametrize('change', [{'ready': False}, {'knows_goal': False}])
+def test_a_cancel_ends_the_steps_where_the_server_is_gone(server, change):
+    steps = run(server)
+    next(steps)
+    server.accept()
+    next(steps)
+    vars(server).update(change)
+    with pytest.raises(CancelledError):
+        steps.throw(CancelledError())
+
+
 def test_a_goal_that_is_not_answered_yet_is_cancelled_when_it_is(server):
-    steps = run()
+    steps = run(server)
     next(steps)
     steps.throw(CancelledError())
     next(steps)
@@ -166,14 +259,14 @@ def test_a_goal_that_is_not_answered_yet_is_cancelled_when_it_is(server):
     server.accept()
     next(steps)
     assert server.cancels == 1
-    server.result.set_result(SimpleNamespace(result='cancelled'))
+    server.end('cancelled')
     with pytest.raises(CancelledError):
         next(steps)
 
 
 @pytest.mark.parametrize('answered', [True, False])
 def test_steps_that_are_closed_cancel_their_goal(server, answered):
-    steps = run()
+    steps = run(server)
     next(steps)
     if answered:
         server.accept()
@@ -204,19 +297,20 @@ class Steps:
 
 
 def test_a_fault_cancels_the_steps_and_is_the_error():
-    faults, inner = iter(['', '', 'lost', 'lost', 'lost']), Steps(10)
+    fault = StepError(Outcome.NOT_HELD, 'lost')
+    faults, inner = iter([None, None, fault]), Steps(10)
     steps = _run_while(inner.steps, lambda: next(faults))
     assert [next(steps), next(steps)] == [0.0, 0.1]
     assert next(steps) == 1.0
     assert inner.cancelled
     with pytest.raises(StepError, match='lost') as error:
         next(steps)
-    assert error.value.outcome is Outcome.NOT_HELD
+    assert error.value is fault
 
 
 def test_without_a_fault_steps_end_as_they_do():
     inner = Steps(3)
-    steps = _run_while(inner.steps, lambda: '')
+    steps = _run_while(inner.steps, lambda: None)
     assert [next(steps) for _ in range(3)] == [0.0, 1 / 3, 2 / 3]
     with pytest.raises(StopIteration) as ended:
         next(steps)
@@ -225,7 +319,7 @@ def test_without_a_fault_steps_end_as_they_do():
 
 def test_a_cancel_goes_through_to_the_steps():
     inner = Steps(10)
-    steps = _run_while(inner.steps, lambda: '')
+    steps = _run_while(inner.steps, lambda: None)
     next(steps)
     assert steps.throw(CancelledError()) == 1.0
     with pytest.raises(CancelledError):
@@ -386,16 +480,72 @@ def test_object_and_members_are_those_that_are_planned_with(described):
     assert (needs.module, needs.squeeze, needs.friction) == (None, 9.0, 0.6)
 
 
-@pytest.mark.parametrize(
-    ('held', 'age', 'words'),
-    [(True, 0.1, ''), (False, 0.1, 'not held'), (True, 0.3, '0.300 s old')],
-)
-def test_an_object_counts_as_held_while_a_new_analysis_says_so(held, age, words):
-    sequences = GraspSequences.__new__(GraspSequences)
-    sequences._node = SimpleNamespace(now=lambda: 10.0)
-    sequences.timeout = 0.2
+def sequences_at(grasp_age, held=True, pose_age=0.0):
+    """Return sequences whose inputs are so old [s]."""
+    made = GraspSequences.__new__(GraspSequences)
+    made._node, made.timeout = SimpleNamespace(now=lambda: 10.0), 0.2
+    made._robot, made.stage = ROBOT, 0
     state = SimpleNamespace(held=held, message='', hold_message='it slips', slip_margin=1.0)
-    sequences.grasp = StampedInput(state, 10.0 - age)
-    fault = sequences._find_loss()
-    assert words in fault
-    assert bool(fault) == bool(words)
+    made.grasp = StampedInput(state, 10.0 - grasp_age)
+    made.rollers = StampedInput(None, 10.0)
+    made.pose = StampedInput(Pose(0.6, 0.3, 0.1), 10.0 - pose_age)
+    return made
+
+
+@pytest.mark.parametrize(
+    ('held', 'age', 'words', 'outcome'),
+    [
+        (False, 0.1, 'not held', Outcome.NOT_HELD),
+        (True, 0.3, '0.300 s old.*command_timeout', Outcome.STOPPED),
+        (False, 0.3, '0.300 s old.*command_timeout', Outcome.STOPPED),
+    ],
+)
+def test_a_lost_object_and_a_late_analysis_are_told_apart(held, age, words, outcome):
+    fault = sequences_at(age, held)._find_loss()
+    assert re.search(words, str(fault))
+    assert fault.outcome is outcome
+
+
+def test_an_object_counts_as_held_while_a_new_analysis_says_so():
+    assert sequences_at(0.1)._find_loss() is None
+
+
+def test_late_inputs_are_waited_for_before_anything_moves():
+    sequences = sequences_at(0.3)
+    steps = sequences.move(MoveObject.Goal())
+    assert [next(steps) for _ in range(3)] == [0.0] * 3
+    sequences.grasp = sequences.grasp._replace(time=10.0)
+    sequences._object = Follower(sequences, (0.6, 0.3), 0)
+    assert next(steps) == 0.5
+
+
+def test_inputs_that_stay_late_end_the_steps_as_not_ready(monkeypatch):
+    passed = iter([0.0, 0.5, 0.9, 1.1])
+    monkeypatch.setattr(grasp_sequences.time, 'monotonic', lambda: next(passed))
+    steps = sequences_at(0.3).move(MoveObject.Goal())
+    assert [next(steps), next(steps)] == [0.0, 0.0]
+    with pytest.raises(InputError, match='command_timeout') as error:
+        next(steps)
+    assert find_outcome(error.value) is Outcome.NOT_READY
+
+
+@pytest.mark.parametrize(('age', 'outcome'), [(0.0, Outcome.NOT_HELD), (100.0, Outcome.NOT_READY)])
+def test_a_grasp_that_nobody_analysed_is_not_one_that_does_not_hold(age, outcome):
+    sequences, times = sequences_at(age, held=False), iter([10.0, 20.0])
+    sequences._node = SimpleNamespace(now=lambda: next(times))
+    sequences.grasp = sequences.grasp._replace(time=20.0 - age)
+    sequences.grasp.value.code = GraspState.OK
+    with pytest.raises(StepError) as error:
+        next(sequences._confirm(True))
+    assert error.value.outcome is outcome
+
+
+@pytest.mark.parametrize('pose_age', [0.0, 0.3])
+def test_the_distance_left_is_told_where_the_object_is_known(pose_age):
+    end = PoseStamped(pose=to_pose_message(Pose(0.6, 0.38, 0.3)))
+    left = sequences_at(0.0, pose_age=pose_age).distance_left(Path(poses=[end]))
+    assert left == pytest.approx((0.08, 0.2) if pose_age == 0.0 else (nan, nan), nan_ok=True)
+
+
+def test_there_is_no_distance_left_on_a_path_without_poses():
+    assert np.isnan(sequences_at(0.0).distance_left(Path())).all()

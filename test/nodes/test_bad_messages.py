@@ -80,9 +80,9 @@ def record(node):
     commands, statuses = node._commands, node._report._publisher
     send, tell = commands.publish, statuses.publish
 
-    def publish(message):
-        pairs.append((np.array(opened(message, Float64MultiArray).data), None))
-        send(message)
+    def publish(velocities):
+        pairs.append((np.array(velocities), None))
+        send(velocities)
 
     def report(message):
         pairs[-1] = (pairs[-1][0], Status(opened(message, ManipulationStatus).code))
@@ -437,6 +437,7 @@ def test_invalid_parameters_are_rejected_at_run_time(kind):
         before = {name: node.get_parameter(name).value for name in names}
         may = {
             'require_emergency_stop',
+            'flattening',
             'slide_along_limits',
             'smooth_path',
         }  # true is a good value of these

@@ -9,7 +9,10 @@
 
 """The simulator with the elastic plant: held from the start, pulled at, dropped."""
 
+from types import SimpleNamespace
+
 from geometry_msgs.msg import PoseStamped
+from isotruss_ros.core.grasping.held_members import Hold
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import check_refused, world
 import numpy as np
@@ -57,6 +60,31 @@ def test_too_large_a_load_drops_the_object():
         w.probe.send_wrench((0.0, 0.0, 0.0))
         w.until(lambda: len(w.probe.seen['pose']) > 20)
         assert place(w) == pytest.approx(lies, abs=0.05)
+
+
+def log_of(w, dropped):
+    """Return the lines that the simulator logs while the object is not held, for a reason."""
+    simulator, lines = w.nodes[1], []
+    logger = SimpleNamespace(
+        info=lambda text: lines.append(('info', text)),
+        warning=lambda text: lines.append(('warning', text)),
+    )
+    simulator.get_logger = lambda: logger
+    simulator._elastic._grasp, simulator._elastic.dropped = None, dropped
+    for _ in range(3):
+        simulator._report_hold(simulator._elastic)
+    return lines
+
+
+@pytest.mark.parametrize(
+    ('dropped', 'level', 'words'),
+    [(Hold.NO_CONTACT, 'info', 'is free'), (Hold.SLIPS, 'warning', 'was dropped')],
+)
+def test_an_object_that_is_let_go_is_logged_once(dropped, level, words):
+    with world(node()) as w:
+        ((logged, text),) = log_of(w, dropped)
+        assert logged == level
+        assert words in text
 
 
 @pytest.mark.parametrize('plant', ['elastic', 'kinematic'])

@@ -69,6 +69,7 @@ def assert_no_answer(w, state):
     assert not state.force_closure
     assert not state.contacts
     assert state.closure_residual == math.inf
+    assert state.closure_margin == -math.inf
     assert state.required_friction == math.inf
     w.until(lambda: len(w.probe.seen['closure']) >= len(w.probe.seen['state']))
     assert not w.probe.last('closure').data
@@ -468,12 +469,25 @@ def test_topic_names_are_relative():
             'external_wrench',
             'grasp/state',
             'grasp/force_closure',
+            'grasp/held',
             'grasp/wrench',
             'grasp/markers',
         ):
             assert w.nodes[1].resolve_topic_name(topic) == f'/{topic}'
         names = {service.service_name for service in w.nodes[1].services}
         assert '/analyze_grasp' in names
+
+
+def test_the_papers_own_model_is_a_parameter():
+    expected = analyze_grasp(
+        ROBOT.home, ConvexObject.disc(SQUEEZED, DIAMETER), 0.5, flattening=False
+    )
+    with world(node(flattening=False)) as w:
+        state = until_ok(w)
+        assert state.required_friction == pytest.approx(expected.required_friction)
+        assert not state.contact_widths
+        answer = ask(w)
+        assert answer.state.required_friction == pytest.approx(expected.required_friction)
 
 
 # Held or not
@@ -493,7 +507,9 @@ def test_what_is_held_is_published_beside_the_analysis():
         squeeze = dict(zip(state.grasping_members, state.squeeze, strict=True))
         assert squeeze == pytest.approx(expected.normal_forces)
         assert state.friction_used == pytest.approx(list(expected.friction_used.values()))
-        w.until(lambda: any(m.data for _, m in w.probe.seen['closure']), feed(w, center=center))
+        for topic in ('held', 'closure'):
+            seen = w.probe.seen[topic]
+            w.until(lambda seen=seen: any(m.data for _, m in seen), feed(w, center=center))
 
 
 def test_what_slips_is_not_held_and_the_message_says_why():

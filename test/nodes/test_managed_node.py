@@ -14,12 +14,14 @@ import gc
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.framework.diagnostics import Diagnostics
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
 from lifecycle_msgs.msg import Transition
 from manual_world import check_refused, Manager, world
 from probe import overrides
 import pytest
+import rclpy
 from rclpy.action import ActionServer
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
@@ -35,6 +37,8 @@ ACCIDENT = ZeroDivisionError('an accident')
 
 class Toy(ManagedNode):
     """Does a bit of everything; fails where it is told to."""
+
+    awaited = ('heard', 'act')
 
     def __init__(self, failures=None, **values):
         self.steps = []
@@ -91,6 +95,22 @@ def test_starts_by_itself_with_autostart():
     with world(Toy) as w:
         assert Manager(w, 'toy').state() == 'active'
         assert w.nodes[1].steps == ['configure', 'activate']
+
+
+def test_says_in_one_line_that_it_is_active_and_what_it_waits_for(capfd):
+    with world(Toy):
+        said = [line for line in capfd.readouterr().err.splitlines() if '[toy]: ' in line]
+    (line,) = said
+    assert line.endswith('[toy]: active, waits for /heard, /act')
+    assert line.startswith('[INFO]')
+
+
+def test_a_node_that_cannot_be_activated_does_not_say_that_it_is_active(waiting, capfd):
+    node, manager, _ = waiting
+    node.failures['activate'] = REFUSAL
+    manager.ask(Transition.TRANSITION_CONFIGURE)
+    manager.ask(Transition.TRANSITION_ACTIVATE)
+    assert 'waits for' not in capfd.readouterr().err
 
 
 def test_goes_through_the_life_cycle_repeatedly(waiting):
@@ -253,6 +273,19 @@ def test_an_error_out_of_a_callback_stops_the_node_and_it_can_be_brought_up_agai
 @pytest.mark.parametrize('error', [REFUSAL, ACCIDENT])
 def test_a_node_that_fails_to_start_raises_the_reason(step, error):
     check_refused(lambda: Toy({step: error}), str(error))
+
+
+def test_robots_of_one_name_are_told_apart_by_their_namespaces():
+    with world() as w:
+        for namespace in ('left', 'right', ''):
+            node = w.add(rclpy.create_node('toy', namespace=namespace))
+            diagnostics = Diagnostics(node, dict)
+            diagnostics.hardware_id = 'nine_member'
+            diagnostics.report()
+        reports = w.probe.seen['diagnostics']
+        w.until(lambda: len(reports) == 3)
+        ids = [array.status[0].hardware_id for _, array in reports]
+        assert ids == ['left/nine_member', 'right/nine_member', 'nine_member']
 
 
 def test_reports_every_second_and_at_once_when_the_level_changes():

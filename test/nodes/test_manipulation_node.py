@@ -14,8 +14,10 @@ import re
 
 from geometry_msgs.msg import Pose, PoseStamped, Quaternion, TwistStamped
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import Status, tangent_center
+from isotruss_ros.core import Status, tangent_center, TwistServo
+from isotruss_ros.nodes.components import servo_settings
 from isotruss_ros.nodes.conversions.messages import read_stamp, stamp_header
+from isotruss_ros.nodes.framework import parameters
 from isotruss_ros.nodes.manipulation import Manipulation
 from manual_world import check_refused, world
 import numpy as np
@@ -353,6 +355,13 @@ def test_parameters_change_at_run_time_or_are_rejected_with_the_reason():
         w.until_code(Status.OK, w.probe.send_all)
 
 
+def test_a_changed_diameter_is_that_of_the_servo():
+    servo = TwistServo(ROBOT, MODULE, DIAMETER, 0.005, 0.2)
+    values = {spec: spec.default for spec in servo_settings.SPECS}
+    servo_settings.apply_settings(servo, values | {parameters.OBJECT_DIAMETER: 0.21})
+    assert servo.object_diameter == 0.21
+
+
 def test_whole_numbers_are_taken_for_real_parameters():
     """As `-p rate:=100` and `ros2 param set` give them."""
     with world(node(rate=100)) as w:
@@ -393,6 +402,11 @@ def test_parameters_are_described():
 )
 def test_bad_parameters_are_refused_at_start(values, words):
     check_refused(lambda: Manipulation(overrides(**values)), words)
+
+
+def test_a_value_out_of_range_is_named_once():
+    words = '^parameter object_diameter: -1.0: out of range; must be from 0.001 to 100$'
+    check_refused(node(object_diameter=-1.0), words)
 
 
 def test_topic_names_are_relative():

@@ -12,7 +12,7 @@
 import itertools
 import math
 
-from action_msgs.msg import GoalStatus
+from action_msgs.msg import GoalInfo, GoalStatus
 from geometry_msgs.msg import PoseStamped, Quaternion, Twist, TwistStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
@@ -38,6 +38,7 @@ Result = FollowObjectPath.Result
 #: In the grip at home, as the simulator puts it, and as the probe puts it.
 HOME = (*CENTER, 0.0)
 PROBED = (*CENTER, 0.3)
+TURNED = (*CENTER, 0.3 - math.pi)
 
 
 #: For machines so busy that nodes wait for their turn: the follower goes on, the robot waits too.
@@ -121,6 +122,11 @@ def test_codes_are_those_of_the_action():
         assert getattr(Result, outcome.name) == int(outcome)
     constants = [name for name in dir(Result) if name.isupper() and name != 'SLOT_TYPES']
     assert sorted(constants) == sorted(outcome.name for outcome in Outcome)
+
+
+def test_diagnostics_name_the_robot():
+    with world(node()) as w:
+        w.until(lambda: w.report('path_follower').hardware_id == 'nine_member')
 
 
 def test_carries_the_object_to_the_end_of_the_path():
@@ -255,7 +261,10 @@ BAD_GOALS = {
     'not finite': (goal((0.0, math.nan, 0.0), begin=PROBED), 'pose 1 of the path'),
     'no rotation': (bend(goal(UP, begin=PROBED), orientation=BROKEN), 'quaternion has norm 2'),
     'tilted': (bend(goal(UP, begin=PROBED), orientation=TILTED), 'the robot is planar'),
-    'half a turn': (goal((0.0, 0.0, math.pi), begin=PROBED), 'pose in between'),
+    'half a turn': (goal((0.0, 0.0, math.pi), begin=PROBED), 'pose 1 of the path is half a turn'),
+    'half a turn away': (goal(begin=TURNED), 'pose 0 of the path is half a turn'),
+    'a kilometre away': (goal(begin=(1000.0, 0.0, 0.3)), 'pose 0 of the path: (1000, 0) m is'),
+    'a kilometre on': (goal((1000.0, 0.0, 0.0), begin=PROBED), 'pose 1 of the path: (1000'),
     'endless': (endless(goal(UP, begin=PROBED)), 'has 10001 poses; must be at most 10000'),
     'backward': (goal(UP, begin=PROBED, speed=-0.02), 'speed -0.02 m/s: must be positive'),
     'speed nan': (goal(UP, begin=PROBED, speed=math.nan), 'speed nan'),
@@ -483,6 +492,28 @@ def test_gains_can_be_changed_while_it_runs_and_count_from_the_next_goal():
             assert client.twists()[-1, 0] == pytest.approx(-0.004 * gain)
             assert handle.cancel()
             client.result(handle, off)
+
+
+def test_a_supervised_goal_ends_with_its_client():
+    with world(*real(command_timeout=0.5)) as w:
+        client = Client(w)
+        supervision = w.probe.create_publisher(GoalInfo, 'supervised_goal', 1)
+        w.until(lambda: w.probe.last('pose') is not None)
+        handle = client.send(goal((0.0, 0.2, 0.0), speed=0.01))
+        w.spin(2.0, lambda: supervision.publish(handle.info))
+        assert client.moves()
+        silent = w.now
+        status, result = client.result(handle)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+        assert 'supervises the goal' in result.message
+        assert w.now - silent < 0.6
+        assert not client.moves()
+
+
+def test_a_result_is_stamped_with_its_end():
+    with world(node()) as w:
+        result = Client(w).follow(goal(UP, begin=PROBED))[1]
+        assert read_stamp(result) == pytest.approx(1e-9 * w.probe.past(0.0).nanoseconds, abs=0.1)
 
 
 def test_diagnostics_report_the_state():

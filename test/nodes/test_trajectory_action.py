@@ -9,8 +9,10 @@
 
 """Roller trajectories as goals of an action, in the shape of FollowJointTrajectory."""
 
-from action_msgs.msg import GoalStatus
+from action_msgs.msg import GoalInfo, GoalStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import FollowRollerTrajectory
+from isotruss_ros.core import Status
 from isotruss_ros.nodes.components import trajectory_following
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
@@ -120,6 +122,40 @@ def test_a_goal_while_a_trajectory_of_the_topic_is_followed_takes_over(w):
     w.until(lambda: np.abs(w.probe.last('joints').position).max() > 1e-3)
     here = np.array(w.probe.last('joints').position)
     assert ending(w, send(w, here, HOME))[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_a_supervised_goal_ends_with_its_client(w):
+    supervision = w.probe.create_publisher(GoalInfo, 'supervised_goal', 1)
+    goal = send(w, HOME, AWAY, times=[0.0, 60.0])
+    w.spin(2.0 * TIMEOUT, lambda: supervision.publish(goal.info))
+    assert not goal.ended
+    silent = w.now
+    status, result = ending(w, goal)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert 'command_timeout' in result.error_string
+    assert w.now - silent < TIMEOUT + 0.1
+    w.until(lambda: not w.command().any())
+
+
+def test_a_goal_that_is_not_supervised_goes_on(w):
+    supervision = w.probe.create_publisher(GoalInfo, 'supervised_goal', 1)
+    supervision.publish(GoalInfo())
+    goal = send(w, HOME, AWAY, times=[0.0, 60.0])
+    w.spin(2.0 * TIMEOUT)
+    assert not goal.ended
+
+
+def test_a_cancel_is_no_warning(w):
+    goal = send(w, HOME, AWAY, times=[0.0, 3.0])
+    w.until(lambda: len(goal.feedback) > 3)
+    w.probe.seen['diagnostics'].clear()
+    goal.cancel()
+    ending(w, goal)
+    status = w.until_code(Status.HALT_NO_TWIST, lambda: None)
+    assert status.message == 'trajectory cancelled by the client'
+    w.spin(2.0)
+    levels = [array.status[0].level for _, array in w.probe.seen['diagnostics']]
+    assert {*levels} == {DiagnosticStatus.OK}
 
 
 def test_goals_are_rejected_while_the_node_is_inactive(w):

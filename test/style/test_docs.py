@@ -15,10 +15,13 @@ import pydoc
 import re
 
 import equations
+from interfaces import node_classes
 from isotruss_ros import executables
-from node_pages import node_tables
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from node_pages import all_interfaces, node_tables
 import promises
 import pytest
+from ruamel.yaml import YAML
 
 TOP = Path(__file__).parents[2]
 DOCS = TOP / 'docs'
@@ -31,6 +34,25 @@ def test_every_node_has_a_page():
         page = (DOCS / 'nodes' / f'{name}.md').read_text(encoding='utf-8')
         assert f'```{{node-interface}} {name}\n' in page
         assert f'\n{name}\n' in index
+
+
+def test_managed_nodes_wait_for_what_they_declare():
+    managed = {k: v for k, v in node_classes().items() if issubclass(v, ManagedNode)}
+    assert len(managed) == 6
+    for name, kind in managed.items():
+        declared = all_interfaces()[name]
+        assert kind.awaited
+        assert {*kind.awaited} <= declared.subscribed.keys() | declared.actions.keys(), name
+
+
+def test_rviz_shows_topics_of_the_nodes_in_any_namespace():
+    said = YAML(typ='safe').load((TOP / 'config' / 'isotruss.rviz').read_text('utf-8'))
+    displays = said['Visualization Manager']['Displays']
+    topics = {display['Topic']['Value'] for display in displays if 'Topic' in display}
+    assert len(topics) == 4
+    interfaces = all_interfaces().values()
+    # Relative names, as the nodes declare them: RViz resolves both in its namespace.
+    assert topics <= set().union(*(each.published for each in interfaces))
 
 
 def test_notes_must_be_those_of_the_declared_names():

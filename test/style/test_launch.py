@@ -20,7 +20,7 @@ import runpy
 import sys
 from types import ModuleType, SimpleNamespace
 
-from isotruss_ros.nodes.framework.parameters import AUTOSTART
+from isotruss_ros.nodes.framework.parameters import AUTOSTART, ParameterError
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
@@ -150,9 +150,23 @@ def test_every_parameter_of_the_simulator_is_an_argument(stand_in):
 def test_an_unknown_argument_is_named(path, stand_in):
     (entities,) = runpy.run_path(str(path))['generate_launch_description']().args
     (check,) = (e for e in entities if e.kind == 'OpaqueFunction')
-    given = SimpleNamespace(argv=['robot:=triangle', 'namespace:=left', 'object_lies_free:=true'])
+    given = SimpleNamespace(
+        argv=['robot:=triangle', 'namespace:=left', 'object_lies_free:=true'],
+        launch_configurations={'parameters': str(path)},
+    )
     (warning,) = check.function(given)
     assert 'object_lies_free: unknown' in warning.msg
+
+
+@pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
+def test_a_file_of_parameters_that_is_not_there_ends_the_launch(path, stand_in):
+    (entities,) = runpy.run_path(str(path))['generate_launch_description']().args
+    kinds = [e.kind for e in entities]
+    check = entities[kinds.index('OpaqueFunction')]
+    assert kinds.index('OpaqueFunction') < kinds.index('Node')
+    given = SimpleNamespace(argv=[], launch_configurations={'parameters': '/nowhere.yaml'})
+    with pytest.raises(ParameterError, match=r'launch argument parameters: /nowhere\.yaml'):
+        check.function(given)
 
 
 @pytest.mark.parametrize('robot', ['nine_member', 'triangle'])

@@ -70,7 +70,7 @@ def test_links_lead_somewhere(page):
 def test_paths_named_are_there(page):
     named = re.findall(r'`((?:isotruss_ros/)?[\w.]+/[\w./]*)`', TEXTS[page])
     for path in named:
-        if not path.startswith(('demo_output', 'docs/_build', 'geometry_msgs')):
+        if not path.startswith(('.venv', 'demo_output', 'docs/_build', 'geometry_msgs')):
             assert any(place.exists() for place in places(path)), path
 
 

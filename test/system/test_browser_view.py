@@ -9,29 +9,43 @@
 
 """The live view in a real browser."""
 
+import contextlib
 import importlib.util
 import io
 import shutil
+import threading
 import time
 
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_msgs.msg import ManipulationStatus
+from isotruss_ros.core import Pose
 from isotruss_ros.demo.processes import running_nodes
+from isotruss_ros.nodes.conversions.messages import to_pose_message
 import numpy as np
 from PIL import Image
 from probe import begin_context
 import pytest
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
 
 CHROMIUM = shutil.which('chromium')
 PACKAGES = all(map(importlib.util.find_spec, ('viser', 'playwright')))
-pytestmark = [pytest.mark.system, pytest.mark.xdist_group('many nodes')]
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.xdist_group('many nodes'),
+    pytest.mark.skipif(not PACKAGES, reason='pip install viser playwright'),
+    pytest.mark.skipif(CHROMIUM is None, reason='apt-get install chromium'),
+    pytest.mark.timeout(900),
+]
 
 #: In which everything here comes about, on a machine that is busy and draws without hardware [s].
 DEADLINE = 240.0
 #: The server; the next port that is free where this is taken.
 PORT = 8431
+VIEWPORT = {'width': 900, 'height': 800}
+#: So slow that no drag arrives during a test [m/s].
+SPEED = 0.002
 #: Of the browser's own client: it is no fault of the page.
 HARMLESS = 'Unable to preventDefault inside passive event listener'
 
@@ -105,9 +119,157 @@ def polite_browser(folder):
     return script
 
 
-@pytest.mark.skipif(not PACKAGES, reason='pip install viser playwright')
-@pytest.mark.skipif(CHROMIUM is None, reason='apt-get install chromium')
-@pytest.mark.timeout(900)
+def launch(playwright, program):
+    """Return a browser."""
+    return playwright.chromium.launch(
+        executable_path=program,
+        args=['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--no-sandbox'],
+    )
+
+
+def read_address(process):
+    """Return the address that a viewer prints, once it does."""
+    end = time.monotonic() + DEADLINE
+    while 'viewer: http' not in (words := process.log.read_text()):
+        assert time.monotonic() < end, words
+        time.sleep(0.05)
+    return words.partition('viewer: ')[2].split()[0]
+
+
+def switch_control(page):
+    """Click the switch of the control."""
+    page.locator('input[type=checkbox]').last.evaluate('box => box.click()')
+
+
+def grab(page, until):
+    """Drag the handle to the right, and keep it in hand."""
+    until(lambda: len(blue(pixels(page, 560))[0]) > 100)
+    y, x = (float(np.mean(part)) for part in blue(pixels(page, 560)))
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for step in range(10):
+        page.mouse.move(x + 10 * step, y)
+
+
+class Follower:
+    """
+    An object that moves as the twists say, each for 50 ms.
+
+    :param moves: whether it does.
+    """
+
+    def __init__(self, moves=True):
+        begin_context()
+        self._moves, self._center, self.twists = moves, np.zeros(2), []
+        self._node = rclpy.create_node('follower')
+        self._poses = self._node.create_publisher(PoseStamped, 'object_pose', 1)
+        self._node.create_subscription(Twist, 'cmd_vel', self._follow, 100)
+        self._node.create_timer(0.1, self._publish)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._executor.spin)
+        self._thread.start()
+
+    def _follow(self, twist):
+        self.twists.append((twist.linear.x, twist.linear.y))
+        self._center += 0.05 * self._moves * np.array(self.twists[-1])
+
+    def _publish(self):
+        message = PoseStamped()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.header.frame_id = 'truss'
+        message.pose = to_pose_message(Pose(*self._center, 0.0))
+        self._poses.publish(message)
+
+    def until(self, what):
+        """Wait until something holds."""
+        end = time.monotonic() + DEADLINE
+        while not what():
+            assert time.monotonic() < end, f'not within {DEADLINE} s'
+            time.sleep(0.05)
+
+    def is_commanded(self):
+        """Return whether the last twist moves."""
+        return bool(self.twists) and np.any(self.twists[-1])
+
+    def speeds(self):
+        """Return those of all twists that move."""
+        return [np.hypot(*twist) for twist in self.twists if np.any(twist)]
+
+    def close(self):
+        """End the node."""
+        self._executor.shutdown()
+        self._thread.join()
+        self._node.destroy_node()
+        rclpy.shutdown()
+
+
+@contextlib.contextmanager
+def open_pages(folder, count, moves=True):
+    """Yield a follower and pages of a viewer that runs beside nothing else."""
+    from playwright.sync_api import sync_playwright
+
+    viewer = ('viewer', {'max_speed': SPEED, 'port': PORT})
+    with running_nodes([viewer], folder) as processes, sync_playwright() as playwright:
+        browser, pages = launch(playwright, CHROMIUM), []
+        for number in range(count):
+            page = browser.new_page(viewport=VIEWPORT, device_scale_factor=0.3)
+            page.set_default_timeout(1e3 * DEADLINE)
+            page.goto(read_address(processes[0]))
+            page.get_by_text(f'browser {number}: nobody has control').wait_for()
+            pages.append(page)
+        with contextlib.closing(Follower(moves)) as follower:
+            yield follower, pages
+        browser.close()
+
+
+@pytest.mark.parametrize('leave', ['close', 'reload'])
+def test_a_browser_that_leaves_in_mid_drag_commands_nothing_more(tmp_path, leave):
+    with open_pages(tmp_path, 2) as (follower, (page, other)):
+        switch_control(page)
+        other.get_by_text('browser 1: browser 0 has control').wait_for()
+        grab(page, follower.until)
+        follower.until(follower.is_commanded)
+        getattr(page, leave)()
+        follower.until(lambda: not follower.is_commanded())
+        other.get_by_text('browser 1: nobody has control').wait_for()
+        assert not other.locator('input[type=checkbox]').last.is_checked()
+        # The target was neither reached nor given up.
+        assert follower.speeds()[-1] == pytest.approx(SPEED)
+        assert 'given up' not in (tmp_path / 'viewer.log').read_text()
+        if leave == 'reload':
+            page.get_by_text('browser 2: nobody has control').wait_for()
+            assert not page.locator('input[type=checkbox]').last.is_checked()
+
+
+def test_a_second_browser_has_no_control_until_the_first_lets_go(tmp_path):
+    with open_pages(tmp_path, 2) as (follower, (page, other)):
+        switch_control(page)
+        other.get_by_text('browser 1: browser 0 has control').wait_for()
+        assert other.locator('input[type=checkbox]').last.is_disabled()
+        assert other.get_by_role('button', name='pick', exact=True).count() == 0
+        grab(other, follower.until)
+        switch_control(page)
+        other.get_by_text('browser 1: nobody has control').wait_for()
+        assert not follower.is_commanded()
+        switch_control(other)
+        page.get_by_text('browser 0: browser 1 has control').wait_for()
+
+
+def test_a_drag_without_progress_is_given_up_with_the_reason(tmp_path):
+    with open_pages(tmp_path, 1, moves=False) as (follower, (page,)):
+        switch_control(page)
+        grab(page, follower.until)
+        page.get_by_text('drag given up: object: no progress for 2 s').wait_for()
+        follower.until(lambda: follower.twists and not follower.is_commanded())
+        # It comes back with a new drag only, not with the end of this one.
+        before = len(follower.speeds())
+        page.mouse.up()
+        page.get_by_role('button', name='stop', exact=True).click()
+        page.get_by_text('browser 0: nobody has control').wait_for()
+        assert len(follower.speeds()) == before
+
+
 def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
     from playwright.sync_api import sync_playwright
 
@@ -124,18 +286,12 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
     errors = []
     with running_nodes(nodes, tmp_path) as processes, sync_playwright() as playwright:
         observer = Observer()
-        log = processes[-1].log
-        observer.until(
-            lambda: 'viewer: http' in log.read_text() and 'object_pose' in observer.seen
-        )
-        address = log.read_text().partition('viewer: ')[2].split()[0]
+        address = read_address(processes[-1])
         assert address.startswith('http://127.0.0.1:')
-        browser = playwright.chromium.launch(
-            executable_path=polite_browser(tmp_path),
-            args=['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--no-sandbox'],
-        )
+        observer.until(lambda: 'object_pose' in observer.seen)
+        browser = launch(playwright, polite_browser(tmp_path))
         # A quarter of the pixels: what draws in software takes the processors from the nodes.
-        page = browser.new_page(viewport={'width': 900, 'height': 800}, device_scale_factor=0.5)
+        page = browser.new_page(viewport=VIEWPORT, device_scale_factor=0.5)
         page.set_default_timeout(1e3 * DEADLINE)
         page.on('pageerror', lambda error: errors.append(str(error)))
         page.on('console', lambda m: errors.append(m.text) if m.type == 'error' else None)
@@ -146,7 +302,7 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         # Nothing moves while the control is off: no twist was published.
         assert observer.code() == ManipulationStatus.HALT_NO_TWIST
         assert len(blue(pixels(page, 560))[0]) < 50
-        page.locator('input[type=checkbox]').last.evaluate('box => box.click()')
+        switch_control(page)
         observer.until(lambda: len(blue(pixels(page, 560))[0]) > 100)
         y, x = (float(np.mean(part)) for part in blue(pixels(page, 560)))
         before = observer.center()

@@ -17,6 +17,7 @@ from isotruss_ros.nodes.framework.subscriptions import MAX_BATCH
 from isotruss_ros.nodes.manipulation import Manipulation
 from probe import overrides, world
 import pytest
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_processes import robot
 from std_msgs.msg import Bool
@@ -54,6 +55,20 @@ PLAIN = QoSProfile(depth=1000)
 HASTY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
+HELD = """
+import sys
+import rclpy
+from rclpy.qos import QoSProfile, DurabilityPolicy
+from std_msgs.msg import Bool
+
+rclpy.init()
+profile = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+publisher = rclpy.create_node('button').create_publisher(Bool, 'emergency_stop', profile)
+publisher.publish(Bool(data=True))
+sys.stdin.read()
+"""
+
+
 @pytest.mark.parametrize('profile', [LONG, PLAIN], ids=['latched', 'volatile'])
 def test_a_stop_counts_however_many_messages_follow(profile):
     """All of it is there before the node looks."""
@@ -78,6 +93,49 @@ def test_a_stop_counts_however_many_messages_follow_from_another_process(tmp_pat
             r.until(lambda: r.w.code() == Status.HALT_EMERGENCY_STOP)
             r.until(lambda: 'message is false' in r.w.probe.last('status').message)
             assert release(r.w).success
+
+
+def test_a_publisher_that_does_not_latch_is_not_told_that_its_messages_are_not_sent():
+    told = []
+    with world() as w:
+        w.probe.destroy_publisher(w.probe.stops)
+        w.add(node()())
+        publisher = w.probe.create_publisher(
+            Bool,
+            'emergency_stop',
+            PLAIN,
+            event_callbacks=PublisherEventCallbacks(incompatible_qos=told.append),
+        )
+        w.until_code(Status.OK, w.probe.send_all)
+        publisher.publish(Bool(data=True))
+        w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+    assert not told
+
+
+@pytest.mark.parametrize('autostart', [True, False])
+def test_what_a_latching_publisher_published_before_its_match_counts(autostart):
+    """Of another process, which comes after the node, in whatever state that is."""
+    with world() as w:
+        w.probe.destroy_publisher(w.probe.stops)
+        stop = w.add(node(autostart=autostart)())._stop
+        button = subprocess.Popen([sys.executable, '-c', HELD], stdin=subprocess.PIPE)
+        try:
+            w.until(lambda: stop.reason is not None)
+        finally:
+            button.communicate()
+        assert 'stopped by the topic' in stop.reason
+
+
+def test_the_subscription_to_latching_publishers_outlives_the_state_in_which_it_was_made():
+    with world() as w:
+        w.probe.destroy_publisher(w.probe.stops)
+        made = w.add(node()())
+        publisher = w.probe.create_publisher(Bool, 'emergency_stop', LONG)
+        until_heard_by_both(w, publisher)
+        made.trigger_deactivate()
+        made.trigger_cleanup()
+        topics = [subscription.topic_name for subscription in made.subscriptions]
+        assert topics.count('/emergency_stop') == 2
 
 
 def test_lost_messages_count_as_a_stop():

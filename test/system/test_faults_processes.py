@@ -90,6 +90,29 @@ def test_a_latched_stop_persists_when_the_node_restarts(tmp_path):
         r.check_at_rest()
 
 
+def test_two_manipulation_nodes_halt_until_one_of_them_ends(tmp_path):
+    with robot(tmp_path) as r:
+        r.start('simulator')
+        r.start('manipulation')
+        r.until_moving()
+        r.alive['first'] = r.alive['manipulation']
+        r.start('manipulation')
+        heard = r.w.probe.seen['status']
+
+        def both_halt():
+            # One after the other, from two nodes that publish at the same rate.
+            codes = [message.code for _, message in heard[-100:]]
+            return len(codes) == 100 and {*codes} == {Status.HALT_OTHER_COMMANDS}
+
+        r.until(both_halt)
+        assert 'another node publishes on roller_velocity' in r.w.probe.last('status').message
+        r.check_at_rest()
+        r.signal('first', signal.SIGKILL)
+        heard.clear()
+        r.until_moving()
+        assert not any(message.failed_rollers for _, message in heard)
+
+
 #: A manipulation node with a mistake of ours in it, for once.
 MISTAKEN = """
 import sys
@@ -104,9 +127,9 @@ class Mistaken(Manipulation):
         super().configure()
         send = self._commands.publish
 
-        def publish(data):
-            send(data)
-            moving = any(self._command.data)
+        def publish(velocities):
+            send(velocities)
+            moving = any(velocities)
             self.moved += moving
             if moving and self.moved == 100:
                 raise ZeroDivisionError('a mistake')

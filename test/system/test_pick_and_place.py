@@ -17,7 +17,8 @@ import sys
 from action_msgs.msg import GoalStatus
 from boxes import BOX, SIDES
 from geometry_msgs.msg import PoseStamped
-from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
+from isotruss_msgs.action import MoveObject, PickObject, PlaceObject, PlanGrasp
+from isotruss_ros.core import Status
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from nav_msgs.msg import Path as PathMessage
 import numpy as np
@@ -34,7 +35,11 @@ CENTER, DIAMETER, FRICTION = (0.6, 0.3), 0.2, 0.5
 PATIENT = {'command_timeout': 10.0}
 #: Rollers whose commands are late stop soon, and push no object away meanwhile.
 STOPPING = {'command_timeout': 0.2}
+#: With so much progress the node under the goal has begun.
+BEGUN = 0.05
 PICK = PickObject.Goal(squeeze=15.0, module='north/Z')
+#: Takes some time to plan: any module, any squeeze.
+SEARCHED = PickObject.Goal()
 #: Fails without a motion, as soon as all nodes have discovered each other.
 READY = PickObject.Goal(squeeze=1e5, time_limit=0.2)
 
@@ -48,12 +53,16 @@ class Client:
         x, y, angle = pose
         lying = {'plant': 'elastic', 'object_is_free': True, 'object_x': x, 'object_y': y}
         lying['object_angle'] = angle
-        r.start('simulator', rate=50.0, **shared | STOPPING, **lying)
-        r.start('manipulation', rate=50.0, **shared)
-        r.start('grasp_analysis', rate=20.0, **shared)
-        r.start('path_follower', rate=50.0, **PATIENT)
-        r.start('grasp_planner', **PATIENT, **described)
-        r.start('pick_and_place', **shared)
+        self._values = {
+            'simulator': {'rate': 50.0, **shared, **STOPPING, **lying},
+            'manipulation': {'rate': 50.0, **shared},
+            'grasp_analysis': {'rate': 20.0, **shared},
+            'path_follower': {'rate': 50.0, **PATIENT},
+            'grasp_planner': {**PATIENT, **described},
+            'pick_and_place': shared,
+        }
+        for name in self._values:
+            self.start(name)
         # Ten messages, as by default, are fewer than come while a busy machine holds this process.
         every = QoSProfile(depth=1000)
         self._clients = {
@@ -61,6 +70,15 @@ class Client:
             for kind, name in ACTIONS.items()
         }
         self.feedback = []
+
+    def start(self, name):
+        """Start a node."""
+        self._r.start(name, **self._values[name])
+
+    def restart(self, name):
+        """Kill a node, and start it again."""
+        self._r.signal(name, signal.SIGKILL)
+        self.start(name)
 
     def begin(self, goal):
         """Send a goal; return its handle."""
@@ -81,7 +99,8 @@ class Client:
         """Send a goal, return how it ends; again while nodes have not discovered each other."""
         status, result = self.end(self.begin(goal))
         for _ in range(30):
-            if result.code != PickObject.Result.NOT_READY:
+            started = 'none received yet' not in result.message
+            if started and result.code != PickObject.Result.NOT_READY:
                 break
             self._r.w.spin(0.5)
             status, result = self.end(self.begin(goal))
@@ -90,10 +109,26 @@ class Client:
     def until_stage(self, goal, stage, progress=0.0):
         """Send a goal, and return its handle in a stage, with so much of it done."""
         handle = self.begin(goal)
-        self._until(
-            lambda: any(m.stage == stage and m.progress >= progress for m in self.feedback)
-        )
+        ended = handle.get_result_async()
+
+        def reached():
+            assert not ended.done(), ended.result()
+            return any(m.stage == stage and m.progress >= progress for m in self.feedback)
+
+        self._until(reached)
         return handle
+
+    def until_searching(self):
+        """Send a goal, and return its handle once the planner searches."""
+        probe = self._r.w.probe
+        probe.listen(PlanGrasp.Impl.FeedbackMessage, 'search', 'plan_grasp/_action/feedback')
+        handle = self.begin(SEARCHED)
+        self._until(lambda: probe.seen['search'])
+        return handle
+
+    def until_approaching(self):
+        """Send a goal, and return its handle once the rollers move."""
+        return self.until_stage(PICK, PickObject.Feedback.APPROACHING, BEGUN)
 
     def cancel_in_stage(self, goal, stage, back, progress):
         """Cancel a goal in a stage, in which no other is accepted; again where that was over."""
@@ -226,4 +261,62 @@ def test_a_node_that_dies_aborts_the_goal(tmp_path):
         status, result = client.end(handle)
         assert status == GoalStatus.STATUS_ABORTED
         assert 'no node offers' in result.message
+        r.check_rests()
+
+
+def test_a_goal_ends_where_a_node_under_it_is_killed_and_started_again(tmp_path):
+    with robot(tmp_path) as r:
+        client = Client(r)
+        client.execute(READY)
+        for name, begin in (
+            ('grasp_planner', client.until_searching),
+            ('manipulation', client.until_approaching),
+        ):
+            handle = begin()
+            client.restart(name)
+            status, result = client.end(handle)
+            assert (status, result.code) == (GoalStatus.STATUS_ABORTED, PickObject.Result.STOPPED)
+            assert 'does not know the goal' in result.message
+            r.check_rests()
+            client.execute(READY)
+        assert client.execute(PICK)[1].code == 0
+        moving = MoveObject.Goal(path=path_to(0.58, 0.34), speed=0.005)
+        handle = client.until_stage(moving, MoveObject.Feedback.MOVING, progress=BEGUN)
+        client.restart('path_follower')
+        status, result = client.end(handle)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, MoveObject.Result.STOPPED)
+        assert 'does not know the goal' in result.message
+        assert 0.01 < result.position_error < 0.05
+        assert read_stamp(result) > read_stamp(result.object_pose.header) > 0.0
+        r.check_rests()
+        assert client.execute(moving)[1].code == 0
+
+
+def test_a_cancel_ends_the_goal_where_a_node_under_it_hangs(tmp_path):
+    with robot(tmp_path) as r:
+        client = Client(r)
+        client.execute(READY)
+        handle = client.until_searching()
+        r.signal('grasp_planner', signal.SIGSTOP)
+        handle.cancel_goal_async()
+        status, result = client.end(handle)
+        assert (status, result.code) == (GoalStatus.STATUS_CANCELED, PickObject.Result.CANCELLED)
+        r.signal('grasp_planner', signal.SIGCONT)
+        assert client.execute(PICK)[1].code == 0
+
+
+def test_a_motion_ends_with_a_pick_and_place_that_is_killed(tmp_path):
+    with robot(tmp_path) as r:
+        client = Client(r, command_timeout=2.0)
+        client.execute(READY)
+        client.until_approaching()
+        client.restart('pick_and_place')
+        r.w.until(lambda: r.w.code() == Status.HALT_TRAJECTORY)
+        assert 'the client that supervises the goal' in r.w.probe.last('status').message
+        r.check_rests()
+        assert client.execute(PICK)[1].code == 0
+        moving = MoveObject.Goal(path=path_to(0.58, 0.34), speed=0.002)
+        client.until_stage(moving, MoveObject.Feedback.MOVING, progress=BEGUN)
+        r.signal('pick_and_place', signal.SIGKILL)
+        r.w.until(lambda: 'supervises the goal' in r.w.report('path_follower').message)
         r.check_rests()

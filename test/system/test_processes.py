@@ -233,6 +233,33 @@ def test_bad_parameters_end_the_process_with_one_sentence(name, parameters, word
         process.require_running()
 
 
+@pytest.mark.parametrize(
+    ('content', 'words'),
+    [
+        (None, 'Error opening YAML file'),
+        ('simulator: [', 'Error'),
+        ('simulator: {rate: 3.0}', 'Cannot have a value before ros__parameters at line 1'),
+    ],
+)
+def test_a_bad_file_of_parameters_ends_the_process_with_one_line(content, words, tmp_path):
+    path = tmp_path / 'parameters.yaml'
+    if content is not None:
+        path.write_text(content)
+    command = [sys.executable, '-m', 'isotruss_ros.executables', 'simulator']
+    done = subprocess.run(
+        [*command, '--ros-args', '--params-file', str(path)],
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE,
+        check=False,
+    )
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith('cannot start: ')
+    assert str(path) in line
+    assert words in line
+
+
 def test_robot_files_of_ones_own(tmp_path, listener):
     preset = Path(__file__).parents[2] / 'config' / 'triangle.yaml'
     mine = tmp_path / 'mine.yaml'

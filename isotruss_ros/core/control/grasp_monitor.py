@@ -41,6 +41,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration, Configurat
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Disc
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 
 #: The code for each fault of an input; a wrench that was never received is zero.
 FAULTS = {
@@ -78,6 +79,8 @@ class GraspMonitor:
     :param timeout: inputs older than this are not used [s].
     :param body: the object, wherever; None for a disc of the diameter. Where its friction is
         known, it counts instead of the other.
+    :param flattening: whether the tubes flatten where they are touched; if not, the analysis of
+        the object held fast is that of the paper's model.
     """
 
     def __init__(
@@ -88,6 +91,7 @@ class GraspMonitor:
         spacing: float,
         timeout: float,
         body: ConvexObject | None = None,
+        flattening: bool = True,
     ) -> None:
         self.robot = robot
         self.object_diameter = object_diameter
@@ -95,6 +99,7 @@ class GraspMonitor:
         self.spacing = spacing
         self.timeout = timeout
         self.body = body
+        self.flattening = flattening
         self.rollers: Input = None
         self.pose: Input = None
         self.wrench: Input = None
@@ -102,6 +107,7 @@ class GraspMonitor:
         self._query: GraspQuery | None = None
         self._report = GraspReport(GraspCode.NO_JOINT_STATES, '', 0.0)
 
+    @single_threaded
     def report(self, now: float) -> GraspReport:
         """
         Return the analysis for now; computed only if an input or a setting has changed.
@@ -127,6 +133,7 @@ class GraspMonitor:
             self.friction if body.friction is None else body.friction,
             wrench[0].value if wrench else NO_WRENCH,
             self.spacing,
+            self.flattening,
         )
         if query != self._query:
             self._report = _analyze(query, self._tracker.configuration, self._report.grasp)
@@ -134,6 +141,7 @@ class GraspMonitor:
         analyzed = self._report.grasp is not None
         return replace(self._report, time=min(rollers.time, pose.time) if analyzed else now)
 
+    @single_threaded
     def analyze_request(self, query: GraspQuery, now: float) -> GraspReport:
         """
         Return the analysis for other values; that of `report` stays as it is.
@@ -171,6 +179,7 @@ def _analyze(
             query.friction,
             query.external_wrench,
             spacing=query.spacing,
+            flattening=query.flattening,
             previous=None if last is None else last.analysis,
         )
         settled = settle_grasp(

@@ -54,6 +54,7 @@ class GraspQuery(NamedTuple):
     :ivar friction: coefficient between tube and object.
     :ivar external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
     :ivar spacing: of the contact points along the tubes [m].
+    :ivar flattening: whether the tubes flatten where they are touched, see `analyze_grasp`.
     """
 
     roller_positions: tuple[float, ...]
@@ -61,6 +62,7 @@ class GraspQuery(NamedTuple):
     friction: float
     external_wrench: tuple[float, float, float]
     spacing: float
+    flattening: bool = True
 
 
 @dataclass(frozen=True, eq=False)

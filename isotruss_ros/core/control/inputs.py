@@ -113,7 +113,10 @@ def require_fresh(
         age = now - given.time
         if age > timeout:
             raise InputError(
-                name, InputFault.STALE, f'{words}: {age:.3f} s old; must be at most {timeout} s'
+                name,
+                InputFault.STALE,
+                f'{words}: {age:.3f} s old; must be at most {timeout} s (command_timeout: set it '
+                'higher where the machine is busy)',
             )
         if age < -clock_skew:
             raise InputError(

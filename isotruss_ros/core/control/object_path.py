@@ -56,6 +56,7 @@ class ObjectPath:
     :param smooth: whether the path rounds its corners; straight from pose to pose if not.
     :param piece: the pieces of a smooth path are about this long [m] ...
     :param piece_turn: ... or turn about this far [rad].
+    :param first: number of the first pose in errors.
     :raises PathError: names what cannot be followed and what would be right.
     """
 
@@ -67,10 +68,11 @@ class ObjectPath:
         smooth: bool = False,
         piece: float = 0.005,
         piece_turn: float = 0.02,
+        first: int = 0,
     ) -> None:
         self.speed = _limit('speed', speed, MAX_SPEED, 'm/s')
         self.turn_rate = _limit('turn rate', turn_rate, MAX_TURN_RATE, 'rad/s')
-        self.poses = _distinct(_unwrapped(_checked(poses)))
+        self.poses = _distinct(_unwrapped(_checked(poses, first), first))
         if smooth:
             self.poses = _distinct(_smoothed(self.poses, self._durations(), piece, piece_turn))
         self.times = np.concatenate([[0.0], np.cumsum(self._durations())])
@@ -117,7 +119,7 @@ def _limit(name: str, value: float, most: float, unit: str) -> float:
     return float(value)
 
 
-def _checked(poses: ArrayLike) -> Array:
+def _checked(poses: ArrayLike, first: int) -> Array:
     """Return the poses as numbers (n, 3)."""
     try:
         array = np.asarray(poses, dtype=np.float64)
@@ -132,20 +134,20 @@ def _checked(poses: ArrayLike) -> Array:
     bad = np.flatnonzero(~(np.abs(array) <= MAX_DISTANCE).all(axis=1))
     if len(bad):
         raise PathError(
-            f'pose {bad[0]} of the path: {array[bad[0]].tolist()}: must be finite, '
+            f'pose {bad[0] + first} of the path: {array[bad[0]].tolist()}: must be finite, '
             f'at most {MAX_DISTANCE:g}'
         )
     return array
 
 
-def _unwrapped(poses: Array) -> Array:
+def _unwrapped(poses: Array, first: int) -> Array:
     """Return the poses, each turned in the shorter direction from the one before."""
     turns = np.diff(poses[:, 2])
     turns = turns - 2.0 * math.pi * np.round(turns / (2.0 * math.pi))
     far = np.flatnonzero(np.abs(turns) > math.pi - HALF_TURN_MARGIN)
     if len(far):
         raise PathError(
-            f'pose {far[0] + 1} of the path is half a turn from the one before, '
+            f'pose {far[0] + 1 + first} of the path is half a turn from the one before, '
             'and both directions are as short; put a pose in between'
         )
     unwrapped = poses.copy()

@@ -49,6 +49,7 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds, ShapeGuard
 import numpy as np
@@ -210,6 +211,7 @@ class TwistServo:
         body = self.body or ConvexObject(Disc(self.object_diameter))
         return Grip(names, body.moved_to(pose), self.friction)
 
+    @single_threaded
     def decide(self, now: float) -> Decision:
         """
         Return the roller command for the cycle that begins now.

@@ -29,6 +29,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Array, as_xy, finite_array, Indices
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.pressures import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -55,10 +56,13 @@ class GraspAnalysis:
     :ivar gaps: (k,) distance of the tube's skin from the object there, not negative [m].
     :ivar normals: (k, 2) unit normals of the object's surface, outward: toward the tube; at a
         corner over which the skin is folded nearly across the tube, see `turn_at_corners`.
-    :ivar normal_forces: (k,) pressing tube and object apart, not negative [N].
+        Except for discs, normals times forces sum up to less or more than `normal_wrench`, which
+        counts: by 0.3 % on an ellipse, by a tenth and at most a quarter at sharp corners.
+    :ivar normal_forces: (k,) pressing tube and object apart, along `normals`, not negative [N].
     :ivar friction_forces: (k,) on the object, along the tangent, counter-clockwise [N].
-    :ivar normal_wrench: (fx, fy, m) of the normal forces on the object about the origin of
-        its frame, the centre of a cylinder [N, N m].
+    :ivar normal_wrench: (fx, fy, m) with which the tubes press on the object without friction,
+        across their bent centre lines, about the origin of its frame, the centre of a cylinder
+        [N, N m].
     :ivar force_closure: whether the object is touched, and friction balances normal forces and
         external wrench.
     :ivar closure_residual: what friction leaves, moments over half of the mean width, d/2 of a
@@ -108,6 +112,7 @@ class GraspAnalysis:
     stiffness: Array
 
 
+@single_threaded
 def analyze_grasp(
     config: Configuration,
     body: ConvexObject,
@@ -128,7 +133,8 @@ def analyze_grasp(
         0.5 where it has none.
     :param external_wrench: (fx, fy, m) on the object about the origin of its frame, the centre
         of a cylinder [N, N m].
-    :param method: 'exact' (complementarity by pivoting) or 'relaxation' (the paper's (9)).
+    :param method: 'exact' (complementarity by pivoting) or 'relaxation' (the paper's (9)); where
+        tubes flatten the latter is for discs only.
     :param spacing: of the contact points along the tubes [m]; tubes that flatten have points where
         they are touched, a half or a quarter of this apart where a region of contact is short.
     :param flattening: whether the tubes' sections flatten where they are touched; if not, they
@@ -157,6 +163,11 @@ def analyze_grasp(
     }
     if method not in solvers:
         raise GraspError(f'method {method!r}: must be one of {", ".join(solvers)}')
+    if method == 'relaxation' and sliding:
+        raise GraspError(
+            "method 'relaxation': where tubes flatten (9) is for discs only; must be 'exact', or "
+            'flattening=False'
+        )
     structure = structure_of(config, pressure)
     margin = 0.0 if flattening else 0.5 * config.robot.description.tube_diameter
     surface = surface_of(body, margin)

@@ -100,8 +100,8 @@ def weakest_direction(state: ContactForces, response: WrenchResponse, friction: 
 
 
 def _sizes(slope: Array) -> Array:
-    """Return the lengths of rows."""
-    return np.sqrt((slope * slope).sum(axis=1))
+    """Return the lengths of rows; of any friction, their squares may overflow."""
+    return np.hypot.reduce(slope, axis=1)
 
 
 def _conditions(

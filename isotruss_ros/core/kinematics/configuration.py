@@ -17,6 +17,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.constraints import Constraints, Targets
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.factorization import Factor, factorize
 import numpy as np
 from numpy.typing import ArrayLike
@@ -103,6 +104,7 @@ class Configuration:
         return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
     @cached_property
+    @single_threaded
     def factor(self) -> Factor:
         """
         Return the factored matrix of (12).
@@ -124,6 +126,7 @@ class Configuration:
         )
 
     @cached_property
+    @single_threaded
     def node_jacobian(self) -> Array:
         """
         Return the (2n, r) velocities of the nodes (x0, y0, x1, y1, ...) for 1 m/s at each roller.
@@ -137,6 +140,7 @@ class Configuration:
         right[: topology.n_modules] = topology.incidence
         return np.asarray(self.factor.solve(right))
 
+    @single_threaded
     def moved_to(self, roller_positions: ArrayLike, nearby: Factor | None = None) -> Configuration:
         """
         Return the configuration at other roller travel, reached without leaving the branch.
@@ -200,6 +204,7 @@ class Configuration:
             return False
         return bool(np.abs(roller_positions - self.roller_positions).max() < FIRST_ORDER)
 
+    @single_threaded
     def predict(self, travel: Array, first_order: float = FIRST_ORDER) -> Configuration:
         """
         Return the configuration after some roller travel, to first order where that is short.

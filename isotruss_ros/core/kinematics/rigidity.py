@@ -32,6 +32,7 @@ from typing import NamedTuple
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 
 #: Vectors in the block: the error falls by (s_1 / s_5)^2 in each iteration, typically to 1/20.
@@ -137,6 +138,7 @@ def rigidity_index(robot: Robot) -> RigidityIndex:
     return RigidityIndex(robot)
 
 
+@single_threaded
 def worst_case_rigidity_index(config: Configuration) -> float:
     """
     Return the worst-case rigidity index of the truss between the joints.

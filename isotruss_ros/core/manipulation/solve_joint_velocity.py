@@ -23,6 +23,7 @@ from isotruss_ros.core.manipulation.solve_twist import carry_out
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import Reach
 from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -66,6 +67,7 @@ def check_joint(robot: Robot, name: str) -> None:
         )
 
 
+@single_threaded
 def solve_joint_velocity(
     config: Configuration,
     velocities: Mapping[str, ArrayLike],

@@ -36,6 +36,7 @@ from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import Reach, Task
 from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -67,6 +68,7 @@ class RollerCommand:
     reachable_dof: int = 0
 
 
+@single_threaded
 def solve_twist(
     config: Configuration,
     grip: Grip,
@@ -233,6 +235,7 @@ def solve_twist_ahead(
     return solve_twist(ahead, rolled.grip, twist, failed, limits)
 
 
+@single_threaded
 def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] = ()) -> Array:
     """
     Return the motions of the object that the working rollers can produce.

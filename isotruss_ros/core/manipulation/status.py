@@ -49,6 +49,7 @@ class Status(enum.IntEnum):
     HALT_INVALID_FAILED_ROLLERS = 42
     HALT_NOT_HELD = 43  #: the squeeze is regulated, and no equilibrium holds the object
     HALT_TRAJECTORY = 44  #: a trajectory was rejected or aborted; no twist came since
+    HALT_OTHER_COMMANDS = 45  #: another node commands the rollers, too
 
     def __str__(self) -> str:
         """Return the name in words."""

@@ -35,8 +35,8 @@ class ClosedGrip:
     :ivar analysis: of the grasp, the object held fast.
     :ivar loads: of the grasp.
     :ivar squeeze: mean normal force of the grasping members [N].
-    :ivar slip_margin: smallest wrench, moment over the arm, at which a contact slips or lets go,
-        the object free [N]; zero where it is not held then.
+    :ivar slip_margin: see `SettledGrasp.slip_margin`: of the free object; zero where that would
+        not be held [N].
     """
 
     path: Array

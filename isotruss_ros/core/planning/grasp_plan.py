@@ -49,15 +49,15 @@ class PlannedGrasp:
     :ivar analysis: of the grasp.
     :ivar score: of the measure asked for; larger is better.
     :ivar squeeze: mean normal force of the grasping members on the free object [N].
-    :ivar slip_margin: smallest wrench, moment over d/2, at which a contact slips or lets go, the
-        object free; zero where it is not held then [N].
+    :ivar slip_margin: see `SettledGrasp.slip_margin`: of the free object; zero where that would
+        not be held [N].
     :ivar closure_margin: see `GraspAnalysis.closure_margin`: of the object held fast; negative
         where that is open, which an object that is free does not mind [N].
     :ivar required_friction: see `GraspAnalysis.required_friction`.
     :ivar max_contact_force: largest sum of the normal forces of one member, of the object held
         fast or free [N].
     :ivar total_force: sum of the normal forces, likewise [N].
-    :ivar utilisation: largest of all members, likewise, see `GraspAnalysis.utilisation`; above 1
+    :ivar utilisation: largest of all members, likewise, see `SettledGrasp.utilisation`; above 1
         all numbers are outside of the model.
     :ivar travel: path length of the roller that travels furthest [m].
     :ivar rigidity: the smallest rigidity index along the path, 1 at home.

@@ -35,6 +35,9 @@ from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.safety.object_distances import object_distances
 import numpy as np
 
+#: An object that overlaps the robot by less than this does not yet touch it [m].
+OVERLAP = 1e-6
+
 
 class GraspSearch:
     """
@@ -70,9 +73,10 @@ class GraspSearch:
     def is_free(self) -> bool:
         """Return whether nothing touches the object yet; otherwise there is no path to a grasp."""
         least = float(object_distances(self._config, self._body).min())
-        if least < 0.0:
+        free = least >= -OVERLAP
+        if not free:
             self._record(Violation('free', least, 0.0, 2000.0))
-        return least >= 0.0
+        return free
 
     def approach(self, closings: Sequence[Closing]) -> list[Approach]:
         """

@@ -25,6 +25,7 @@ from dataclasses import replace
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
 from isotruss_ros.core.planning.grasp_search import GraspSearch
 from isotruss_ros.core.planning.requirements import GraspRequirements
@@ -34,6 +35,7 @@ from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
 
+@single_threaded
 def plan_grasps(
     config: Configuration,
     body: ConvexObject,

@@ -28,6 +28,7 @@ from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_motion import press
 from isotruss_ros.core.planning.grasp_plan import Violation
@@ -64,6 +65,7 @@ class Release:
     violation: Violation | None = None
 
 
+@single_threaded
 def plan_release(
     config: Configuration,
     body: ConvexObject,

@@ -95,7 +95,7 @@ class GraspRequirements:
         if self.members is not None:
             self._check_members()
         if self.squeeze == 0.0:
-            raise GraspError('requirement squeeze: 0: must be positive, or None for the best')
+            raise GraspError('requirement squeeze: 0: must be positive, or left out for the best')
         if isinstance(self.count, bool) or not isinstance(self.count, int) or self.count < 1:
             raise GraspError(f'requirement count: {self.count!r}: must be 1 or more')
         try:
@@ -122,7 +122,7 @@ class GraspRequirements:
         if not fits or len(set(names)) != len(names) or not FEWEST <= len(names) <= MOST:
             raise GraspError(
                 f'requirement members: {quote(repr(names))}: must be the names t/j-k of '
-                f'{FEWEST} or {MOST} different members, or None for any'
+                f'{FEWEST} or {MOST} different members, or left out for any'
             )
         if self.module is not None:
             raise GraspError(

@@ -21,14 +21,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
-from isotruss_ros.core.grasping.settle_grasp import settle_grasp
+from isotruss_ros.core.grasping.settle_grasp import settle_grasp, SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closed_grip import ClosedGrip
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_motion import GAP_TOLERANCE, press
 from isotruss_ros.core.planning.force_balance import find_imbalance, Imbalance
-from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads
+from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads, GraspLoads
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
@@ -40,12 +40,16 @@ class Pressed:
     A grip that holds the object.
 
     :ivar config: configuration of the robot.
-    :ivar analysis: of it.
+    :ivar analysis: of it, the object held fast.
+    :ivar settled: equilibrium of the object, were it free.
+    :ivar loads: of the object held fast; the tubes bear the larger moment of both.
     :ivar depths: (s,) indentation of each grasping member [m].
     """
 
     config: Configuration
     analysis: GraspAnalysis
+    settled: SettledGrasp
+    loads: GraspLoads
     depths: Array
 
 
@@ -104,12 +108,10 @@ class Squeeze:
         path = () if pressed is None else self.closing_path(pressed)
         if pressed is None or not path:
             return None
-        needs, body = self._needs, self._closing.body
+        body = self._closing.body
         mean = float(pressed.analysis.normal_forces.sum()) / len(pressed.depths)
-        freed = settle_grasp(pressed.config, body, needs.friction, needs.external_wrench)
-        margin = freed.slip_margin if freed.held else 0.0
-        loads = grasp_loads(pressed.analysis)
-        return ClosedGrip.at_end(path, body, pressed.analysis, loads, mean, margin)
+        margin = pressed.settled.slip_margin if pressed.settled.held else 0.0
+        return ClosedGrip.at_end(path, body, pressed.analysis, pressed.loads, mean, margin)
 
     def closing_path(self, pressed: Pressed) -> tuple[Configuration, ...]:
         """
@@ -161,7 +163,7 @@ class Squeeze:
             analysis, load, missing = self._analyze(config, depths)
             factor = missing[1]
             if missing[0] is None:
-                return Pressed(config, analysis, depths)
+                return self._free(config, analysis, depths)
             if load is None:
                 return settings.increase
             here = free.T @ depths
@@ -192,6 +194,22 @@ class Squeeze:
         if missing[0] is not None:
             self._record(missing[0])
         return analysis, left, missing
+
+    def _free(
+        self, config: Configuration, analysis: GraspAnalysis, depths: Array
+    ) -> Pressed | float:
+        """Return a grip that holds an object, unless it wrinkles a tube once it is free."""
+        needs = self._needs
+        settled = settle_grasp(config, self._closing.body, needs.friction, needs.external_wrench)
+        loads = grasp_loads(analysis)
+        if settled.hold.at_rest:
+            used = max(loads.max_utilisation, *settled.utilisation.values())
+            loads = loads._replace(max_utilisation=used)
+        over = exceeded_bound(needs, loads)
+        if over is None:
+            return Pressed(config, analysis, settled, loads, depths)
+        self._record(over)
+        return 0.95 * over.bound / over.value
 
     def _missing(self, analysis: GraspAnalysis) -> tuple[Violation | None, float]:
         """Return the violation of an analysed grip, and the factor on its mean indentation."""

@@ -33,8 +33,9 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
-#: What is beyond the bound must not get further, rounding aside.
-ROUNDING = 1e-9
+#: What is beyond the bound must not get further, but for rounding and effects of second order: for
+#: the square of the rollers' travel, in units of this [m], times the band.
+ROUNDING, BEND = 1e-9, 0.05
 
 
 @dataclass(frozen=True)
@@ -83,21 +84,25 @@ class BarrierLaw:
         """
         return self._class_k(np.maximum(margins - self.safety_margin, 0.0))
 
-    def discrete_bound(self, margins: Array, duration: float) -> Array:
+    def discrete_bound(self, margins: Array, duration: float, travel: float) -> Array:
         """
         Return what must be left of margins after a sample.
 
         What has got down to `kept_share` of the safety margin must not get further, nor may
-        anything beyond the bound; so errors of a fraction of the safety margin do no harm.
+        anything beyond the bound; so errors of a fraction of the safety margin do no harm. Beyond
+        the bound there is no safety margin for effects of second order: they are allowed there,
+        or the robot would stop in every other sample.
 
         :param margins: (k,) at its beginning.
         :param duration: of the sample, positive [s].
+        :param travel: the largest of a roller in this sample or the one before it [m].
         """
         last = self.kept_share * self.safety_margin
         left = np.maximum(margins, last)
         slowly = left - 2.0 * duration * self._class_k(left)
         kept = np.maximum(np.maximum(self.kept_share * left, slowly), last)
-        return np.where(margins > last, kept, margins - ROUNDING)
+        allowed = ROUNDING + self.band * (travel / BEND) ** 2
+        return np.where(margins > last, kept, margins - allowed)
 
     def _class_k(self, left: Array) -> Array:
         share = np.minimum(left / self.band, 1.0)

@@ -98,7 +98,8 @@ class BarrierLimit:
         law = self.barrier.law
         before = self.margins - 0.5 * duration * (self.matrix @ velocities)
         left = law.margin(self.barrier.values(end, grip, self.indices))
-        bound = law.discrete_bound(before, duration)
+        longest = max(float(np.abs(travel).max()), duration * float(np.abs(velocities).max()))
+        bound = law.discrete_bound(before, duration, longest)
         below = np.flatnonzero(left < bound)
         if not len(below):
             return None

@@ -17,6 +17,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.safety.distances import collision_model
 from isotruss_ros.core.safety.object_distances import object_distances
 import numpy as np
@@ -42,6 +43,7 @@ class ShapeMargins(NamedTuple):
     nearest_to_object: str
 
 
+@single_threaded
 def shape_margins(
     config: Configuration, body: ConvexObject | None = None, members: tuple[str, ...] = ()
 ) -> ShapeMargins:

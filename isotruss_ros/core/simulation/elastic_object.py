@@ -21,6 +21,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.simulation.pushing import push_out, TOLERANCE
 import numpy as np
 from numpy.typing import ArrayLike
@@ -101,6 +102,7 @@ class ElasticObject:
         """
         return self._lies if self._grasp is None else self._grasp.pose
 
+    @single_threaded
     def follow(self, config: Configuration) -> None:
         """
         Go with the robot to a configuration.
@@ -117,6 +119,7 @@ class ElasticObject:
         if self._grasp is None:
             self._lies = self._pushed(config)
 
+    @single_threaded
     def come_to_rest(self, config: Configuration) -> None:
         """
         Stay as it is: it is in equilibrium in every step.

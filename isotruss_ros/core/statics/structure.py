@@ -28,6 +28,7 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Flags, Indices, Points
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.frame import Frame, FrameState, Members
 from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows
 from isotruss_ros.core.statics.pressures import Pressure, tube_pressures
@@ -278,6 +279,7 @@ class Deformation:
         return dict(zip(names, forces.reshape(-1, 2, 3), strict=True))
 
 
+@single_threaded
 def deform(
     config: Configuration,
     joint_loads: Mapping[str, ArrayLike],

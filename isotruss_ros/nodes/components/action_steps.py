@@ -17,10 +17,13 @@ A sequence of such steps reads like a script, never blocks, and can be cancelled
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from contextlib import suppress
 import enum
+from itertools import islice
 from typing import Any
+from uuid import uuid4
 
-from action_msgs.msg import GoalInfo
+from action_msgs.msg import GoalInfo, GoalStatus
 from isotruss_ros.core import IsotrussError
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import SetParameters
@@ -29,11 +32,14 @@ from rclpy.action.client import ClientGoalHandle
 from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.task import Future
 
 #: Ticks after which a request without an answer is sent again: rmw_fastrtps sends no answer to a
 #: client that the server does not discover within 0.1 s, as at the start on a busy machine.
 RETRY_TICKS = 50
+#: Ticks that a server has to end a goal that was cancelled.
+CANCEL_TICKS = 100
 
 #: Steps yield the progress of a stage, 0 to 1, and return a result.
 Steps = Generator[float, None, Any]
@@ -76,13 +82,19 @@ class ActionStep:
     """
     An action of another node.
 
+    The server may be killed and started again under a goal, unnoticed by DDS for seconds. So the
+    result is requested again and again: a server that was started again does not know the goal.
+
     :param node: has the client, until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
+    :param supervision: of `supervised_goal`: tells the server in every tick that the goal still
+        has a client.
     """
 
-    def __init__(self, node: Node, kind: type, name: str) -> None:
+    def __init__(self, node: Node, kind: type, name: str, supervision: Publisher) -> None:
         self._client, self._name = ActionClient(node, kind, name), name
+        self._supervision = supervision
 
     def run(self, goal: Any, progress: Callable[[Any], float]) -> Steps:
         """
@@ -90,54 +102,66 @@ class ActionStep:
 
         :param goal: message of the action.
         :param progress: returns the progress of a feedback, 0 to 1.
-        :raises StepError: no server, or it rejects the goal or ends.
-        :raises CancelledError: after the server has ended the goal.
+        :raises StepError: no server, or it rejects the goal, ends or is started again.
+        :raises CancelledError: the server has ended the goal, or does not answer.
         """
         # A goal is carried out even where its answer is lost, so it cannot be sent again. First,
-        # therefore, the server has to answer what the result is of a goal that nobody sent.
+        # therefore, the server has to answer what the result is of a goal that nobody sent. Not
+        # of this one: a late answer would end its feedback.
+        info = GoalInfo()
+        info.goal_id.uuid = list(uuid4().bytes)
         unknown = ClientGoalHandle(self._client, GoalInfo().goal_id, None)
-        yield from _ask(unknown.get_result_async, self._require_server)
+        wanted = ClientGoalHandle(self._client, info.goal_id, None)
+        yield from self._request_result(unknown, info)
         made = 0.0
 
         def note(message: Any) -> None:
             nonlocal made
             made = progress(message.feedback)
 
-        sent = self._client.send_goal_async(goal, note)
-        cancelled: CancelledError | None = None
-        try:
-            try:
-                handle = yield from self._wait(sent, lambda: made)
-            except CancelledError as error:
-                cancelled = error
-                handle = yield from self._wait(sent, lambda: made)
-            if not handle.accepted:
-                raise StepError(Outcome.NOT_READY, f'the action {self._name} rejects goals now')
-            ended = handle.get_result_async()
-            if cancelled is not None:
-                handle.cancel_goal_async()
-            try:
-                yield from self._wait(ended, lambda: made)
-            except CancelledError as error:
-                cancelled = error
-                handle.cancel_goal_async()
-                yield from self._wait(ended, lambda: made)
-        except GeneratorExit:
-            sent.add_done_callback(_cancel_goal)  # at once where it is answered already
-            raise
-        if cancelled is not None:
-            raise cancelled
-        return ended.result().result
+        sent = self._client.send_goal_async(goal, note, info.goal_id)
 
-    def _require_server(self) -> None:
+        def finish() -> Steps:
+            for _ in range(RETRY_TICKS):
+                if sent.done():
+                    break
+                self._supervise(info)
+                yield made
+            ended = yield from self._request_result(wanted, info, lambda: made)
+            if ended.status != GoalStatus.STATUS_UNKNOWN:
+                return ended.result
+            if sent.done() and not sent.result().accepted:
+                raise StepError(Outcome.NOT_READY, f'the action {self._name} rejects goals now')
+            raise StepError(
+                Outcome.STOPPED,
+                f'the node that offers the action {self._name} does not know the goal: it was '
+                'started again',
+            )
+
+        try:
+            return (yield from finish())
+        except CancelledError:
+            sent.add_done_callback(_cancel_goal)  # at once where it is answered already
+            with suppress(StepError):
+                yield from islice(finish(), CANCEL_TICKS)
+            raise
+        except (GeneratorExit, StepError):
+            sent.add_done_callback(_cancel_goal)
+            raise
+
+    def _request_result(
+        self,
+        goal: ClientGoalHandle,
+        info: GoalInfo,
+        progress: Callable[[], float] = lambda: 0.0,
+    ) -> Steps:
+        return _ask(goal.get_result_async, lambda: self._supervise(info), progress)
+
+    def _supervise(self, info: GoalInfo) -> None:
+        """Tell the server, if there is one, that the goal has a client."""
         if not self._client.server_is_ready():
             raise StepError(Outcome.NOT_READY, f'no node offers the action {self._name}')
-
-    def _wait(self, future: Any, progress: Callable[[], float]) -> Steps:
-        while not future.done():
-            self._require_server()
-            yield progress()
-        return future.result()
+        self._supervision.publish(info)
 
 
 def _cancel_goal(sent: Any) -> None:
@@ -146,7 +170,11 @@ def _cancel_goal(sent: Any) -> None:
         handle.cancel_goal_async()
 
 
-def _ask(send: Callable[[], Future], require_server: Callable[[], None]) -> Steps:
+def _ask(
+    send: Callable[[], Future],
+    require_server: Callable[[], None],
+    progress: Callable[[], float] = lambda: 0.0,
+) -> Steps:
     """Send a request again and again until it is answered; return the first answer."""
     sent: list[Future] = []
     while True:
@@ -157,7 +185,7 @@ def _ask(send: Callable[[], Future], require_server: Callable[[], None]) -> Step
                 if future.done():
                     return future.result()
             require_server()
-            yield 0.0
+            yield progress()
 
 
 def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.subscriptions import EveryMessage
-from rclpy.node import Node
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -36,7 +36,7 @@ class EmergencyStop:
 
     def __init__(
         self,
-        node: Node,
+        node: ManagedNode,
         required: Callable[[], bool],
         changed: Callable[[], None],
         wait_for_zero: Callable[[], bool],

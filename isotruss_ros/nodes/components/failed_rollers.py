@@ -17,9 +17,9 @@ from isotruss_ros.core import IsotrussError, reachable_twists, Robot, TwistServo
 from isotruss_ros.core.control.inputs import StampedInput
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Value
 from isotruss_ros.nodes.framework.subscriptions import EveryMessage
-from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -37,7 +37,10 @@ class FailedRollers:
     """
 
     def __init__(
-        self, node: Node, servo: Callable[[], TwistServo | None], changed: Callable[[], None]
+        self,
+        node: ManagedNode,
+        servo: Callable[[], TwistServo | None],
+        changed: Callable[[], None],
     ) -> None:
         self._servo, self._changed = servo, changed
         self._named: frozenset[str] = frozenset()

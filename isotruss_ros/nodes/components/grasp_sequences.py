@@ -13,8 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+import math
+import time
 from typing import Any
 
+from action_msgs.msg import GoalInfo
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import (
     FollowObjectPath,
@@ -25,9 +28,22 @@ from isotruss_msgs.action import (
     PlanGrasp,
 )
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import ConvexObject, Disc, plan_release, Pose, read_object, Robot
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    IsotrussError,
+    plan_release,
+    Pose,
+    read_object,
+    Robot,
+)
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh, StampedInput
-from isotruss_ros.core.control.path_tracking import RETURN, RETURN_SPEED, RETURN_TURN_RATE
+from isotruss_ros.core.control.path_tracking import (
+    pose_error,
+    RETURN,
+    RETURN_SPEED,
+    RETURN_TURN_RATE,
+)
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST
 from isotruss_ros.core.planning.export import export_violation
 from isotruss_ros.core.planning.grasp_plan import path_times
@@ -42,7 +58,12 @@ from isotruss_ros.nodes.components.action_steps import (
     Steps,
 )
 from isotruss_ros.nodes.components.tracked_shape import TrackedShape
-from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.conversions.messages import (
+    read_pose,
+    stamp_header,
+    to_pose_message,
+    to_time,
+)
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.conversions.trajectory_messages import (
     read_duration,
@@ -50,6 +71,8 @@ from isotruss_ros.nodes.conversions.trajectory_messages import (
 )
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.single_goal import SUPERVISION
 from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
@@ -58,6 +81,8 @@ from rcl_interfaces.srv import SetParameters
 IN_PLACE = 1e-3
 #: The analysis has to confirm a grasp, or its end, within this time [s].
 CONFIRMATION_TIME = 5.0
+#: Inputs that are late may come within this time, before anything moves [s].
+INPUT_TIME = 1.0
 PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedback
 
 
@@ -84,9 +109,13 @@ class GraspSequences:
         described = node.values[params.OBJECT]
         self._described = read_object(described) if described else None
         self._shape = TrackedShape(robot)
-        self._planner = ActionStep(node, PlanGrasp, 'plan_grasp')
-        self._trajectories = ActionStep(node, FollowRollerTrajectory, 'follow_roller_trajectory')
-        self._object = ActionStep(node, FollowObjectPath, 'follow_object_path')
+        # Before the actions: who has discovered their clients has discovered it, too.
+        alive = node.create_lifecycle_publisher(GoalInfo, SUPERVISION, RELIABLE)
+        self._planner = ActionStep(node, PlanGrasp, 'plan_grasp', alive)
+        self._trajectories = ActionStep(
+            node, FollowRollerTrajectory, 'follow_roller_trajectory', alive
+        )
+        self._object = ActionStep(node, FollowObjectPath, 'follow_object_path', alive)
         self._parameters = node.create_client(SetParameters, 'manipulation/set_parameters')
         self._thread = ThreadPoolExecutor(max_workers=1)
 
@@ -103,8 +132,23 @@ class GraspSequences:
         if not isinstance(self.pose, StampedInput):
             return None
         message = PoseStamped(pose=to_pose_message(self.pose.value))
-        message.header.frame_id = self._robot.frame
+        stamp_header(message.header, to_time(self.pose.time), self._robot.frame)
         return message
+
+    def distance_left(self, path: Path) -> tuple[float, float]:
+        """
+        Return how far the object is from the last pose of a path [m], and how far turned [rad].
+
+        :param path: of a goal.
+        :return: not numbers where either pose is not known.
+        """
+        try:
+            (here,) = require_fresh(self._node.now(), self.timeout, object_pose=self.pose)
+            end = read_pose('the end of the path', path.poses[-1].pose)
+        except (IsotrussError, IndexError):
+            return math.nan, math.nan
+        x, y, turned = pose_error(np.array(end), here.value)
+        return math.hypot(x, y), abs(turned)
 
     def pick(self, goal: PickObject.Goal) -> Steps:
         """
@@ -118,7 +162,7 @@ class GraspSequences:
         """
         self.stage = PICK.PLANNING
         values = self._node.values
-        self._require_inputs()
+        yield from self._await_inputs()
         wanted = PlanGrasp.Goal(
             object_pose=self.measured_pose(),
             friction=values[params.FRICTION],
@@ -169,8 +213,8 @@ class GraspSequences:
         :raises IsotrussError: why the object is not free.
         """
         self.stage = PLACE.PLANNING
-        self._require_inputs()
-        state, pose = self._require_held(Outcome.NOT_READY), self.pose.value
+        state = yield from self._await_held(Outcome.NOT_READY)
+        pose = self.pose.value
         config = self._shape.configuration(self._node.now(), self.timeout, self.rollers)
         check_grip(state.grasping_members)
         diameter = self._node.values[params.OBJECT_DIAMETER]
@@ -209,25 +253,15 @@ class GraspSequences:
         :raises IsotrussError: why the object is not at the end of the path.
         """
         self.stage = MOVE.MOVING
-        self._require_inputs()
-        self._require_held(Outcome.NOT_HELD)
+        yield from self._await_held(Outcome.NOT_HELD)
         wanted = FollowObjectPath.Goal(path=goal.path, speed=goal.speed, turn_rate=goal.turn_rate)
         steps = self._object.run(wanted, lambda feedback: feedback.progress)
         followed = yield from _run_while(steps, self._find_loss)
         codes = FollowObjectPath.Result
         if followed.code != codes.REACHED:
             bad = followed.code == codes.BAD_GOAL
-            raise StepError(
-                Outcome.BAD_GOAL if bad else Outcome.STOPPED,
-                followed.message,
-                position_error=followed.position_error,
-                angle_error=followed.angle_error,
-            )
-        return MoveObject.Result(
-            message=followed.message,
-            position_error=followed.position_error,
-            angle_error=followed.angle_error,
-        )
+            raise StepError(Outcome.BAD_GOAL if bad else Outcome.STOPPED, followed.message)
+        return MoveObject.Result(message=followed.message)
 
     def _bring_back(self, lay: PoseStamped) -> Steps:
         """Move the held object to where it lay; return in words what came of it, if it moved."""
@@ -287,27 +321,41 @@ class GraspSequences:
             # By the analyses, which come late on a busy machine; by the clock where none come.
             waited = max(analysed, now - self.timeout) - arrived
             if waited > CONFIRMATION_TIME:
-                raise StepError(Outcome.NOT_HELD, self._describe_grasp(arrived))
+                outcome = Outcome.NOT_HELD if analysed > arrived else Outcome.NOT_READY
+                raise StepError(outcome, self._describe_grasp(arrived))
             yield min(1.0, max(0.0, waited / CONFIRMATION_TIME))
 
-    def _require_inputs(self) -> None:
-        require_fresh(
-            self._node.now(), self.timeout, joint_states=self.rollers, object_pose=self.pose
-        )
+    def _await_inputs(self, **inputs: Callable[[], Input]) -> Steps:
+        """Wait for a second, if need be, until rollers, pose and other inputs are fresh."""
+        begun = time.monotonic()
+        while True:
+            try:
+                return require_fresh(
+                    self._node.now(),
+                    self.timeout,
+                    joint_states=self.rollers,
+                    object_pose=self.pose,
+                    **{name: find() for name, find in inputs.items()},
+                )
+            except InputError:
+                if time.monotonic() - begun > INPUT_TIME:
+                    raise
+            yield 0.0
 
-    def _require_held(self, otherwise: Outcome) -> GraspState:
-        (given,) = require_fresh(self._node.now(), self.timeout, grasp_state=self.grasp)
-        if not given.value.held:
+    def _await_held(self, otherwise: Outcome) -> Steps:
+        """Wait likewise for the analysis, which must find the object held; return that."""
+        *_, grasp = yield from self._await_inputs(grasp_state=lambda: self.grasp)
+        if not grasp.value.held:
             raise StepError(otherwise, self._describe_grasp())
-        return given.value
+        return grasp.value
 
-    def _find_loss(self) -> str:
-        """Return why the object is not known to be held; empty while it is."""
+    def _find_loss(self) -> StepError | None:
+        """Return why the object is not known to be held; None while it is."""
         try:
-            self._require_held(Outcome.NOT_HELD)
-        except (InputError, StepError) as error:
-            return str(error)
-        return ''
+            (grasp,) = require_fresh(self._node.now(), self.timeout, grasp_state=self.grasp)
+        except InputError as error:
+            return StepError(Outcome.STOPPED, str(error))
+        return None if grasp.value.held else StepError(Outcome.NOT_HELD, self._describe_grasp())
 
     def _describe_grasp(self, since: float = -np.inf) -> str:
         """Return in words what the last analysis says, if it is of a later time [s]."""
@@ -350,13 +398,13 @@ def _plan_error(plan: PlanGrasp.Result) -> StepError:
     )
 
 
-def _run_while(steps: Steps, find_fault: Callable[[], str]) -> Steps:
-    """Run steps; where a fault is found, cancel them and raise a StepError with it."""
-    fault = ''
+def _run_while(steps: Steps, find_fault: Callable[[], StepError | None]) -> Steps:
+    """Run steps; where a fault is found, cancel them and raise it."""
+    fault: StepError | None = None
     try:
         made = next(steps)
         while True:
-            if not fault and (fault := find_fault()):
+            if fault is None and (fault := find_fault()) is not None:
                 made = steps.throw(CancelledError())
             try:
                 yield made
@@ -367,8 +415,8 @@ def _run_while(steps: Steps, find_fault: Callable[[], str]) -> Steps:
     except StopIteration as ended:
         return ended.value
     except CancelledError as cancelled:
-        if fault:
-            raise StepError(Outcome.NOT_HELD, fault) from cancelled
+        if fault is not None:
+            raise fault from cancelled
         raise
     finally:
         steps.close()

@@ -38,9 +38,14 @@ from isotruss_ros.nodes.conversions.trajectory_messages import (
     read_roller_trajectory,
 )
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.framework.single_goal import (
+    describe_lost_client,
+    Ending,
+    SingleGoal,
+)
 from isotruss_ros.nodes.framework.subscriptions import subscribe_once
 import numpy as np
+from rclpy.callback_groups import CallbackGroup
 from trajectory_msgs.msg import JointTrajectory
 
 TOPIC = 'joint_trajectory_controller/joint_trajectory'
@@ -61,10 +66,11 @@ class TrajectoryFollowing:
 
     :param node: subscribes while it is active.
     :param servo: of the twists; its roller positions count, and it learns what is commanded.
+    :param group: of the subscription to the clients that supervise their goals.
     """
 
-    def __init__(self, node: ManagedNode, servo: TwistServo) -> None:
-        self._node, self._servo = node, servo
+    def __init__(self, node: ManagedNode, servo: TwistServo, group: CallbackGroup) -> None:
+        self._node, self._servo, self._group = node, servo, group
         self._follower = RollerTrajectoryServo(servo.robot, servo.timeout)
         self._outcome: tuple[Status, str] | None = None
         self._accepted, self._feedback_time = False, -np.inf
@@ -91,10 +97,13 @@ class TrajectoryFollowing:
 
         :param now: time on the clock of the inputs [s].
         """
+        if self.busy:
+            # A twist of this time would start the object as soon as the trajectory has ended.
+            self._servo.twist = None
+            if any(goal.has_lost_client(self._servo.timeout) for goal in self._goals):
+                self.abort(describe_lost_client(self._servo.timeout))
         if not self.busy:
             return self._add_outcome(self._servo.decide(now))
-        # A twist of this time would start the object as soon as the trajectory has ended.
-        self._servo.twist = None
         self._follower.rollers, self._follower.timeout = self._servo.rollers, self._servo.timeout
         step = self._follower.decide(now)
         if step.failure:
@@ -167,13 +176,15 @@ class TrajectoryFollowing:
                 Ending.ABORTED, Result.PATH_TOLERANCE_VIOLATED, REPLACED
             ),
             cancelled=self._cancel,
+            supervision=self._group,
         )
         return goal
 
     def _cancel(self) -> None:
         self._follower.end()
+        # No fault: without a twist the rollers are halted as ever.
         self._end(
-            Status.HALT_TRAJECTORY, 'trajectory cancelled by the client', ending=Ending.CANCELED
+            Status.HALT_NO_TWIST, 'trajectory cancelled by the client', ending=Ending.CANCELED
         )
 
     def _publish_feedback(self, now: float) -> None:
@@ -194,12 +205,11 @@ class TrajectoryFollowing:
 
     def _end(self, status: Status, message: str, ending: Ending = Ending.ABORTED) -> None:
         self._outcome = (status, message)
-        arrived = status is Status.ARRIVED
-        if arrived:
-            self._node.get_logger().info(message)
-        else:
+        if status is Status.HALT_TRAJECTORY:
             self._node.get_logger().warning(message)
-        if arrived:
+        else:
+            self._node.get_logger().info(message)
+        if status is Status.ARRIVED:
             self._end_goals(Ending.SUCCEEDED, Result.SUCCESSFUL, message)
         else:
             failed = Result.PATH_TOLERANCE_VIOLATED if self._accepted else Result.INVALID_GOAL

@@ -74,12 +74,15 @@ def to_wrench_message(wrench: Sequence[float]) -> Wrench:
     return Wrench(force=Vector3(x=fx, y=fy), torque=Vector3(z=m))
 
 
-def read_query(request: AnalyzeGrasp.Request, spacing: float) -> GraspQuery:
+def read_query(
+    request: AnalyzeGrasp.Request, spacing: float, flattening: bool = True
+) -> GraspQuery:
     """
     Return the query of a request; the analysis checks the other values.
 
     :param request: of the service `analyze_grasp`.
     :param spacing: of the contact points along the tubes [m].
+    :param flattening: whether the tubes flatten where they are touched.
     :raises MessageError: no object, two of them, or one that is not usable.
     """
     body = _read_described(request)
@@ -88,7 +91,7 @@ def read_query(request: AnalyzeGrasp.Request, spacing: float) -> GraspQuery:
     wrench = read_wrench(request.external_wrench)
     rollers = tuple(request.roller_positions)
     friction = request.friction if body.friction is None else body.friction
-    return GraspQuery(rollers, body, friction, wrench, spacing)
+    return GraspQuery(rollers, body, friction, wrench, spacing, flattening)
 
 
 def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:

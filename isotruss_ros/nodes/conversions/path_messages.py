@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from isotruss_msgs.action import FollowObjectPath
-from isotruss_ros.core import ObjectPath, PathTracker, Pose
+from isotruss_ros.core import ObjectPath, PathTracker, Pose, Robot
 from isotruss_ros.core.control.object_path import MAX_POSES
 from isotruss_ros.core.control.path_servo import Outcome
 from isotruss_ros.core.control.path_tracking import Tracking
@@ -28,7 +28,7 @@ from nav_msgs.msg import Path
 
 
 def read_object_path(
-    message: Path, speed: float, turn_rate: float, frame: str, smooth: bool, start: Pose
+    message: Path, speed: float, turn_rate: float, robot: Robot, smooth: bool, start: Pose
 ) -> ObjectPath:
     """
     Return the path of a goal.
@@ -36,20 +36,29 @@ def read_object_path(
     :param message: poses of the object.
     :param speed: of the object's centre along the path [m/s].
     :param turn_rate: largest rate of turn [rad/s].
-    :param frame: the robot's frame.
+    :param robot: which must be able to reach the poses, by the length of its tubes.
     :param smooth: whether corners are rounded.
     :param start: where the object is: there a path of one pose begins.
-    :raises MessageError: another frame, not finite, or a rotation out of the plane.
+    :raises MessageError: another frame, not finite, out of reach, or a rotation out of the plane.
     :raises PathError: see `ObjectPath`.
     """
+    frame, home = robot.frame, robot.home
     check_frame('path', message.header, frame)
     if len(message.poses) > MAX_POSES:
         raise MessageError(f'the path has {len(message.poses)} poses; must be at most {MAX_POSES}')
+    # No part of the robot gets farther from where it stands: no path through the tubes is longer.
+    middle, reach = home.nodes.mean(axis=0), float(home.member_lengths.sum())
     poses = []
     for number, stamped in enumerate(message.poses):
         what = f'pose {number} of the path'
         check_frame(what, stamped.header, frame)
         position, q = stamped.pose.position, stamped.pose.orientation
+        away = math.hypot(position.x - middle[0], position.y - middle[1])
+        if not away <= reach:
+            raise MessageError(
+                f'{what}: ({position.x:g}, {position.y:g}) m is {away:g} m from the middle of the '
+                f'robot at home; must be finite, at most {reach:.3g} m'
+            )
         norm, tilt = math.hypot(q.x, q.y, q.z, q.w), math.hypot(q.x, q.y)
         if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:
             raise MessageError(f'{what}: the quaternion has norm {norm}; must be 1')
@@ -58,9 +67,9 @@ def read_object_path(
                 f'{what}: the quaternion has x {q.x} and y {q.y}: the robot is planar; must be 0'
             )
         poses.append((position.x, position.y, read_angle(stamped.pose)))
-    if len(poses) == 1:
-        poses.insert(0, start)
-    return ObjectPath(poses, speed, turn_rate, smooth)
+    if len(poses) > 1:
+        return ObjectPath(poses, speed, turn_rate, smooth)
+    return ObjectPath([start, *poses], speed, turn_rate, smooth, first=-1)
 
 
 def to_feedback_message(tracking: Tracking) -> FollowObjectPath.Feedback:

@@ -77,7 +77,8 @@ class Diagnostics:
     """
     The diagnostic status of one node; setting it between two reports costs next to nothing.
 
-    :ivar hardware_id: name of the robot, once it is loaded.
+    :ivar hardware_id: name of the robot, once it is loaded; reported behind the node's namespace,
+        since robots side by side may have the same.
     :param node: publishes, from now until it is destroyed.
     :param details: returns values by name; called for each report.
     """
@@ -109,11 +110,12 @@ class Diagnostics:
     def report(self) -> None:
         """Publish the present status."""
         name = self._node.get_fully_qualified_name().lstrip('/')
+        robot = f'{self._node.get_namespace()}/{self.hardware_id}'.strip('/')
         status = DiagnosticStatus(
             level=bytes([self._level]),
             name=name,
             message=self._message,
-            hardware_id=self.hardware_id,
+            hardware_id=robot,
             values=[KeyValue(key=key, value=str(v)) for key, v in self._details().items()],
         )
         array = DiagnosticArray(status=[status])

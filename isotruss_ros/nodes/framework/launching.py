@@ -19,6 +19,7 @@ from typing import Any
 from isotruss_ros.nodes.framework.parameters import (
     AUTOSTART,
     COMMAND_TIMEOUT,
+    ParameterError,
     ROBOT,
     Spec,
     Value,
@@ -50,6 +51,7 @@ def describe_launch(
     Return nodes, and arguments that go to all nodes that have the parameter.
 
     All nodes are shut down when one of them ends: what is left would look like a robot that works.
+    A file of parameters that is not there ends the launch before a node starts.
 
     :param folder: of the launch file; `config` stands beside it.
     :param nodes: by executable, the parameters that are arguments, besides the shared ones.
@@ -67,7 +69,11 @@ def describe_launch(
     texts = {name: _to_text(value) for name, value in values.items()}
     texts |= {spec.name: None for spec in required}
 
-    def warn_of_unknown_arguments(context: LaunchContext) -> list[LogInfo]:
+    def check_arguments(context: LaunchContext) -> list[LogInfo]:
+        file = context.launch_configurations[PARAMETERS]
+        if not Path(file).is_file():
+            # launch would warn, and start the nodes with their defaults.
+            raise ParameterError(f'launch argument {PARAMETERS}: {file}: no such file')
         named = [argument.partition(':=')[0] for argument in context.argv]
         unknown = sorted(set(named) - arguments.keys() - optional.keys() - {NAMESPACE, PARAMETERS})
         return [
@@ -101,7 +107,7 @@ def describe_launch(
                 )
                 for executable, started in optional.items()
             ),
-            OpaqueFunction(function=warn_of_unknown_arguments),
+            OpaqueFunction(function=check_arguments),
             *(
                 Node(
                     package='isotruss_ros',

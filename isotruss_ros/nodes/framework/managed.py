@@ -12,6 +12,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import traceback
+from typing import ClassVar
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework import parameters as params
@@ -45,6 +47,7 @@ class ManagedNode(LifecycleNode):
     A step that raises an `IsotrussError` leaves the node in the state before, one that raises
     anything else leaves it unconfigured; the reason is logged and in the diagnostics.
 
+    :cvar awaited: topics and actions without which the active node does nothing, as it logs.
     :ivar diagnostics: status of the node while it is active.
     :ivar cycle: what the node does at a rate, while it is active; None if there is nothing.
     :ivar values: of the parameters, as `values[spec]`.
@@ -53,6 +56,8 @@ class ManagedNode(LifecycleNode):
     :param parameter_overrides: values of parameters other than the defaults.
     :raises IsotrussError: a parameter is of another type or out of range.
     """
+
+    awaited: ClassVar[tuple[str, ...]] = ()
 
     def __init__(
         self,
@@ -139,12 +144,21 @@ class ManagedNode(LifecycleNode):
         super().destroy_node()
         self._state_machine.destroy_when_not_in_use()
 
+    def keep(self, entity: object) -> None:
+        """
+        Have an entity outlive the present state, as if it had been created with the node.
+
+        :param entity: of this node.
+        """
+        self._entities.keep(entity)
+
     def fail(self, error: Exception) -> None:
         """
         Deactivate after an error that escaped a callback; the node is unconfigured afterwards.
 
         :param error: logged and reported as the reason.
         """
+        traceback.print_exception(error)
         self._record_failure('run', error)
         if self._running:
             self.trigger_deactivate()
@@ -182,6 +196,9 @@ class ManagedNode(LifecycleNode):
         result = self._try_step('activate', self.activate)
         if result != SUCCESS:
             self._disable(state)
+            return result
+        names = ', '.join(map(self.resolve_topic_name, self.awaited))
+        self.get_logger().info(f'active, waits for {names}')
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -277,6 +294,11 @@ class _EntityScopes:
     def begin(self, state: str) -> None:
         """Record what is there before a state begins."""
         self._before[state] = {id(entity): entity for entity, _ in self._list()}
+
+    def keep(self, entity: object) -> None:
+        """Leave an entity there when the present states end."""
+        for before in self._before.values():
+            before[id(entity)] = entity
 
     def end(self, state: str) -> None:
         """Destroy what was created since: timers first and publishers last."""

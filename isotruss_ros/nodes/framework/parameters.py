@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from isotruss_ros.core import IsotrussError, Robot
 from isotruss_ros.core.manipulation.grip import FEWEST, members_at, MOST
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import InvalidParameterValueException, ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -134,6 +134,12 @@ class Parameters:
         for spec in specs:
             try:
                 node.declare_parameter(spec.name, spec.default, spec.descriptor(managed))
+            except InvalidParameterValueException as error:
+                low, high = spec.bounds
+                raise ParameterError(
+                    f'parameter {spec.name}: {given[spec.name].value}: out of range; must be from '
+                    f'{low:g} to {high:g}'
+                ) from error
             except ParameterException as error:
                 raise ParameterError(f'parameter {spec.name}: {error}') from error
         for name in sorted(given):

@@ -45,17 +45,20 @@ RELIABLE = _last(1)
 ACKNOWLEDGE_TIME = Duration(seconds=0.5)
 #: What tools that show `/diagnostics` expect.
 DIAGNOSTICS = _last(10)
+#: For a record of what is published seldom: a best-effort subscription loses what a publisher
+#: sends at once.
+EVENTS = _last(100)
 #: For what holds until the next message: late joiners receive it.
 LATCHED = _last(100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-#: For `EveryMessage`: publishers that latch, and those that do not. Reliable both: what a
-#: publisher sends before a best-effort subscription has discovered it is lost. All messages are
-#: kept, up to the 5000 of Fast DDS; then the publishers wait, and where they do not, an event
-#: reports the loss.
-EVERY = tuple(
+#: For `EveryMessage`: all publishers, and what those that latch have published before. Reliable
+#: both: what a publisher sends before a best-effort subscription has discovered it is lost. All
+#: messages are kept, up to the 5000 of Fast DDS; then the publishers wait, and where they do not,
+#: an event reports the loss.
+EVERY, EVERY_LATCHED = (
     QoSProfile(
         history=HistoryPolicy.KEEP_ALL,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=durability,
     )
-    for durability in (DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE)
+    for durability in (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL)
 )

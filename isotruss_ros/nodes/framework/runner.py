@@ -16,7 +16,6 @@ import gc
 import importlib
 import signal
 import sys
-import traceback
 from types import FrameType
 
 from isotruss_ros.core import IsotrussError
@@ -24,6 +23,8 @@ from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -43,7 +44,7 @@ class StoppableNode(Node):
         """
         End the process after an error that escaped a callback.
 
-        :param error: raised again.
+        :param error: raised again; of an IsotrussError, `run` prints what it says.
         """
         raise error
 
@@ -82,32 +83,57 @@ def run(
 
     :param make_node: returns the node; may raise IsotrussError.
     :param args: command line, that of the process when left out.
-    :return: exit code: 0 when interrupted, 1 when the node could not start.
+    :return: exit code: 0 when interrupted, 1 when the node could not start or go on.
     """
     for name in USED_LATE:
         importlib.import_module(name)
-    # Our own handlers: rclpy's would close the context before the last command is sent.
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    # Of arguments that it cannot parse rcl would print a line that does not say which.
+    set_logger_level('rcl', LoggingSeverity.FATAL)
+    try:
+        # Our own handlers: rclpy's would close the context before the last command is sent.
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except rclpy_implementation.UnknownROSArgsError as error:
+        return _report('cannot start', f'unknown ROS arguments: {error}')
+    except rclpy_implementation.RCLError as error:
+        # Such as a file of parameters that is not there; behind that are lines of rcl's sources.
+        why = str(error).removeprefix('failed to initialize rcl: ').partition(', at /')[0]
+        return _report('cannot start', ' '.join(why.split()))
+    set_logger_level('rcl', LoggingSeverity.UNSET)
     interruption = Interruption()
+    try:
+        return _run(make_node, interruption)
+    finally:
+        interruption.ignore()
+        rclpy.shutdown()
+
+
+def _run(make_node: Callable[[], StoppableNode | ManagedNode], interruption: Interruption) -> int:
+    """Make a node, spin and stop it; return the exit code."""
     node = None
+    what = 'cannot start'
     try:
         try:
             node = make_node()
-        except IsotrussError as error:
-            print(f'cannot start: {error}', file=sys.stderr)
-            return 1
-        # What exists by now stays: the garbage collector need not walk it between cycles.
-        gc.freeze()
-        _spin(node, interruption)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        interruption.ignore()
-        if node is not None:
-            node.stop()
-            node.destroy_node()
-        rclpy.shutdown()
+            what = 'cannot go on'
+            # What exists by now stays: the garbage collector need not walk it between cycles.
+            gc.freeze()
+            _spin(node, interruption)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            interruption.ignore()
+            if node is not None:
+                node.stop()
+                node.destroy_node()
+    except IsotrussError as error:
+        return _report(what, str(error))
     return 0
+
+
+def _report(what: str, why: str) -> int:
+    """Print why a node ends, and return the exit code."""
+    print(f'{what}: {why}', file=sys.stderr)
+    return 1
 
 
 def _make_executor(node: StoppableNode | ManagedNode) -> SingleThreadedExecutor:
@@ -127,5 +153,4 @@ def _spin(node: StoppableNode | ManagedNode, interruption: Interruption) -> None
             # for every callback.
             executor.spin_once()
         except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stop
-            traceback.print_exc()
             node.fail(error)

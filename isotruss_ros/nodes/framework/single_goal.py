@@ -13,15 +13,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import enum
+import time
 from typing import Any
 
+from action_msgs.msg import GoalInfo
+from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
+from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
 #: Results and their goals are kept this long for clients that request them late [s].
 RESULT_TIMEOUT = 60
+#: Clients publish here which goal ends with them, from before they send it.
+SUPERVISION = 'supervised_goal'
 
 
 class Ending(enum.Enum):
@@ -39,6 +45,8 @@ class SingleGoal:
     The coroutine of the action only waits for the result: it is resumed when the executor spins
     anyhow, and so takes no time.
 
+    Results that have a stamp get the time at which the goal ends.
+
     :ivar kind: type of the action.
     :param node: offers the action, until it is destroyed.
     :param kind: type of the action.
@@ -47,6 +55,8 @@ class SingleGoal:
     :param begin: called with a new goal; may end it at once.
     :param preempted: called before that if another goal is active; must end it.
     :param cancelled: called when a client cancels the goal; must end it, at once or soon.
+    :param supervision: group of the subscription to `supervised_goal`; None where goals do not
+        end with their client.
     """
 
     def __init__(
@@ -58,12 +68,19 @@ class SingleGoal:
         begin: Callable[[Any], None],
         preempted: Callable[[], None],
         cancelled: Callable[[], None],
+        supervision: CallbackGroup | None = None,
     ) -> None:
         self.kind = kind
+        self._clock = node.get_clock()
         self._ready, self._begin = ready, begin
         self._preempted, self._cancelled = preempted, cancelled
         self._handle: ServerGoalHandle | None = None
         self._ended: dict[bytes, Future] = {}
+        #: The goal that its client supervised last, and when [s].
+        self._supervised = (b'', 0.0)
+        # Before the action: who has discovered that has discovered the subscription, too.
+        if supervision is not None:
+            subscribe_newest(node, GoalInfo, SUPERVISION, self._note_client, supervision)
         ActionServer(
             node,
             kind,
@@ -80,6 +97,20 @@ class SingleGoal:
         """Return whether there is a goal."""
         return self._handle is not None
 
+    @property
+    def request(self) -> Any:
+        """Return the active goal, a message."""
+        return self._handle.request
+
+    def has_lost_client(self, timeout: float) -> bool:
+        """
+        Return whether the client that supervised the active goal has fallen silent.
+
+        :param timeout: longest time between its messages, by the steady clock [s].
+        """
+        goal, heard = self._supervised
+        return self.active and goal == _key(self._handle) and time.monotonic() - heard > timeout
+
     def publish_feedback(self, feedback: Any) -> None:
         """
         Publish feedback on the active goal.
@@ -95,6 +126,8 @@ class SingleGoal:
         :param ending: state of the action.
         :param result: message of the action.
         """
+        if hasattr(result, 'stamp'):
+            result.stamp = self._clock.now().to_msg()
         self._ended[_key(self._handle)].set_result((ending, result))
         self._handle = None
 
@@ -115,6 +148,11 @@ class SingleGoal:
         self._cancelled()
         return CancelResponse.ACCEPT
 
+    def _note_client(self, message: GoalInfo) -> None:
+        goal = bytes(message.goal_id.uuid)
+        if not self.active or goal == _key(self._handle):
+            self._supervised = (goal, time.monotonic())
+
     async def _wait(self, handle: ServerGoalHandle) -> Any:
         ending, result = await self._ended[_key(handle)]
         del self._ended[_key(handle)]
@@ -125,6 +163,18 @@ class SingleGoal:
         else:
             handle.abort()
         return result
+
+
+def describe_lost_client(timeout: float) -> str:
+    """
+    Return in words that the client of a goal has fallen silent.
+
+    :param timeout: longest time between its messages [s].
+    """
+    return (
+        f'the client that supervises the goal has not published on {SUPERVISION} for {timeout} s: '
+        'it has ended, or the machine is busy and command_timeout must be longer'
+    )
 
 
 def _key(handle: ServerGoalHandle) -> bytes:

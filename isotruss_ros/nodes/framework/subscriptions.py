@@ -16,16 +16,19 @@ rclpy takes one message of a queue in every turn of the executor; these take wha
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from isotruss_ros.nodes.framework.kept_message import KeptMessage
-from isotruss_ros.nodes.framework.qos import EVERY, NEWEST, RELIABLE
+from isotruss_ros.nodes.framework.qos import EVERY, EVERY_LATCHED, NEWEST, RELIABLE
 from isotruss_ros.nodes.framework.silent_publishers import SilentPublishers
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
+
+if TYPE_CHECKING:
+    from isotruss_ros.nodes.framework.managed import ManagedNode
 
 #: `EveryMessage` takes so many messages at once, within a millisecond; others get their turn.
 MAX_BATCH = 200
@@ -130,10 +133,11 @@ class EveryMessage:
     Call back with every message of every reliable publisher, or report that some may be missing.
 
     A subscription with transient-local durability never matches a volatile publisher, such as
-    `ros2 topic pub` without options: a stop would not be received. So there are two subscriptions,
-    and a message of a latching publisher is received twice.
+    `ros2 topic pub` without options, which is then told that no messages will be sent. So the
+    first subscription is volatile, and there is a second one, for what was published before, once
+    there is a latching publisher; from then on its messages are received twice.
 
-    :param node: subscribes twice.
+    :param node: subscribes, until it is destroyed.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
     :param callback: called with one or more messages, in the order in which they were received.
@@ -143,35 +147,50 @@ class EveryMessage:
 
     def __init__(
         self,
-        node: Node,
+        node: ManagedNode,
         kind: type,
         topic: str,
         callback: Callable[[list[Any]], None],
         missing: Callable[[str], None],
     ) -> None:
-        self._topic, self._callback, self._missing = topic, callback, missing
+        self._node, self._kind, self._topic = node, kind, topic
+        self._callback, self._missing = callback, missing
         self._publishers = SilentPublishers(topic, self.read, missing)
+        self._subscriptions: list[Subscription] = []
         #: How many each subscription has received since its queue was empty.
-        self._backlogs = [0] * len(EVERY)
-        self._subscriptions = [
-            self._subscribe(node, kind, index, profile) for index, profile in enumerate(EVERY)
-        ]
-
-    def _subscribe(self, node: Node, kind: type, index: int, profile: QoSProfile) -> Subscription:
-        # Of the two, the volatile one requests nothing but reliability: it matches all publishers
-        # that the other one matches.
-        volatile = profile.durability == DurabilityPolicy.VOLATILE
-        events = SubscriptionEventCallbacks(
-            incompatible_qos=self._report_best_effort if volatile else None,
-            matched=self._publishers.follow if volatile else None,
-            message_lost=lambda _: self._report_loss(),
-            use_default_callbacks=False,
+        self._backlogs: list[int] = []
+        # It matches all publishers that the other one matches, which needs no events of that kind.
+        self._subscribe(
+            EVERY, incompatible_qos=lambda _: self._report_best_effort(), matched=self._follow
         )
+        self._subscribe_to_latched()
 
-        def take(first: Any) -> None:
-            self._pass_on(index, [first])
+    def _subscribe(self, profile: QoSProfile, **events: Callable[[Any], None]) -> None:
+        index = len(self._subscriptions)
+        subscription = self._node.create_subscription(
+            self._kind,
+            self._topic,
+            lambda first: self._pass_on(index, [first]),
+            profile,
+            event_callbacks=SubscriptionEventCallbacks(
+                message_lost=lambda _: self._report_loss(), use_default_callbacks=False, **events
+            ),
+        )
+        self._node.keep(subscription)
+        self._subscriptions.append(subscription)
+        self._backlogs.append(0)
 
-        return node.create_subscription(kind, self._topic, take, profile, event_callbacks=events)
+    def _follow(self, event: Any) -> None:
+        self._publishers.follow(event)
+        self._subscribe_to_latched()
+
+    def _subscribe_to_latched(self) -> None:
+        """Subscribe to what latching publishers hold, if there is one and it was not done yet."""
+        # Discovery lists a publisher before it is matched.
+        found = self._node.get_publishers_info_by_topic(self._topic)
+        latching = any(p.qos_profile.durability == EVERY_LATCHED.durability for p in found)
+        if latching and len(self._subscriptions) == 1:
+            self._subscribe(EVERY_LATCHED)
 
     def read(self) -> None:
         """Call back with the messages that wait, without the executor."""
@@ -193,7 +212,7 @@ class EveryMessage:
     def _report_loss(self) -> None:
         self._missing(f'messages of {self._topic} were lost')
 
-    def _report_best_effort(self, _event: Any) -> None:
+    def _report_best_effort(self) -> None:
         self._missing(
             f'a publisher of {self._topic} is best-effort, and its messages are not received: it '
             'must publish with the reliability RELIABLE'

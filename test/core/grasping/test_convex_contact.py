@@ -19,6 +19,7 @@ from isotruss_ros.core import (
     ConvexObject,
     Disc,
     Ellipse,
+    GraspError,
     load_robot,
     Polygon,
     Robot,
@@ -114,6 +115,12 @@ def test_an_ellipse_with_equal_axes_is_a_disc_to_the_accuracy_of_the_points():
     paper = analyze_grasp(HOME, DISC, flattening=False)
     assert same.normal_forces == pytest.approx(paper.normal_forces, rel=1e-6, abs=1e-5)
     assert same.closure_margin == pytest.approx(paper.closure_margin, rel=1e-6)
+
+
+@pytest.mark.parametrize('shape', [BOX, Ellipse((0.15, 0.1))])
+def test_what_slides_along_tubes_that_flatten_is_not_relaxed(shape):
+    with pytest.raises(GraspError, match='for discs only'):
+        analyze_grasp(HOME, held_alike(shape), method='relaxation')
 
 
 # Gaps and forces

@@ -25,6 +25,7 @@ from isotruss_ros.core import (
     Measure,
     plan_grasps,
     settle_grasp,
+    tangent_center,
 )
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.planning import grasp_search
@@ -238,6 +239,23 @@ def test_none_found_comes_with_what_is_missed(body, needs, missed):
     if missed == 'free':
         assert miss.value == pytest.approx(distances(ROBOT.home, body).min(), abs=1e-4)
         assert miss.bound == 0.0
+
+
+@pytest.mark.parametrize(('indentation', 'free'), [(0.0, True), (0.9e-6, True), (3e-6, False)])
+def test_an_object_that_only_just_touches_is_free(indentation, free):
+    missed = set()
+    for module in ROBOT.module_names:
+        center = tangent_center(ROBOT.home, module, 0.3, indentation)
+        needs = GraspRequirements(module=module)
+        plan = plan_grasps(
+            ROBOT.home,
+            ConvexObject.disc(center, 0.3),
+            needs,
+            thorough=False,
+            should_stop=lambda: True,
+        )
+        missed.add(plan.closest_violation is None or plan.closest_violation.requirement != 'free')
+    assert missed == {free}
 
 
 @pytest.mark.parametrize(('count', 'rounds'), [(1, [0]), (99, [0, 1])])

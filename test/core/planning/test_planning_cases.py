@@ -114,7 +114,7 @@ def test_three_members_press_first_so_that_the_object_stays(steps, monkeypatch):
 def test_a_path_that_cannot_be_pressed_closes_no_grip(monkeypatch):
     pressing_only(2, monkeypatch, squeeze)
     search = Squeeze(HOME, SEED, NEEDS)
-    pressed = Pressed(HOME, None, np.full(2, 0.01))
+    pressed = Pressed(HOME, None, None, None, np.full(2, 0.01))
     assert search.closing_path(pressed) == ()
     assert search.closest_violation == BEYOND
 

@@ -238,6 +238,16 @@ def test_requirements_are_fulfilled_whatever_the_spacing(name, needs):
         assert unbalanced(analysis, closing.body, needs) < slack * total
 
 
+@pytest.mark.parametrize('name', ['north', 'narrow'])
+def test_tubes_bear_a_free_object_within_the_bound_too(name):
+    _, unbounded = squeezed(name, UNBOUNDED)
+    fast, free = (most_used(found) for found in (unbounded.analysis, unbounded.settled))
+    assert free > fast
+    bound = 0.5 * (fast + free)
+    _, pressed = squeezed(name, GraspRequirements(max_utilisation=bound))
+    assert pressed.loads.max_utilisation == most_used(pressed.settled) <= bound
+
+
 @pytest.fixture
 def recorded(monkeypatch):
     """Return a list that all analyses of a squeeze are written to."""

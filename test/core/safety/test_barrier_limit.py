@@ -61,7 +61,8 @@ def test_a_motion_ends_where_the_parabola_through_the_margins_meets_the_bound(rn
     limit = BarrierLimit(barrier, active, slopes[:, None])
     assume(before.min() > 0.0)
     found = limit.violation(None, None, np.array([travel]), np.array([velocities]), duration)
-    bound = law.discrete_bound(before, duration)
+    longest = max(abs(travel), duration * abs(velocities))
+    bound = law.discrete_bound(before, duration, longest)
     assert (found is None) == (after >= bound).all()
     if found is None:
         return

@@ -184,7 +184,7 @@ def test_discrete_bound_leaves_something_of_every_margin(rng):
     law = BarrierLaw(0.2, rng.uniform(0.01, 1.0))
     margins = rng.uniform(-1.0, 2.0, 200) * law.band
     duration = 10.0 ** rng.uniform(-3.0, 0.0)
-    bound = law.discrete_bound(margins, duration)
+    bound = law.discrete_bound(margins, duration, 0.0)
     inside = margins > law.safety_margin
     assert (bound[inside] > 0.0).all()
     assert (bound[inside] < margins[inside]).all()
@@ -193,7 +193,7 @@ def test_discrete_bound_leaves_something_of_every_margin(rng):
     with np.errstate(invalid='ignore'):
         there = margins - slow * law.class_k_bound(margins)
     near = inside & (margins < 0.5 * law.band)
-    assert (there[near] >= law.discrete_bound(margins, slow)[near]).all()
+    assert (there[near] >= law.discrete_bound(margins, slow, 0.0)[near]).all()
     # Who is beyond may stay, but for rounding.
     beyond = margins < 0.0
     assert bound[beyond] == pytest.approx(margins[beyond], abs=1e-8)

@@ -34,3 +34,11 @@ def test_walk_never_crosses_a_bound(seed):
 @pytest.mark.parametrize('seed', [0, 2])
 def test_walks_cross_a_bound_without_the_guard(seed):
     assert walks.walk(seed, 600, guarded=False).crossed
+
+
+@pytest.mark.parametrize('seed', [20, 40, 77, 99, 224, 889])
+def test_rollers_do_not_chatter_from_beyond_a_bound(seed):
+    commands, lost = walks.come_back(seed, steps=20)
+    assert commands.any()
+    assert walks.reversals(commands) <= walks.EXCHANGE
+    assert lost.max() < walks.LOST

@@ -1,0 +1,102 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The command topic of the rollers: what this node publishes on it, and whether others do too."""
+
+from __future__ import annotations
+
+import time
+
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.nodes.conversions.messages import to_command_message
+from isotruss_ros.nodes.framework.kept_message import KeptBytes
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.polling import PolledGroup
+from isotruss_ros.nodes.framework.qos import ACKNOWLEDGE_TIME, NEWEST, RELIABLE
+import numpy as np
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.subscription import Subscription
+from std_msgs.msg import Float64MultiArray
+
+TOPIC = 'roller_velocity_controller/commands'
+#: Another node commands the rollers until it has been silent for this long [s].
+QUIET_TIME = 1.0
+
+
+class RollerCommands:
+    """
+    Publish roller velocities, and notice commands of other nodes.
+
+    Own messages are those with the sequence numbers of what was published since: the middleware
+    does not tell who has published a message. One without such numbers, as Cyclone DDS, leaves
+    other nodes unnoticed.
+
+    :param node: publishes while it is active.
+    :param count: number of rollers.
+    """
+
+    def __init__(self, node: ManagedNode, count: int) -> None:
+        self._node, self._count = node, count
+        self._publisher = node.create_lifecycle_publisher(Float64MultiArray, TOPIC, RELIABLE)
+        self._message = Float64MultiArray()
+        self._bytes = KeptBytes(self._message)
+        self._subscription: Subscription | None = None
+        #: Sequence numbers of the last own message, published and received.
+        self._sent = self._received = 0
+        self._heard = -np.inf
+
+    def subscribe(self) -> None:
+        """Notice other nodes from now on, until the node is inactive."""
+        self._received, self._heard = self._sent, -np.inf
+        # In a group that nobody waits for; the type is that of all who command the rollers.
+        self._subscription = self._node.create_subscription(
+            Float64MultiArray,
+            TOPIC,
+            lambda _: None,
+            NEWEST,
+            callback_group=PolledGroup(),
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+            raw=True,
+        )
+
+    def publish(self, velocities: Array) -> None:
+        """
+        Command the rollers.
+
+        :param velocities: (r,) [m/s].
+        """
+        to_command_message(velocities, self._message)
+        self._publisher.publish(self._bytes.pack())
+        self._sent += 1
+
+    def stop(self) -> None:
+        """Command zero."""
+        self.publish(np.zeros(self._count))
+
+    def wait_for_subscribers(self) -> bool:
+        """Return whether the subscribers have received the last command."""
+        return self._publisher.wait_for_all_acked(ACKNOWLEDGE_TIME)
+
+    def find_others(self) -> str | None:
+        """Return who else commands the rollers, in words; None if nobody does."""
+        handle, now = self._subscription.handle, time.monotonic()
+        for _ in range(NEWEST.depth):
+            taken = handle.take_message(Float64MultiArray, True)
+            if taken is None:
+                break
+            number = taken[1]['publication_sequence_number']
+            if number is None:
+                continue
+            if self._received < number <= self._sent:
+                self._received = number
+            else:
+                self._heard = now
+        if now - self._heard > QUIET_TIME:
+            return None
+        return f'another node publishes on {TOPIC}: end or deactivate it, or this one'

@@ -1,0 +1,123 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""What one browser shows of the control: who has it, and the commands while it has it itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from isotruss_ros.viewer.control import Control
+from isotruss_ros.viewer.names import DRAGGED, OBJECT, PICK, PLACE, PLANT, PLANTS, RELEASE
+import viser
+
+#: The plant that runs, of which the view knows nothing.
+AS_STARTED = 'as started'
+
+
+@dataclass(frozen=True)
+class Setting:
+    """
+    A slider.
+
+    :ivar name: of the request that it leaves.
+    :ivar label: as it is shown.
+    :ivar bounds: smallest and largest value.
+    :ivar step: between values.
+    """
+
+    name: str
+    label: str
+    bounds: tuple[float, float]
+    step: float
+
+
+SETTINGS = (
+    Setting('friction', 'friction', (0.05, 1.5), 0.05),
+    Setting('diameter', 'diameter [m]', (0.05, 0.6), 0.01),
+    Setting('squeeze', 'squeeze [N]', (0.0, 60.0), 1.0),
+)
+WRENCH = (
+    Setting('fx', 'force x [N]', (-20.0, 20.0), 0.5),
+    Setting('fy', 'force y [N]', (-20.0, 20.0), 0.5),
+    Setting('m', 'moment [N m]', (-2.0, 2.0), 0.05),
+)
+
+
+class BrowserPanel:
+    """
+    The switch of the control, and commands, which are there only while this browser has control.
+
+    :param client: the browser.
+    :param joints: names of what can be dragged besides the object.
+    :param leave: called from a thread of the server with the name and the value of a request.
+    """
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        joints: Sequence[str],
+        leave: Callable[[str, float | str], None],
+    ) -> None:
+        self._number, self._gui = client.client_id, client.gui
+        self._joints, self._leave = joints, leave
+        self._words = client.gui.add_markdown('')
+        self._switch = client.gui.add_checkbox('control', False, hint='Commands are sent while on')
+        self._commands: viser.GuiFolderHandle | None = None
+
+    @property
+    def wish(self) -> bool:
+        """Return whether this browser wants control."""
+        return self._switch.value
+
+    def show(self, control: Control, wish: bool, values: Mapping[str, float | str]) -> None:
+        """
+        Show who has control.
+
+        :param control: as it was decided.
+        :param wish: of this browser, of which that knew.
+        :param values: of the settings, by the names of their requests.
+        """
+        mine = control.browser == self._number
+        # Only a wish that was refused: another one may have come since.
+        if wish and not mine:
+            self._switch.value = False
+        self._switch.disabled = not mine and control.browser is not None
+        self._words.content = control.describe(self._number)
+        if mine and self._commands is None:
+            self._commands = self._add_commands(values)
+        elif not mine and self._commands is not None:
+            self._commands.remove()
+            self._commands = None
+
+    def _add_commands(self, values: Mapping[str, float | str]) -> viser.GuiFolderHandle:
+        gui = self._gui
+        with gui.add_folder(None) as commands:
+            self._add_choice('drag', DRAGGED, (OBJECT, *self._joints), values)
+            for label, name in (('pick', PICK), ('place', PLACE), ('release the stop', RELEASE)):
+                gui.add_button(label).on_click(lambda _, name=name: self._leave(name, 0.0))
+            with gui.add_folder('settings', expand_by_default=False):
+                for setting in SETTINGS:
+                    self._add_slider(setting, values[setting.name])
+                self._add_choice('plant', PLANT, (AS_STARTED, *PLANTS), values)
+            with gui.add_folder('external wrench', expand_by_default=False):
+                for setting in WRENCH:
+                    self._add_slider(setting, 0.0)
+        return commands
+
+    def _add_slider(self, setting: Setting, value: float) -> None:
+        slider = self._gui.add_slider(setting.label, *setting.bounds, setting.step, value)
+        slider.on_update(lambda _: self._leave(setting.name, slider.value))
+
+    def _add_choice(
+        self, label: str, name: str, options: Sequence[str], values: Mapping[str, float | str]
+    ) -> None:
+        choice = self._gui.add_dropdown(label, options, initial_value=values[name])
+        choice.on_update(lambda _: self._leave(name, choice.value))

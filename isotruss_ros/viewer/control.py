@@ -1,0 +1,74 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Who has control of the robot, and what is commanded so."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from isotruss_ros.viewer.drag import Drag
+
+ZERO = (0.0, 0.0, 0.0)
+
+
+@dataclass
+class Control:
+    """
+    At most one browser has control; what it commands ends with it.
+
+    :ivar browser: number of the one in control; None while nobody has it.
+    :ivar drag: under way; None while nothing is to be moved.
+    :ivar wrench: (fx, fy, m) on the object [N, N m].
+    """
+
+    browser: int | None = None
+    drag: Drag | None = None
+    wrench: tuple[float, float, float] = ZERO
+
+    def pass_on(self, wishes: Mapping[int, bool]) -> None:
+        """
+        Take control from a browser that is gone or wants none; give it to one where it is free.
+
+        :param wishes: by the number of each connected browser: whether it wants control.
+        """
+        if self.browser is not None and not wishes.get(self.browser, False):
+            self.release()
+        if self.browser is None:
+            self.browser = next((browser for browser, wish in wishes.items() if wish), None)
+
+    def release(self) -> None:
+        """Leave control to nobody, and drop what was commanded."""
+        self.browser, self.drag, self.wrench = None, None, ZERO
+
+    def drag_to(self, target: tuple[float, float], begins: bool, now: float) -> None:
+        """
+        Move the target; one that was given up or dropped comes back with a new drag only.
+
+        :param target: (x, y) of the handle [m].
+        :param begins: whether the handle was just grabbed.
+        :param now: time [s].
+        """
+        if begins:
+            self.drag = Drag(target, now)
+        elif self.drag is not None:
+            self.drag.target = target
+
+    def describe(self, browser: int) -> str:
+        """
+        Return who has control, in words for one browser.
+
+        :param browser: number of the browser that shows them.
+        """
+        if self.browser is None:
+            return f'browser {browser}: nobody has control'
+        if self.browser == browser:
+            return f'browser {browser}: this one has control'
+        return f'browser {browser}: browser {self.browser} has control'

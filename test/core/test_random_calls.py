@@ -1,0 +1,22 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Random calls of the public API; `python test/helpers/random_calls.py` makes more."""
+
+import pytest
+import random_calls
+
+CHUNK = 200
+
+
+@pytest.mark.parametrize('first', range(0, 2000, CHUNK))
+def test_random_calls_give_numbers_or_an_error_of_this_package(first, capfd):
+    for seed in range(first, first + CHUNK):
+        random_calls.call(seed)
+    assert capfd.readouterr() == ('', '')

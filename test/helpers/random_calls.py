@@ -1,0 +1,356 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+Random calls of the public API: ordinary, near singular, at limits, and without any sense.
+
+Only an IsotrussError may be raised, no number may be NaN, and no call may take forever.
+
+    python test/helpers/random_calls.py --calls 100000
+"""
+
+import argparse
+from collections import Counter
+import dataclasses
+import functools
+import sys
+import time
+import warnings
+
+from isotruss_ros import core
+from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+import numpy as np
+import robots
+import shapes
+
+#: Robots besides the presets.
+ROBOTS = 12
+#: Numbers that are not of this world.
+STRANGE = (0.0, -1.0, 1e-300, 1e-12, 1e6, 1e300, np.inf, np.nan)
+STRANGE_SHARE = 0.05
+#: Processor time of a call in the loop, of an analysis and of a search for grasps [s]. The loop
+#: has 20 ms; here the processor may be five times slower than one of today.
+LOOP, ANALYSIS, SEARCH = 0.1, 10.0, 60.0
+
+
+@functools.cache
+def robot_of(number):
+    """Return one of the robots: a preset or a random one."""
+    presets = core.preset_names()
+    if number < len(presets):
+        return core.load_robot(presets[number])
+    return robots.random_robot(number)
+
+
+class World:
+    """
+    A robot, a state of it, an object, and what holds it.
+
+    :param rng: random generator.
+    """
+
+    def __init__(self, rng):
+        self.rng = rng
+        self.robot = robot_of(int(rng.integers(len(core.preset_names()) + ROBOTS)))
+        self.config = self.random_state()
+        self.body, self.grip = self.random_grip()
+
+    def number(self, low, high):
+        """Return a number of a range, or now and then one without sense."""
+        if self.rng.random() < STRANGE_SHARE:
+            return float(self.rng.choice(STRANGE))
+        return float(self.rng.uniform(low, high))
+
+    def numbers(self, count, low, high):
+        """Return numbers of a range, or some without sense."""
+        return np.array([self.number(low, high) for _ in range(count)])
+
+    def travel(self, reach):
+        """Return travel of the rollers by some share of the shortest member [m]."""
+        size = reach * self.robot.home.member_lengths.min()
+        return self.rng.uniform(-size, size, len(self.robot.roller_names))
+
+    def random_state(self):
+        """Return a configuration: home, anywhere, or next to where the shapes end."""
+        kind, way = self.rng.integers(3), self.travel(0.9)
+        if kind == 0:
+            return self.robot.configuration(0.02 * way)
+        reached = 0.0
+        for share in 0.5 ** np.arange(1, 4 if kind == 1 else 12):
+            try:
+                self.robot.configuration((reached + share) * way)
+                reached += share
+            except core.ConfigurationError:
+                continue
+        return self.robot.configuration(reached * way)
+
+    def random_grip(self):
+        """Return an object near a module or anywhere, and a grip of it."""
+        rng, robot = self.rng, self.robot
+        place = int(rng.integers(len(robot.member_names)))
+        shape = shapes.random_shape(rng, 0.5 * 10.0 ** rng.uniform(-2.0, 0.3))
+        topology = robot.topology
+        members = (place, int(topology.previous[place]))
+        if rng.random() < 0.3:
+            members = rng.permutation(len(robot.member_names))[: rng.integers(2, 4)]
+        names = tuple(robot.member_names[i] for i in members)
+        try:
+            grip = core.place_between(
+                self.config, names, shape, rng.uniform(-4.0, 4.0), self.number(0.0, 0.04)
+            )
+        except core.IsotrussError:
+            body = core.ConvexObject(shape, (*rng.uniform(-1.0, 2.0, 2), 0.3))
+            grip = core.Grip(names, body, 0.5)
+        return grip.body, grip
+
+    @property
+    def failed(self):
+        """Return some rollers, or none, or all."""
+        names = self.robot.roller_names
+        return [names[i] for i in self.rng.permutation(len(names))[: self._few(len(names))]]
+
+    def _few(self, count):
+        return int(self.rng.integers(count + 1)) * int(self.rng.integers(2))
+
+
+def configuration(world):
+    """Search for a configuration, anywhere."""
+    return world.robot.configuration(world.travel(1.0) + world.numbers(1, -0.1, 0.1))
+
+
+def solve_twist(world):
+    """Solve for a twist, and compare what it achieves with differences of the configuration."""
+    config, grip = world.config, world.grip
+    slide, period = bool(world.rng.integers(2)), float(world.rng.choice([0.0, 1e-3, 0.02]))
+    opening = float(world.rng.choice([0.0, 0.01]))
+    command = core.solve_twist(
+        config,
+        grip,
+        world.numbers(3, -0.2, 0.2),
+        world.failed,
+        slide_along_limits=slide,
+        period=period,
+        opening_rate=opening,
+    )
+    check_speeds(world.robot, command.roller_velocities)
+    if opening == 0.0 and command.roller_velocities.any():
+        check_motion(config, grip, command)
+    return command
+
+
+def check_speeds(robot, velocities):
+    """Check that no roller moves faster than the file admits."""
+    assert np.abs(velocities).max() <= robot.description.max_speed * (1.0 + 1e-6), velocities
+
+
+def check_motion(config, grip, command):
+    """Compare the achieved twist with what the object does, over a few micrometres."""
+    try:
+        held = core.RollingGrip.attach(config, grip)
+        step = 1e-6 / np.abs(command.roller_velocities).max()
+        ends = [
+            held.moved_to(config.moved_to(config.roller_positions + s * command.roller_velocities))
+            for s in (-step, step)
+        ]
+    except core.IsotrussError:
+        return
+    poses = [np.array(end.pose) for end in ends]
+    twist = (poses[1] - poses[0]) / (2.0 * step)
+    size = np.abs(command.roller_velocities).max() * np.linalg.cond(config.matrix)
+    assert np.abs(twist - command.achieved_twist).max() <= 1e-3 * size, (
+        twist,
+        command.achieved_twist,
+    )
+
+
+def solve_joint_velocity(world):
+    """Solve for the velocity of a joint."""
+    joint = str(world.rng.choice(list(world.robot.description.joints)))
+    velocity = world.numbers(2, -0.2, 0.2)
+    command = core.solve_joint_velocity(world.config, {joint: velocity}, world.failed)
+    check_speeds(world.robot, command.roller_velocities)
+    return command
+
+
+def decide(world):
+    """Let the servo decide, with late inputs and with a squeeze."""
+    rng, robot = world.rng, world.robot
+    module = str(rng.choice(robot.module_names))
+    servo = core.TwistServo(robot, module, 0.3, 0.01, 0.2)
+    servo.body, servo.members = world.body, world.grip.members
+    servo.failed = world.failed
+    servo.slide_along_limits = bool(rng.integers(2))
+    if rng.integers(3) == 0:
+        servo.squeeze = SqueezeControl(SqueezeSettings(abs(world.number(1.0, 60.0)) or 1.0, 0.5))
+    config, speeds = world.config, np.zeros(len(robot.roller_names))
+    for cycle in range(3):
+        now = 1.0 + 0.01 * cycle
+        servo.twist = core.StampedInput(rng.uniform(-0.2, 0.2, 3), now)
+        servo.rollers = core.StampedInput(core.RollerState(config.roller_positions, speeds), now)
+        servo.pose = core.StampedInput(world.body.pose, now - 0.01 * int(rng.integers(3)))
+        decision = servo.decide(now)
+        speeds = decision.command.roller_velocities
+        check_speeds(robot, speeds)
+    return decision
+
+
+def analyze_grasp(world):
+    """Analyze the object held fast."""
+    return core.analyze_grasp(
+        world.config,
+        world.body,
+        world.number(0.0, 1.0),
+        world.numbers(3, -20.0, 20.0),
+        flattening=bool(world.rng.integers(2)),
+    )
+
+
+def settle_grasp(world):
+    """Let the object settle."""
+    wrench = world.numbers(3, -20.0, 20.0)
+    members = world.grip.members if world.rng.integers(2) else None
+    return core.settle_grasp(
+        world.config, world.body, world.number(0.0, 1.0), wrench, None, members
+    )
+
+
+def deform(world):
+    """Load a joint."""
+    joint = str(world.rng.choice(list(world.robot.description.joints)))
+    return core.deform(world.config, joint_loads={joint: world.numbers(2, -30.0, 30.0)})
+
+
+def report(world):
+    """Let the monitor report."""
+    monitor = core.GraspMonitor(world.robot, 0.3, 0.5, 0.005, 0.2, world.body)
+    state = core.RollerState(
+        world.config.roller_positions, np.zeros(len(world.robot.roller_names))
+    )
+    monitor.rollers = core.StampedInput(state, 1.0)
+    monitor.center = core.StampedInput(world.body.pose, 1.0)
+    monitor.wrench = core.StampedInput(tuple(world.rng.uniform(-20.0, 20.0, 3).tolist()), 1.0)
+    return monitor.report(1.0)
+
+
+def follow_path(world):
+    """Track a path for a while."""
+    poses = np.array(world.body.pose) + world.rng.uniform(-0.1, 0.1, (4, 3))
+    poses[0, 0] = world.number(-1.0, 1.0)
+    path = core.ObjectPath(
+        poses, world.number(0.01, 0.2), world.number(0.1, 1.0), bool(world.rng.integers(2))
+    )
+    tracker = core.PathTracker(path, core.TrackingSettings(), 0.01)
+    return path.pose(world.number(0.0, 3.0)), tracker.rms_position_error
+
+
+def follow_trajectory(world):
+    """Look up a trajectory of the rollers."""
+    count = len(world.robot.roller_names)
+    positions = np.array([world.travel(0.05) for _ in range(3)]) + world.numbers(count, 0.0, 0.0)
+    trajectory = core.RollerTrajectory(world.robot, positions, world.numbers(3, 0.0, 5.0).cumsum())
+    return trajectory.at(float(world.rng.uniform(-1.0, 10.0)))
+
+
+def plan_release(world):
+    """Plan how to let the object go."""
+    return core.plan_release(world.config, world.body, world.grip.members, world.number(0.0, 0.1))
+
+
+def plan_grasps(world):
+    """Plan grasps, a short search."""
+    wanted = core.GraspRequirements(count=1, friction=abs(world.number(0.2, 1.0)))
+    return core.plan_grasps(world.config, world.body, wanted, thorough=False)
+
+
+def margins(world):
+    """Compute margins, rigidity and what can be reached."""
+    return (
+        core.shape_margins(world.config),
+        core.worst_case_rigidity_index(world.config),
+        core.reachable_twists(world.config, world.grip, world.failed),
+    )
+
+
+#: What is called, how often, and how much processor time it may take [s].
+CALLS = {
+    configuration: (20, LOOP),
+    solve_twist: (40, LOOP),
+    solve_joint_velocity: (10, LOOP),
+    decide: (20, 3.0 * LOOP),
+    margins: (10, LOOP),
+    follow_path: (5, ANALYSIS),
+    follow_trajectory: (5, LOOP),
+    deform: (5, ANALYSIS),
+    analyze_grasp: (5, ANALYSIS),
+    settle_grasp: (5, ANALYSIS),
+    report: (3, ANALYSIS),
+    plan_release: (1, ANALYSIS),
+    plan_grasps: (0.1, SEARCH),
+}
+
+
+def has_nan(found):
+    """Tell whether a result has a number that is none, in any of its fields."""
+    if isinstance(found, float | np.ndarray):
+        return np.asarray(found).dtype.kind in 'fc' and bool(np.isnan(found).any())
+    if isinstance(found, dict):
+        return any(map(has_nan, found.values()))
+    if isinstance(found, list | tuple):
+        return any(map(has_nan, found))
+    if isinstance(found, core.Configuration):
+        return has_nan(found.nodes)
+    if dataclasses.is_dataclass(found) and not isinstance(found, type):
+        fields = dataclasses.fields(found)
+        return any(has_nan(getattr(found, f.name)) for f in fields if not f.name.startswith('_'))
+    return False
+
+
+def call(seed):
+    """Make one call, and return its name and its outcome: ok, or the class of the error."""
+    rng = np.random.default_rng(seed)
+    shares = np.array([share for share, _ in CALLS.values()])
+    function = list(CALLS)[rng.choice(len(CALLS), p=shares / shares.sum())]
+    world = World(rng)
+    began = time.thread_time()
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        try:
+            found = function(world)
+        except core.IsotrussError as error:
+            found = None
+            outcome = type(error).__name__
+        else:
+            outcome = 'ok'
+    elapsed = time.thread_time() - began
+    assert not has_nan(found), f'{function.__name__}: NaN in {found}'
+    assert elapsed <= CALLS[function][1], f'{function.__name__} took {elapsed:.2f} s'
+    return function.__name__, outcome
+
+
+def main():
+    """Make random calls, and tell which went wrong; the exit code is 1 if any did."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument('--calls', type=int, default=100_000)
+    parser.add_argument('--first', type=int, default=0, help='seed of the first call')
+    arguments = parser.parse_args()
+    outcomes, wrong = Counter(), 0
+    for seed in range(arguments.first, arguments.first + arguments.calls):
+        try:
+            outcomes[call(seed)] += 1
+        except Exception as error:  # noqa: BLE001 - every error is what is looked for
+            wrong += 1
+            print(f'call {seed}: {type(error).__name__}: {error}'[:300], flush=True)
+    for (name, outcome), count in sorted(outcomes.items()):
+        print(f'{count:9d} {name}: {outcome}')
+    print(f'{arguments.calls} calls, {wrong} went wrong')
+    return 1 if wrong else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,55 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The command topic belongs to one node: what another one publishes there is noticed."""
+
+from types import SimpleNamespace
+
+from isotruss_ros.core import Status
+from isotruss_ros.nodes.components.roller_commands import RollerCommands
+from isotruss_ros.nodes.manipulation import Manipulation
+import numpy as np
+from probe import N, overrides, world
+import pytest
+from std_msgs.msg import Float64MultiArray
+
+OWN = [1, 2, 3]
+
+
+def commands(numbers):
+    """Return commands that were published three times, and received with such numbers."""
+    made, waiting = RollerCommands.__new__(RollerCommands), iter(numbers)
+
+    def take(_kind, _raw):
+        number = next(waiting, 0)
+        return None if number == 0 else (b'', {'publication_sequence_number': number})
+
+    made._subscription = SimpleNamespace(handle=SimpleNamespace(take_message=take))
+    made._sent, made._received, made._heard = len(OWN), 0, -np.inf
+    return made
+
+
+@pytest.mark.parametrize('numbers', [[], OWN, [2], [1, 0, 2, 0, 3], [None, None, None, None]])
+def test_own_commands_are_not_those_of_others(numbers):
+    made = commands(numbers)
+    assert [made.find_others() for _ in range(3)] == [None] * 3
+
+
+@pytest.mark.parametrize('other', [1, 2, 3, 4, 1000])
+@pytest.mark.parametrize('place', range(4))
+def test_a_command_of_another_node_is_noticed_whatever_its_number(other, place):
+    made = commands([*OWN[:place], other, *OWN[place:]])
+    assert 'another node publishes' in made.find_others()
+
+
+def test_commands_of_another_publisher_count_until_it_is_quiet():
+    with world(lambda: Manipulation(overrides(rate=50.0))) as w:
+        zeros = Float64MultiArray(data=[0.0] * N)
+        w.until_code(Status.HALT_OTHER_COMMANDS, lambda: w.probe.commands.publish(zeros))
+        w.until_code(Status.HALT_NO_TWIST, lambda: None)

@@ -1,0 +1,135 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The node `record`: what it keeps of each topic, and what becomes of a disk that is full."""
+
+import contextlib
+import importlib.util
+import json
+import resource
+import subprocess
+import sys
+
+from isotruss_ros.nodes.record import describe_quality, Record, RecordError, TOPICS
+import numpy as np
+from probe import overrides, world
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+mcap = pytest.importorskip('mcap.reader')
+pytestmark = pytest.mark.system
+
+
+@contextlib.contextmanager
+def recording(path):
+    """Bring up a node that records what the probe publishes; it is finished at the end."""
+    with world() as w:
+        node = Record(overrides(file=str(path)))
+        w.add(node)
+        node.open_file()
+        yield w, node
+        node.stop()
+
+
+def record_stop_and_states(path):
+    """Record a stop and joint states; return the channels by topic."""
+    with recording(path) as (w, node):
+        w.until(lambda: w.probe.stops.get_subscription_count() > 0)
+        w.probe.stops.publish(Bool(data=True))
+        wanted = {'emergency_stop', 'joint_states'}
+        w.until(lambda: wanted <= node._channels.keys(), w.probe.send_joints)
+    with path.open('rb') as stream:
+        summary = mcap.make_reader(stream).get_summary()
+    return {channel.topic: channel for channel in summary.channels.values()}
+
+
+def test_each_channel_has_the_quality_of_its_publishers(tmp_path):
+    channels = record_stop_and_states(tmp_path / 'stop.mcap')
+
+    def offered(topic):
+        return json.loads(channels[topic].metadata['offered_qos_profiles'])
+
+    assert [profile['durability'] for profile in offered('/emergency_stop')] == ['transient_local']
+    assert [profile['durability'] for profile in offered('/joint_states')] == ['volatile']
+    assert offered('/joint_states')[0]['reliability'] == 'reliable'
+
+
+def test_a_quality_has_the_keys_and_words_of_rosbag2():
+    profile = QoSProfile(
+        depth=7,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        reliability=ReliabilityPolicy.BEST_EFFORT,
+    )
+    said = describe_quality(profile)
+    assert (said['history'], said['depth']) == ('keep_last', 7)
+    assert (said['durability'], said['reliability']) == ('transient_local', 'best_effort')
+    durations = ('deadline', 'lifespan', 'liveliness_lease_duration')
+    assert all(said[name] == {'sec': 0, 'nsec': 0} for name in durations)
+    assert said.keys() - durations == {
+        'history',
+        'depth',
+        'reliability',
+        'durability',
+        'liveliness',
+        'avoid_ros_namespace_conventions',
+    }
+
+
+def test_stops_diagnostics_and_transforms_are_recorded():
+    assert {'emergency_stop', '/diagnostics'} <= TOPICS.keys()
+    # There are no wheels of tf2_msgs.
+    assert ('/tf' in TOPICS) == (importlib.util.find_spec('tf2_msgs') is not None)
+
+
+def test_a_recording_that_has_no_room_for_its_end_says_so(tmp_path):
+    path = tmp_path / 'full.mcap'
+    with world():
+        node = Record(overrides(file=str(path)))
+        node.open_file()
+        node._write('joint_states', b'\0' * 100)
+        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
+        try:
+            with pytest.raises(RecordError, match=r'full\.mcap: File too large'):
+                node.stop()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        node.destroy_node()
+
+
+def test_a_full_disk_ends_the_process_with_one_line_and_what_was_written_is_played(tmp_path):
+    """A limit to the size of files, 4 MB, is as a full disk."""
+    from isotruss_ros.viewer.recording import read_recording
+
+    path, log = tmp_path / 'full.mcap', tmp_path / 'log'
+    node = f'{sys.executable} -m isotruss_ros.executables record --ros-args -p file:={path}'
+    positions = np.random.default_rng(1).random(50_000)
+    large = JointState(position=positions.tolist())
+    with world() as w, log.open('wb') as output:
+        process = subprocess.Popen(
+            ['/bin/sh', '-c', f'ulimit -f 8192; exec {node}'],
+            stdout=output,
+            stderr=subprocess.STDOUT,
+        )
+        try:
+            w.until(
+                lambda: process.poll() is not None,
+                lambda: w.probe.joint_states.publish(large),
+            )
+        finally:
+            process.kill()
+    assert process.returncode == 1
+    started, ended = log.read_text().splitlines()
+    assert started == f'record: {path}'
+    assert ended.startswith(f'cannot go on: {path}: File too large')
+    messages = list(read_recording(path))
+    assert messages
+    assert all(np.array_equal(message.position, positions) for _, _, message in messages)
