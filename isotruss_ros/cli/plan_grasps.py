@@ -33,7 +33,6 @@ from isotruss_ros.cli.progress_bar import ProgressBar
 from isotruss_ros.core import (
     Configuration,
     ConvexObject,
-    GraspPlan,
     GraspRequirements,
     IsotrussError,
     load_robot,
@@ -41,6 +40,7 @@ from isotruss_ros.core import (
     read_object,
 )
 from isotruss_ros.core.planning.background_search import Stop
+from isotruss_ros.core.planning.grasp_plan import GraspPlan
 from isotruss_ros.core.planning.plan_words import plan_in_words
 from isotruss_ros.core.planning.workers import WorkerPool
 from rich.console import Console

@@ -14,7 +14,8 @@ from __future__ import annotations
 import argparse
 import math
 
-from isotruss_ros.core import GraspRequirements, Measure
+from isotruss_ros.core import GraspRequirements
+from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 
 

@@ -14,8 +14,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from isotruss_ros.core import GraspPlan, GraspRequirements, Robot
+from isotruss_ros.core import GraspRequirements, Robot
 from isotruss_ros.core.planning.export import export_figures, export_path
+from isotruss_ros.core.planning.grasp_plan import GraspPlan
 from rich.table import Table
 
 #: Heading, factor and format of each figure of a grasp in the table.

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from types import TracebackType
 
-from isotruss_ros.core import Progress as SearchProgress
+from isotruss_ros.core.planning.grasp_plan import Progress as SearchProgress
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 

@@ -14,8 +14,6 @@ robot -> configuration -> grasp -> twist to rollers (docs/kinematics.md);
 robot -> structure -> contact -> closure (docs/statics.md).
 """
 
-import importlib
-
 from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_tracking import PathTracker
 from isotruss_ros.core.control.twist_servo import TwistServo
@@ -89,33 +87,3 @@ __all__ = [
     'solve_twist_ahead',
     'tangent_center',
 ]
-
-# Until all tests import these from their packages.
-for _module, _names in {
-    'control.grasp_monitor': 'GraspMonitor',
-    'control.grasp_report': 'AnalyzedGrasp GraspCode GraspQuery GraspReport',
-    'control.inputs': 'RejectedInput RollerState StampedInput',
-    'control.path_tracking': 'PathPhase Tracking TrackingSettings',
-    'control.roller_trajectory': 'RollerTrajectory',
-    'control.twist_servo': 'Decision',
-    'errors': 'ConfigurationError GraspError ObjectFileError PathError RobotFileError '
-    'SolverError StructureError',
-    'grasping.analysis': 'GraspAnalysis',
-    'grasping.settle_grasp': 'SettledGrasp',
-    'kinematics.rigidity': 'worst_case_rigidity_index',
-    'manipulation.grip_rows': 'grip_jacobian',
-    'manipulation.limits': 'Limit MemberLengthLimit RollerSpeedLimit',
-    'manipulation.solve_joint_velocity': 'JointCommand',
-    'manipulation.solve_twist': 'RollerCommand',
-    'model.object_file': 'object_from_mapping',
-    'model.presets': 'preset_names',
-    'planning.grasp_plan': 'GraspPlan PlannedGrasp Progress Violation',
-    'planning.release': 'Release',
-    'planning.requirements': 'Measure',
-    'safety.margins': 'shape_margins ShapeMargins',
-    'safety.roller_failure': 'FailureCriterion FailureDetector',
-    'safety.shape_guard': 'ShapeBounds',
-    'statics.structure': 'Deformation',
-}.items():
-    _found = importlib.import_module(f'{__name__}.{_module}')
-    globals().update({name: getattr(_found, name) for name in _names.split()})

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import ConfigurationError, load_robot, read_object
+from isotruss_ros.core import load_robot, read_object
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.nodes.components.object_goals import ObjectGoals
 from isotruss_ros.nodes.components.plant_choice import PlantChoice
 from isotruss_ros.nodes.conversions.messages import (

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core import GraspCode
+from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.viewer.picture import HISTORY, NOTHING, Picture, trim_start
 import numpy as np
 import viser

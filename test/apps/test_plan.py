@@ -104,7 +104,7 @@ def test_an_object_is_a_disc_or_described(capsys):
 
 def test_says_what_the_nearest_candidate_misses(capsys):
     assert command.main(['--center', '3', '3', '--diameter', '0.3']) == 1
-    assert 'no grasp found in 0 evaluations; enclosed: no loop' in capsys.readouterr().out
+    assert 'no grasp found in 0 evaluations; enclosed: no members' in capsys.readouterr().out
 
 
 def test_ends_at_the_time_limit(capsys):

@@ -24,7 +24,15 @@ import time
 import warnings
 
 from isotruss_ros import core
+from isotruss_ros.core.control.grasp_monitor import GraspMonitor
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.control.path_tracking import TrackingSettings
+from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.kinematics.rigidity import worst_case_rigidity_index
+from isotruss_ros.core.model.presets import preset_names
+from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 import robots
 import shapes
@@ -42,7 +50,7 @@ LOOP, ANALYSIS, SEARCH = 0.1, 10.0, 60.0
 @functools.cache
 def robot_of(number):
     """Return one of the robots: a preset or a random one."""
-    presets = core.preset_names()
+    presets = preset_names()
     if number < len(presets):
         return core.load_robot(presets[number])
     return robots.random_robot(number)
@@ -57,7 +65,7 @@ class World:
 
     def __init__(self, rng):
         self.rng = rng
-        self.robot = robot_of(int(rng.integers(len(core.preset_names()) + ROBOTS)))
+        self.robot = robot_of(int(rng.integers(len(preset_names()) + ROBOTS)))
         self.config = self.random_state()
         self.body, self.grip = self.random_grip()
 
@@ -86,7 +94,7 @@ class World:
             try:
                 self.robot.configuration((reached + share) * way)
                 reached += share
-            except core.ConfigurationError:
+            except ConfigurationError:
                 continue
         return self.robot.configuration(reached * way)
 
@@ -191,9 +199,9 @@ def decide(world):
     config, speeds = world.config, np.zeros(len(robot.roller_names))
     for cycle in range(3):
         now = 1.0 + 0.01 * cycle
-        servo.twist = core.StampedInput(rng.uniform(-0.2, 0.2, 3), now)
-        servo.rollers = core.StampedInput(core.RollerState(config.roller_positions, speeds), now)
-        servo.pose = core.StampedInput(world.body.pose, now - 0.01 * int(rng.integers(3)))
+        servo.twist = StampedInput(rng.uniform(-0.2, 0.2, 3), now)
+        servo.rollers = StampedInput(RollerState(config.roller_positions, speeds), now)
+        servo.pose = StampedInput(world.body.pose, now - 0.01 * int(rng.integers(3)))
         decision = servo.decide(now)
         speeds = decision.command.roller_velocities
         check_speeds(robot, speeds)
@@ -228,13 +236,11 @@ def deform(world):
 
 def report(world):
     """Let the monitor report."""
-    monitor = core.GraspMonitor(world.robot, 0.3, 0.5, 0.005, 0.2, world.body)
-    state = core.RollerState(
-        world.config.roller_positions, np.zeros(len(world.robot.roller_names))
-    )
-    monitor.rollers = core.StampedInput(state, 1.0)
-    monitor.center = core.StampedInput(world.body.pose, 1.0)
-    monitor.wrench = core.StampedInput(tuple(world.rng.uniform(-20.0, 20.0, 3).tolist()), 1.0)
+    monitor = GraspMonitor(world.robot, 0.3, 0.5, 0.005, 0.2, world.body)
+    state = RollerState(world.config.roller_positions, np.zeros(len(world.robot.roller_names)))
+    monitor.rollers = StampedInput(state, 1.0)
+    monitor.center = StampedInput(world.body.pose, 1.0)
+    monitor.wrench = StampedInput(tuple(world.rng.uniform(-20.0, 20.0, 3).tolist()), 1.0)
     return monitor.report(1.0)
 
 
@@ -245,7 +251,7 @@ def follow_path(world):
     path = core.ObjectPath(
         poses, world.number(0.01, 0.2), world.number(0.1, 1.0), bool(world.rng.integers(2))
     )
-    tracker = core.PathTracker(path, core.TrackingSettings(), 0.01)
+    tracker = core.PathTracker(path, TrackingSettings(), 0.01)
     return path.pose(world.number(0.0, 3.0)), tracker.rms_position_error
 
 
@@ -253,7 +259,7 @@ def follow_trajectory(world):
     """Look up a trajectory of the rollers."""
     count = len(world.robot.roller_names)
     positions = np.array([world.travel(0.05) for _ in range(3)]) + world.numbers(count, 0.0, 0.0)
-    trajectory = core.RollerTrajectory(world.robot, positions, world.numbers(3, 0.0, 5.0).cumsum())
+    trajectory = RollerTrajectory(world.robot, positions, world.numbers(3, 0.0, 5.0).cumsum())
     return trajectory.at(float(world.rng.uniform(-1.0, 10.0)))
 
 
@@ -271,8 +277,8 @@ def plan_grasps(world):
 def margins(world):
     """Compute margins, rigidity and what can be reached."""
     return (
-        core.shape_margins(world.config),
-        core.worst_case_rigidity_index(world.config),
+        shape_margins(world.config),
+        worst_case_rigidity_index(world.config),
         core.reachable_twists(world.config, world.grip, world.failed),
     )
 

@@ -20,6 +20,7 @@ import tempfile
 
 from isotruss_ros import core
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
 import numpy as np
 
 DATA = Path(__file__).parents[1] / 'data' / 'answers.json.gz'

@@ -142,14 +142,21 @@ def random_grasp(robot, rng, number):
     """
     config = random_state(robot, rng)
     module = robot.module_names[number % len(robot.module_names)]
-    ends = side_ends(config, module)
-    # Between a point on one side and one on the other there is room for an object.
-    share = rng.uniform(0.2, 0.8, 3)
-    one = ends[0] + share[0] * (ends[1] - ends[0])
-    other = ends[2] + share[1] * (ends[3] - ends[2])
-    center = one + share[2] * (other - one)
-    body = ConvexObject.disc((center.real, center.imag), rng.uniform(0.05, 0.5))
-    return config, Grip.at_module(config.robot, module, body), ends
+    ends, tube = side_ends(config, module), robot.description.tube_diameter
+    spans = ends[1] - ends[0], ends[3] - ends[2]
+    axes = [span / abs(span) for span in spans]
+    inward = sum(axes) / abs(sum(axes))
+    corner = 0.5 * (ends[0] + ends[2])
+    diameter = 0.0
+    while diameter < 0.02:
+        # On the bisector, touching so far along the shorter member.
+        along = rng.uniform(0.3, 0.9) * min(map(abs, spans))
+        depth = along - (axes[0].conjugate() * (corner - ends[0])).real
+        center = corner + depth / (axes[0].conjugate() * inward).real * inward
+        diameter = 2.0 * abs((axes[0].conjugate() * (center - ends[0])).imag) - tube
+    center += 0.1 * tube * complex(*rng.uniform(-1.0, 1.0, 2))
+    body = ConvexObject.disc((center.real, center.imag), diameter)
+    return config, Grip.at_module(robot, module, body), ends
 
 
 def side_ends(config, module):

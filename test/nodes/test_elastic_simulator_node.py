@@ -12,7 +12,7 @@
 from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.core.grasping.held_members import Hold
+from isotruss_ros.core.grasping.hold_status import HoldStatus
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import check_refused, world
 import numpy as np
@@ -78,7 +78,7 @@ def log_of(w, dropped):
 
 @pytest.mark.parametrize(
     ('dropped', 'level', 'words'),
-    [(Hold.NO_CONTACT, 'info', 'is free'), (Hold.SLIPS, 'warning', 'was dropped')],
+    [(HoldStatus.NO_CONTACT, 'info', 'is free'), (HoldStatus.SLIPS, 'warning', 'was dropped')],
 )
 def test_an_object_that_is_let_go_is_logged_once(dropped, level, words):
     with world(node()) as w:

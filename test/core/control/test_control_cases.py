@@ -15,29 +15,27 @@ from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
     Disc,
-    GraspCode,
-    GraspMonitor,
     HoldStatus,
     load_robot,
     ObjectPath,
-    PathError,
     place_between,
     Pose,
-    RejectedInput,
-    RollerCommand,
-    RollerState,
     settle_grasp,
     solve_twist,
-    StampedInput,
     Status,
-    TrackingSettings,
     TwistServo,
 )
 from isotruss_ros.core.control import squeeze_control, twist_servo
+from isotruss_ros.core.control.grasp_monitor import GraspMonitor
+from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.core.control.held_model import sensitivity
+from isotruss_ros.core.control.inputs import RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.control.path_servo import PathServo, ServoFeedback
+from isotruss_ros.core.control.path_tracking import TrackingSettings
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.errors import PathError
+from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 import numpy as np
 import pytest
 

@@ -12,20 +12,10 @@
 import time
 from types import SimpleNamespace
 
-from isotruss_ros.core import (
-    analyze_grasp,
-    ConvexObject,
-    GraspCode,
-    GraspMonitor,
-    load_robot,
-    Pose,
-    RejectedInput,
-    RollerState,
-    StampedInput,
-    tangent_center,
-)
-from isotruss_ros.core.control.grasp_monitor import _judge
-from isotruss_ros.core.control.grasp_report import GraspQuery
+from isotruss_ros.core import analyze_grasp, ConvexObject, errors, load_robot, Pose, tangent_center
+from isotruss_ros.core.control.grasp_monitor import _judge, GraspMonitor
+from isotruss_ros.core.control.grasp_report import GraspCode, GraspQuery
+from isotruss_ros.core.control.inputs import RejectedInput, RollerState, StampedInput
 import numpy as np
 import pytest
 
@@ -265,11 +255,10 @@ def test_no_configuration_no_answer():
     ],
 )
 def test_errors_of_the_analysis_have_their_codes(monkeypatch, error, code):
-    from isotruss_ros import core
     from isotruss_ros.core.control import grasp_monitor
 
     def fail(*_arguments, **_options):
-        raise getattr(core, error)('so it is')
+        raise getattr(errors, error)('so it is')
 
     monkeypatch.setattr(grasp_monitor, 'analyze_grasp', fail)
     report = monitor().report(NOW)

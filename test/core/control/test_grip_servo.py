@@ -11,21 +11,20 @@
 
 from boxes import BOX, box_between, ROBOT, SIDES
 from isotruss_ros.core import (
-    grip_jacobian,
     place_between,
     Pose,
     read_object,
     RollerFaults,
-    RollerState,
     RollingGrip,
     RollingObject,
     SimulatedRobot,
     solve_twist,
-    StampedInput,
     Status,
     TwistServo,
 )
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 import numpy as np
 import pytest
 

@@ -10,18 +10,17 @@
 """The servo in the mode in which twists move a joint, without an object."""
 
 from isotruss_ros.core import (
-    GraspError,
     load_robot,
     Pose,
-    RollerState,
-    shape_margins,
-    ShapeBounds,
     solve_joint_velocity,
-    StampedInput,
     Status,
     tangent_center,
     TwistServo,
 )
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
 import pytest
 

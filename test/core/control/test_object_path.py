@@ -12,8 +12,9 @@
 import math
 
 from hypothesis import given, strategies
-from isotruss_ros.core import ObjectPath, PathError
+from isotruss_ros.core import ObjectPath
 from isotruss_ros.core.control.object_path import MAX_PIECES, MAX_POSES
+from isotruss_ros.core.errors import PathError
 import numpy as np
 import pytest
 import robots

@@ -12,18 +12,11 @@
 import math
 
 from hypothesis import given, strategies
-from isotruss_ros.core import (
-    ObjectPath,
-    PathError,
-    PathPhase,
-    Pose,
-    RejectedInput,
-    StampedInput,
-    Status,
-    TrackingSettings,
-)
-from isotruss_ros.core.control.inputs import InputError, InputFault
+from isotruss_ros.core import ObjectPath, Pose, Status
+from isotruss_ros.core.control.inputs import InputError, InputFault, RejectedInput, StampedInput
 from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedback
+from isotruss_ros.core.control.path_tracking import PathPhase, TrackingSettings
+from isotruss_ros.core.errors import PathError
 import numpy as np
 import pytest
 import robots

@@ -14,15 +14,9 @@ import itertools
 import math
 
 from hypothesis import given, strategies
-from isotruss_ros.core import (
-    ObjectPath,
-    PathError,
-    PathPhase,
-    PathTracker,
-    Pose,
-    TrackingSettings,
-)
-from isotruss_ros.core.control.path_tracking import FINISHED
+from isotruss_ros.core import ObjectPath, PathTracker, Pose
+from isotruss_ros.core.control.path_tracking import FINISHED, PathPhase, TrackingSettings
+from isotruss_ros.core.errors import PathError
 import numpy as np
 import pytest
 import robots

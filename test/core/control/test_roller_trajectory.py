@@ -14,7 +14,9 @@ import re
 
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_ros.core import ConfigurationError, load_robot, RollerTrajectory
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
+from isotruss_ros.core.errors import ConfigurationError
 import numpy as np
 import pytest
 from robots import example, examples, generators, load

@@ -12,25 +12,28 @@
 from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_ros.core import (
-    ConfigurationError,
     ConvexObject,
     Grip,
     load_robot,
-    RejectedInput,
     RollerFaults,
-    RollerState,
-    RollerTrajectory,
     RollingGrip,
     RollingObject,
     SimulatedRobot,
-    StampedInput,
     tangent_center,
 )
-from isotruss_ros.core.control.inputs import InputError, InputFault
+from isotruss_ros.core.control.inputs import (
+    InputError,
+    InputFault,
+    RejectedInput,
+    RollerState,
+    StampedInput,
+)
 from isotruss_ros.core.control.roller_trajectory import (
     DEFAULT,
+    RollerTrajectory,
     RollerTrajectoryServo,
 )
+from isotruss_ros.core.errors import ConfigurationError
 import numpy as np
 import pytest
 from robots import examples, generators

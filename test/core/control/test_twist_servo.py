@@ -13,24 +13,21 @@ import dataclasses
 
 from isotruss_ros.core import (
     ConvexObject,
-    FailureCriterion,
-    FailureDetector,
-    GraspError,
     Grip,
     load_robot,
     Pose,
-    RejectedInput,
     Robot,
     RollerFaults,
-    RollerState,
     RollingGrip,
     RollingObject,
     SimulatedRobot,
-    StampedInput,
     Status,
     tangent_center,
     TwistServo,
 )
+from isotruss_ros.core.control.inputs import RejectedInput, RollerState, StampedInput
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 import numpy as np
 import pytest
 

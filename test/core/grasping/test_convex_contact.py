@@ -19,12 +19,12 @@ from isotruss_ros.core import (
     ConvexObject,
     Disc,
     Ellipse,
-    GraspError,
     load_robot,
     Polygon,
     Robot,
     tangent_center,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasping.contact import solve_contact
 from isotruss_ros.core.grasping.contact_points import find_contact_points
 from isotruss_ros.core.grasping.flattening import flattening_of

@@ -21,8 +21,8 @@ from isotruss_ros.core import (
     HoldStatus,
     place_between,
     settle_grasp,
-    SolverError,
 )
+from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.grasping import (
     analysis,
     contact,

@@ -22,7 +22,6 @@ from isotruss_ros.core import (
     ConvexObject,
     Disc,
     Ellipse,
-    GraspError,
     Grip,
     HoldStatus,
     place_between,
@@ -30,6 +29,7 @@ from isotruss_ros.core import (
     settle_grasp,
     solve_twist,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasping import contact_changes
 from isotruss_ros.core.grasping.contact_changes import lay_down
 from isotruss_ros.core.grasping.contact_closures import rest, stick

@@ -18,7 +18,6 @@ from held_grips import BOX, held
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
-    GraspError,
     Grip,
     HoldStatus,
     load_robot,
@@ -27,6 +26,7 @@ from isotruss_ros.core import (
     solve_twist,
     tangent_center,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasping import held_grip
 from isotruss_ros.core.grasping.contact import solve_contact
 from isotruss_ros.core.grasping.contact_points import find_contact_points

@@ -10,9 +10,15 @@
 """Few rows of the limits, added as they are violated: the same solution as with all of them."""
 
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import ConfigurationError, MemberLengthLimit, RollerSpeedLimit, solve_twist
+from isotruss_ros.core import solve_twist
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.manipulation import few_rows, limit_handling
-from isotruss_ros.core.manipulation.limits import Rows, StackedRows
+from isotruss_ros.core.manipulation.limits import (
+    MemberLengthLimit,
+    RollerSpeedLimit,
+    Rows,
+    StackedRows,
+)
 import numpy as np
 import pytest
 import robots

@@ -16,11 +16,8 @@ rows say, in the model without deformation.
 """
 
 from grips import disc_grip
-from isotruss_ros.core import (
-    grip_jacobian,
-    load_robot,
-    solve_twist,
-)
+from isotruss_ros.core import load_robot, solve_twist
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 import numpy as np
 import pytest
 import robots

@@ -14,13 +14,13 @@ from isotruss_ros.core import (
     ConvexObject,
     Disc,
     Ellipse,
-    GraspError,
     Grip,
     load_robot,
     Polygon,
     Pose,
     tangent_center,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts, touched_points
 import numpy as np
 import pytest

@@ -11,15 +11,8 @@
 
 from grips import disc_grip
 from hypothesis import assume, given
-from isotruss_ros.core import (
-    Disc,
-    Ellipse,
-    GraspError,
-    load_robot,
-    place_between,
-    Polygon,
-    reachable_twists,
-)
+from isotruss_ros.core import Disc, Ellipse, load_robot, place_between, Polygon, reachable_twists
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 import numpy as np
 import pytest

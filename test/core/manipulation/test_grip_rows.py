@@ -13,14 +13,12 @@ from dataclasses import replace
 
 from grips import disc_grip
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import (
-    grip_jacobian,
-    load_robot,
-)
+from isotruss_ros.core import load_robot
 from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
 from isotruss_ros.core.manipulation.grip_rows import (
     grasp_map,
+    grip_jacobian,
     hand_jacobian,
 )
 from isotruss_ros.core.numerics.arrays import as_xy

@@ -14,9 +14,7 @@ from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConvexObject,
     Disc,
-    GraspError,
     Grip,
-    grip_jacobian,
     load_robot,
     place_between,
     Polygon,
@@ -24,8 +22,9 @@ from isotruss_ros.core import (
     solve_twist,
     Status,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
-from isotruss_ros.core.manipulation.grip_rows import grasp_map, hand_jacobian
+from isotruss_ros.core.manipulation.grip_rows import grasp_map, grip_jacobian, hand_jacobian
 import numpy as np
 import pytest
 import random_grips

@@ -11,15 +11,8 @@
 
 from grips import disc_grip
 from hypothesis import given, strategies
-from isotruss_ros.core import (
-    ConfigurationError,
-    GraspError,
-    load_robot,
-    RollingGrip,
-    solve_twist,
-    solve_twist_ahead,
-    Status,
-)
+from isotruss_ros.core import load_robot, RollingGrip, solve_twist, solve_twist_ahead, Status
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 import numpy as np
 import pytest
 import robots

@@ -11,23 +11,26 @@
 
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
-    ConfigurationError,
     ConvexObject,
     Grip,
-    grip_jacobian,
     load_robot,
-    MemberLengthLimit,
     reachable_twists,
-    RollerSpeedLimit,
     RollingGrip,
-    ShapeBounds,
     ShapeGuard,
     solve_twist,
     Status,
 )
+from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import LEAST_REGULARIZATION
-from isotruss_ros.core.manipulation.limits import default_limits, Rows
+from isotruss_ros.core.manipulation.limits import (
+    default_limits,
+    MemberLengthLimit,
+    RollerSpeedLimit,
+    Rows,
+)
 from isotruss_ros.core.manipulation.twist_qp import project_target
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
 import pytest
 import robots

@@ -11,16 +11,9 @@
 
 from grips import disc_grip
 from hypothesis import given
-from isotruss_ros.core import (
-    ConfigurationError,
-    GraspError,
-    load_robot,
-    MemberLengthLimit,
-    RollerSpeedLimit,
-    RollingGrip,
-    solve_twist,
-    Status,
-)
+from isotruss_ros.core import load_robot, RollingGrip, solve_twist, Status
+from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
 import numpy as np
 import pytest
 import robots

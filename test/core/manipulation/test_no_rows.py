@@ -10,17 +10,16 @@
 """Programs with few rows to choose from: none, a zero one, one that nothing fulfils."""
 
 from grips import disc_grip
-from isotruss_ros.core import (
-    load_robot,
-    MemberLengthLimit,
-    RollerSpeedLimit,
-    solve_twist,
-    SolverError,
-    Status,
-)
+from isotruss_ros.core import load_robot, solve_twist, Status
+from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.manipulation.few_rows import solve_by_few_rows
-from isotruss_ros.core.manipulation.limits import Rows, StackedRows
+from isotruss_ros.core.manipulation.limits import (
+    MemberLengthLimit,
+    RollerSpeedLimit,
+    Rows,
+    StackedRows,
+)
 from isotruss_ros.core.manipulation.task import Reach
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, project_target
 import numpy as np

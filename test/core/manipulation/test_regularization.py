@@ -10,12 +10,9 @@
 """How progress is traded against roller speed where limits bind: in closed form."""
 
 from grips import disc_grip
-from isotruss_ros.core import (
-    load_robot,
-    RollerSpeedLimit,
-    solve_twist,
-)
+from isotruss_ros.core import load_robot, solve_twist
 from isotruss_ros.core.manipulation.limit_handling import Regularization
+from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 import numpy as np
 import pytest
 from walls import Wall

@@ -14,7 +14,6 @@ from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConvexObject,
     Ellipse,
-    GraspError,
     Grip,
     load_robot,
     Polygon,
@@ -25,6 +24,7 @@ from isotruss_ros.core import (
     solve_twist_ahead,
     Status,
 )
+from isotruss_ros.core.errors import GraspError
 import numpy as np
 from paper_rows import paper_pose
 import pytest

@@ -24,9 +24,7 @@ from isotruss_ros.core import (
     Configuration,
     ConvexObject,
     Ellipse,
-    GraspError,
     Grip,
-    grip_jacobian,
     Polygon,
     Pose,
     reachable_twists,
@@ -34,10 +32,11 @@ from isotruss_ros.core import (
     solve_twist,
     Status,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation import rolling_grip
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 from isotruss_ros.core.manipulation.grip_reach import rolled_corners
-from isotruss_ros.core.manipulation.grip_rows import contact_rows
+from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian
 import numpy as np
 import pytest
 from scipy.linalg import null_space

@@ -11,14 +11,9 @@
 
 import inspect
 
-from isotruss_ros.core import (
-    GraspError,
-    load_robot,
-    RollerSpeedLimit,
-    solve_joint_velocity,
-    solve_twist,
-    Status,
-)
+from isotruss_ros.core import load_robot, solve_joint_velocity, solve_twist, Status
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 import numpy as np
 import pytest
 import robots

@@ -14,16 +14,15 @@ from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     Configuration,
     ConvexObject,
-    GraspError,
     Grip,
-    grip_jacobian,
     load_robot,
-    MemberLengthLimit,
-    RollerSpeedLimit,
     RollingGrip,
     solve_twist,
     Status,
 )
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
 import numpy as np
 from paper_rows import contact_depth
 import pytest

@@ -13,13 +13,13 @@ from isotruss_ros.core import (
     Configuration,
     ConvexObject,
     Disc,
-    GraspError,
     Grip,
     load_robot,
     place_between,
     Polygon,
     Pose,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 import numpy as np

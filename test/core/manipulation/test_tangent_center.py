@@ -10,7 +10,8 @@
 """Where a disc touches both members at a module: by hand, and over random robots."""
 
 from hypothesis import given, strategies
-from isotruss_ros.core import Configuration, GraspError, load_robot, tangent_center
+from isotruss_ros.core import Configuration, load_robot, tangent_center
+from isotruss_ros.core.errors import GraspError
 import numpy as np
 import pytest
 import robots

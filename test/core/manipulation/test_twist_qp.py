@@ -10,7 +10,8 @@
 """The quadratic programs of the twist: solutions known by hand, and their conditions."""
 
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import solve_twist, SolverError
+from isotruss_ros.core import solve_twist
+from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.manipulation.task import least_cost
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES

@@ -13,7 +13,8 @@ from dataclasses import replace
 from itertools import pairwise
 
 import closings
-from isotruss_ros.core import ConfigurationError, ConvexObject, load_robot, SolverError
+from isotruss_ros.core import ConvexObject, load_robot
+from isotruss_ros.core.errors import ConfigurationError, SolverError
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.planning import closing_motion
 from isotruss_ros.core.planning import closing_qp as closing_program

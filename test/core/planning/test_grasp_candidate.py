@@ -13,19 +13,14 @@ import functools
 import pickle
 
 import closings
-from isotruss_ros.core import (
-    ConvexObject,
-    GraspRequirements,
-    load_robot,
-    Measure,
-    SolverError,
-)
+from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
+from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.planning import grasp_candidate as candidates
 from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing_in_place import ClosingInPlace
 from isotruss_ros.core.planning.grasp_candidate import make_grasp_candidate, squeeze_candidate
 from isotruss_ros.core.planning.grasp_plan import Violation
-from isotruss_ros.core.planning.requirements import rate_grasp
+from isotruss_ros.core.planning.requirements import Measure, rate_grasp
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.squeeze import Squeeze
 import numpy as np

@@ -15,7 +15,6 @@ import math
 from types import SimpleNamespace
 
 from isotruss_ros.core import (
-    ConfigurationError,
     ConvexObject,
     Disc,
     GraspRequirements,
@@ -25,6 +24,7 @@ from isotruss_ros.core import (
     Status,
     tangent_center,
 )
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import members_at

@@ -19,18 +19,17 @@ from isotruss_ros.cli.plan_report import table
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
-    GraspError,
     GraspRequirements,
     load_robot,
-    Measure,
     plan_grasps,
     settle_grasp,
     tangent_center,
 )
-from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.planning import grasp_search
 from isotruss_ros.core.planning import plan_grasps as search
 from isotruss_ros.core.planning.plan_words import plan_in_words, violation_in_words
+from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.settings import DEFAULT
 from isotruss_ros.core.safety.margins import shape_margins

@@ -17,13 +17,13 @@ from isotruss_ros.core import (
     ConvexObject,
     Disc,
     Ellipse,
-    GraspError,
     GraspRequirements,
     load_robot,
     plan_grasps,
     Polygon,
     settle_grasp,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasping.deformed_shape import member_lines
 from isotruss_ros.core.planning.export import export_figures
 from isotruss_ros.core.planning.facing import balances, contact_ends, find_facing, friction_angles

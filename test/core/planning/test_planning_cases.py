@@ -18,7 +18,6 @@ from isotruss_ros.core import (
     ConvexObject,
     Disc,
     Ellipse,
-    GraspPlan,
     GraspRequirements,
     HoldStatus,
     load_robot,
@@ -33,7 +32,7 @@ from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.closing_in_place import ClosingInPlace
 from isotruss_ros.core.planning.closing_motion import press, Pressing
 from isotruss_ros.core.planning.facing import find_facing
-from isotruss_ros.core.planning.grasp_plan import Violation
+from isotruss_ros.core.planning.grasp_plan import GraspPlan, Violation
 from isotruss_ros.core.planning.motion_in_place import MotionInPlace
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.planning.searcher import Outcome, Searcher

@@ -15,13 +15,13 @@ import itertools
 from isotruss_ros.core import (
     ConvexObject,
     ElasticObject,
-    GraspError,
     GraspRequirements,
     load_robot,
     plan_grasps,
     RollerFaults,
     SimulatedRobot,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.safety.object_distances import object_distances

@@ -16,7 +16,6 @@ from isotruss_ros.core import (
     ConvexObject,
     Disc,
     ElasticObject,
-    GraspError,
     GraspRequirements,
     load_robot,
     plan_grasps,
@@ -24,6 +23,7 @@ from isotruss_ros.core import (
     RollerFaults,
     SimulatedRobot,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasping.held_grip import HeldGrip
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.planning.settings import DEFAULT

@@ -14,18 +14,11 @@ import math
 import time
 from types import SimpleNamespace
 
-from isotruss_ros.core import (
-    ConvexObject,
-    GraspError,
-    GraspPlan,
-    GraspRequirements,
-    load_robot,
-    Progress,
-    SolverError,
-    StructureError,
-)
+from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
+from isotruss_ros.core.errors import GraspError, SolverError, StructureError
 from isotruss_ros.core.planning import background_search
 from isotruss_ros.core.planning.background_search import BackgroundSearch, Stop
+from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
 from isotruss_ros.core.planning.searcher import Outcome, Searcher
 import pytest
 

@@ -11,7 +11,8 @@
 import math
 
 import closings
-from isotruss_ros.core import ConvexObject, GraspError, GraspRequirements, load_robot
+from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.planning import seeds
 from isotruss_ros.core.planning.closing import outward_normals
 from isotruss_ros.core.planning.facing import friction_angles

@@ -11,14 +11,10 @@
 
 from grips import disc_grip
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import (
-    ConfigurationError,
-    GraspError,
-    grip_jacobian,
-    load_robot,
-    RollingGrip,
-)
+from isotruss_ros.core import load_robot, RollingGrip
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import BarrierLaw, EVERYTHING
 from isotruss_ros.core.safety.barriers import (
     ObjectBarrier,

@@ -11,7 +11,8 @@
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from isotruss_ros.core import ConfigurationError, ConvexObject, load_robot
+from isotruss_ros.core import ConvexObject, load_robot
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment, object_gaps
 from isotruss_ros.core.safety.object_distances import object_distances

@@ -10,14 +10,8 @@
 """How far shapes are from singular and self-colliding ones: rigidity by a full decomposition."""
 
 from hypothesis import assume, given
-from isotruss_ros.core import (
-    ConfigurationError,
-    ConvexObject,
-    GraspError,
-    Grip,
-    load_robot,
-    tangent_center,
-)
+from isotruss_ros.core import ConvexObject, Grip, load_robot, tangent_center
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.safety.barrier_law import BarrierLaw, EVERYTHING
 from isotruss_ros.core.safety.barriers import ObjectBarrier

@@ -10,14 +10,9 @@
 """Distances of an object in a grip of any members: rows against differences, and what counts."""
 
 from hypothesis import assume, given
-from isotruss_ros.core import (
-    ConvexObject,
-    grip_jacobian,
-    load_robot,
-    Polygon,
-    RollingGrip,
-)
+from isotruss_ros.core import ConvexObject, load_robot, Polygon, RollingGrip
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
 from isotruss_ros.core.safety.barriers import ObjectBarrier
 from isotruss_ros.core.safety.object_distances import object_distances

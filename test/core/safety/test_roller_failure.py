@@ -10,7 +10,8 @@
 """Failed rollers are found in time; rollers that work or are not commanded are not flagged."""
 
 from hypothesis import given, strategies
-from isotruss_ros.core import FailureCriterion, FailureDetector, GraspError
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 import numpy as np
 import pytest
 import robots

@@ -11,22 +11,20 @@
 
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
-    ConfigurationError,
     ConvexObject,
-    GraspError,
     Grip,
-    RollerState,
     RollingGrip,
-    ShapeBounds,
     ShapeGuard,
     solve_twist,
-    StampedInput,
     Status,
     tangent_center,
     TwistServo,
 )
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
 from isotruss_ros.core.safety.barriers import SelfCollisionBarrier
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
 import pytest
 import robots

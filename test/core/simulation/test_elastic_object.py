@@ -14,7 +14,6 @@ from grips import backed_off, gripped
 from isotruss_ros.core import (
     ConvexObject,
     ElasticObject,
-    GraspError,
     Grip,
     HoldStatus,
     RollerFaults,
@@ -22,6 +21,7 @@ from isotruss_ros.core import (
     SimulatedRobot,
     solve_twist_ahead,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.grasping.depths import member_depths
 import numpy as np
 import pytest

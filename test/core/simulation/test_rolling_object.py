@@ -10,8 +10,6 @@
 """A simulated robot carries an object between two sides that meet at no module."""
 
 from isotruss_ros.core import (
-    ConfigurationError,
-    GraspError,
     load_robot,
     place_between,
     Polygon,
@@ -21,6 +19,7 @@ from isotruss_ros.core import (
     SimulatedRobot,
     solve_twist_ahead,
 )
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 import numpy as np
 import pytest
 

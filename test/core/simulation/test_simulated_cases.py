@@ -21,8 +21,8 @@ from isotruss_ros.core import (
     Pose,
     RollerFaults,
     SimulatedRobot,
-    SolverError,
 )
+from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.model.segment_gaps import segment_gaps
 from isotruss_ros.core.simulation import free_object
 from isotruss_ros.core.simulation.pushing import push_out

@@ -10,9 +10,7 @@
 """The simulated robot integrates its rollers exactly, and has the faults that it is given."""
 
 from isotruss_ros.core import (
-    ConfigurationError,
     ConvexObject,
-    GraspError,
     Grip,
     load_robot,
     RollerFaults,
@@ -21,6 +19,7 @@ from isotruss_ros.core import (
     SimulatedRobot,
     tangent_center,
 )
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 import numpy as np
 import pytest
 
