@@ -126,9 +126,9 @@ class ContactStatics:
         residual, jacobian = np.empty(places.size), np.zeros((places.size, places.size))
         back = axis.conj()
         gap = back * (self.compliance.start - center - arms) + feet - skin * local
-        residual[:count] = gap.real + give[:, 0]
-        residual[count : 2 * count] = gap.imag + give[:, 1]
-        residual[2 * count : 3 * count] = give[:, 2] - slopes
+        touching = np.array([gap.real, gap.imag, -slopes]) + give.T
+        residual[: places.balance.start] = touching.ravel()
+        bending = slice(places.inclinations.start, None)  # inclinations and forces
         # Forces by inclinations, normal forces and friction forces, which follow each other.
         changes = np.array([1j * force, local, 1j * local])
         moments = np.array([np.zeros(count), soft * friction, -skin])
@@ -139,7 +139,7 @@ class ContactStatics:
 
         rows = jacobian[: 3 * count].reshape(3, count, -1).transpose(1, 0, 2)  # contact, response
         rows[:, :, places.feet] = contact.rates(loads)
-        rows[:, :, POSE + count :] = contact.respond_each(changes.ravel(), moments.ravel())
+        rows[:, :, bending] = contact.respond_each(changes.ravel(), moments.ravel())
         # As the object turns under a tube, the point that touches moves back on its surface.
         swung = 1j * (arms - radii * normals)
         touch = np.array(
@@ -158,7 +158,7 @@ class ContactStatics:
         jacobian[own + 2 * count, own + places.inclinations.start] -= 1.0 + slopes**2
         balance = jacobian[places.balance]
         balance[2, ANGLE] = (swung.conj() * 1j * pushed[0]).imag.sum() / self.arm
-        balance[:, POSE + count :] = -np.array([pushed.real, pushed.imag, torques]).reshape(3, -1)
+        balance[:, bending] = -np.array([pushed.real, pushed.imag, torques]).reshape(3, -1)
         residual[places.closure], jacobian[places.closure] = closure(unknowns, normals)
         return residual, jacobian, normals
 
