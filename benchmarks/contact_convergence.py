@@ -35,7 +35,7 @@ from isotruss_ros.core import (
     load_robot,
     tangent_center,
 )
-from isotruss_ros.core.grasping.analysis import GraspAnalysis
+from isotruss_ros.core.contact.analysis import GraspAnalysis
 from measuring import print_machine, print_table
 import numpy as np
 

@@ -26,9 +26,9 @@ from isotruss_ros.core import (
     solve_twist,
 )
 from isotruss_ros.core.errors import ConfigurationError, StructureError
-from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.held_utilisation import held_utilisation
-from isotruss_ros.core.grasping.slip_margin import weakest_direction
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_utilisation import held_utilisation
+from isotruss_ros.core.holding.slip_margin import weakest_direction
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np

@@ -17,7 +17,7 @@ import math
 from comparison.grips import press, PressedCase, release
 from comparison.section import Check, Section
 from isotruss_ros.core import Configuration, HoldStatus
-from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.grasping.contact import solve_contact
-from isotruss_ros.core.grasping.contact_points import ContactPoints
-from isotruss_ros.core.grasping.contact_regions import contact_extents
-from isotruss_ros.core.grasping.flattening import flattening
-from isotruss_ros.core.grasping.surfaces import RoundSurface
+from isotruss_ros.core.contact.contact import solve_contact
+from isotruss_ros.core.contact.contact_points import ContactPoints
+from isotruss_ros.core.contact.contact_regions import contact_extents
+from isotruss_ros.core.contact.flattening import flattening
+from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.beam import local_stiffness
 from isotruss_ros.core.statics.interior import InteriorPoints

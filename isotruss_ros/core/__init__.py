@@ -14,13 +14,13 @@ robot -> configuration -> grasp -> twist to rollers (docs/kinematics.md);
 robot -> structure -> contact -> closure (docs/statics.md).
 """
 
+from isotruss_ros.core.contact.analysis import analyze_grasp
 from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_tracking import PathTracker
 from isotruss_ros.core.control.twist_servo import TwistServo
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.core.grasping.analysis import analyze_grasp
-from isotruss_ros.core.grasping.hold_status import HoldStatus
-from isotruss_ros.core.grasping.settle_grasp import settle_grasp
+from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import load_robot, Robot
 from isotruss_ros.core.manipulation.grip import Grip

@@ -12,8 +12,8 @@
 from __future__ import annotations
 
 from isotruss_ros.core import Configuration, ConvexObject
-from isotruss_ros.core.grasping.analysis import GraspAnalysis
-from isotruss_ros.core.grasping.deformed_shape import (
+from isotruss_ros.core.contact.analysis import GraspAnalysis
+from isotruss_ros.core.contact.deformed_shape import (
     deformed_lines,
     force_lines,
     member_lines,

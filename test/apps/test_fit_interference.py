@@ -14,7 +14,7 @@ from isotruss_ros.calibration.local_fit import fit_local_stiffness
 from isotruss_ros.calibration.measurements import MeasurementError, Presses, read_measurements
 from isotruss_ros.calibration.pressed_tube import ClampedTube, press
 from isotruss_ros.cli.fit_tube_stiffness import main
-from isotruss_ros.core.grasping.flattening import flattening, flattening_of
+from isotruss_ros.core.contact.flattening import flattening, flattening_of
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.statics.tube_stiffness import InflatableBeam

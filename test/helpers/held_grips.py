@@ -11,7 +11,7 @@
 
 from apart_grips import APART, NINE
 from isotruss_ros.core import place_between, Polygon
-from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip
 import numpy as np
 
 HOME = NINE.home

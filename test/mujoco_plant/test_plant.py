@@ -21,7 +21,7 @@ from isotruss_ros.core import (
     settle_grasp,
     tangent_center,
 )
-from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.mujoco_plant import engine
 from isotruss_ros.mujoco_plant.options import PlantError, PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant

@@ -20,6 +20,8 @@ from collections.abc import Callable
 from dataclasses import replace
 import time
 
+from isotruss_ros.core.contact.analysis import analyze_grasp
+from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.control.grasp_report import (
     AnalyzedGrasp,
     GraspCode,
@@ -34,9 +36,7 @@ from isotruss_ros.core.errors import (
     SolverError,
     StructureError,
 )
-from isotruss_ros.core.grasping.analysis import analyze_grasp
-from isotruss_ros.core.grasping.settle_grasp import settle_grasp
-from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
+from isotruss_ros.core.holding.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject

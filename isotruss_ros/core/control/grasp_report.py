@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import enum
 from typing import NamedTuple
 
-from isotruss_ros.core.grasping.analysis import GraspAnalysis
-from isotruss_ros.core.grasping.settle_grasp import SettledGrasp
+from isotruss_ros.core.contact.analysis import GraspAnalysis
+from isotruss_ros.core.holding.settle_grasp import SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.hold_status import HoldStatus
-from isotruss_ros.core.grasping.slip_margin import slip_margin
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.slip_margin import slip_margin
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.numerics.arrays import Array

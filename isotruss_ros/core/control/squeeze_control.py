@@ -25,9 +25,9 @@ import math
 
 from isotruss_ros.core.control.held_model import attach_model, Sensitivity, sensitivity
 from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
-from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.held_utilisation import held_utilisation
-from isotruss_ros.core.grasping.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_utilisation import held_utilisation
+from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian

@@ -22,9 +22,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 import math
 
-from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
-from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.hold_status import HoldStatus
+from isotruss_ros.core.contact.analysis import analyze_grasp, GraspAnalysis
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array

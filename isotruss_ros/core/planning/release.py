@@ -19,10 +19,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.grasping.depths import member_depths
-from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit

@@ -16,9 +16,9 @@ from dataclasses import dataclass, fields
 from enum import Enum
 import math
 
+from isotruss_ros.core.contact.analysis import GraspAnalysis
+from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.errors import GraspError, quote
-from isotruss_ros.core.grasping.analysis import GraspAnalysis
-from isotruss_ros.core.grasping.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST
 from isotruss_ros.core.numerics.arrays import finite_array
 import numpy as np

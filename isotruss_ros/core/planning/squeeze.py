@@ -20,8 +20,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from isotruss_ros.core.grasping.analysis import analyze_grasp, GraspAnalysis
-from isotruss_ros.core.grasping.settle_grasp import settle_grasp, SettledGrasp
+from isotruss_ros.core.contact.analysis import analyze_grasp, GraspAnalysis
+from isotruss_ros.core.holding.settle_grasp import settle_grasp, SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closed_grip import ClosedGrip

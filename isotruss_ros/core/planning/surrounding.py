@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import contact_rows

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import math
 
+from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.grasping.depths import member_depths
-from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.hold_status import HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose

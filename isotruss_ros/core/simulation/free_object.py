@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import math
 
+from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.core.grasping.depths import member_depths
-from isotruss_ros.core.grasping.settle_grasp import settle_grasp
+from isotruss_ros.core.holding.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, MOST
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip

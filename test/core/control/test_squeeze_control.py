@@ -28,8 +28,8 @@ from isotruss_ros.core import (
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.grasping.held_grip import HeldGrip
-from isotruss_ros.core.grasping.held_utilisation import held_utilisation
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_utilisation import held_utilisation
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.mujoco_plant.options import LOAD_TIME, POSE_GAIN

@@ -16,7 +16,7 @@ from grips import gripped
 from isotruss_ros.core import Grip, HoldStatus, solve_twist, Status
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 import numpy as np
 import pytest

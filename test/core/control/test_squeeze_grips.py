@@ -25,7 +25,7 @@ from isotruss_ros.core import (
     solve_twist,
 )
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip
 import numpy as np
 import pytest
 

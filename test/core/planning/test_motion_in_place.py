@@ -25,7 +25,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.limits import RollerSpeedLimit

@@ -24,7 +24,7 @@ from isotruss_ros.core import (
     plan_grasps,
     Pose,
 )
-from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.planning import closing_in_place, grasp_search, release, squeeze
 from isotruss_ros.core.planning import searcher as searchers
 from isotruss_ros.core.planning.approach import approach, missing_turn

@@ -14,7 +14,7 @@ import math
 from grips import gripped
 from isotruss_ros.core import ElasticObject, Grip, HoldStatus, RollerFaults
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.grasping.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.simulation.free_object import FreeObject
 import numpy as np

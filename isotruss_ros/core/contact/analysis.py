@@ -1,0 +1,277 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The statics of a grasp: contact forces, force closure and stiffness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from isotruss_ros.core.contact.contact import ContactGuess, ContactState, solve_contact
+from isotruss_ros.core.contact.contact_points import ContactPoints, find_contact_points
+from isotruss_ros.core.contact.contact_regions import contact_extents, contact_regions
+from isotruss_ros.core.contact.flattening import flattening_of
+from isotruss_ros.core.contact.force_closure import check_force_closure
+from isotruss_ros.core.contact.refinement import PreviousContact, refine_contact
+from isotruss_ros.core.contact.relaxation import relax_contact
+from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, turn_at_corners
+from isotruss_ros.core.contact.surfaces import surface_of
+from isotruss_ros.core.contact.wrinkling import find_wrinkling
+from isotruss_ros.core.errors import GraspError, SolverError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.shapes import Disc
+from isotruss_ros.core.numerics.arrays import Array, as_xy, finite_array, Indices
+from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.statics.pressures import Pressure
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import lapack
+
+#: Contact points closer than this are one point to the tube, further apart they miss the object.
+SPACINGS = (1e-4, 0.1)
+#: Contact points that are spent in any case on an object that is no disc.
+BUDGET = 80
+#: Coefficient of friction where nothing is known of it.
+FRICTION = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class GraspAnalysis:
+    """
+    What holds an object, and how well; k contact points.
+
+    :ivar points: (k, 2) what meets the object, deformed, robot frame: the skin of the tubes; in
+        the paper's model their centre lines, half a tube diameter farther out [m].
+    :ivar members: (k,) the member that each point is on, by its place in `Robot.member_names`.
+    :ivar places: (k,) where that is along the member, from its start [m].
+    :ivar gaps: (k,) distance of the tube's skin from the object there, not negative [m].
+    :ivar normals: (k, 2) unit normals of the object's surface, outward: toward the tube; at a
+        corner over which the skin is folded nearly across the tube, see `turn_at_corners`.
+        Except for discs, normals times forces sum up to less or more than `normal_wrench`, which
+        counts: by 0.3 % on an ellipse, by a tenth and at most a quarter at sharp corners.
+    :ivar normal_forces: (k,) pressing tube and object apart, along `normals`, not negative [N].
+    :ivar friction_forces: (k,) on the object, along the tangent, counter-clockwise [N].
+    :ivar normal_wrench: (fx, fy, m) with which the tubes press on the object without friction,
+        across their bent centre lines, about the origin of its frame, the centre of a cylinder
+        [N, N m].
+    :ivar force_closure: whether the object is touched, and friction balances normal forces and
+        external wrench.
+    :ivar closure_residual: what friction leaves, moments over half of the mean width, d/2 of a
+        cylinder [N].
+    :ivar closure_tolerance: below which the residual counts as none [N].
+    :ivar required_friction: smallest coefficient that closes; infinite if none does.
+    :ivar closure_margin: largest extra wrench of any direction that friction still balances,
+        moments over half of the mean width [N]; negative where the grasp is open.
+    :ivar contact_lengths: length of tube in contact by member, of those in contact [m].
+    :ivar contact_spans: where along the member contact begins and ends, from the member's start,
+        by member, of those in contact [m].
+    :ivar contact_forces: sum of the normal forces by member, of those in contact [N].
+    :ivar contact_widths: largest width of contact around the tube by member, of those in contact;
+        none in the paper's model, as all of the following [m].
+    :ivar contact_areas: area of contact by member, of those in contact [m^2].
+    :ivar contact_pressures: mean pressure of contact by member, of those in contact [Pa].
+    :ivar peak_pressures: largest pressure of contact by member, of those in contact [Pa].
+    :ivar utilisation: largest bending moment over the wrinkling moment, by member, of all members;
+        from 1 on a tube wrinkles, and all numbers are outside of the model.
+    :ivar utilisation_places: where along the member that is, from its start, of all members [m].
+    :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
+        with all its contact points takes [N/m, N, N m].
+    """
+
+    points: Array
+    members: Indices
+    places: Array
+    gaps: Array
+    normals: Array
+    normal_forces: Array
+    friction_forces: Array
+    normal_wrench: Array
+    force_closure: bool
+    closure_residual: float
+    closure_tolerance: float
+    required_friction: float
+    closure_margin: float
+    contact_lengths: dict[str, float]
+    contact_spans: dict[str, tuple[float, float]]
+    contact_forces: dict[str, float]
+    contact_widths: dict[str, float]
+    contact_areas: dict[str, float]
+    contact_pressures: dict[str, float]
+    peak_pressures: dict[str, float]
+    utilisation: dict[str, float]
+    utilisation_places: dict[str, float]
+    stiffness: Array
+
+
+@single_threaded
+def analyze_grasp(
+    config: Configuration,
+    body: ConvexObject,
+    friction: float | None = None,
+    external_wrench: ArrayLike = (0.0, 0.0, 0.0),
+    method: Literal['exact', 'relaxation'] = 'exact',
+    spacing: float = 0.005,
+    flattening: bool = True,
+    previous: GraspAnalysis | None = None,
+    pressure: Pressure | None = None,
+) -> GraspAnalysis:
+    """
+    Analyse a grasp: contact (5) to (9), force closure (10), grasp stiffness.
+
+    :param config: where the robot is; its rollers do not turn.
+    :param body: the object, in its place.
+    :param friction: coefficient between tube and object, not negative; if None the object's own,
+        0.5 where it has none.
+    :param external_wrench: (fx, fy, m) on the object about the origin of its frame, the centre
+        of a cylinder [N, N m].
+    :param method: 'exact' (complementarity by pivoting) or 'relaxation' (the paper's (9)); where
+        tubes flatten the latter is for discs only.
+    :param spacing: of the contact points along the tubes [m]; tubes that flatten have points where
+        they are touched, a half or a quarter of this apart where a region of contact is short.
+    :param flattening: whether the tubes' sections flatten where they are touched; if not, they
+        stay round, as in the paper's model.
+    :param previous: analysis of a similar grasp, where the search for the contact begins. Where
+        a deep indentation has several equilibria, it decides which one is found.
+    :param pressure: gauge, measured [Pa]: one number for all tubes, one for each tube in the order
+        of the robot file, or by tube name; that of the robot file if None.
+    :raises GraspError: an argument is not usable.
+    :raises StructureError: the robot is a mechanism, a pressure is not usable, or its stiffness
+        laws are contradictory.
+    :raises SolverError: the contact problem was not solved.
+    """
+    if friction is None:
+        friction = FRICTION if body.friction is None else body.friction
+    mu, gap = finite_array([friction, spacing], 2, 'friction and spacing [m]', GraspError)
+    if mu < 0.0:
+        raise GraspError(f'friction {friction!r}: must not be negative')
+    if not SPACINGS[0] <= gap <= SPACINGS[1]:
+        raise GraspError(f'spacing {spacing!r} m: must be from {SPACINGS[0]} to {SPACINGS[1]} m')
+    wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
+    sliding = flattening and not isinstance(body.shape, Disc)
+    solvers = {
+        'exact': solve_sliding_contact if sliding else solve_contact,
+        'relaxation': relax_contact,
+    }
+    if method not in solvers:
+        raise GraspError(f'method {method!r}: must be one of {", ".join(solvers)}')
+    if method == 'relaxation' and sliding:
+        raise GraspError(
+            "method 'relaxation': where tubes flatten (9) is for discs only; must be 'exact', or "
+            'flattening=False'
+        )
+    structure = structure_of(config, pressure)
+    margin = 0.0 if flattening else 0.5 * config.robot.description.tube_diameter
+    surface = surface_of(body, margin)
+    if flattening:
+        kernel = flattening_of(config.robot, structure.pressures)
+        before = None
+        if previous is not None and previous.contact_spans:
+            before = PreviousContact(
+                previous.contact_spans,
+                previous.members,
+                previous.places,
+                previous.normals @ np.array([1.0, 1.0j]),
+            )
+        contact_points, contact, extents, kept = refine_contact(
+            structure, surface, gap, kernel, solvers[method], before, BUDGET if sliding else None
+        )
+        if sliding:
+            contact = turn_at_corners(contact_points, contact, surface)
+    else:
+        contact_points = find_contact_points(structure, surface, gap)
+        start = None
+        if previous is not None and len(previous.normal_forces) == len(contact_points.points):
+            start = ContactGuess(previous.normal_forces)
+        contact = solvers[method](contact_points, surface, start)
+        extents = contact_extents(contact_points, contact, len(config.robot.member_names))
+        kept = np.arange(len(contact_points.points))
+    normals = as_xy(contact.normals)
+    pressed, levers = _pressed(body, contact_points, contact, margin)
+    tangents = as_xy(1j * contact.normals)
+    load = (pressed + wrench) / np.array([1.0, 1.0, body.arm])
+    closure = check_force_closure(tangents, contact.forces, load, float(mu), levers)
+    gauge = np.array(structure.pressures)[config.robot.topology.tube]
+    wrinkling = find_wrinkling(structure, gauge, contact_points, contact)
+    regions = contact_regions(contact_points, contact, extents, gauge, wrinkling)
+    names = config.robot.member_names
+    touching = np.flatnonzero(regions.length).tolist()
+    wide = touching if flattening else []
+
+    def by_member(values: Array, members: list[int]) -> dict[str, float]:
+        return {names[i]: values.item(i) for i in members}
+
+    return GraspAnalysis(
+        points=as_xy((contact_points.skin + contact.displacements)[kept]),
+        members=contact_points.member[kept],
+        places=contact_points.place[kept],
+        gaps=contact.gaps[kept],
+        normals=normals[kept],
+        normal_forces=contact.forces[kept],
+        friction_forces=closure.friction_forces[kept],
+        normal_wrench=pressed,
+        # Without a touch all is in balance, but nothing is body.
+        force_closure=closure.closed and bool((contact.forces > 0.0).any()),
+        closure_residual=closure.residual,
+        closure_tolerance=closure.tolerance,
+        required_friction=closure.required_friction,
+        closure_margin=closure.margin,
+        contact_lengths=by_member(regions.length, touching),
+        contact_spans={
+            names[i]: (float(regions.start[i]), float(regions.end[i])) for i in touching
+        },
+        contact_forces=by_member(regions.force, touching),
+        contact_widths=by_member(regions.width, wide),
+        contact_areas=by_member(regions.area, wide),
+        contact_pressures=by_member(regions.pressure, wide),
+        peak_pressures=by_member(regions.peak_pressure, wide),
+        utilisation=dict(zip(names, wrinkling.utilisation.tolist(), strict=True)),
+        utilisation_places=dict(zip(names, wrinkling.place.tolist(), strict=True)),
+        stiffness=_stiffness(contact_points, contact, body.center),
+    )
+
+
+def _pressed(
+    body: ConvexObject, contact_points: ContactPoints, contact: ContactState, margin: float
+) -> tuple[Array, Array | None]:
+    """
+    Return the wrench (3,) of the tubes on the object, and the levers of friction.
+
+    :param margin: how far the surface that the points meet is from the object's own [m].
+    :return: levers (k,) of forces along the tangents over half of the mean width; None for a disc.
+    """
+    if isinstance(body.shape, Disc):
+        return np.append(-contact.forces @ as_xy(contact.normals), 0.0), None
+    # Where the forces act on the object's own surface, from the origin of its frame.
+    arms = contact_points.skin + contact.displacements - body.center
+    arms = arms - (contact.gaps + margin) * contact.normals
+    force, moment = contact.push.sum(), (arms.conj() * contact.push).imag.sum()
+    levers = (arms * contact.normals.conj()).real / body.arm
+    return -np.array([force.real, force.imag, moment]), levers
+
+
+def _stiffness(contact_points: ContactPoints, contact: ContactState, center: complex) -> Array:
+    """Return the wrench (3, 3) that a small motion of the object with its contacts takes."""
+    touching = np.flatnonzero(contact.forces > 0.0)
+    if len(touching) == 0:
+        return np.zeros((3, 3))
+    compliance = contact_points.compliance(touching)
+    size = 2 * len(touching)
+    arms = (contact_points.skin + contact.displacements)[touching] - center
+    # Motions of the object by dx, dy, dtheta, along and across the tube at each contact.
+    inward = contact_points.axis[touching].conj()
+    local = inward * np.stack([np.ones_like(arms), np.full_like(arms, 1j), 1j * arms])
+    motion = np.concatenate([local.real, local.imag], axis=1).T
+    _, forces, failed = lapack.dposv(compliance.reshape(size, size), motion)
+    if failed:
+        raise SolverError('the contact compliance is not positive definite')
+    stiffness = motion.T @ forces
+    return 0.5 * (stiffness + stiffness.T)

@@ -1,0 +1,259 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The points of the tubes that an object could touch, and how the whole robot gives there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from isotruss_ros.core.contact.flattening import Flattening
+from isotruss_ros.core.contact.surfaces import Surface
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.statics.interior import InteriorPoints
+from isotruss_ros.core.statics.structure import Structure, tube_pieces
+import numpy as np
+
+#: Points closer than this are one, as a share of the spacing.
+SAME = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPoints:
+    """
+    Points of the tubes that an object could touch, and how the whole robot gives there.
+
+    Displacements of the points are those of the ends of the p pieces of tube that they are on,
+    spread by shape functions, and those inside the pieces: the factors are kept, not the product.
+    Both are along and across the pieces, so that no matrix has to be turned.
+
+    :ivar points: (c,) on the undeformed centre lines, x + iy [m].
+    :ivar skin: (c,) what the object meets: the undeformed skin, at the foot of each point toward
+        the object; in the paper's model the centre line again [m].
+    :ivar member: (c,) the member (pinch to pinch) that each is on.
+    :ivar place: (c,) distance of each from its member's start [m].
+    :ivar pieces: (p,) the pieces of tube, by their numbers in the frame.
+    :ivar piece: (c,) which of the p pieces each is on.
+    :ivar spacing: length of tube that each stands for [m].
+    :ivar axis: (c,) direction of the tube.
+    :ivar inside: (2, c, c) compliance within pieces, along and across the tube [m/N].
+    :ivar spread: (2, c, 6 p) displacements along and across the tube by those of the pieces' ends.
+    :ivar ends: (6 p, 6 p) compliance of the pieces' ends, in the frames of the pieces [m/N].
+    :ivar dents: (c, c) compliance of the skin against the centre line, across the tube [m/N]; zero
+        in the paper's model.
+    """
+
+    points: Points
+    skin: Points
+    member: Indices
+    place: Array
+    pieces: Indices
+    piece: Indices
+    spacing: float
+    axis: Points
+    inside: Array
+    spread: Array
+    ends: Array
+    dents: Array
+
+    def __getitem__(self, places: Indices) -> ContactPoints:
+        """Return some of the points."""
+        return ContactPoints(
+            self.points[places],
+            self.skin[places],
+            self.member[places],
+            self.place[places],
+            self.pieces,
+            self.piece[places],
+            self.spacing,
+            self.axis[places],
+            self.inside[:, places][:, :, places],
+            self.spread[:, places],
+            self.ends,
+            self.dents[places][:, places],
+        )
+
+    @cached_property
+    def across(self) -> Array:
+        """Return the compliance of the skin across the tube while the ends stand still, (c, c)."""
+        return self.inside[1] + self.dents
+
+    def normal_compliance(self, normals: Points) -> Array:
+        """
+        Return W = N^T (S^-1 + C) N of (8): how the skin gives along normals.
+
+        :param normals: (c,) unit vectors x + iy along which unit forces act.
+        :return: (c, c) symmetric [m/N].
+        """
+        local = self.axis.conj() * normals
+        along, across = local.real[:, None], local.imag[:, None]
+        lever = along * self.spread[0] + across * self.spread[1]
+        matrix = lever @ self.ends @ lever.T
+        matrix += along * along.T * self.inside[0]
+        matrix += across * across.T * self.across
+        return 0.5 * (matrix + matrix.T)
+
+    def displacements(self, forces: Points) -> Points:
+        """
+        Return how the skin moves at all points, by the tubes' bending and its own dents.
+
+        :param forces: (c,) x + iy [N].
+        :return: (c,) x + iy [m].
+        """
+        local = self.axis.conj() * forces
+        push = local.real @ self.spread[0] + local.imag @ self.spread[1]
+        moved = self.spread @ (self.ends @ push)
+        moved[0] += self.inside[0] @ local.real
+        moved[1] += self.across @ local.imag
+        return self.axis * (moved[0] + 1j * moved[1])
+
+    @cached_property
+    def _compliances(self) -> dict[bytes, Array]:
+        """Return what `compliance` has found, by the bytes of the places."""
+        return {}
+
+    def compliance(self, places: Indices) -> Array:
+        """
+        Return displacements (2, a) along and across the tube for unit forces (2, a), [m/N]; kept.
+
+        :param places: (a,) of which points.
+        """
+        key = places.tobytes()
+        if key not in self._compliances:
+            self._compliances[key] = self._compliance(places)
+        return self._compliances[key]
+
+    def _compliance(self, places: Indices) -> Array:
+        """Compute what `compliance` returns."""
+        count, square = len(places), np.ix_(places, places)
+        spread = self.spread[:, places].reshape(2 * count, len(self.ends))
+        matrix = (spread @ self.ends @ spread.T).reshape(2, count, 2, count)
+        matrix[0, :, 0] += self.inside[0][square]
+        matrix[1, :, 1] += self.across[square]
+        return matrix
+
+
+def find_contact_points(
+    structure: Structure,
+    surface: Surface,
+    spacing: float,
+    flattening: Flattening | None = None,
+    windows: Array | None = None,
+) -> ContactPoints:
+    """
+    Place contact points on every piece of tube that comes within reach of an object.
+
+    :param structure: the frame of the robot.
+    :param surface: what the points meet: the object's own surface, or where the tubes do not
+        flatten that which is farther out by half of the tube's diameter.
+    :param spacing: distance of the points along the tube [m].
+    :param flattening: how the tubes flatten; None for the paper's model, in which they do not.
+    :param windows: (m, 2) between which points of each member, from its start, points are placed;
+        everywhere if None [m].
+    """
+    topology, frame, center = structure.config.robot.topology, structure.frame, surface.center
+    m = topology.n_modules
+    pieces = tube_pieces(m).ravel()
+    owner = np.concatenate([np.arange(m), topology.previous, np.arange(m)])
+    start = frame.points[frame.members.start[pieces]]
+    length, axis = frame.length[pieces], frame.axis[pieces]
+    away = (center - start) * axis.conj()
+    foot, aside = away.real, away.imag
+    # A tube that gives elsewhere may come into contact beyond the chord of the object.
+    reach, width = surface.reach + 2.0 * spacing, 0.0 if flattening is None else flattening.radius
+    off = np.abs(aside) - width
+    chord = np.sqrt(np.maximum(0.0, reach**2 - np.maximum(off, 0.0) ** 2))
+    low, high = np.maximum(0.0, foot - chord), np.minimum(length, foot + chord)
+    normals, distances = surface.tangents()
+    if len(normals):
+        first, last = _clip(start - center, axis, normals, distances + 2.0 * spacing, width)
+        low, high = np.maximum(low, first), np.minimum(high, last)
+    # All pieces of a member are one line, that of the long piece, whichever way they run.
+    line, origin = axis[2 * m + owner], start[2 * m + owner]
+    ahead, base = (axis * line.conj()).real, length[owner] + ((start - origin) * line.conj()).real
+    if windows is not None:
+        bounds = ahead[:, None] * (windows[owner] - base[:, None])
+        low, high = np.maximum(low, bounds.min(axis=1)), np.minimum(high, bounds.max(axis=1))
+    near = np.flatnonzero((high > low) & (off < reach))
+    # Counted from the foot of the centre, where contact begins: what is symmetric stays so.
+    # A guide ring, where two pieces meet, is a point of the long one alone: twice the same point
+    # would leave it open which of them takes the force.
+    long = pieces[near] >= pieces[2 * m]
+    first = np.ceil((low - foot)[near] / spacing - SAME * long).astype(int)
+    last = np.floor((high - foot)[near] / spacing + np.where(long, SAME, -SAME)).astype(int)
+    counts, used = last - first + 1, pieces[near]
+    member = np.repeat(np.arange(len(near)), counts)
+    number = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts - first, counts)
+    reached, own = length[near], owner[near]
+    place = foot[near][member] + spacing * number
+    place = np.minimum(np.maximum(place, 0.0), reached[member])
+    pinned = np.empty((len(near), 2), dtype=bool)
+    pinned[:, 0], pinned[:, 1] = frame.members.pinned_start[used], frame.members.pinned_end[used]
+    inside = InteriorPoints(
+        member,
+        place,
+        reached,
+        frame.members.axial[used],
+        frame.members.flexural[used],
+        frame.members.shear[used],
+        pinned,
+    )
+    along = axis[near][member]
+    points = start[near][member] + place * along
+    spread = np.zeros((2, len(place), len(near), 6))
+    spread[:, np.arange(len(place)), member] = inside.shapes().swapaxes(0, 1)
+    on = own[member]
+    # All on one line: places along the member, from those along its pieces.
+    turn = ahead[near]
+    in_line = base[near][member] + turn[member] * place
+    skin, dents = points, np.zeros((len(place), len(place)))
+    if flattening is not None:
+        line = axis[2 * m + own]
+        aside = ((center - start[2 * m + own]) * line.conj()).imag
+        toward = np.where(aside < 0.0, -1j, 1j) * line
+        skin = points + (flattening.radius * toward)[member]
+        dents = flattening.compliance(in_line, on, topology.tube[on], spacing)
+        if (turn < 0.0).any():
+            dents = dents * np.outer(turn[member], turn[member])
+    return ContactPoints(
+        points,
+        skin,
+        on,
+        in_line,
+        used,
+        member,
+        spacing,
+        along,
+        inside.compliance(),
+        spread.reshape(2, len(place), 6 * len(near)),
+        frame.compliance(used),
+        dents,
+    )
+
+
+def _clip(
+    start: Points, axis: Points, normals: Points, distances: Array, width: float
+) -> tuple[Array, Array]:
+    """
+    Return between which distances from their starts strips (p,) are within all of some tangents.
+
+    :param start: (p,) relative to the point that the tangents' distances are measured from [m].
+    :param width: half of that of the strips [m].
+    """
+    # Of the two edges of a strip, the one that is farther inside.
+    slope = (axis[:, None] * normals.conj()).real
+    lean = np.abs((axis[:, None] * normals.conj()).imag)
+    room = distances - (start[:, None] * normals.conj()).real + width * lean
+    with np.errstate(divide='ignore', invalid='ignore'):
+        place = room / slope
+    low = np.where(slope < 0.0, place, -np.inf).max(axis=1)
+    high = np.where(slope > 0.0, place, np.inf).min(axis=1)
+    apart = ((slope == 0.0) & (room < 0.0)).any(axis=1)
+    return np.where(apart, np.inf, low), high

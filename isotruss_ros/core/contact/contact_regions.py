@@ -1,0 +1,136 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+Contact regions: how long and wide the tubes touch the object, and with what pressure.
+
+Where a section is flattened its wall is straight across the tube, so that it presses with the
+gauge pressure p and with what its tension along the tube, T, adds around an object whose surface
+has the radius of curvature r: p + T / r. The width of the contact is the load per length over this
+pressure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from isotruss_ros.core.contact.contact import ContactState
+from isotruss_ros.core.contact.contact_points import ContactPoints
+from isotruss_ros.core.contact.wrinkling import Wrinkling
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class ContactRegions:
+    """
+    Where tubes touch the object; one number for each of the m members, zero where none does.
+
+    :ivar force: (m,) sum of the normal forces [N].
+    :ivar length: (m,) of tube in contact [m].
+    :ivar start: (m,) where contact begins, from the member's start; inf without [m].
+    :ivar end: (m,) where it ends, from the member's start; -inf without [m].
+    :ivar width: (m,) the largest, around the tube [m]; zero in the paper's model, as all below.
+    :ivar area: (m,) [m^2].
+    :ivar pressure: (m,) mean [Pa].
+    :ivar peak_pressure: (m,) [Pa].
+    """
+
+    force: Array
+    length: Array
+    start: Array
+    end: Array
+    width: Array
+    area: Array
+    pressure: Array
+    peak_pressure: Array
+
+
+class ContactExtents(NamedTuple):
+    """
+    How far contact goes on each of the m members.
+
+    :ivar length: (m,) of tube in contact, zero where there is none [m].
+    :ivar start: (m,) where contact begins, from the member's start; inf without [m].
+    :ivar end: (m,) where it ends, from the member's start; -inf without [m].
+    """
+
+    length: Array
+    start: Array
+    end: Array
+
+
+def contact_regions(
+    contact_points: ContactPoints,
+    contact: ContactState,
+    extents: ContactExtents,
+    pressure: Array,
+    wrinkling: Wrinkling,
+) -> ContactRegions:
+    """
+    Return the contact regions of all members.
+
+    :param contact_points: points that the object could touch.
+    :param contact: where it does.
+    :param extents: of the contact, see `contact_extents`.
+    :param pressure: (m,) p in each member, gauge [Pa].
+    :param wrinkling: with the tension of the wall at the points.
+    """
+    count, spacing = len(pressure), contact_points.spacing
+    forces, member = contact.forces, contact_points.member
+    force = np.bincount(member, forces, count)
+    length, start, end = extents
+    zero = np.zeros(count)
+    if not contact_points.dents.any():
+        return ContactRegions(force, length, start, end, zero, zero, zero, zero)
+    local = pressure[member] + wrinkling.tension / contact.radii
+    area = np.bincount(member, forces / local, count)
+    width, peak = zero.copy(), zero.copy()
+    np.maximum.at(width, member, forces / local / spacing)
+    np.maximum.at(peak, member, np.where(forces > 0.0, local, 0.0))
+    mean = np.divide(force, area, out=zero, where=area > 0.0)
+    return ContactRegions(force, length, start, end, width, area, mean, peak)
+
+
+def contact_extents(
+    contact_points: ContactPoints, contact: ContactState, count: int
+) -> ContactExtents:
+    """
+    Return how far contact goes on each member.
+
+    :param contact_points: points that the object could touch.
+    :param contact: where it does.
+    :param count: of members.
+    """
+    spacing = contact_points.spacing
+    order = np.lexsort((contact_points.place, contact_points.member))
+    member, place = contact_points.member[order], contact_points.place[order]
+    # The depth to which each point is pressed by its own load, or its gap: this runs through zero
+    # where contact ends, straight enough to be interpolated between the points. In the paper's
+    # model a point has no depth of its own, and stands for half a spacing to both sides.
+    depth = (contact_points.dents.diagonal() * contact.forces - contact.gaps)[order]
+    touching = contact.forces[order] > 0.0
+    joined = member[1:] == member[:-1]
+    before, after = np.zeros(len(order)), np.zeros(len(order))
+    share = np.full(len(joined), 0.5)
+    if contact_points.dents.any():
+        crossing = joined & (touching[1:] != touching[:-1])
+        inner = np.where(touching[1:], depth[1:], depth[:-1])[crossing]
+        outer = np.where(touching[1:], depth[:-1], depth[1:])[crossing]
+        share[crossing] = inner / (inner - outer)
+    both = joined & touching[1:] & touching[:-1]
+    share[both] = 0.5
+    after[:-1], before[1:] = np.where(joined, share, 0.5), np.where(joined, share, 0.5)
+    before[:1], after[-1:] = 0.5, 0.5
+    length = np.bincount(member, spacing * touching * (before + after), count)
+    start, end = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(start, member[touching], (place - spacing * before)[touching])
+    np.maximum.at(end, member[touching], (place + spacing * after)[touching])
+    return ContactExtents(length, start, end)

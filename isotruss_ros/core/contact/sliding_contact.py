@@ -1,0 +1,210 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+Contact of tubes that flatten with a convex object of any shape: (5) to (8), the tubes sliding.
+
+The skin of a straight tube is the same everywhere along it: without friction it may slide along
+itself under a corner, which takes no force. Points of a lattice on the tube do not know that. What
+presses on the two faces of a corner balances along the tube only in the sum over all pressures,
+and that of a few points is off by as much as friction would be. Here the balance is exact: each
+point presses across the bent centre line of its tube, and sliding along it changes nothing but the
+gap. At each step the normals are those of the object's surface at the feet of the points, and the
+forces solve a linear complementarity problem.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from isotruss_ros.core.contact.contact import ContactGuess, ContactState, guess_contact, open_gaps
+from isotruss_ros.core.contact.contact_points import ContactPoints
+from isotruss_ros.core.contact.lcp import solve_complementarity
+from isotruss_ros.core.contact.surfaces import Surface
+from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+import numpy as np
+from scipy.linalg import lapack
+
+#: Gaps are closed to this [m].
+GAP_TOLERANCE = 1e-7
+#: The skin stays out of what it could only touch where it is steeper than this, against the tube:
+#: tangents that lean more are turned back to it.
+STEEPEST = np.exp(1j * np.deg2rad(75.0))
+MAX_STEPS = 60
+#: Where the skin is folded over a corner, normals lean against the tube by at most this [rad].
+FOLD = np.deg2rad(12.0)
+#: Points can tell an arc whose radius is this many times their spacing.
+TOLD = 2.0
+
+
+def solve_sliding_contact(
+    contact_points: ContactPoints, surface: Surface, start: ContactGuess | None = None
+) -> ContactState:
+    """
+    Solve (8) for tubes that slide along themselves.
+
+    :param contact_points: points that the object could touch.
+    :param surface: what the points meet, see `find_contact_points`.
+    :param start: what to begin with; found out if None.
+    :raises SolverError: the normals do not settle.
+    """
+    away, axis = contact_points.skin - surface.center, contact_points.axis
+    active = normals = None
+    if start is not None:
+        active, normals = start.forces > 0.0, start.normals
+    if normals is None:
+        normals = surface.facing(contact_points.points - surface.center, axis)
+    side = np.where((normals * axis.conj()).imag < 0.0, -1.0, 1.0)
+    lattice = _Lattice(contact_points)
+    displacements, bent = np.zeros_like(away), axis
+    normals, _ = _limit(normals, bent, side)
+    still = open_gaps(away, normals, surface)
+    settled = False
+    for _ in range(MAX_STEPS):
+        # Along and across the bent tubes.
+        local = normals * bent.conj()
+        push = 1j * local.imag * bent
+        gaps = still + (displacements * bent.conj()).real * local.real
+        if active is None:
+            active = guess_contact(contact_points, gaps)
+        forces = None
+        if settled:
+            forces = _slide(contact_points, np.flatnonzero(active), normals, push, still)
+        if forces is None:
+            pressed, active = solve_complementarity(
+                contact_points.normal_compliance(push), gaps, active
+            )
+            forces = _slide(contact_points, np.flatnonzero(active), normals, push, still)
+            # Those that would pull press as far as the tubes have slid before.
+            forces = pressed if forces is None else forces
+        push *= forces
+        displacements = contact_points.displacements(push)
+        moved = away + displacements
+        gaps, turned, radii = surface.nearest(moved)  # (5)
+        bent = lattice.bend(displacements, push)
+        normals, steep = _limit(turned, bent, side)
+        if steep.any():
+            at = np.flatnonzero(steep)
+            gaps[at] = open_gaps(moved[at], normals[at], surface)
+        # Where no other point has come to touch, the same ones do.
+        settled = bool((gaps >= -GAP_TOLERANCE).all())
+        if settled and (np.abs(gaps[active]) <= GAP_TOLERANCE).all():
+            return ContactState(forces, gaps, normals, displacements, radii, push)
+        still = gaps - (displacements * normals.conj()).real
+    raise SolverError(
+        f'the contact did not settle in {MAX_STEPS} steps; the object is pressed in too deeply'
+    )
+
+
+def _slide(
+    contact_points: ContactPoints,
+    places: Indices,
+    normals: Points,
+    push: Points,
+    still: Array,
+) -> Array | None:
+    """
+    Return the forces (c,) that close gaps while the tubes slide by what these forces take.
+
+    :param places: (a,) the points that are closed.
+    :param push: (c,) directions of the forces.
+    :param still: (c,) gaps without displacements [m].
+    :return: None if some would pull, or there are none.
+    """
+    count, inward = len(places), contact_points.axis[places].conj()
+    if count == 0:
+        return None
+    normal, force = normals[places] * inward, push[places] * inward
+    compliance = contact_points.compliance(places).reshape(2 * count, 2 * count)
+    moved = compliance[:, :count] * force.real + compliance[:, count:] * force.imag
+    opened = normal.real[:, None] * moved[:count] + normal.imag[:, None] * moved[count:]
+    *_, closing, failed = lapack.dgesv(opened, -still[places])
+    if failed or closing.min() < 0.0:
+        return None
+    found = np.zeros(len(push))
+    found[places] = closing
+    return found
+
+
+def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
+    """
+    Return normals (c,) that lean no more than is admitted, and which of them did.
+
+    :param bent: (c,) directions of the tubes.
+    :param side: (c,) of the tubes that is away from the object: 1 left, -1 right.
+    """
+    local = normals * bent.conj()
+    steep = side * local.imag < STEEPEST.real
+    if not steep.any():
+        return normals, steep
+    along = np.copysign(STEEPEST.imag, local.real)
+    return np.where(steep, bent * (along + 1j * side * STEEPEST.real), normals), steep
+
+
+class _Lattice:
+    """
+    The points in their order along the members.
+
+    :param contact_points: the points.
+    """
+
+    def __init__(self, contact_points: ContactPoints) -> None:
+        self._points = contact_points
+        member, place = contact_points.member, contact_points.place
+        order = np.lexsort((place, member))
+        alike = member[order][1:] == member[order][:-1]
+        # The neighbours of each point on its member; itself where there is none.
+        before, after = order.copy(), order.copy()
+        before[1:] = np.where(alike, order[:-1], order[1:])
+        after[:-1] = np.where(alike, order[1:], order[:-1])
+        self._before, self._after = np.empty_like(order), np.empty_like(order)
+        self._before[order], self._after[order] = before, after
+
+    def bend(self, displacements: Points, push: Points) -> Points:
+        """Return the directions of the bent centre lines at the points, (c,)."""
+        points = self._points
+        # Without the dents, which move the skin alone.
+        across = 1j * points.axis * (points.dents @ (push * points.axis.conj()).imag)
+        moved = points.points + displacements - across
+        ahead = moved[self._after] - moved[self._before]
+        straight = points.points[self._after] - points.points[self._before]
+        turned = ahead * straight.conj()
+        size: Array = np.abs(turned)
+        turned = np.divide(turned, size, out=np.ones_like(turned), where=size > 0.0)
+        return turned * points.axis
+
+
+def turn_at_corners(
+    contact_points: ContactPoints, contact: ContactState, surface: Surface
+) -> ContactState:
+    """
+    Return a contact with normals and normal forces that do not depend on where the points are.
+
+    A point at a sharp corner has any normal of its normal cone, as it happens to lie, and so have
+    points on the faces beside it, between which the skin is folded. What these press with together
+    is across the tube: their normals are taken to lean against it by no more than `FOLD`.
+
+    :param contact_points: points that the object could touch.
+    :param contact: of tubes that slide.
+    :param surface: of the object, its corners as sharp as they are.
+    """
+    moved = contact_points.skin + contact.displacements - surface.center
+    radii = surface.nearest(moved).radii
+    sizes = np.abs(contact.push)
+    # Arcs and ellipses that points can tell are as they are; faces and blunted corners differ.
+    rounded = np.isfinite(contact.radii) & (contact.radii >= TOLD * contact_points.spacing)
+    rounded[rounded] = np.abs(radii[rounded] / contact.radii[rounded] - 1.0) < 1e-3
+    places = np.flatnonzero((sizes > 0.0) & ~rounded)
+    across = contact.push[places] / sizes[places]
+    lean = np.clip(np.angle(contact.normals[places] * across.conj()), -FOLD, FOLD)
+    normals, forces = contact.normals.copy(), contact.forces.copy()
+    normals[places] = across * np.exp(1j * lean)
+    forces[places] = sizes[places] / np.cos(lean)
+    return replace(contact, normals=normals, forces=forces)

@@ -1,0 +1,179 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+How near inflated tubes are to wrinkling under the contact forces.
+
+Under the gauge pressure p and a compression N the wall carries the pull p pi R^2 - N. A bending
+moment makes one side slack at M_w = (p pi R^2 - N) R / 2, where the wall begins to wrinkle; at
+twice that the tube folds (Comer and Levy, AIAA Journal 1 (1963) 1652-1655). Beyond M_w the linear
+model is void.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from isotruss_ros.core.contact.contact import ContactState
+from isotruss_ros.core.contact.contact_points import ContactPoints
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.statics.structure import Structure, tube_pieces
+import numpy as np
+
+#: Tubes are to bear at most this share of the moment at which they wrinkle.
+MAX_UTILISATION = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Wrinkling:
+    """
+    How near the tubes are to wrinkling.
+
+    :ivar utilisation: (m,) largest |M| / M_w of each member; infinite where compression alone
+        takes all of the pull.
+    :ivar place: (m,) where along the member that is, from its start [m].
+    :ivar tension: (c,) of the wall along the tube, on the side of the object, at the contact
+        points; not negative [N/m].
+    """
+
+    utilisation: Array
+    place: Array
+    tension: Array
+
+
+class SectionLoads(NamedTuple):
+    """
+    What the sections of the tubes bear where it is largest.
+
+    :ivar moment: (c,) inside the pieces, just before the loads [N m].
+    :ivar compression: (c,) there, the larger of both sides of the load [N].
+    :ivar utilisation: (2c + 6m,) |M| / M_w before the loads, behind them, at the starts and at the
+        ends of all pieces.
+    :ivar member: (2c + 6m,) the members on which that is.
+    :ivar place: (2c + 6m,) where on these that is, from their starts [m].
+    """
+
+    moment: Array
+    compression: Array
+    utilisation: Array
+    member: Indices
+    place: Array
+
+    def largest(self, count: int) -> tuple[Array, Array]:
+        """
+        Return the largest utilisation of each member, and where along it that is [m], (m,) each.
+
+        :param count: of the members, m.
+        """
+        order = np.lexsort((self.utilisation, self.member))
+        last = order[np.searchsorted(self.member[order], np.arange(count), side='right') - 1]
+        return self.utilisation[last], self.place[last]
+
+
+class SectionPoints(NamedTuple):
+    """
+    Where loads act on the tubes.
+
+    :ivar piece: (c,) number of the member of the frame that each load acts on.
+    :ivar within: (c,) distance from that member's start [m].
+    :ivar member: (c,) the members of the robot that they act on.
+    :ivar place: (c,) distance from that member's start [m].
+    """
+
+    piece: Indices
+    within: Array
+    member: Indices
+    place: Array
+
+
+def load_sections(
+    structure: Structure,
+    pressure: Array,
+    end_forces: Array,
+    points: SectionPoints,
+    local: Points,
+    couples: Array,
+) -> SectionLoads:
+    """
+    Return moments and compressions of the tubes, and how near to wrinkling they bring them.
+
+    Moments are piecewise linear between the loads, and are largest at one of them or at an end
+    of a piece of tube.
+
+    :param structure: the frame of the robot.
+    :param pressure: (m,) p in each member, gauge [Pa].
+    :param end_forces: (k, 6) on all members of the frame, see `FrameState.end_forces`.
+    :param points: where the loads act.
+    :param local: (c,) the forces along + i across these members of the frame [N].
+    :param couples: (c,) with them, counter-clockwise [N m].
+    """
+    config, frame = structure.config, structure.frame
+    topology, file = config.robot.topology, config.robot.description
+    m, radius = topology.n_modules, 0.5 * file.tube_diameter
+    along, across = local.real, local.imag
+    # At each load: all that acts on the piece between its start and there.
+    apart = points.within[:, None] - points.within
+    before = (points.piece[:, None] == points.piece) & (apart > 0.0)
+    there = end_forces[points.piece]
+    moment = there[:, 1] * points.within - there[:, 2] - before @ couples
+    moment += np.where(before, apart, 0.0) @ across
+    compression = there[:, 0] + before @ along
+    # At the ends of all pieces, of the moments the sizes alone.
+    pieces = tube_pieces(m).ravel()
+    ends, length = end_forces[pieces], frame.length[pieces]
+    ring, whole = file.module.guide_ring_distance, config.member_lengths[topology.previous]
+    starts = np.concatenate([np.zeros(m), whole, np.full(m, ring)])
+    stops = starts + np.repeat([1.0, -1.0, 1.0], m) * length
+    moments = np.concatenate([moment, moment - couples, ends[:, 2], ends[:, 5]])
+    left = np.concatenate([-compression, -compression - along, -ends[:, 0], ends[:, 3]])
+    own = np.arange(m)
+    of_pieces = np.concatenate([own, topology.previous, own])
+    member = np.concatenate([points.member, points.member, of_pieces, of_pieces])
+    left += (pressure * (np.pi * radius**2))[member]
+    used = np.full(len(moments), np.inf)
+    np.divide(np.abs(moments), 0.5 * radius * left, out=used, where=left > 0.0)
+    place = np.concatenate([points.place, points.place, starts, stops])
+    larger = np.maximum(compression, compression + along)
+    return SectionLoads(moment, larger, used, member, place)
+
+
+def find_wrinkling(
+    structure: Structure, pressure: Array, contact_points: ContactPoints, contact: ContactState
+) -> Wrinkling:
+    """
+    Return how near the members of a robot are to wrinkling under contact forces.
+
+    :param structure: the frame of the robot.
+    :param pressure: (m,) p in each member, gauge [Pa].
+    :param contact_points: points that the object could touch.
+    :param contact: where it does, and with what force.
+    """
+    frame, topology = structure.frame, structure.config.robot.topology
+    radius = 0.5 * structure.config.robot.description.tube_diameter
+    pieces, touching = contact_points.pieces, np.flatnonzero(contact.forces > 0.0)
+    local = contact.push * contact_points.axis.conj()
+    # What moves the ends of the pieces as the forces inside do, which the pieces carry besides.
+    pushed = local.real @ contact_points.spread[0] + local.imag @ contact_points.spread[1]
+    pushed = pushed.reshape(-1, 6)
+    end_forces = frame.end_forces(pieces, pushed)
+
+    piece = pieces[contact_points.piece[touching]]
+    within = np.abs(contact_points.points[touching] - frame.points[frame.members.start[piece]])
+    member, local = contact_points.member[touching], local[touching]
+    points = SectionPoints(piece, within, member, contact_points.place[touching])
+    couples = np.zeros(len(local))
+    sections = load_sections(structure, pressure, end_forces, points, local, couples)
+
+    # The force points away from the object, which presses the wall together on its own side.
+    tension = (pressure * np.pi * radius**2)[contact_points.member]
+    pressed = 2.0 / radius * sections.moment * np.sign(local.imag)
+    tension[touching] += pressed - sections.compression
+    tension /= 2.0 * np.pi * radius
+    return Wrinkling(*sections.largest(topology.n_modules), np.maximum(tension, 0.0))

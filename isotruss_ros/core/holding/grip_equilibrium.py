@@ -1,0 +1,286 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The equilibrium of a convex object at given contacts, and what stays as it rolls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+import functools
+import math
+from typing import TypeVar
+
+from isotruss_ros.core.holding.balance import ContactForces
+from isotruss_ros.core.holding.contact_closures import find_anchors, stick, unwrapped
+from isotruss_ros.core.holding.contact_statics import ContactStatics
+from isotruss_ros.core.holding.grip_response import grip_response, GripResponse
+from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.pressed_contacts import (
+    contact_statics,
+    moved_statics,
+    PressedContacts,
+    start_at,
+)
+from isotruss_ros.core.holding.slip_margin import slip_margin
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.statics.pressures import Pressure
+import numpy as np
+
+#: A motion is expected to go on by at most this many times what it was before.
+MOST = 2.0
+#: No contacts.
+NOTHING = np.zeros(0, dtype=np.intp)
+NOTHING.flags.writeable = False
+
+GripT = TypeVar('GripT', bound='GripEquilibrium')
+
+
+@dataclass(frozen=True, eq=False)
+class GripEquilibrium:
+    """
+    A convex object held by two members or three in one configuration, and what stays as it rolls.
+
+    :ivar config: the configuration.
+    :ivar body: the object, where it is in equilibrium.
+    :ivar contacts: the k contacts.
+    :ivar anchors: (k,) see `find_anchors` [m].
+    :ivar angles: (k,) of the normals in the object's frame, not wrapped [rad].
+    :ivar statics: the equations in this configuration.
+    :ivar state: their solution.
+    :ivar wrench: (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N].
+    :ivar stiffness_scale: stiffness of the robot against that of the model.
+    :ivar flattening: whether the tubes' sections flatten where they are touched.
+    :ivar pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
+    :ivar motion: roller travel (r,) [m] from the grip before this one, and by how much that
+        changed the unknowns (3 + 4k,); None without one.
+    """
+
+    config: Configuration
+    body: ConvexObject
+    contacts: PressedContacts
+    anchors: Array
+    angles: Array
+    statics: ContactStatics
+    state: ContactForces
+    wrench: Array
+    stiffness_scale: float
+    flattening: bool = True
+    pressure: Pressure | None = None
+    motion: tuple[Array, Array] | None = None
+
+    @property
+    def pose(self) -> Pose:
+        """Return the object's pose; the angle is in (-pi, pi]."""
+        x, y, angle = map(float, self.state.unknowns[:3])
+        return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
+
+    @property
+    def arm(self) -> float:
+        """Return the arm by which moments compare with forces, see `ConvexObject.arm` [m]."""
+        return self.statics.arm
+
+    @property
+    def member_names(self) -> tuple[str, ...]:
+        """Return the names of the grasping members."""
+        return tuple(self.config.robot.member_names[i] for i in self.members)
+
+    @functools.cached_property
+    def normal_forces(self) -> Array:
+        """Return how hard the members press, (m,) [N]."""
+        return self._of_members(self.state.normal_forces)
+
+    @functools.cached_property
+    def friction_forces(self) -> Array:
+        """Return (m,) on the tubes, counter-clockwise around the object [N]."""
+        return self._of_members(self.state.friction_forces)
+
+    def _of_members(self, forces: Array) -> Array:
+        """Return the sums (m,) of forces (k,) of contacts."""
+        owners = self.statics.owners
+        alone = len(owners) == owners[-1] + 1
+        return forces if alone else np.bincount(owners, weights=forces)
+
+    @property
+    def squeeze(self) -> float:
+        """Return the mean normal force of the members [N]."""
+        forces = self.normal_forces.tolist()
+        return sum(forces) / len(forces)
+
+    @functools.cached_property
+    def required_friction(self) -> float:
+        """Return the smallest coefficient of friction with which all contacts stick."""
+        return float((np.abs(self.friction_forces) / self.normal_forces).max())
+
+    def hold(self, friction: float) -> HoldStatus:
+        """
+        Return whether the contacts stick; if not, what happens.
+
+        :param friction: coefficient between tube and object.
+        """
+        # One by one: a few numbers of Python are quicker than arrays of them.
+        if min(self.normal_forces.tolist()) <= 0.0:
+            return HoldStatus.NO_CONTACT
+        feet, lengths = self.state.feet.tolist(), self.statics.compliance.length.tolist()
+        if not all(0.0 <= foot <= end for foot, end in zip(feet, lengths, strict=True)):
+            return HoldStatus.OFF_MEMBER
+        return HoldStatus.SLIPS if self.required_friction > friction else HoldStatus.HELD
+
+    def slip_margin(self, friction: float) -> float:
+        """
+        Return the smallest extra wrench at which a contact slips or lets go, see `slip_margin`.
+
+        :param friction: coefficient between tube and object.
+        :return: [N], moments over the arm; zero where the equilibrium is indifferent.
+        """
+        response = self.response
+        return 0.0 if response is None else slip_margin(self.state, response, friction)
+
+    @functools.cached_property
+    def members(self) -> Indices:
+        """Return the numbers of the grasping members, (m,)."""
+        first = np.searchsorted(self.contacts.owners, np.arange(self.contacts.owners[-1] + 1))
+        return self.contacts.members[first]
+
+    @property
+    def contact_members(self) -> Indices:
+        """Return the numbers of the members of all contacts, (k,)."""
+        return self.contacts.members
+
+    @property
+    def presses(self) -> bool:
+        """Tell whether both ends of all faces press."""
+        owners = self.contacts.owners
+        alone = np.bincount(owners)[owners] == 1
+        return bool((alone | (self.state.normal_forces > 0.0)).all())
+
+    @property
+    def pulling(self) -> int | None:
+        """Return which end of a face, or third member, pulls most; None if none does."""
+        owners, normal = self.contacts.owners, self.state.normal_forces
+        more = (np.bincount(owners)[owners] > 1) | (owners[-1] > 1)
+        pulling = np.where(more, normal, np.inf)
+        least = int(pulling.argmin())
+        return least if pulling[least] < 0.0 else None
+
+    @functools.cached_property
+    def response(self) -> GripResponse | None:
+        """Return how pose and forces answer to a wrench; None where that is indifferent."""
+        return grip_response(self.statics, self.state)
+
+    def squeeze_stiffness(self) -> float:
+        """
+        Return by how much the squeeze changes as the members move apart, negative [N/m].
+
+        Of two members by the distance between their contacts, of three by twice what each moves
+        away from the object.
+        """
+        response = self.response
+        return -0.0 if response is None else response.squeeze_stiffness
+
+    def ahead(self, travel: Array) -> Array:
+        """
+        Return about where the unknowns (3 + 4k,) will be after some travel.
+
+        :param travel: (r,) of the rollers [m].
+        """
+        if self.motion is None:
+            return self.state.unknowns
+        before, change = self.motion
+        length = float(before @ before)
+        # What the motion has in common with the one before; no guess from a much shorter one.
+        share = float(travel @ before) / length if length > 0.0 else 0.0
+        return self.state.unknowns + max(-MOST, min(share, MOST)) * change
+
+    def rolled(
+        self: GripT,
+        config: Configuration,
+        contacts: PressedContacts,
+        anchors: Array,
+        angles: Array,
+        wrench: Array,
+        fresh: Indices = NOTHING,
+    ) -> GripT | None:
+        """
+        Return the equilibrium with contacts that stick.
+
+        :param config: near to the present one: the search starts there.
+        :param contacts: the contacts, (k,).
+        :param anchors: (k,) see `find_anchors` [m].
+        :param angles: (k,) of the normals in the object's frame, not wrapped [rad].
+        :param wrench: (fx, fy, m / arm) on the object [N].
+        :param fresh: numbers of the contacts that have only come to touch: they do not rub yet.
+        :return: None where there is no equilibrium.
+        """
+        moved, kept = config.roller_positions - self.config.roller_positions, self.state.unknowns
+        if contacts is self.contacts:
+            statics = moved_statics(
+                self.statics, config, contacts, self.stiffness_scale, self.pressure
+            )
+            start = self.ahead(moved)
+        else:
+            statics = contact_statics(
+                config,
+                self.body,
+                contacts,
+                self.stiffness_scale,
+                self.flattening,
+                self.pressure,
+                self.body.turn * np.exp(1j * angles),
+            )
+            start = kept = start_at(statics, self.body)
+        travel = travel_into(config, contacts.members)
+        closure = stick(statics, anchors, travel, angles, fresh)
+        state = statics.solve(start, wrench, closure)
+        if state is None and start is not kept:
+            state = statics.solve(kept, wrench, closure)
+        if state is None:
+            return None
+        turned = unwrapped(state.unknowns, state.normals, angles)
+        if len(fresh):
+            found = find_anchors(statics, state.unknowns, state.normals, travel, angles)
+            anchors = anchors.copy()
+            anchors[fresh] = found[fresh]
+        return replace(
+            self,
+            config=config,
+            body=self.body.moved_to(state.unknowns[:3]),
+            contacts=contacts,
+            anchors=anchors,
+            angles=turned,
+            statics=statics,
+            state=state,
+            wrench=wrench,
+            motion=(moved, state.unknowns - kept) if contacts is self.contacts else None,
+        )
+
+
+def scaled_wrench(wrench: Array | None, arm: float) -> Array:
+    """
+    Return (fx, fy, m / arm) of (fx, fy, m), zero for None [N].
+
+    :param wrench: (fx, fy, m) about the origin of the object's frame [N, N m]; zero if None.
+    :param arm: of the object [m].
+    """
+    return np.zeros(3) if wrench is None else np.asarray(wrench) / (1.0, 1.0, arm)
+
+
+def travel_into(config: Configuration, members: Indices) -> Array:
+    """
+    Return the travel of the tube through the modules at which members start, (k,) [m].
+
+    :param config: configuration of the robot.
+    :param members: (k,) numbers of the members.
+    """
+    topology = config.robot.topology
+    travel = np.zeros(topology.n_modules)
+    travel[topology.driven] = config.roller_positions
+    return travel[members]

@@ -1,0 +1,209 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Whether and how a robot holds an object that is free to move: `settle_grasp`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+import math
+
+from isotruss_ros.core.contact.analysis import FRICTION
+from isotruss_ros.core.contact.depths import member_depths
+from isotruss_ros.core.errors import GraspError, quote
+from isotruss_ros.core.holding.contact_changes import MOST
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_utilisation import held_sections
+from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
+from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.statics.pressures import Pressure
+import numpy as np
+from numpy.typing import ArrayLike
+
+#: An object that was measured farther than this from its equilibrium, as a share of the tube's
+#: diameter, is not in the grip.
+MAX_DISPLACEMENT = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class SettledGrasp:
+    """
+    The equilibrium of a free object between two or three members, friction loading the tubes.
+
+    Where no equilibrium was found the pose is the given one, and there are no forces. What a face
+    that lies on a member went through before is not known, and friction taken to be as little as
+    the balance needs: `held`, `required_friction` and `slip_margin` are the best case there. In
+    MuJoCo such a box needed a coefficient of 0.87 where this tells 0.59.
+
+    :ivar hold: whether it is held, and if not, why.
+    :ivar reason: the same for a message; empty when it is held.
+    :ivar pose: (x, y, angle) in equilibrium, robot frame [m, rad].
+    :ivar displacement: (3,) from the given pose [m, rad].
+    :ivar normal_forces: by grasping member, positive where it presses [N].
+    :ivar friction_forces: on the object, counter-clockwise, by grasping member [N].
+    :ivar friction_used: |T| / (mu N) by grasping member [-]; infinite without friction.
+    :ivar required_friction: smallest coefficient that holds it; infinite if none does.
+    :ivar slip_margin: smallest extra wrench, moment over d/2, at which a member slips or lets go
+        [N]; negative where one does already, zero without an equilibrium. Of an object that is no
+        disc moments count over `ConvexObject.arm`, and each end of a face that lies on a member
+        may let go.
+    :ivar utilisation: largest bending moment over the wrinkling moment under these forces, by
+        member, of all members; above 1 a tube wrinkles, and all numbers are outside of the model.
+    :ivar utilisation_places: where along the member that is, from its start, of all members [m].
+    :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
+        takes while the contacts stick [N/m, N, N m]; zero without an equilibrium.
+    :ivar equilibrium: to begin with for a similar grasp; None where there is none.
+    """
+
+    hold: HoldStatus
+    reason: str
+    pose: Pose
+    displacement: Array
+    normal_forces: dict[str, float] = field(default_factory=dict)
+    friction_forces: dict[str, float] = field(default_factory=dict)
+    friction_used: dict[str, float] = field(default_factory=dict)
+    required_friction: float = float('inf')
+    slip_margin: float = 0.0
+    utilisation: dict[str, float] = field(default_factory=dict)
+    utilisation_places: dict[str, float] = field(default_factory=dict)
+    stiffness: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    equilibrium: HeldGrip | None = None
+
+    @property
+    def held(self) -> bool:
+        """Return whether the object is held, and no tube wrinkles."""
+        return self.hold is HoldStatus.HELD
+
+
+@single_threaded
+def settle_grasp(
+    config: Configuration,
+    body: ConvexObject,
+    friction: float | None = None,
+    external_wrench: ArrayLike = (0.0, 0.0, 0.0),
+    pressure: Pressure | None = None,
+    members: Sequence[str] | None = None,
+    previous: SettledGrasp | None = None,
+) -> SettledGrasp:
+    """
+    Find the equilibrium of a grasped object near its measured pose.
+
+    The object is free, friction loads the tubes, and nothing is known of how it came there.
+    Statics settles the place across the bisector of the two grasping members, and the friction
+    forces; the place along the bisector, by which they press, is the measured one. What is known
+    of objects that are no discs, and of three members, is in `contact_closures.rest`.
+
+    :param config: where the robot is; its rollers do not turn.
+    :param body: the object, where it was measured.
+    :param friction: coefficient between tube and object, not negative; if None the object's own,
+        0.5 where it has none.
+    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
+    :param pressure: gauge, measured [Pa], see `tube_pressures`; that of the robot file if None.
+    :param members: names `t/j-k` of the two members or three that hold it, as of a `Grip`. If None
+        those that it presses into; of one in fewer than two the nearest.
+    :param previous: that of a similar grasp, where the search begins.
+    :raises GraspError: an argument is not usable.
+    :raises StructureError: a pressure is not usable, the robot is a mechanism, or its stiffness
+        laws are contradictory.
+    """
+    if friction is None:
+        friction = FRICTION if body.friction is None else body.friction
+    (mu,) = finite_array([friction], 1, 'friction', GraspError)
+    if mu < 0.0:
+        raise GraspError(f'friction {friction!r}: must not be negative')
+    wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
+    numbers = None if members is None else _numbers(config, members)
+    before = None if previous is None else previous.equilibrium
+    found = HeldGrip.attach(config, body, numbers, wrench, pressure=pressure, before=before)
+    return assess_equilibrium(body.pose, found, float(mu))
+
+
+def _numbers(config: Configuration, members: Sequence[str]) -> Indices:
+    """Return the numbers of members by their names."""
+    names = (members,) if isinstance(members, str) else tuple(members)
+    known = config.robot.member_names
+    unknown = [name for name in names if name not in known]
+    if unknown or not 2 <= len(set(names)) == len(names) <= MOST:
+        raise GraspError(
+            f'members {quote(", ".join(map(str, names)))}: must be two or three different ones '
+            f'of {", ".join(known)}'
+        )
+    return np.array([known.index(name) for name in names])
+
+
+def assess_equilibrium(given: Pose, found: HeldGrip | HoldStatus, friction: float) -> SettledGrasp:
+    """
+    Assess an equilibrium: whether it holds the object, and how well.
+
+    :param given: the measured pose.
+    :param found: the equilibrium, or why there is none.
+    :param friction: coefficient between tube and object.
+    """
+    sticks = found if isinstance(found, HoldStatus) else found.hold(friction)
+    if isinstance(found, HoldStatus) or sticks in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
+        return SettledGrasp(sticks, sticks.value, given, np.zeros(3))
+    moved = np.array(found.pose) - given
+    moved[2] = math.remainder(moved[2], 2.0 * math.pi)
+    all_names = found.config.robot.member_names
+    used, places = held_sections(found).largest(len(all_names))
+    hold, reason = _judge(found, float(np.hypot(*moved[:2])), friction, used)
+    names, normal, rubs = found.member_names, found.normal_forces, found.friction_forces
+    with np.errstate(divide='ignore', invalid='ignore'):
+        share = np.abs(rubs) / (friction * normal)
+    response = found.response
+    return SettledGrasp(
+        hold,
+        reason,
+        found.pose,
+        moved,
+        dict(zip(names, normal.tolist(), strict=True)),
+        dict(zip(names, (-rubs).tolist(), strict=True)),
+        dict(zip(names, share.tolist(), strict=True)),
+        found.required_friction,
+        found.slip_margin(friction),
+        dict(zip(all_names, used.tolist(), strict=True)),
+        dict(zip(all_names, places.tolist(), strict=True)),
+        np.zeros((3, 3)) if response is None else response.stiffness,
+        found,
+    )
+
+
+def _judge(found: HeldGrip, shift: float, friction: float, used: Array) -> tuple[HoldStatus, str]:
+    """
+    Return whether an equilibrium holds the object, and why not.
+
+    :param shift: from the measured place [m].
+    :param used: (m,) of the wrinkling moment, by member of the robot.
+    """
+    robot = found.config.robot
+    if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:
+        return HoldStatus.FAR, f'{HoldStatus.FAR.value}: {1e3 * shift:.3g} mm'
+    depths = member_depths(found.config, found.body)
+    depths[found.members] = -np.inf
+    other = int(depths.argmax())
+    if depths[other] > 0.0:
+        return (
+            HoldStatus.OTHER_CONTACT,
+            f'{HoldStatus.OTHER_CONTACT.value}: {robot.member_names[other]}',
+        )
+    if found.required_friction > friction:
+        need = f'coefficient {found.required_friction:.3g} against {friction:.3g}'
+        return HoldStatus.SLIPS, f'{HoldStatus.SLIPS.value}: {need}'
+    if found.response is None or not found.response.stable:
+        return HoldStatus.UNSTABLE, HoldStatus.UNSTABLE.value
+    worst = int(used.argmax())
+    if used[worst] > 1.0:
+        bears = f'{robot.member_names[worst]} bears {used[worst]:.3g} of its wrinkling moment'
+        return HoldStatus.WRINKLES, f'{HoldStatus.WRINKLES.value}: {bears}'
+    return HoldStatus.HELD, ''

@@ -1,0 +1,124 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""How far a held object is from slipping: contacts stick, forces redistribute with the tubes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.holding.balance import ContactForces
+from isotruss_ros.core.numerics.arrays import Array, Indices
+import numpy as np
+from scipy.linalg import lapack
+
+
+@dataclass(frozen=True, eq=False)
+class WrenchResponse:
+    """
+    What a small external wrench (fx, fy, m / arm) [N] does to an object at k contacts.
+
+    :ivar pose: (3, 3) displacement of (x, y, angle) [m/N, rad/N].
+    :ivar normal: (k, 3) change of the normal forces [-].
+    :ivar friction: (k, 3) change of the friction forces [-].
+    :ivar owners: (k,) to which member of the grip each contact belongs.
+    :ivar arm: by which moments compare with forces: of a disc its radius [m].
+    """
+
+    pose: Array
+    normal: Array
+    friction: Array
+    owners: Indices
+    arm: float
+
+    @property
+    def stiffness(self) -> Array:
+        """Return the wrench (fx, fy, m) that a displacement takes, (3, 3) [N/m, N, N m]."""
+        stiffness = np.linalg.inv(self.pose)
+        stiffness[2] *= self.arm
+        return stiffness
+
+    @property
+    def stable(self) -> bool:
+        """Return whether every displacement takes work."""
+        even = self.pose * np.array([[1.0], [1.0], [self.arm]])
+        return not lapack.dpotrf(0.5 * (even + even.T))[1]
+
+    @property
+    def squeeze(self) -> Array:
+        """Return the change of the mean normal force of the members, (3,) [-]."""
+        return self.normal.sum(axis=0) / (int(self.owners[-1]) + 1)
+
+
+def solve_change(jacobian: Array, right: Array) -> Array | None:
+    """
+    Return by how much the unknowns change; None where the equilibrium is indifferent.
+
+    :param jacobian: (3 + 4k, 3 + 4k) of the equations of equilibrium.
+    :param right: (3 + 4k, n) right-hand sides, the first three those of the wrench.
+    """
+    _, _, change, singular = lapack.dgesv(jacobian, right)
+    return None if singular or lapack.dgetrf(change[:3, :3])[2] else change
+
+
+def slip_margin(state: ContactForces, response: WrenchResponse, friction: float) -> float:
+    """
+    Return the smallest wrench at which a member slips or a contact lets go [N].
+
+    Moments count over the arm. A member slips where the friction of all its contacts,
+    |T| = mu N of their sums, is used; each end of a face lets go at N = 0. Forces change linearly
+    with the wrench, so that each condition is a plane in the space of wrenches, and the margin the
+    distance of the nearest one.
+
+    :param state: the equilibrium.
+    :param response: how its forces change with the wrench.
+    :param friction: coefficient mu.
+    :return: negative where a member slips or a contact pulls already.
+    """
+    reserve, slope = _conditions(state, response, friction)
+    return float((reserve / _sizes(slope)).min())
+
+
+def weakest_direction(state: ContactForces, response: WrenchResponse, friction: float) -> Array:
+    """
+    Return the unit wrench (fx, fy, m / arm) along which the slip margin is the least, (3,).
+
+    :param state: the equilibrium.
+    :param response: how its forces change with the wrench.
+    :param friction: coefficient mu.
+    """
+    reserve, slope = _conditions(state, response, friction)
+    size = _sizes(slope)
+    nearest = int((reserve / size).argmin())
+    return -slope[nearest] / size[nearest]
+
+
+def _sizes(slope: Array) -> Array:
+    """Return the lengths of rows; of any friction, their squares may overflow."""
+    return np.hypot.reduce(slope, axis=1)
+
+
+def _conditions(
+    state: ContactForces, response: WrenchResponse, friction: float
+) -> tuple[Array, Array]:
+    """Return what is left until m members slip and k contacts let go (2m + k,), and slopes."""
+    normal, rubs = state.normal_forces, state.friction_forces
+    by_normal, by_friction = response.normal, response.friction
+    count = int(response.owners[-1]) + 1
+    if count < len(normal):
+        members = np.eye(count)[response.owners].T
+        normal, rubs = members @ normal, members @ rubs
+        by_normal, by_friction = members @ by_normal, members @ by_friction
+    reserve = [friction * normal - rubs, friction * normal + rubs, state.normal_forces]
+    slope = [
+        friction * by_normal - by_friction,
+        friction * by_normal + by_friction,
+        response.normal,
+    ]
+    return np.concatenate(reserve), np.concatenate(slope)

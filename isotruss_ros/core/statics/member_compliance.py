@@ -1,0 +1,284 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+How members give where an object presses on them, at places that may move along them.
+
+A load at a place of a piece moves the ends of the piece, and with them the whole structure, and
+bends the piece between its ends: `clamped_beam` has both, with derivatives by the place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+import functools
+import itertools
+
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.statics.beam_between import beam_between, BeamPiece
+from isotruss_ros.core.statics.clamped_beam import ClampedBeam, VALUES
+from isotruss_ros.core.statics.structure import Structure, tube_pieces
+import numpy as np
+
+#: Where the numbers of `ClampedBeam.at` go (those of a zero: -1): in responses by the ends (along,
+#: across, slope), in loads (along, across, moment), in the derivatives of both, and by loads.
+ALONG, STRETCHED = [0, -1, -1, 1, -1, -1], [14, -1, -1, 15, -1, -1]
+ACROSS, SLOPE = [-1, 2, 3, -1, 4, 5], [-1, 6, 7, -1, 8, 9]
+TURNED, BENT = [-1, 10, 11, -1, 12, 13], [-1, 16, 17, -1, 18, 19]
+SHAPES = np.array(
+    [
+        [ALONG, ACROSS, SLOPE],
+        [ALONG, ACROSS, TURNED],
+        [STRETCHED, SLOPE, BENT],
+        [STRETCHED, SLOPE, BENT],
+    ]
+)
+INSIDE = np.array([[20, -1, -1], [-1, 21, 22], [-1, 23, 24]])
+INSIDE_RATES = np.array([[25, -1, -1], [-1, 26, 27], [-1, 28, 29]])
+
+
+@dataclass(frozen=True, eq=False)
+class ContactCompliance:
+    """
+    How k members give under loads at one place on each.
+
+    Loads are forces along and across the member and a moment (f_along, f_across, m) [N, N m],
+    responses are the displacement along and across and the slope of the bent centre line, the
+    mean of both sides where a force puts a kink into it (u_along, u_across, w') [m, -].
+
+    :ivar matrix: (k, 3, k, 3) responses for unit loads.
+    """
+
+    matrix: Array
+    _rows_rate: Array  # (3 k, 6 k) responses by the ends
+    _loads_rate: Array
+    _loads: Array  # (3 k, 6 k) displacements where loads are by the ends
+    _by_ends: Array  # (3 k, 6 k) responses to forces on the ends
+    _to_ends: Array  # (6 k, 3 k) displacements of the ends under loads
+    _inside_rate: Array  # (3 k, 3 k)
+    #: Places i, j on one piece: derivatives of what loads at j do at i, by both places.
+    _between_rates: tuple[tuple[int, int, Array, Array], ...] = ()
+
+    def respond(self, loads: Array) -> Array:
+        """
+        Return the responses (k, 3) to loads (k, 3).
+
+        :param loads: (k, 3) forces along and across the member [N] and moment [N m].
+        """
+        size = loads.size
+        return (self.matrix.reshape(size, size) @ loads.ravel()).reshape(-1, 3)
+
+    def respond_each(self, forces: Points, moments: Array) -> Array:
+        """
+        Return the responses of all members to each of some loads, (k, 3, n k).
+
+        :param forces: (n k,) on one member after the other, n times, along and across it [N].
+        :param moments: (n k,) with them [N m].
+        """
+        size, count = 3 * len(self.matrix), len(forces)
+        loads = np.array([forces.real, forces.imag, moments])
+        # Of each contact what acts on it, the others nothing.
+        each = (_own_loads(len(self.matrix), count) * loads).reshape(size, count)
+        return (self.matrix.reshape(size, size) @ each).reshape(-1, 3, count)
+
+    def carried(self, loads: Array) -> Array:
+        """
+        Return what moves the ends of the pieces as loads (k, 3) do, in the frames of these (k, 6).
+
+        :param loads: (k, 3) forces along and across the member [N] and moment [N m].
+        """
+        return (self._loads.T @ loads.ravel()).reshape(len(loads), 6)
+
+    def rates(self, loads: Array) -> Array:
+        """
+        Return how the responses change with the places (k,) of contact: (k, 3, k) [1/m].
+
+        :param loads: (k, 3) forces along and across the member [N] and moment [N m].
+        """
+        count = len(loads)
+        flat = loads.ravel()
+        # Of each contact what its own loads do, as columns.
+        each = _columns(count) * flat[:, None]
+        rates = self._by_ends @ (self._loads_rate.T @ each)
+        own = self._rows_rate @ (self._to_ends @ flat) + self._inside_rate @ flat
+        rates += _columns(count) * own[:, None]
+        rates = rates.reshape(count, 3, count)
+        for i, j, by_own, by_other in self._between_rates:
+            rates[i, :, i] += by_own @ loads[j]
+            rates[i, :, j] += by_other @ loads[j]
+        return rates
+
+
+class MemberCompliance:
+    """
+    The compliance of a structure at places on some of its members.
+
+    :ivar start: (k,) pinch points at which the members begin, x + iy [m].
+    :ivar axis: (k,) directions of the members, from the start.
+    :ivar length: (k,) pinch to pinch [m].
+    :param structure: the robot's frame.
+    :param members: the k members, numbered as in `Robot.member_names`; one that has two places of
+        contact is there twice.
+    :param scale: the stiffness of the structure against that of the model.
+    """
+
+    def __init__(self, structure: Structure, members: Sequence[int], scale: float = 1.0) -> None:
+        frame, topology = structure.frame, structure.config.robot.topology
+        used = np.asarray(members, dtype=np.intp)
+        count = len(used)
+        # Pieces of a member in their order: B to D, D to E', C' to E', which runs backward.
+        first, last, middle = tube_pieces(topology.n_modules)
+        pieces = np.stack([first[used], middle[used], last[topology.following[used]]], axis=1)
+        self._pieces = pieces
+        begin = frame.points[frame.members.start[pieces]]
+        self.start = begin[:, 0]
+        self.length = np.abs(begin[:, 2] - self.start)
+        self.axis = (begin[:, 2] - self.start) / self.length
+        length = frame.length[pieces]
+        # Where one piece ends and the next one begins, by the place on the member.
+        self._joints = np.stack([length[:, 0], length[:, 0] + length[:, 1]], axis=1)
+        self._frame, self._scale = frame, scale
+        own = frame.members
+        of_beams = (length, *(each[pieces] for each in (own.axial, own.flexural, own.shear)))
+        self._beams = np.stack(of_beams, axis=2).tolist()
+        self._pinned = own.pinned_start[pieces].tolist()
+        self._lengths: list[float] = self.length.tolist()
+        self._ends_joined: list[list[float]] = self._joints.tolist()
+        self._pairs = [
+            (i, j) for i, j in itertools.permutations(range(count), 2) if used[i] == used[j]
+        ]
+        self._pieces_at: dict[tuple[int, int], ClampedBeam] = {}
+        self._ends_at: dict[tuple[int, ...], Array] = {}
+        self._last: tuple[bytes, ContactCompliance] | None = None
+
+    def locate(self, places: Array) -> tuple[Indices, Array]:
+        """
+        Return the pieces (k,) of the frame that places are on, and where, from their starts [m].
+
+        :param places: (k,) distances from the members' starts [m].
+        """
+        own, piece = np.arange(len(places)), (places[:, None] >= self._joints).sum(axis=1)
+        begins = np.column_stack([np.zeros(len(places)), self._joints[:, 0], self.length])
+        return self._pieces[own, piece], np.abs(places - begins[own, piece])
+
+    def at(self, places: Array) -> ContactCompliance:
+        """
+        Return the compliance at one place on each member; that of the last places is kept.
+
+        :param places: (k,) distances from the members' starts [m].
+        """
+        key = places.tobytes()
+        if self._last is None or self._last[0] != key:
+            self._last = key, self._at(places)
+        return self._last[1]
+
+    def _at(self, places: Array) -> ContactCompliance:
+        """Compute what `at` returns."""
+        values, numbers, on_pieces = [], [], []
+        for i, place in enumerate(places.tolist()):
+            first, second = self._ends_joined[i]
+            number = int(place >= first) + int(place >= second)
+            x = self._lengths[i] - place if number == 2 else place - (0.0, first)[number]
+            values += self._beam(i, number).at(x)
+            numbers.append(number)
+            on_pieces.append(x)
+        count = len(numbers)
+        shapes_at, inside_at = _templates(count)
+        flat = np.array([*values, 0.0])
+        by_ends, loads, rows_rate, loads_rate = flat.take(shapes_at)
+        inside, inside_rate = flat.take(inside_at)
+        ends = self._ends(tuple(numbers))
+        to_ends = ends @ loads.T
+        matrix = (by_ends @ to_ends + inside).reshape(count, 3, count, 3)
+        between = tuple(self._between(on_pieces, numbers)) if self._pairs else ()
+        for (i, j, _, _), found in between:
+            matrix[i, :, j] += found
+        return ContactCompliance(
+            matrix,
+            rows_rate,
+            loads_rate,
+            loads,
+            by_ends @ ends,
+            to_ends,
+            inside_rate,
+            tuple(rates for rates, _ in between),
+        )
+
+    def _beam(self, i: int, number: int) -> ClampedBeam:
+        """Return a piece of one of the members; kept."""
+        beam = self._pieces_at.get((i, number))
+        if beam is None:
+            sense = -1.0 if number == 2 else 1.0
+            pinned, values = self._pinned[i][number], self._beams[i][number]
+            beam = ClampedBeam(*values, pinned, sense, 1.0 / self._scale)
+            self._pieces_at[i, number] = beam
+        return beam
+
+    def _ends(self, numbers: tuple[int, ...]) -> Array:
+        """Return the compliance (6 k, 6 k) of the ends of one piece of each member; kept."""
+        found = self._ends_at.get(numbers)
+        if found is None:
+            pieces = self._pieces[np.arange(len(numbers)), list(numbers)]
+            found = self._frame.compliance(pieces) / self._scale
+            self._ends_at[numbers] = found
+        return found
+
+    def _between(
+        self, places: Sequence[float], piece: Sequence[int]
+    ) -> Iterator[tuple[tuple[int, int, Array, Array], Array]]:
+        """
+        Yield what loads at other places of the same piece do, with its derivatives.
+
+        :param places: (k,) from the starts of the pieces [m].
+        :param piece: (k,) which of its member's pieces each is on.
+        """
+        for i, j in self._pairs:
+            if piece[i] != piece[j]:
+                continue
+            sense = -1.0 if piece[i] == 2 else 1.0
+            beam = BeamPiece(*self._beams[i][piece[i]], self._pinned[i][piece[i]])
+            turn = np.array([sense, sense, 1.0])
+            turned = np.outer(turn, turn) / self._scale
+            found, by_own, by_other = (
+                turned * matrix for matrix in beam_between(beam, places[i], places[j])
+            )
+            yield (i, j, sense * by_own, sense * by_other), found
+
+
+@functools.lru_cache(maxsize=8)
+def _templates(count: int) -> tuple[Indices, Indices]:
+    """
+    Return where the numbers of k beams go; what is in no place is the zero behind all of them.
+
+    :param count: k.
+    :return: (4, 3 k, 6 k) of shape functions and (2, 3 k, 3 k) of what loads do, ends held.
+    """
+    shapes = np.full((4, count, 3, count, 6), VALUES * count)
+    inside = np.full((2, count, 3, count, 3), VALUES * count)
+    for i in range(count):
+        for whole, part in ((shapes, SHAPES), (inside, np.stack([INSIDE, INSIDE_RATES]))):
+            whole[:, i, :, i] = np.where(part < 0, VALUES * count, VALUES * i + part)
+    return shapes.reshape(4, 3 * count, -1), inside.reshape(2, 3 * count, -1)
+
+
+@functools.lru_cache(maxsize=8)
+def _columns(count: int) -> Array:
+    """Return (3 k, k): which of all responses are those of each contact, as zeros and ones."""
+    columns = np.eye(count).repeat(3, axis=0)
+    columns.flags.writeable = False
+    return columns
+
+
+@functools.lru_cache(maxsize=8)
+def _own_loads(count: int, loads: int) -> Array:
+    """Return (k, 1, n k): which of some loads act on each contact, as zeros and ones."""
+    own = np.tile(np.eye(count), (1, loads // count))[:, None]
+    own.flags.writeable = False
+    return own

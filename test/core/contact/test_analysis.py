@@ -1,0 +1,410 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The analysis of a grasp: its contract, its parts against each other, refusals."""
+
+import math
+
+from hypothesis import given, strategies
+from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot
+from isotruss_ros.core.contact.contact import solve_contact
+from isotruss_ros.core.contact.contact_points import find_contact_points
+from isotruss_ros.core.contact.force_closure import check_force_closure
+from isotruss_ros.core.contact.surfaces import RoundSurface
+from isotruss_ros.core.errors import GraspError, IsotrussError
+from isotruss_ros.core.model.presets import find_robot_file
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+import robots
+from ruamel.yaml import YAML
+import tubes
+
+TUBE = 0.102
+
+generators = robots.generators()
+
+
+def between(robot, module, share, deep, config=None):
+    """Return a configuration, and a cylinder pressed by `deep` into both sides of a module."""
+    config = config or robot.home
+    b, b_end, c, c_end = robots.side_ends(config, module)
+    one, other = (b_end - b) / abs(b_end - b), (c_end - c) / abs(c_end - c)
+    middle = (one + other) / abs(one + other)
+    center = 0.5 * (b + c) + share * min(abs(b_end - b), abs(c_end - c)) * middle
+    clear = min(abs(((center - b) * one.conj()).imag), abs(((center - c) * other.conj()).imag))
+    diameter = 2.0 * (clear + deep) - robot.description.tube_diameter
+    return config, ConvexObject.disc((center.real, center.imag), diameter)
+
+
+def random_case(rng):
+    """Return a configuration and a cylinder that is pressed in somewhere."""
+    while True:
+        kind = rng.choice([*robots.PRESETS, ''])
+        robot = load_robot(kind) if kind else robots.random_robot(int(rng.integers(2**32)))
+        module = robot.module_names[rng.integers(len(robot.module_names))]
+        share, deep = rng.uniform(0.35, 0.6), 10.0 ** rng.uniform(-4.0, -2.0)
+        try:
+            return between(robot, module, share, deep, robots.random_state(robot, rng))
+        except GraspError:
+            # The sides are closer than the tubes are thick.
+            continue
+
+
+@pytest.fixture(scope='module')
+def gripped():
+    """Return a grasp of the nine-member robot whose two sides press by 10 mm."""
+    return between(load_robot('nine_member'), 'north/Z', 0.5, 0.01)
+
+
+@pytest.mark.parametrize('flattening', [True, False])
+def test_result_is_as_the_contract_says(gripped, flattening):
+    config, cylinder = gripped
+    analysis = analyze_grasp(config, cylinder, flattening=flattening)
+    k = len(analysis.gaps)
+    assert k > 2
+    assert analysis.points.shape == analysis.normals.shape == (k, 2)
+    assert analysis.normal_forces.shape == analysis.friction_forces.shape == (k,)
+    assert analysis.normal_wrench.shape == (3,)
+    assert analysis.stiffness.shape == (3, 3)
+    assert isinstance(analysis.force_closure, bool)
+    assert isinstance(analysis.closure_residual, float)
+    assert isinstance(analysis.required_friction, float)
+    assert set(analysis.contact_lengths) == {'north/P-Z', 'north/Z-R'}
+    touching = (analysis.normal_forces > 0.0).sum()
+    step, slack = (0.0025, 0.005) if flattening else (0.005, 1e-9)
+    assert sum(analysis.contact_lengths.values()) == pytest.approx(step * touching, abs=slack)
+    assert np.linalg.norm(analysis.normals, axis=1) == pytest.approx(np.ones(k))
+    away = analysis.points - cylinder.pose[:2]
+    distance = np.linalg.norm(away, axis=1)
+    # Outward: from the object to the tube; in the paper's model to its centre line.
+    assert analysis.normals == pytest.approx(away / distance[:, None], abs=1e-9)
+    reach = 0.5 * (cylinder.shape.diameter + (0.0 if flattening else TUBE))
+    assert analysis.gaps == pytest.approx(distance - reach, abs=1e-9)
+
+
+def test_measured_pressures_act_as_those_of_a_robot_file(gripped):
+    _, cylinder = gripped
+    document = robots.preset_document('nine_member')
+    document['tube']['pressure'] = {'south': 30e3, 'east': 25e3, 'north': 20e3}
+    expected = analyze_grasp(robots.load(document).home, cylinder)
+    for pressure in ([30e3, 25e3, 20e3], document['tube']['pressure']):
+        found = analyze_grasp(load_robot('nine_member').home, cylinder, pressure=pressure)
+        np.testing.assert_array_equal(found.normal_forces, expected.normal_forces)
+        assert found.utilisation == expected.utilisation
+        assert found.contact_pressures == expected.contact_pressures
+    softer = analyze_grasp(load_robot('nine_member').home, cylinder, pressure={'north': 20e3})
+    assert softer.normal_forces.sum() < analyze_grasp(gripped[0], cylinder).normal_forces.sum()
+
+
+@robots.examples(40)
+@given(generators, strategies.floats(0.0, 1.5))
+def test_parts_fit_together(rng, friction):
+    config, cylinder = random_case(rng)
+    size = 20.0 * 10.0 ** rng.uniform(-2.0, 0.0)
+    external = rng.normal(size=3) * [size, size, size * cylinder.shape.diameter]
+    analysis = analyze_grasp(config, cylinder, friction, external)
+    forces, normals = analysis.normal_forces, analysis.normals
+    assert forces.min() >= 0.0
+    assert analysis.gaps.min() >= -1e-9
+    assert (analysis.gaps * forces).max() <= 1e-9 * forces.max()
+    # The tube pushes the object against the outward normals; all of them through its centre.
+    arms = 0.5 * cylinder.shape.diameter * normals
+    wrench = np.append(-forces @ normals, -np.cross(arms, forces[:, None] * normals).sum())
+    assert analysis.normal_wrench == pytest.approx(wrench, abs=1e-9 * forces.sum())
+    assert (np.abs(analysis.friction_forces) <= friction * forces * (1.0 + 1e-12)).all()
+    # What is left when friction has acted at the object's surface is the residual.
+    rubbing = analysis.friction_forces[:, None] * np.column_stack([-normals[:, 1], normals[:, 0]])
+    total = wrench + external
+    total += np.append(rubbing.sum(axis=0), np.cross(arms, rubbing).sum())
+    total[2] /= 0.5 * cylinder.shape.diameter
+    left = np.linalg.norm(total)
+    slack = 1e-9 * (forces.sum() + np.abs(external).max())
+    assert analysis.closure_residual == pytest.approx(left, abs=slack)
+    assert analysis.force_closure == (analysis.closure_residual <= analysis.closure_tolerance)
+    if analysis.required_friction <= friction:
+        assert analysis.force_closure
+    elif analysis.force_closure:
+        assert -analysis.closure_margin <= analysis.closure_tolerance
+    if analysis.required_friction < 10.0:
+        # The solver of (10) leaves a residual where friction is only just enough.
+        enough = analyze_grasp(config, cylinder, 1.0001 * analysis.required_friction, external)
+        assert enough.force_closure
+
+
+@robots.examples(30)
+@given(generators)
+def test_stiffness_is_what_a_robot_with_nodes_there_answers(rng):
+    config, cylinder = random_case(rng)
+    analysis = analyze_grasp(config, cylinder, spacing=0.01, flattening=False)
+    stiffness = analysis.stiffness
+    assert (stiffness == stiffness.T).all()
+    assert np.linalg.eigvalsh(stiffness).min() >= -1e-9 * np.abs(stiffness).max()
+    center = cylinder.center
+    radius = 0.5 * (cylinder.shape.diameter + config.robot.description.tube_diameter)
+    touching = np.flatnonzero(analysis.normal_forces > 0.0)
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.01)
+    frame, nodes = tubes.robot_with_nodes(structure_of(config), found.points[touching])
+    compliance = tubes.node_compliance(frame, nodes).reshape(2 * len(nodes), -1)
+    arms = (analysis.points[touching] @ [1.0, 1.0j]) - center
+    for axis, moved in enumerate((np.ones_like(arms), 1j * np.ones_like(arms), 1j * arms)):
+        # The object and its points are moved by 1; what holds them there, the supports answer.
+        forces = np.linalg.solve(compliance, moved.view(float)).view(complex)
+        wrench = [forces.sum().real, forces.sum().imag, (arms.conj() * forces).imag.sum()]
+        slack = 1e-6 * np.abs(stiffness).max()
+        assert stiffness[:, axis] == pytest.approx(wrench, rel=1e-5, abs=slack)
+        loads = np.zeros((len(frame.points), 3))
+        np.add.at(loads, nodes, np.column_stack([forces.real, forces.imag, 0.0 * forces.real]))
+        held = frame.solve(loads).reactions.sum(axis=0)
+        assert stiffness[:2, axis] == pytest.approx(-held[:2], rel=1e-5, abs=slack)
+
+
+def test_nothing_touched_has_no_stiffness():
+    config = load_robot('nine_member').home
+    analysis = analyze_grasp(config, ConvexObject.disc((0.5, 30.0), 0.2))
+    assert analysis.stiffness.tolist() == np.zeros((3, 3)).tolist()
+    assert analysis.contact_lengths == {}
+    assert analysis.normal_wrench.tolist() == [0.0] * 3
+    assert analysis.points.shape == analysis.normals.shape == (0, 2)
+    # Nothing has to be balanced, but nothing is held.
+    assert not analysis.force_closure
+    pulled = analyze_grasp(config, ConvexObject.disc((0.5, 30.0), 0.2), external_wrench=(0, -1, 0))
+    assert not pulled.force_closure
+    assert pulled.required_friction == math.inf
+    assert pulled.closure_residual == pytest.approx(1.0)
+
+
+def turned(document):
+    """Return a robot file for the same robot, turned by 90 degrees."""
+    document = dict(document)
+    document['joints'] = {name: [-y, x] for name, (x, y) in document['joints'].items()}
+    document['supports'] = {
+        name: [{'x': 'y', 'y': 'x'}[axis] for axis in axes]
+        for name, axes in document['supports'].items()
+    }
+    return document
+
+
+@pytest.mark.parametrize('which', ['nine_member', 'triangle', 3, 4, 5])
+@pytest.mark.parametrize('turns', [1, 2])
+def test_turning_robot_object_and_wrench_turns_the_result(which, turns):
+    document = robots.random_document(which) if isinstance(which, int) else None
+    if document is None:
+        document = YAML(typ='safe', pure=True).load(find_robot_file(which))
+    robot = robots.load(document)
+    for _ in range(turns):
+        document = turned(document)
+    rolled = 0.02 * np.cos(np.arange(len(robot.roller_names)))
+    module = robot.module_names[-1]
+    config, cylinder = between(robot, module, 0.45, 0.008, robot.configuration(rolled))
+    other = robots.load(document).configuration(rolled)
+    place = cylinder.center * 1j**turns
+    assert other.points == pytest.approx(config.points * 1j**turns, abs=1e-9)
+    turn = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), turns)
+    whole = np.eye(3)
+    whole[:2, :2] = turn
+    wrench = np.array([3.0, -5.0, 0.2])
+    before = analyze_grasp(config, cylinder, 0.4, wrench)
+    there = ConvexObject.disc((place.real, place.imag), cylinder.shape.diameter)
+    after = analyze_grasp(other, there, 0.4, whole @ wrench)
+    size = before.normal_forces.sum()
+    assert size > 0.0
+    assert after.normal_forces == pytest.approx(before.normal_forces, abs=1e-6 * size)
+    assert after.points == pytest.approx(before.points @ turn.T, abs=1e-8)
+    assert after.normals == pytest.approx(before.normals @ turn.T, abs=1e-8)
+    assert after.normal_wrench == pytest.approx(whole @ before.normal_wrench, abs=1e-6 * size)
+    assert after.force_closure == before.force_closure
+    assert after.required_friction == pytest.approx(before.required_friction, rel=1e-4)
+    assert after.closure_residual == pytest.approx(before.closure_residual, abs=1e-5 * size)
+    expected = whole @ before.stiffness @ whole.T
+    slack = 1e-6 * np.abs(expected).max()
+    assert after.stiffness == pytest.approx(expected, abs=slack)
+    assert after.contact_lengths == pytest.approx(before.contact_lengths)
+
+
+def test_both_methods_say_the_same(gripped):
+    config, cylinder = gripped
+    exact = analyze_grasp(config, cylinder, external_wrench=(0, -2, 0))
+    relaxed = analyze_grasp(config, cylinder, external_wrench=(0, -2, 0), method='relaxation')
+    size = exact.normal_forces.sum()
+    assert relaxed.normal_forces == pytest.approx(exact.normal_forces, abs=1e-4 * size)
+    assert relaxed.normal_wrench == pytest.approx(exact.normal_wrench, abs=1e-5 * size)
+    assert relaxed.gaps == pytest.approx(exact.gaps, abs=1e-8)
+    assert relaxed.gaps.min() >= -1e-9
+    assert relaxed.required_friction == pytest.approx(exact.required_friction, rel=1e-3)
+    assert relaxed.force_closure == exact.force_closure
+    assert relaxed.contact_lengths == pytest.approx(exact.contact_lengths, abs=1e-6)
+    assert relaxed.stiffness == pytest.approx(exact.stiffness, rel=1e-4, abs=1e-3)
+
+
+@robots.examples(20)
+@given(generators)
+def test_the_previous_analysis_changes_no_result(rng):
+    config, cylinder = random_case(rng)
+    cold = analyze_grasp(config, cylinder)
+    x, y = cylinder.pose[:2]
+    near = analyze_grasp(config, ConvexObject.disc((x + 1e-3, y - 1e-3), cylinder.shape.diameter))
+    far = analyze_grasp(config, ConvexObject.disc((x + 50.0, y), cylinder.shape.diameter))
+    for previous in (cold, near, far):
+        warm = analyze_grasp(config, cylinder, previous=previous)
+        slack = 1e-5 * cold.normal_forces.sum()
+        assert warm.normal_forces == pytest.approx(cold.normal_forces, abs=slack)
+        assert warm.force_closure == cold.force_closure
+
+
+def test_an_external_wrench_that_undoes_the_normal_forces_closes_without_friction(gripped):
+    config, cylinder = gripped
+    pressed = analyze_grasp(config, cylinder, friction=0.0)
+    assert not pressed.force_closure
+    held = analyze_grasp(config, cylinder, friction=0.0, external_wrench=-pressed.normal_wrench)
+    assert held.force_closure
+    assert held.required_friction == pytest.approx(0.0, abs=1e-9)
+    assert held.friction_forces.tolist() == [0.0] * len(held.gaps)
+    assert held.normal_forces.tolist() == pressed.normal_forces.tolist()
+    # A moment alone is for friction: at arm d/2, as much as its sum.
+    total = pressed.normal_forces.sum()
+    moment = 0.3 * total * 0.5 * cylinder.shape.diameter
+    wrench = np.append(-pressed.normal_wrench[:2], moment)
+    spun = analyze_grasp(config, cylinder, 0.0, wrench)
+    assert spun.closure_residual == pytest.approx(0.3 * total)
+    assert spun.required_friction >= 0.3 * (1.0 - 1e-9)
+
+
+# The wedge
+
+
+def two_tubes(degrees, deep, place):
+    """Return the required friction of a disc between two clamped tubes, against tan(angle / 2)."""
+    half = np.radians(0.5 * degrees)
+    ends = np.exp(1j * np.array([half, -half]))
+    structure = tubes.bare(0.05 * ends, 1.05 * ends, 1.9e4, 25.0, 1.9e3)
+    center, radius = place / np.cos(half) + 0j, place * np.tan(half) + deep
+    contact = solve_contact(
+        find_contact_points(structure, RoundSurface(center, radius), 0.001),
+        RoundSurface(center, radius),
+    )
+    normals = contact.normals.view(float).reshape(-1, 2)
+    tangents = (1j * contact.normals).view(float).reshape(-1, 2)
+    load = np.append(-contact.forces @ normals, 0.0)
+    return check_force_closure(tangents, contact.forces, load, 0.5).required_friction / np.tan(
+        half
+    )
+
+
+@pytest.mark.parametrize('degrees', [26.0, 45.0, 60.0, 90.0])
+def test_a_wedge_of_two_tubes_needs_the_tangent_of_half_its_angle(degrees):
+    # At midspan a tube stays parallel to itself: whatever the indentation.
+    for deep in (1e-6, 1e-3, 0.015):
+        assert two_tubes(degrees, deep, 0.55) == pytest.approx(1.0, abs=1e-9)
+    # Nearer to the corner the tubes turn outward, which opens the wedge; beyond, they close it.
+    for place, sign in ((0.35, 1.0), (0.75, -1.0)):
+        off = [
+            sign * (two_tubes(degrees, deep, place) - 1.0) for deep in (1e-6, 1e-3, 5e-3, 0.015)
+        ]
+        assert off[0] == pytest.approx(0.0, abs=1e-9)
+        assert 0.0 < off[2] < off[3] < 0.15
+        assert -1e-9 < off[1] < off[2]
+
+
+@pytest.mark.parametrize('degrees', [26.0, 45.0, 60.0])
+def test_a_wedge_of_a_robot_needs_the_tangent_of_half_its_angle(degrees):
+    half = np.radians(0.5 * degrees)
+    document = robots.example()
+    document['joints'] = {
+        'P': [-1.5 * np.sin(half), -1.5 * np.cos(half)],
+        'Q': [1.5 * np.sin(half), -1.5 * np.cos(half)],
+        'X': [0.0, 0.0],
+    }
+    # Supports that mirror: the object is pressed down, along the middle.
+    document['supports'] = {'X': ['x'], 'P': ['y'], 'Q': ['y']}
+    document['tube']['diameter'] = 0.05
+    document['module'].update(pinch_separation=0.06, rod_length=0.05)
+    robot = robots.load(document)
+    b, b_end, c, c_end = robots.side_ends(robot.home, 'south/X')
+    opening = abs(np.angle((b_end - b) / (c_end - c)))
+    # The sides run from pinch point to pinch point, nearly from joint to joint.
+    assert np.degrees(opening) == pytest.approx(degrees, abs=6.0)
+    errors = []
+    for deep in (1e-3, 1e-4, 1e-5):
+        config, cylinder = between(robot, 'south/X', 0.5, deep)
+        analysis = analyze_grasp(config, cylinder, friction=1.0)
+        forces = analysis.normal_forces
+        # Both sides press alike, downward.
+        assert analysis.normal_wrench[0] == pytest.approx(0.0, abs=1e-6 * forces.sum())
+        assert analysis.normal_wrench[1] < 0.0
+        assert analysis.force_closure
+        errors.append(analysis.required_friction / np.tan(0.5 * opening) - 1.0)
+    assert abs(errors[2]) < 1e-4
+    assert abs(errors[2]) <= abs(errors[1]) + 1e-9
+    assert abs(errors[1]) <= abs(errors[0]) + 1e-9
+
+
+# Refusals
+
+
+@pytest.mark.parametrize(
+    ('options', 'message'),
+    [
+        ({'friction': math.nan}, 'friction'),
+        ({'friction': math.inf}, 'friction'),
+        ({'friction': -0.1}, 'negative'),
+        ({'friction': 'much'}, 'friction'),
+        ({'friction': [0.5, 0.5]}, 'friction'),
+        ({'spacing': 0.0}, 'spacing'),
+        ({'spacing': -0.005}, 'spacing'),
+        ({'spacing': 9.9e-5}, 'spacing'),
+        ({'spacing': 0.101}, 'spacing'),
+        ({'spacing': math.nan}, 'spacing'),
+        ({'method': 'guess'}, 'exact, relaxation'),
+        ({'method': ''}, 'method'),
+        ({'external_wrench': (0.0, 0.0)}, 'wrench'),
+        ({'external_wrench': (0.0, 0.0, 0.0, 0.0)}, 'wrench'),
+        ({'external_wrench': (0.0, math.nan, 0.0)}, 'wrench'),
+        ({'external_wrench': (0.0, math.inf, 0.0)}, 'wrench'),
+        ({'external_wrench': 'down'}, 'wrench'),
+        ({'external_wrench': [[0.0, 0.0, 0.0]]}, 'wrench'),
+        ({'external_wrench': None}, 'wrench'),
+    ],
+)
+def test_arguments_that_make_no_sense_are_refused(gripped, options, message):
+    config, cylinder = gripped
+    with pytest.raises(GraspError, match=message):
+        analyze_grasp(config, cylinder, **options)
+    assert issubclass(GraspError, IsotrussError)
+
+
+@pytest.mark.parametrize(
+    ('center', 'diameter', 'message'),
+    [
+        ((0.0, 0.0), 0.0, 'positive'),
+        ((0.0, 0.0), -0.2, 'positive'),
+        ((0.0, 0.0), math.nan, 'diameter'),
+        ((0.0, 0.0), math.inf, 'diameter'),
+        ((0.0, 0.0), 'wide', 'diameter'),
+        ((0.0, 0.0), None, 'diameter'),
+        ((0.0,), 0.2, 'centre'),
+        ((0.0, 0.0, 0.0), 0.2, 'centre'),
+        ((0.0, math.nan), 0.2, 'centre'),
+        ((math.inf, 0.0), 0.2, 'centre'),
+        ('here', 0.2, 'centre'),
+        (None, 0.2, 'centre'),
+    ],
+)
+def test_cylinders_that_make_no_sense_are_refused(center, diameter, message):
+    with pytest.raises(GraspError, match=message):
+        ConvexObject.disc(center, diameter)
+
+
+@pytest.mark.parametrize('spacing', [0.001, 0.1])
+def test_spacings_at_the_limits_are_answered(gripped, spacing):
+    config, cylinder = gripped
+    coarse = analyze_grasp(config, cylinder, spacing=spacing)
+    fine = analyze_grasp(config, cylinder, spacing=0.002)
+    size = fine.normal_forces.sum()
+    assert coarse.normal_forces.sum() == pytest.approx(size, rel=0.1)

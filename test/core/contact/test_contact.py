@@ -1,0 +1,696 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Contact: the complementarity problem, contact points, condensation, beams."""
+
+import itertools
+from types import SimpleNamespace
+
+from hypothesis import given, strategies
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core.contact import lcp, relaxation
+from isotruss_ros.core.contact.contact import ContactGuess, solve_contact
+from isotruss_ros.core.contact.contact_points import ContactPoints, find_contact_points
+from isotruss_ros.core.contact.lcp import solve_complementarity
+from isotruss_ros.core.contact.relaxation import relax_contact
+from isotruss_ros.core.contact.surfaces import RoundSurface, surface_of
+from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+import robots
+from scipy.optimize import brentq, nnls
+from shapes import dense_outline, random_shape_of
+import tubes
+
+#: SectionStiffness of a tube like the paper's [N, N m^2, N].
+AXIAL, FLEXURAL, SHEAR = 1.9e4, 25.0, 1.9e3
+LENGTH = 0.762
+RADIUS = 0.151
+
+generators = robots.generators()
+
+
+# The linear complementarity problem
+
+
+def random_problem(rng, count):
+    """Return W [m/N], gaps without forces [m] and a guess, of the sizes that a tube has."""
+    root = rng.normal(size=(count, count))
+    spread = 10.0 ** rng.uniform(-1.5, 0.0, count)
+    return (
+        1e-3 * (root * spread) @ root.T + 1e-9 * np.eye(count),
+        1e-2 * rng.normal(size=count),
+        rng.random(count) < rng.random(),
+    )
+
+
+def check_complementarity(compliance, gaps, forces, active):
+    left = gaps + compliance @ forces
+    assert (forces >= 0.0).all()
+    assert left.min(initial=0.0) >= -1e-9
+    assert np.abs(left[active]).max(initial=0.0) <= 1e-9
+    assert (forces[~active] == 0.0).all()
+
+
+@robots.examples(100)
+@given(generators, strategies.integers(1, 40))
+def test_forces_are_those_of_nonnegative_least_squares(rng, count):
+    compliance, gaps, guess = random_problem(rng, count)
+    # |R f + R^-T g|^2 with W = R^T R is f W f + 2 f g and a constant.
+    root = np.linalg.cholesky(compliance).T
+    expected = nnls(root, -np.linalg.solve(root.T, gaps), maxiter=1000)[0]
+    forces, _ = solve_complementarity(compliance, gaps, guess)
+    assert forces == pytest.approx(expected, rel=1e-5, abs=1e-5 * (1.0 + expected.max()))
+
+
+@robots.examples(100)
+@given(generators, strategies.integers(1, 40), strategies.sampled_from([1.0, 1e-3]))
+def test_least_squares_find_what_exchanges_find(rng, count, size):
+    compliance, gaps, guess = random_problem(rng, count)
+    gaps *= size
+    expected, _ = solve_complementarity(compliance, gaps, guess)
+    forces, active = lcp._by_least_squares(compliance, gaps)
+    assert forces == pytest.approx(expected, rel=1e-9, abs=1e-9 * (size + expected.max()))
+    check_complementarity(compliance, gaps, forces, active)
+
+
+@robots.examples(60)
+@given(generators, strategies.integers(1, 8))
+def test_forces_are_the_only_ones_among_all_active_sets(rng, count):
+    compliance, gaps, guess = random_problem(rng, count)
+    forces, _ = solve_complementarity(compliance, gaps, guess)
+    found = []
+    for chosen in itertools.product([False, True], repeat=count):
+        places = np.flatnonzero(chosen)
+        other = np.zeros(count)
+        other[places] = np.linalg.solve(compliance[np.ix_(places, places)], -gaps[places])
+        if (
+            other.min() >= 0.0
+            and (gaps + compliance @ other)[~np.array(chosen)].min(initial=0.0) >= -1e-15
+        ):
+            found.append(other)
+    assert len(found) == 1
+    assert forces == pytest.approx(found[0], rel=1e-9, abs=1e-9 * (1.0 + found[0].max()))
+
+
+@robots.examples(40)
+@given(generators, strategies.integers(1, 30))
+def test_any_guess_leads_to_the_same_forces(rng, count):
+    compliance, gaps, _ = random_problem(rng, count)
+    guesses = [np.zeros(count, dtype=bool), np.ones(count, dtype=bool)]
+    guesses += [rng.random(count) < 0.5 for _ in range(4)]
+    answers = [solve_complementarity(compliance, gaps, guess)[0] for guess in guesses]
+    for answer in answers[1:]:
+        assert answer == pytest.approx(answers[0], rel=1e-9, abs=1e-9 * (1.0 + answers[0].max()))
+    assert guesses[0].sum() == 0
+    assert guesses[1].sum() == count, 'the guess is the caller own'
+
+
+def test_no_gap_closes_and_all_close():
+    rng = np.random.default_rng(0)
+    compliance, _, guess = random_problem(rng, 12)
+    forces, active = solve_complementarity(compliance, np.full(12, 1e-3), guess)
+    assert not active.any()
+    assert forces.tolist() == [0.0] * 12
+    pressed = rng.uniform(0.1, 10.0, 12)
+    forces, active = solve_complementarity(compliance, -compliance @ pressed, guess)
+    assert active.all()
+    assert forces == pytest.approx(pressed, rel=1e-6)
+    forces, active = solve_complementarity(np.zeros((0, 0)), np.zeros(0), np.zeros(0, dtype=bool))
+    assert forces.shape == active.shape == (0,)
+
+
+@robots.examples(40)
+@given(generators, strategies.integers(5, 60))
+def test_points_close_together_on_a_beam_are_told_apart(rng, count):
+    # A clamped string: the matrix is that of neighbours that move nearly alike, cond ~ count^2;
+    # bent beams, cond ~ count^4, come below, in the robots.
+    place = np.sort([0.5, *rng.uniform(0.1, 0.9, count)])
+    near, far = np.minimum.outer(place, place), np.maximum.outer(place, place)
+    compliance = 1e-3 * near * (1.0 - far) + 1e-12 * np.eye(count + 1)
+    gaps = 0.05 * (place - 0.5) ** 2 - 1e-3
+    forces, active = solve_complementarity(compliance, gaps, rng.random(count + 1) < 0.5)
+    check_complementarity(compliance, gaps, forces, active)
+    assert active.any()
+
+
+def test_a_matrix_that_is_not_positive_definite_is_refused():
+    everywhere = np.ones(2, dtype=bool)
+    with pytest.raises(SolverError, match='positive definite'):
+        solve_complementarity(-np.eye(2), -np.ones(2), everywhere)
+
+
+# ContactPoints
+
+
+def straight(start=0j, end=LENGTH + 0j, **other):
+    """Return one clamped tube."""
+    rigidities = {'axial': AXIAL, 'flexural': FLEXURAL, 'shear': SHEAR, **other}
+    return tubes.bare(np.array([start]), np.array([end]), **rigidities)
+
+
+@robots.examples(60)
+@given(generators, strategies.floats(0.001, 0.02))
+def test_candidates_are_where_a_straight_tube_is_within_reach(rng, spacing):
+    start = complex(*rng.normal(size=2))
+    direction = np.exp(1j * rng.uniform(0.0, 2.0 * np.pi))
+    structure = straight(start, start + LENGTH * direction)
+    radius = rng.uniform(0.05, 0.3)
+    foot, aside = rng.uniform(-0.3, 1.1), rng.uniform(-0.4, 0.4)
+    center = start + (foot + 1j * aside) * direction
+    found = find_contact_points(structure, RoundSurface(center, radius), spacing)
+    place = ((found.points - start) * direction.conjugate()).real
+    assert np.abs(((found.points - start) * direction.conjugate()).imag).max(initial=0.0) < 1e-12
+    assert place.min(initial=0.0) >= -1e-12
+    assert place.max(initial=0.0) <= LENGTH + 1e-12
+    assert np.diff(place) == pytest.approx(np.full(max(len(place) - 1, 0), spacing), abs=1e-9)
+    # On the lattice about the foot, all of those on the tube that could be touched.
+    lattice = foot + spacing * np.arange(-1000, 1001)
+    lattice = lattice[(lattice > 1e-9) & (lattice < LENGTH - 1e-9)]
+    near = lattice[np.hypot(lattice - foot, aside) < radius]
+    assert np.isin(np.round(near, 9), np.round(place, 9)).all()
+    assert (np.hypot(place - foot, aside) <= radius + 2.0 * spacing + 1e-9).all()
+    assert found.compliance(np.arange(len(place))).shape == (2, len(place), 2, len(place))
+
+
+@pytest.mark.parametrize('kind', [Disc, Ellipse, Polygon])
+@robots.examples(20)
+@given(generators, strategies.floats(0.001, 0.02), strategies.booleans())
+def test_candidates_of_any_shape_are_those_within_its_tangents(kind, rng, spacing, flattening):
+    shape = random_shape_of(kind, rng)
+    pose = (rng.uniform(-0.2, 1.0), rng.uniform(-0.4, 0.4), rng.uniform(-3.0, 3.0))
+    body, margin = ConvexObject(shape, pose), rng.uniform(0.0, 0.1)
+    surface, width = surface_of(body, margin), 0.05 if flattening else 0.0
+    flat = SimpleNamespace(radius=width, compliance=lambda place, *_: np.eye(len(place)))
+    found = find_contact_points(straight(), surface, spacing, flat if flattening else None)
+    outline = dense_outline(shape, 4000) * body.turn + body.center - surface.center
+    assert surface.reach >= np.abs(outline).max() + margin - 1e-9
+    normals, distances = surface.tangents()
+    farthest = (outline[:, None] * normals.conj()).real.max(axis=0, initial=-np.inf)
+    assert distances == pytest.approx(farthest + margin, abs=1e-5)
+    if isinstance(shape, Polygon):
+        corners = np.array(shape.vertices) @ [1.0, 1j]
+        sides = np.roll(corners, -1) - corners
+        assert normals == pytest.approx(-1j * sides / np.abs(sides) * body.turn, abs=1e-9)
+    elif isinstance(shape, Ellipse):
+        turns = np.angle(np.roll(normals, -1) / normals)
+        assert turns == pytest.approx(np.full(len(normals), 2.0 * np.pi / len(normals)))
+    # On the lattice about the foot: where a point of the skin is near enough to each of them.
+    lattice = surface.center.real + spacing * np.arange(-1500, 1501)
+    lattice = lattice[(lattice >= 0.0) & (lattice <= LENGTH)]
+    heights = np.clip(surface.center.imag, -width, width)
+    apart = np.abs(lattice + 1j * heights - surface.center) - surface.reach
+    skin = lattice[:, None] + 1j * np.array([-width, width]) - surface.center
+    beyond = ((skin[:, :, None] * normals.conj()).real - distances).min(axis=1)
+    apart = np.maximum(apart, beyond.max(axis=1, initial=-np.inf))
+    for points, others in (
+        (lattice[apart < 2.0 * spacing - 1e-9], found.points.real),
+        (found.points.real, lattice[apart < 2.0 * spacing + 1e-9]),
+    ):
+        assert np.isin(np.round(points, 9), np.round(others, 9)).all()
+
+
+@pytest.mark.parametrize('side', [1.0, -1.0])
+@pytest.mark.parametrize('spacing', [0.002, 0.005])
+def test_a_tube_along_a_face_has_candidates_where_it_is_within_two_spacings(side, spacing):
+    box = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
+    for gap in (1.9, 2.1):
+        body = ConvexObject(box, (0.4, side * (0.1 + gap * spacing), 0.0))
+        found = find_contact_points(straight(), surface_of(body), spacing)
+        assert np.ptp(found.points.real) > 0.3 if gap < 2.0 else not len(found.points)
+
+
+@pytest.mark.parametrize('lean', [0.05, -0.05])
+def test_a_tube_that_leans_little_has_candidates_where_it_is_within_two_spacings(lean):
+    box = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
+    body = ConvexObject(box, (0.4, 0.105, lean))
+    found = find_contact_points(straight(), surface_of(body), 0.002)
+    gaps = body.nearest(found.points).gaps
+    assert len(gaps) > 20
+    # Of the corner that is off the face, its tangents.
+    assert gaps.max() < 2.1 * 0.002
+
+
+def test_candidates_of_a_disc_at_midspan_mirror_each_other():
+    found = find_contact_points(straight(), RoundSurface(0.5 * LENGTH - 0.1j, RADIUS), 0.005)
+    place = found.points.real - 0.5 * LENGTH
+    assert len(place) % 2 == 1
+    assert place == pytest.approx(-place[::-1], abs=1e-12)
+    mirrored = tubes.plane_compliance(found)[::-1, :, ::-1] * np.outer([-1, 1], [-1, 1])[:, None]
+    assert tubes.plane_compliance(found) == pytest.approx(mirrored, abs=1e-12)
+
+
+@robots.examples(60)
+@given(robots.robots(), generators)
+def test_candidates_are_on_every_member_within_reach_and_once(robot, rng):
+    config = robots.random_state(robot, rng)
+    nodes = dict(zip(robot.node_names, config.points, strict=True))
+    center = config.points[rng.integers(len(config.points))] + 0.5 * complex(*rng.normal(size=2))
+    radius, spacing = rng.uniform(0.05, 1.0), rng.uniform(0.003, 0.02)
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), spacing)
+    topology = robot.topology
+    for i in range(topology.n_modules):
+        start = nodes[f'{topology.module_names[i]}/B']
+        end = nodes[f'{topology.module_names[topology.following[i]]}/C']
+        length = abs(end - start)
+        direction = (end - start) / length
+        here = (found.points[found.member == i] - start) * direction.conjugate()
+        assert np.abs(here.imag).max(initial=0.0) < 1e-9
+        # No point twice, although three pieces of tube make a member: the lattice is one.
+        place = np.sort(here.real)
+        assert np.diff(place) == pytest.approx(np.full(max(len(place) - 1, 0), spacing), abs=1e-6)
+        foot = ((center - start) * direction.conjugate()).real
+        nearest = start + np.clip(foot, 0.0, length) * direction
+        if abs(nearest - center) < radius - spacing:
+            assert len(place)
+        if abs(nearest - center) > radius + 2.0 * spacing:
+            assert len(place) == 0
+
+
+def test_a_guide_ring_on_the_lattice_is_one_point():
+    # 80 mm from the pinch points: a disc above one of them has its lattice run through the ring.
+    config = load_robot('nine_member').home
+    topology = config.robot.topology
+    nodes = dict(zip(config.robot.node_names, config.points, strict=True))
+    for i in range(topology.n_modules):
+        start = nodes[f'{topology.module_names[i]}/B']
+        end = nodes[f'{topology.module_names[topology.following[i]]}/C']
+        for foot in (start, end):
+            center = foot + 0.1j * (end - start) / abs(end - start)
+            found = find_contact_points(structure_of(config), RoundSurface(center, 0.2), 0.005)
+            here = found.points[found.member == i]
+            assert (np.abs(here[:, None] - here) + np.eye(len(here))).min() > 1e-4
+            solve_contact(found, RoundSurface(center, 0.12))
+
+
+@pytest.mark.parametrize('preset', robots.PRESETS)
+def test_far_objects_have_no_candidates(preset):
+    structure = structure_of(load_robot(preset).home)
+    for center in (100.0 + 0j, -7.0 - 9.0j, 1e6j):
+        found = find_contact_points(structure, RoundSurface(center, 0.3), 0.005)
+        assert len(found.points) == 0
+        for solve in (solve_contact, relax_contact):
+            state = solve(found, RoundSurface(center, 0.3))
+            assert state.forces.shape == state.gaps.shape == (0,)
+
+
+# Condensation
+
+
+@robots.examples(12)
+@given(robots.robots(), generators)
+def test_compliance_is_that_of_a_robot_in_which_candidates_are_nodes(robot, rng):
+    config = robots.random_state(robot, rng)
+    center = config.points[rng.integers(len(config.points))] + 0.1 * complex(*rng.normal(size=2))
+    found = find_contact_points(structure_of(config), RoundSurface(center, 0.4), 0.02)
+    some = np.sort(rng.permutation(len(found.points))[:8])
+    frame, nodes = tubes.robot_with_nodes(structure_of(config), found.points[some])
+    expected = tubes.node_compliance(frame, nodes)
+    compliance = tubes.plane_compliance(found)[some][:, :, some]
+    assert compliance == pytest.approx(expected, rel=1e-6, abs=1e-8 * np.abs(expected).max())
+    # What the parts give, the whole gives: along normals, and for forces.
+    normals = np.exp(1j * rng.uniform(0.0, 2.0 * np.pi, len(found.points)))
+    pairs = normals.view(float).reshape(-1, 2)
+    whole = tubes.plane_compliance(found)
+    assert found.normal_compliance(normals) == pytest.approx(
+        np.einsum('ci,cidj,dj->cd', pairs, whole, pairs, optimize=True), abs=1e-12
+    )
+    moved = np.einsum('cidj,dj->ci', whole, pairs).copy().view(complex).ravel()
+    assert found.displacements(normals) == pytest.approx(moved, abs=1e-9 * np.abs(moved).max())
+
+
+# Beams of known stiffness
+
+
+def hinged_stiffness(place, length, flexural, shear):
+    """Return the stiffness of a beam on two hinges against a force at a place."""
+    rest = length - place
+    return 1.0 / (place**2 * rest**2 / (3.0 * flexural * length) + place * rest / (shear * length))
+
+
+def clamped_stiffness(place, length, flexural, shear):
+    """Return the same for clamped ends, by the moments that hold a hinged beam's ends."""
+    rest = length - place
+    own, other = length / (3.0 * flexural), length / (6.0 * flexural)
+    tilt = place * rest / (6.0 * flexural * length) * np.array([length + rest, length + place])
+    matrix = np.array([[own, other], [other, own]])
+    matrix += np.array([[1.0, -1.0], [-1.0, 1.0]]) / (shear * length)
+    hinged = 1.0 / hinged_stiffness(place, length, flexural, shear)
+    return 1.0 / (hinged - tilt @ np.linalg.solve(matrix, tilt))
+
+
+def test_the_closed_forms_are_those_of_the_tables():
+    slender = (1.0, 1.0, np.inf)
+    assert hinged_stiffness(0.5, *slender) == pytest.approx(48.0)
+    assert clamped_stiffness(0.5, *slender) == pytest.approx(192.0)
+    assert clamped_stiffness(0.25, *slender) == pytest.approx(3.0 / (0.25 * 0.75) ** 3)
+
+
+HINGED = np.array([[[True, True, False], [True, True, False]]])
+
+
+@pytest.mark.parametrize('share', [0.5, 0.4, 0.3, 0.2])
+@pytest.mark.parametrize('hinged', [False, True])
+@pytest.mark.parametrize('shear', [SHEAR, np.inf])
+@pytest.mark.parametrize('angle', [0.0, 0.7, -2.0])
+def test_a_disc_pressed_into_a_tube_meets_the_stiffness_of_a_beam(share, hinged, shear, angle):
+    # So little that the tube does not leave the disc's top: the force is k delta.
+    delta, turn = 1e-5, np.exp(1j * angle)
+    structure = tubes.bare(
+        np.zeros(1, dtype=complex),
+        np.array([LENGTH * turn]),
+        AXIAL,
+        FLEXURAL,
+        shear,
+        HINGED if hinged else None,
+    )
+    center = (share * LENGTH - 1j * (RADIUS - delta)) * turn
+    found = find_contact_points(structure, RoundSurface(center, RADIUS), 0.005)
+    form = hinged_stiffness if hinged else clamped_stiffness
+    expected = delta * form(share * LENGTH, LENGTH, FLEXURAL, shear)
+    for solve in (solve_contact, relax_contact):
+        state = solve(found, RoundSurface(center, RADIUS))
+        assert (state.forces > 0.0).sum() == 1
+        assert state.forces.sum() == pytest.approx(expected, rel=1e-6)
+        at = state.forces.argmax()
+        assert found.points[at] == pytest.approx(share * LENGTH * turn, abs=1e-12)
+        assert state.normals[at] == pytest.approx(1j * turn, abs=1e-9)
+        assert state.displacements[at] == pytest.approx(delta * 1j * turn, abs=1e-10)
+
+
+def test_a_disc_pressed_from_the_other_side_meets_the_same():
+    above = find_contact_points(straight(), RoundSurface(0.3 + 0.14j, RADIUS), 0.005)
+    below = find_contact_points(straight(), RoundSurface(0.3 - 0.14j, RADIUS), 0.005)
+    up, down = (
+        solve_contact(c, RoundSurface(0.3 + s * 0.14j, RADIUS))
+        for c, s in ((above, 1), (below, -1))
+    )
+    assert up.forces == pytest.approx(down.forces, rel=1e-9, abs=1e-9)
+    assert up.normals == pytest.approx(down.normals.conj(), abs=1e-9)
+
+
+def test_a_beam_over_three_supports_has_the_stiffness_of_the_tables():
+    # Two equal spans, hinged at both ends, through over the middle: 23/1536 P L^3 / EI.
+    delta, m = 1e-5, 2
+    held = np.array([[[True, True, False]] * 2] * m)
+    structure = tubes.bare(
+        np.array([0j, LENGTH]), np.array([LENGTH, 2 * LENGTH]) + 0j, AXIAL, FLEXURAL, np.inf, held
+    )
+    # The stub of two tubes makes two nodes of the middle support: turn them alike.
+    apart = find_contact_points(
+        structure, RoundSurface(0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS), 0.005
+    )
+    alone = solve_contact(
+        apart, RoundSurface(0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS)
+    ).forces.sum()
+    assert alone == pytest.approx(48.0 * FLEXURAL / LENGTH**3 * delta, rel=1e-6)
+    joined = tubes.joined(structure, 0, 1)
+    found = find_contact_points(
+        joined, RoundSurface(0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS), 0.005
+    )
+    through = solve_contact(
+        found, RoundSurface(0.5 * LENGTH - 1j * (RADIUS - delta), RADIUS)
+    ).forces.sum()
+    assert through == pytest.approx(1536.0 / 23.0 * FLEXURAL / LENGTH**3 * delta, rel=1e-6)
+
+
+@pytest.mark.parametrize('spacing', [0.004, 0.001])
+def test_a_string_wraps_around_a_disc(spacing):
+    # No bending, only shear: a string under the tension GA, straight up to where it touches. Its
+    # slope there is both that of the disc and that of the straight part.
+    tension, delta, half = 50.0, 0.03, 0.5 * LENGTH
+    center = half - 1j * (RADIUS - delta)
+    structure = straight(flexural=1e7, shear=tension, axial=1e9)
+    found = find_contact_points(structure, RoundSurface(center, RADIUS), spacing)
+    state = solve_contact(found, RoundSurface(center, RADIUS))
+
+    def too_low(phi):
+        drop = RADIUS * (1.0 - np.cos(phi))
+        return np.tan(phi) * (half - RADIUS * np.sin(phi)) + drop - delta
+
+    edge = brentq(too_low, 0.0, 1.0)
+    touching = state.forces > 0.0
+    assert touching.sum() > 2
+    width = np.ptp(found.points[touching].real)
+    assert width == pytest.approx(2.0 * RADIUS * np.sin(edge), abs=2.0 * spacing)
+    pushed = (state.forces * state.normals).sum()
+    assert pushed == pytest.approx(2j * tension * np.tan(edge), rel=0.5 * spacing / width)
+    # The load that bends a string around a disc is even: tension over radius.
+    inner = state.forces[touching][2:-2] / spacing
+    assert inner == pytest.approx(np.full(len(inner), tension / RADIUS), rel=0.02)
+
+
+@pytest.mark.parametrize('delta', [0.02, 0.025, 0.03])
+def test_a_bent_beam_wraps_around_a_large_disc(delta):
+    # Between the points at which it leaves the disc a beam has the curvature of the disc: the
+    # moment is constant and the load none, but at the two points. Beyond them, over b to the
+    # clamps, it is cubic: w = delta at the middle makes b = 3/2 h - 3 R delta / h, and V follows
+    # from no slope at the clamps.
+    radius, half = 1.5, 0.5 * LENGTH
+    center = half - 1j * (radius - delta)
+    found = find_contact_points(
+        straight(shear=np.inf, axial=1e7), RoundSurface(center, radius), 0.002
+    )
+    state = solve_contact(found, RoundSurface(center, radius))
+    check_state(found, state, center, radius)
+    beyond = 1.5 * half - 3.0 * radius * delta / half
+    places = found.points[state.forces > 1e-3 * state.forces.sum()].real - half
+    assert np.abs(places).min() == pytest.approx(half - beyond, rel=0.05)
+    assert np.abs(places).max() == pytest.approx(half - beyond, rel=0.05)
+    expected = 4.0 * half * FLEXURAL / (radius * beyond**2)
+    assert (state.forces * state.normals).sum().imag == pytest.approx(expected, rel=0.02)
+
+
+# Robots
+
+
+def check_state(contact_points, state, center, radius, share=1e-5):
+    """Assert (5) to (8) of a state, by its points alone."""
+    moved = contact_points.points + state.displacements
+    assert np.abs(np.abs(state.normals) - 1.0).max(initial=0.0) < 1e-12
+    assert state.gaps == pytest.approx(np.abs(moved - center) - radius, abs=1e-12)
+    assert state.gaps.min(initial=0.0) >= -1e-9
+    assert (state.forces >= 0.0).all()
+    assert state.gaps[state.forces > 0.0].max(initial=0.0) <= 1e-9
+    along = (moved - center) * state.normals.conj()
+    assert np.abs(along.imag).max(initial=0.0) < 1e-9
+    # The displacements are those of normal forces, and of nothing else.
+    push = contact_points.displacements(state.forces * state.normals)
+    slack = 1e-8 + share * np.abs(state.displacements).max(initial=0.0)
+    assert np.abs(push - state.displacements).max(initial=0.0) <= slack
+
+
+def pressed(rng, robot=None):
+    """Return a configuration, and a disc between the sides of a module, pressed in by some mm."""
+    while True:
+        robot = robot or robots.random_robot(int(rng.integers(2**32)))
+        config = robots.random_state(robot, rng)
+        module = robot.module_names[rng.integers(len(robot.module_names))]
+        b, b_end, c, c_end = robots.side_ends(config, module)
+        one, other = (b_end - b) / abs(b_end - b), (c_end - c) / abs(c_end - c)
+        middle = (one + other) / abs(one + other)
+        way = rng.uniform(0.35, 0.6) * min(abs(b_end - b), abs(c_end - c))
+        center = 0.5 * (b + c) + way * middle
+        radius = abs(((center - b) * one.conjugate()).imag) + 10.0 ** rng.uniform(-4.0, -2.0)
+        if radius > 0.06:
+            return config, center, radius
+        robot = None
+
+
+@robots.examples(60)
+@given(generators)
+def test_grasps_of_robots_are_complementary(rng):
+    preset = rng.integers(3)
+    config, center, radius = pressed(
+        rng, load_robot(robots.PRESETS[preset]) if preset < 2 else None
+    )
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.005)
+    state = solve_contact(found, RoundSurface(center, radius))
+    assert (state.forces > 0.0).any()
+    check_state(found, state, center, radius)
+
+
+@robots.examples(15)
+@given(generators)
+def test_supports_and_displacements_answer_the_contact_forces(rng):
+    config, center, radius = pressed(rng)
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.01)
+    state = solve_contact(found, RoundSurface(center, radius))
+    touching = np.flatnonzero(state.forces > 0.0)
+    frame, nodes = tubes.robot_with_nodes(structure_of(config), found.points[touching])
+    loads = np.zeros((len(frame.points), 3))
+    push = (state.forces * state.normals)[touching]
+    np.add.at(loads, nodes, np.column_stack([push.real, push.imag, np.zeros(len(push))]))
+    answer = frame.solve(loads)
+    moved = answer.displacements[nodes, 0] + 1j * answer.displacements[nodes, 1]
+    slack = 1e-8 + 1e-5 * np.abs(moved).max()
+    assert np.abs(moved - state.displacements[touching]).max() < slack
+    # The supports carry what the object presses with: forces, and moments about anywhere.
+    held = answer.reactions[:, 0] + 1j * answer.reactions[:, 1]
+    size = np.abs(push).sum()
+    assert abs(held.sum() + push.sum()) < 1e-6 * size
+    turning = (frame.points.conj() * held).imag.sum() + answer.reactions[:, 2].sum()
+    turning += (found.points[touching].conj() * push).imag.sum()
+    assert abs(turning) < 1e-5 * size
+
+
+@robots.examples(20)
+@given(generators)
+def test_warm_starts_lead_to_the_same_forces(rng):
+    # Pressed in by a decimetre or more, a tube may lie on either side of an object: two answers.
+    config, center, radius = pressed(rng)
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.005)
+    cold = solve_contact(found, RoundSurface(center, radius))
+    for start in (cold.forces, np.zeros(len(cold.forces)), rng.random(len(cold.forces))):
+        warm = solve_contact(found, RoundSurface(center, radius), ContactGuess(start))
+        slack = 1e-5 * cold.forces.sum()
+        assert warm.forces == pytest.approx(cold.forces, abs=slack)
+        assert warm.gaps == pytest.approx(cold.gaps, abs=1e-7)
+
+
+def between(share, deep):
+    """Return the nine-member robot, and a disc between two sides, pressed into both of them."""
+    config = load_robot('nine_member').home
+    b, b_end, c, c_end = robots.side_ends(config, 'north/Z')
+    one, other = (b_end - b) / abs(b_end - b), (c_end - c) / abs(c_end - c)
+    middle = (one + other) / abs(one + other)
+    center = 0.5 * (b + c) + share * abs(b_end - b) * middle
+    return config, center, abs(((center - b) * one.conjugate()).imag) + deep
+
+
+@pytest.mark.parametrize('deep', [1e-4, 1e-3, 5e-3])
+@pytest.mark.parametrize('share', [0.35, 0.5, 0.65])
+def test_relaxation_agrees_with_pivoting(share, deep):
+    config, center, radius = between(share, deep)
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.01)
+    exact, relaxed = (
+        solve(found, RoundSurface(center, radius)) for solve in (solve_contact, relax_contact)
+    )
+    check_state(found, exact, center, radius)
+    total = exact.forces.sum()
+    assert relaxed.forces == pytest.approx(exact.forces, abs=1e-4 * total)
+    assert relaxed.gaps == pytest.approx(exact.gaps, abs=1e-8)
+    wrench = (exact.forces * exact.normals).sum()
+    assert (relaxed.forces * relaxed.normals).sum() == pytest.approx(wrench, abs=1e-5 * total)
+    assert (relaxed.gaps.min(), relaxed.forces.min()) >= (-1e-9, 0.0)
+    assert (relaxed.gaps * relaxed.forces).max() <= 1e-8 * total
+
+
+def test_relaxation_finds_what_touches_by_the_force_at_another_point():
+    places = np.array([0.0, 0.05])
+    line, alike = places.astype(complex), np.zeros(2, dtype=int)
+    see_saw = 1e-3 * np.array([[1.0, -0.5], [-0.5, 1.0]])
+    nothing, ends = np.zeros((2, 2, 2)), np.zeros((0, 0))
+    points = ContactPoints(
+        points=line,
+        skin=line,
+        member=alike,
+        place=places,
+        pieces=alike[:1],
+        piece=alike,
+        spacing=0.05,
+        axis=np.ones_like(line),
+        inside=nothing,
+        spread=nothing[..., :0],
+        ends=ends,
+        dents=see_saw,
+    )
+    surface = RoundSurface(-0.999j, 1.0)
+    assert surface.nearest(line - surface.center).gaps[1] > 0.0
+    exact, relaxed = (solve(points, surface) for solve in (solve_contact, relax_contact))
+    assert exact.forces.min() > 0.1
+    assert relaxed.forces == pytest.approx(exact.forces, rel=1e-4)
+    assert relaxed.push == pytest.approx(relaxed.forces * relaxed.normals)
+
+
+def test_relaxation_lets_small_forces_fade_where_nothing_touches(monkeypatch):
+    monkeypatch.setattr(relaxation, 'MAX_STEPS', 100 * relaxation.STEPS_BETWEEN_LOOKS)
+    config, center, radius = between(0.5, 2e-3)
+    surface = RoundSurface(center, radius)
+    points = find_contact_points(structure_of(config), surface, 0.02)
+    exact = solve_contact(points, surface)
+    assert (exact.forces == 0.0).sum() > 5
+    relaxed = relax_contact(points, surface, ContactGuess(np.full(len(exact.forces), 0.05)))
+    assert relaxed.forces == pytest.approx(exact.forces, abs=1e-4 * exact.forces.sum())
+
+
+def test_relaxation_ends_after_so_many_steps(monkeypatch):
+    monkeypatch.setattr(relaxation, 'MAX_STEPS', relaxation.STEPS_BETWEEN_LOOKS)
+    config, center, radius = between(0.65, 0.005)
+    surface = RoundSurface(center, radius)
+    points = find_contact_points(structure_of(config), surface, 0.01)
+    with pytest.raises(SolverError, match=f'in {relaxation.STEPS_BETWEEN_LOOKS} steps'):
+        relax_contact(points, surface)
+
+
+def test_relaxation_leaves_its_start_alone():
+    config, center, radius = between(0.5, 2e-3)
+    found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.01)
+    state = relax_contact(found, RoundSurface(center, radius))
+    start = state.forces + 0.1
+    kept = start.copy()
+    again = relax_contact(found, RoundSurface(center, radius), ContactGuess(start))
+    assert start.tolist() == kept.tolist()
+    assert again.forces == pytest.approx(state.forces, abs=1e-4 * state.forces.sum())
+
+
+def test_little_indentations_press_in_proportion():
+    forces = []
+    for deep in (1e-6, 2e-6, 4e-6):
+        config, center, radius = between(0.5, deep)
+        found = find_contact_points(structure_of(config), RoundSurface(center, radius), 0.005)
+        forces.append(solve_contact(found, RoundSurface(center, radius)).forces.sum())
+    assert forces[1] == pytest.approx(2.0 * forces[0], rel=1e-3)
+    assert forces[2] == pytest.approx(4.0 * forces[0], rel=1e-3)
+
+
+def test_finer_candidates_change_the_forces_little():
+    config, center, radius = between(0.5, 0.015)
+    totals = [
+        solve_contact(
+            find_contact_points(structure_of(config), RoundSurface(center, radius), s),
+            RoundSurface(center, radius),
+        ).forces
+        for s in (0.01, 0.005, 0.0025, 0.00125)
+    ]
+    totals = [forces.sum() for forces in totals]
+    assert totals[1] == pytest.approx(totals[0], rel=0.02)
+    assert totals[2] == pytest.approx(totals[1], rel=0.01)
+    assert totals[3] == pytest.approx(totals[2], rel=0.005)
+
+
+# Objects where none should be
+
+SIZES = [1e-3, 1e-2, 0.05, 0.102, 0.2, 0.4, 1.0, 3.0, 10.0]
+
+
+@pytest.mark.parametrize('diameter', SIZES)
+@pytest.mark.parametrize('preset', robots.PRESETS)
+def test_objects_of_any_size_in_bad_places_are_answered(preset, diameter):
+    robot = load_robot(preset)
+    nodes = dict(zip(robot.node_names, robot.home.points, strict=True))
+    module = robot.module_names[0]
+    b, b_end, c, _ = robots.side_ends(robot.home, module)
+    places = {
+        'inside a tube': 0.5 * (b + b_end),
+        'just beside its axis': 0.47 * (b + b_end) + 0.06 * b + 1e-3j,
+        'inside a module': (nodes[robot.topology.joint_names[0]] + b + c) / 3.0,
+        'at a joint': nodes[robot.topology.joint_names[0]],
+        'in the middle': robot.home.points.mean(),
+        'touching nothing': 50.0 + 0j,
+    }
+    radius = 0.5 * (diameter + robot.description.tube_diameter)
+    for center in places.values():
+        spacing = max(0.01, 0.01 * diameter)
+        found = find_contact_points(
+            structure_of(robot.home), RoundSurface(center, radius), spacing
+        )
+        state = solve_contact(found, RoundSurface(center, radius))
+        check_state(found, state, center, radius, 1e-4)

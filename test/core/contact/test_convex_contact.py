@@ -1,0 +1,341 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Contact with any convex object: against discs, distances, least squares, and itself."""
+
+from dataclasses import fields, replace
+
+from comparison.wedge import pressed_into
+from grips import closed_to
+from hypothesis import given, strategies
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    Disc,
+    Ellipse,
+    load_robot,
+    Polygon,
+    Robot,
+    tangent_center,
+)
+from isotruss_ros.core.contact.contact import solve_contact
+from isotruss_ros.core.contact.contact_points import find_contact_points
+from isotruss_ros.core.contact.flattening import flattening_of
+from isotruss_ros.core.contact.sliding_contact import GAP_TOLERANCE, solve_sliding_contact
+from isotruss_ros.core.contact.surfaces import ConvexSurface, RoundSurface, surface_of
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+import robots
+from scipy.optimize import nnls
+from shapes import dense_outline, random_shape, regular_polygon, surface_distance
+import tubes
+
+HOME = load_robot('nine_member').home
+MODULE = 'south/P'
+TUBE_RADIUS = 0.5 * HOME.robot.description.tube_diameter
+BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
+SEEDS = strategies.integers(0, 10**6)
+DISC = ConvexObject.disc(tangent_center(HOME, MODULE, 0.3, 0.03), 0.3)
+
+
+def held_alike(shape, angle=0.0):
+    """Return an object where the disc is."""
+    return ConvexObject(shape, (*DISC.pose[:2], angle))
+
+
+def largest_difference(analysis, other):
+    """Return by how much two wrenches of normal forces differ, against the force."""
+    apart = (analysis.normal_wrench - other.normal_wrench) / [1.0, 1.0, 0.15]
+    return np.abs(apart).max() / np.abs(other.normal_wrench).max()
+
+
+# Discs
+
+
+@pytest.mark.parametrize('flattening', [True, False])
+def test_a_disc_is_the_same_at_any_angle(flattening):
+    wrench = (0.3, 0.2, 0.05)
+    one = analyze_grasp(HOME, DISC, 0.5, wrench, flattening=flattening)
+    other = analyze_grasp(HOME, held_alike(Disc(0.3), 1.0), 0.5, wrench, flattening=flattening)
+    for field in fields(one):
+        value, again = getattr(one, field.name), getattr(other, field.name)
+        if isinstance(value, dict):
+            assert value == again
+        else:
+            assert np.array_equal(value, again), field.name
+
+
+def test_polygons_of_many_sides_converge_to_the_disc():
+    disc = analyze_grasp(HOME, DISC)
+    errors = [
+        largest_difference(analyze_grasp(HOME, held_alike(regular_polygon(n, 0.15))), disc)
+        for n in (24, 48, 96, 192)
+    ]
+    # With the square of the number of sides, as the polygon does.
+    assert errors[0] < 0.1
+    assert errors[-1] < 2e-3
+    assert errors[-1] < errors[0] / 30.0
+    fine = analyze_grasp(HOME, held_alike(regular_polygon(192, 0.15)))
+    for name, force in disc.contact_forces.items():
+        assert fine.contact_forces[name] == pytest.approx(force, rel=5e-3)
+        assert fine.contact_lengths[name] == pytest.approx(disc.contact_lengths[name], rel=0.02)
+        assert fine.contact_widths[name] == pytest.approx(disc.contact_widths[name], rel=0.1)
+    assert fine.required_friction == pytest.approx(disc.required_friction, rel=0.02)
+    assert fine.closure_margin == pytest.approx(disc.closure_margin, rel=0.01)
+    assert fine.stiffness == pytest.approx(disc.stiffness, rel=0.01, abs=5.0)
+
+
+def test_polygons_of_many_sides_converge_to_the_disc_in_the_papers_model():
+    disc = analyze_grasp(HOME, DISC, flattening=False)
+    errors = [
+        largest_difference(
+            analyze_grasp(HOME, held_alike(regular_polygon(n, 0.15)), flattening=False), disc
+        )
+        for n in (12, 48, 384)
+    ]
+    assert errors[1] < errors[0] / 3.0
+    assert errors[2] < 2e-3
+
+
+def test_an_ellipse_with_equal_axes_is_a_disc_to_the_accuracy_of_the_points():
+    disc = analyze_grasp(HOME, DISC)
+    ellipse = analyze_grasp(HOME, held_alike(Ellipse((0.15, 0.15)), 0.4))
+    assert largest_difference(ellipse, disc) < 1e-3
+    assert abs(ellipse.normal_wrench[2]) < 1e-3 * 0.15 * np.abs(disc.normal_wrench).max()
+    assert ellipse.closure_margin == pytest.approx(disc.closure_margin, rel=2e-3)
+    same = analyze_grasp(HOME, held_alike(Ellipse((0.15, 0.15))), flattening=False)
+    paper = analyze_grasp(HOME, DISC, flattening=False)
+    assert same.normal_forces == pytest.approx(paper.normal_forces, rel=1e-6, abs=1e-5)
+    assert same.closure_margin == pytest.approx(paper.closure_margin, rel=1e-6)
+
+
+@pytest.mark.parametrize('shape', [BOX, Ellipse((0.15, 0.1))])
+def test_what_slides_along_tubes_that_flatten_is_not_relaxed(shape):
+    with pytest.raises(GraspError, match='for discs only'):
+        analyze_grasp(HOME, held_alike(shape), method='relaxation')
+
+
+# Gaps and forces
+
+
+@robots.examples(25)
+@given(SEEDS, strategies.booleans())
+def test_gaps_are_distances_and_where_there_is_one_is_no_force(seed, flattening):
+    generator = np.random.default_rng(seed)
+    shape = random_shape(generator, 0.15)
+    held = pressed_into(HOME, MODULE, shape, generator.uniform(-3.0, 3.0), 0.02)
+    spacing = 0.005
+    surface = surface_of(held, 0.0 if flattening else TUBE_RADIUS)
+    structure = structure_of(HOME)
+    kernel = flattening_of(HOME.robot, structure.pressures) if flattening else None
+    points = find_contact_points(structure, surface, spacing, kernel)
+    seen = surface.resolved(spacing) if flattening else surface
+    solve = solve_sliding_contact if flattening else solve_contact
+    state = solve(points, seen)
+    assert state.forces.min() >= 0.0
+    assert state.forces.sum() > 0.5
+    assert state.gaps.min() >= -GAP_TOLERANCE
+    assert np.abs(state.gaps[state.forces > 0.0]).max() <= GAP_TOLERANCE
+    assert state.displacements == pytest.approx(points.displacements(state.push), abs=1e-9)
+    # By brute force, of the shape that the points met.
+    met = seen.shape if isinstance(seen, ConvexSurface) else shape
+    moved = (points.skin + state.displacements - held.center) / held.turn
+    outline = dense_outline(met, 4000)
+    wanted = surface_distance(outline, moved) - (0.0 if flattening else TUBE_RADIUS)
+    near = np.abs(state.normals * points.axis.conj()).imag > 0.3
+    assert state.gaps[near] == pytest.approx(wanted[near], abs=2e-6)
+    if not flattening:
+        turned = state.push[state.forces > 0.0] / state.normals[state.forces > 0.0]
+        assert turned.imag == pytest.approx(0.0, abs=1e-5)
+
+
+def test_a_face_on_a_straight_tube_is_nonnegative_least_squares():
+    length = 0.762
+    structure = tubes.bare(np.array([0j]), np.array([length + 0j]), 1.9e4, 25.0, 1.9e3)
+    surface = surface_of(ConvexObject(BOX, (0.35, -0.13, 0.02)), 0.05)
+    points = find_contact_points(structure, surface, 0.005)
+    state = solve_contact(points, surface)
+    # All touch the upper face or its ends: the normals of the answer, and its linear problem.
+    gaps = (points.skin - surface.center) * state.normals.conj()
+    gaps = gaps.real - surface.support(state.normals)
+    root = np.linalg.cholesky(points.normal_compliance(state.normals)).T
+    wanted = nnls(root, -np.linalg.solve(root.T, gaps), maxiter=10_000)[0]
+    assert state.forces == pytest.approx(wanted, abs=1e-4 * wanted.max())
+    assert state.forces.sum() > 10.0
+
+
+@robots.examples(20)
+@given(SEEDS)
+def test_no_contact_is_beyond_the_points(seed):
+    generator = np.random.default_rng(seed)
+    shape = random_shape(generator, 0.15)
+    held = pressed_into(HOME, MODULE, shape, generator.uniform(-3.0, 3.0), 0.03)
+    surface, structure = surface_of(held, TUBE_RADIUS), structure_of(HOME)
+    few = find_contact_points(structure, surface, 0.005)
+    wide = RoundSurface(surface.center, 0.5 + TUBE_RADIUS)
+    many = find_contact_points(structure, wide, 0.005)
+    assert len(few.points) < len(many.points)
+    forces = [solve_contact(points, surface).push.sum() for points in (few, many)]
+    assert abs(forces[0] - forces[1]) < 0.02 * abs(forces[1])
+
+
+# Corners and faces
+
+
+@pytest.mark.parametrize('angle', [-2.2, 0.4, 1.8])
+def test_the_wrench_at_a_sharp_corner_does_not_depend_on_where_the_points_are(angle):
+    held = pressed_into(HOME, MODULE, BOX, angle, 0.02)
+    fine, *others = (
+        analyze_grasp(HOME, held, spacing=spacing) for spacing in (0.002, 0.0035, 0.005, 0.007)
+    )
+    for one in others:
+        assert largest_difference(one, fine) < 0.01
+
+
+def beside(member_turn, depth):
+    """Return the analysis of a box with a face along the member south/P-Q, turned a little."""
+    topology = HOME.robot.topology
+    i = HOME.robot.module_names.index(MODULE)
+    ahead = HOME.points[topology.c[topology.following[i]]] - HOME.points[topology.b[i]]
+    flat = float(np.angle(ahead))
+    return analyze_grasp(HOME, pressed_into(HOME, MODULE, BOX, flat + member_turn, depth))
+
+
+def test_a_corner_touches_shortly_and_a_face_from_end_to_end():
+    analysis = beside(0.01, 0.006)
+    start, end = analysis.contact_spans['south/P-Q']
+    assert end - start == pytest.approx(0.3, abs=0.02)
+    assert 0.1 < analysis.contact_lengths['south/P-Q'] <= end - start
+    assert analysis.contact_lengths['south/X-P'] < 0.02
+
+
+def test_a_face_is_pressed_back_when_it_turns():
+    moments = [beside(turn, 0.006).normal_wrench[2] for turn in (0.0, 0.01, 0.02)]
+    assert moments[0] - moments[1] > 0.5
+    assert moments[1] - moments[2] > 0.5
+
+
+@robots.examples(10)
+@given(SEEDS)
+def test_wrenches_follow_the_frame_that_the_object_is_given_in(seed):
+    generator = np.random.default_rng(seed)
+    shape = random_shape(generator, 0.15)
+    angle = generator.uniform(-3.0, 3.0)
+    held = pressed_into(HOME, MODULE, shape, angle, 0.015)
+    if not isinstance(shape, Polygon):
+        return
+    turn, shift = np.exp(0.7j), complex(*generator.uniform(-0.1, 0.1, 2))
+    z = (shape.corners - shift) / turn
+    again = Polygon([(w.real, w.imag) for w in z], tuple(shape.radii.tolist()))
+    origin = held.center + held.turn * shift
+    moved = ConvexObject(again, (origin.real, origin.imag, angle + 0.7))
+    one, other = analyze_grasp(HOME, held), analyze_grasp(HOME, moved)
+    assert other.normal_wrench[:2] == pytest.approx(one.normal_wrench[:2], rel=1e-4, abs=1e-4)
+    force, lever = complex(*one.normal_wrench[:2]), held.center - origin
+    wanted = one.normal_wrench[2] + (lever.conjugate() * force).imag
+    assert other.normal_wrench[2] == pytest.approx(wanted, abs=2e-4 * abs(force))
+    # A load through the same point makes the same difference.
+    assert other.required_friction == pytest.approx(one.required_friction, rel=1e-2) or (
+        one.required_friction > 10.0
+    )
+
+
+def test_the_moment_of_the_normal_forces_is_that_about_the_origin():
+    analysis = analyze_grasp(HOME, pressed_into(HOME, MODULE, BOX, 0.4, 0.02), flattening=False)
+    held = pressed_into(HOME, MODULE, BOX, 0.4, 0.02)
+    forces = -(analysis.normal_forces * (analysis.normals @ [1.0, 1.0j]))
+    arms = analysis.points @ [1.0, 1.0j] - held.center
+    assert analysis.normal_wrench[:2] == pytest.approx([forces.sum().real, forces.sum().imag])
+    assert analysis.normal_wrench[2] == pytest.approx((arms.conj() * forces).imag.sum())
+    assert abs(analysis.normal_wrench[2]) > 0.01
+
+
+@pytest.mark.parametrize('shape', [BOX, Polygon(BOX.vertices, 0.02), Ellipse((0.2, 0.12))])
+def test_a_similar_grasp_leads_to_the_same_answer(shape):
+    cold = analyze_grasp(HOME, pressed_into(HOME, MODULE, shape, 0.4, 0.02))
+    before = analyze_grasp(HOME, pressed_into(HOME, MODULE, shape, 0.43, 0.017))
+    warm = analyze_grasp(HOME, pressed_into(HOME, MODULE, shape, 0.4, 0.02), previous=before)
+    assert largest_difference(warm, cold) < 3e-3
+
+
+def test_the_objects_own_friction_counts_where_none_is_given():
+    held = pressed_into(HOME, MODULE, BOX, 0.4, 0.02)
+    slippery = ConvexObject(held.shape, held.pose, friction=0.1)
+    margins = [
+        analyze_grasp(HOME, held).closure_margin,
+        analyze_grasp(HOME, held, 0.5).closure_margin,
+        analyze_grasp(HOME, slippery, 0.5).closure_margin,
+    ]
+    assert margins[0] == margins[1] == margins[2]
+    assert analyze_grasp(HOME, slippery).closure_margin == pytest.approx(
+        analyze_grasp(HOME, held, 0.1).closure_margin
+    )
+    assert analyze_grasp(HOME, slippery).closure_margin < margins[0]
+
+
+@robots.examples(30)
+@given(SEEDS, strategies.floats(-0.003, 0.04), strategies.booleans())
+def test_any_shape_at_any_depth_has_an_answer(seed, depth, flattening):
+    generator = np.random.default_rng(seed)
+    shape = random_shape(generator, generator.uniform(0.05, 0.3))
+    module = HOME.robot.module_names[generator.integers(9)]
+    held = pressed_into(HOME, module, shape, generator.uniform(-3.0, 3.0), depth)
+    analysis = analyze_grasp(HOME, held, flattening=flattening)
+    assert analysis.normal_forces.min(initial=0.0) >= 0.0
+    assert analysis.gaps.min(initial=0.0) >= -GAP_TOLERANCE
+    stiffness = np.linalg.eigvalsh(analysis.stiffness)
+    assert stiffness.min() >= -1e-9 * max(1.0, stiffness.max())
+    if depth > 0.002:
+        assert len(analysis.contact_forces) >= 2
+
+
+ARROW = ((0.0, 0.13), (-0.12, -0.08), (0.12, -0.08))
+
+
+def arrow_forces(config, radius, angles, **options):
+    """Return the normal forces (a, 2) of both members on a triangle turned to some angles."""
+    shape = Polygon(ARROW, radius)
+    found = [
+        analyze_grasp(config, pressed_into(config, 'north/Z', shape, angle, 0.01), **options)
+        for angle in angles
+    ]
+    for analysis in found:
+        by_points = np.bincount(analysis.members, analysis.normal_forces)
+        assert by_points[by_points > 0.0] == pytest.approx(
+            [analysis.contact_forces[name] for name in sorted_members(analysis)]
+        )
+    return np.array([list(analysis.contact_forces.values()) for analysis in found])
+
+
+def sorted_members(analysis):
+    """Return the names of the members in contact, in the order of the robot."""
+    return [name for name in HOME.robot.member_names if name in analysis.contact_forces]
+
+
+@pytest.mark.parametrize('radius', [0.0, 0.001, 0.005])
+def test_normal_forces_at_corners_are_smooth_in_the_angle(radius):
+    config = closed_to(HOME, 40.0, 0.3)
+    angles = np.linspace(1.6, 1.8, 9)
+    forces = arrow_forces(config, radius, angles)
+    for one in forces.T:
+        smooth = np.polyval(np.polyfit(angles, one, 2), angles)
+        assert one == pytest.approx(smooth, rel=0.03)
+    finer = arrow_forces(config, radius, angles, spacing=0.0025)
+    assert finer == pytest.approx(forces, rel=0.05)
+
+
+def test_tubes_that_hardly_flatten_press_as_in_the_papers_model():
+    hard = replace(HOME.robot.description, local_stiffness=1e4)
+    config = closed_to(Robot(hard).home, 40.0, 0.3)
+    angles = np.linspace(1.6, 1.8, 3)
+    for radius, share in ((0.005, 0.02), (0.0, 0.06)):
+        paper = arrow_forces(config, radius, angles, flattening=False)
+        assert arrow_forces(config, radius, angles) == pytest.approx(paper, rel=share)

@@ -1,0 +1,175 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The lines that are drawn are those of the analysis."""
+
+from types import SimpleNamespace
+
+from comparison.wedge import pressed_into
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    load_robot,
+    Polygon,
+    tangent_center,
+)
+from isotruss_ros.core.contact import deformed_shape
+from isotruss_ros.core.contact.deformed_shape import (
+    deformed_lines,
+    force_lines,
+    member_lines,
+    region_lines,
+)
+from isotruss_ros.core.statics.member_compliance import MemberCompliance
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+DIAMETER = 0.3
+
+
+def grasp(config, squeeze, module='north/Z'):
+    """Return the analysis of an object pressed into the corner of a module."""
+    cylinder = ConvexObject.disc(tangent_center(config, module, DIAMETER, squeeze), DIAMETER)
+    return analyze_grasp(config, cylinder, flattening=False)
+
+
+def distance(points, lines):
+    """Return how far each point (k,) is from the nearest piece of any line."""
+    start, step = lines[:, :-1].ravel(), np.diff(lines).ravel()
+    start, step = start[step != 0.0], step[step != 0.0]
+    part = ((points[:, None] - start) * step.conj()).real / np.abs(step) ** 2
+    return np.abs(points[:, None] - start - np.clip(part, 0.0, 1.0) * step).min(axis=1)
+
+
+@pytest.fixture(params=[0.0, 0.1], ids=['home', 'elsewhere'])
+def config(request):
+    """Return a configuration."""
+    return ROBOT.configuration(request.param * np.linspace(-1.0, 1.0, len(ROBOT.roller_names)))
+
+
+def test_member_lines_run_from_pinch_point_to_pinch_point(config):
+    lines = member_lines(config)
+    assert np.abs(np.diff(lines)[:, 0]) == pytest.approx(config.member_lengths)
+
+
+def test_nothing_moves_where_nothing_touches(config):
+    analysis = grasp(config, -0.01)
+    lines, straight = deformed_lines(config, analysis), member_lines(config)
+    assert lines[:, 0] == pytest.approx(straight[:, 0])
+    assert lines[:, -1] == pytest.approx(straight[:, 1])
+    assert distance(lines.ravel(), straight).max() < 1e-12
+    ring = config.robot.description.module.guide_ring_distance
+    steps = (config.member_lengths[:, None] - 2.0 * ring) / np.full(12, 12.0)
+    assert np.abs(np.diff(lines))[:, 1:-1] == pytest.approx(steps)
+    assert np.abs(np.diff(lines))[:, [0, -1]] == pytest.approx(ring)
+
+
+@pytest.mark.parametrize('share', [0.02, 0.37, 0.98])
+def test_lines_bend_as_members_give(config, share):
+    # However small the force.
+    number, force = 2, 0.05 * np.exp(0.7j)
+    place = share * config.member_lengths[number]
+    analysis = SimpleNamespace(
+        normal_forces=np.abs([force]),
+        normals=np.array([[np.cos(0.7), np.sin(0.7)]]),
+        members=np.array([number]),
+        places=np.array([place]),
+    )
+    straight, structure = member_lines(config), structure_of(config)
+    unloaded = deformed_lines(config, grasp(config, -0.01))
+    for other, line in enumerate(deformed_lines(config, analysis)):
+        members = MemberCompliance(structure, [number, other])
+        axis, local = members.axis[1], force * members.axis[0].conj()
+        for point, before in zip(line, unloaded[other], strict=True):
+            at = np.array([place, abs(before - straight[other, 0])])
+            found = members.at(at).respond(np.array([[local.real, local.imag, 0.0], [0.0] * 3]))
+            moved = axis * complex(found[1, 0], found[1, 1])
+            assert point - before == pytest.approx(moved, rel=1e-6, abs=1e-11)
+
+
+@pytest.mark.parametrize('squeeze', [0.002, 0.01])
+def test_lines_pass_through_the_points_of_contact(config, squeeze):
+    analysis = grasp(config, squeeze)
+    touching = analysis.points[analysis.normal_forces > 0.0] @ np.array([1.0, 1.0j])
+    # Tubes move less than the squeeze along themselves, and slope by a tenth at most.
+    assert distance(touching, deformed_lines(config, analysis)).max() < 0.05 * squeeze
+    assert distance(touching, member_lines(config)).max() > 0.2 * squeeze
+
+
+def test_lines_bend_without_kinks(config):
+    lines = deformed_lines(config, grasp(config, 0.01))
+    steps = np.diff(lines)
+    assert np.abs(steps).min() > 1e-3
+    assert np.abs(np.angle(steps[:, 1:] / steps[:, :-1])).max() < 0.05
+
+
+def test_arrows_end_on_the_object_and_add_up_to_what_acts_on_it(config):
+    center = tangent_center(config, 'north/Z', DIAMETER, 0.01)
+    cylinder = ConvexObject.disc(center, DIAMETER)
+    analysis = analyze_grasp(config, cylinder, friction=0.0)
+    arrows = force_lines(cylinder, analysis, 0.02)
+    assert np.abs(arrows[:, 1] - complex(*center)) == pytest.approx(0.5 * DIAMETER)
+    # Where the tubes touch it.
+    touching = analysis.normal_forces > 0.0
+    outward = analysis.normals[touching] @ np.array([1.0, 1.0j])
+    assert arrows[:, 1] == pytest.approx(complex(*center) + 0.5 * DIAMETER * outward)
+    resultant = np.diff(arrows).sum() / 0.02
+    assert (resultant.real, resultant.imag) == pytest.approx(tuple(analysis.normal_wrench[:2]))
+    rough = analyze_grasp(config, cylinder, friction=0.5)
+    left = np.diff(force_lines(cylinder, rough, 1.0)).sum()
+    assert abs(left) <= rough.closure_residual * (1.0 + 1e-9)
+    assert abs(left) < abs(resultant)
+
+
+@pytest.mark.parametrize('flattening', [True, False])
+def test_regions_are_on_the_object_and_as_long_as_the_contact(config, flattening):
+    cylinder = ConvexObject.disc(tangent_center(config, 'north/Z', DIAMETER, 0.01), DIAMETER)
+    analysis = analyze_grasp(config, cylinder, flattening=flattening)
+    regions = region_lines(config, cylinder, analysis)
+    assert len(regions) == len(analysis.contact_lengths) == 2
+    for region, length in zip(regions, analysis.contact_lengths.values(), strict=True):
+        assert np.abs(region - cylinder.center) == pytest.approx(0.5 * DIAMETER)
+        # Tubes that stay round are touched half their diameter farther out.
+        share = 1.0 if flattening else DIAMETER / (DIAMETER + 0.102)
+        assert np.abs(np.diff(region)).sum() == pytest.approx(share * length, rel=0.03)
+
+
+def test_arrows_and_regions_of_a_box_are_on_its_surface(config):
+    box = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], 0.02)
+    held = pressed_into(config, 'north/Z', box, 0.4, 0.015)
+    analysis = analyze_grasp(config, held, friction=0.0)
+    arrows = force_lines(held, analysis, 0.02)
+    assert held.nearest(arrows[:, 1]).gaps == pytest.approx(0.0, abs=1e-9)
+    resultant = np.diff(arrows).sum() / 0.02
+    wanted = complex(*analysis.normal_wrench[:2])
+    assert abs(resultant - wanted) < 0.05 * abs(wanted)
+    regions = region_lines(config, held, analysis)
+    for region, length in zip(regions, analysis.contact_lengths.values(), strict=True):
+        assert held.nearest(region).gaps == pytest.approx(0.0, abs=1e-9)
+        # Around a corner the surface is longer than the tube along it.
+        assert length < 1.05 * np.abs(np.diff(region)).sum() < 2.0 * length
+
+
+def test_places_are_on_the_pieces_that_the_compliance_has_there(config):
+    numbers = np.arange(len(config.robot.member_names))
+    ring = config.robot.description.module.guide_ring_distance
+    members = MemberCompliance(structure_of(config), numbers)
+    for place in (
+        0.5 * ring,
+        2.0 * ring,
+        members.length - 2.0 * ring,
+        members.length - 0.5 * ring,
+    ):
+        places = np.broadcast_to(place, len(numbers))
+        pieces, along = deformed_shape._on_pieces(config, numbers, places)
+        expected, distances = members.locate(places)
+        assert (pieces == expected).all()
+        assert along == pytest.approx(distances)

@@ -1,0 +1,229 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Flattening: the closed forms of the kernel, its symmetry, and what it does to a grasp."""
+
+from dataclasses import replace
+
+from hypothesis import given, strategies
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    load_robot,
+    tangent_center,
+)
+from isotruss_ros.core.contact.contact_points import find_contact_points
+from isotruss_ros.core.contact.flattening import flattening, flattening_of
+from isotruss_ros.core.contact.surfaces import RoundSurface
+from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.tube_stiffness import Fabric
+import numpy as np
+import pytest
+import robots
+
+RADIUS, PRESSURE = 0.051, 34.5e3
+FABRIC = Fabric(6e4, 1e4)
+
+
+def kernel(count, spacing, pressure=PRESSURE, fabric=FABRIC, modes=8):
+    """Return the compliance of points on a line."""
+    alone = np.zeros(count, dtype=int)
+    found = flattening(RADIUS, pressure, fabric, modes)
+    return found.compliance(spacing * np.arange(count), alone, alone, spacing)
+
+
+@pytest.mark.parametrize('fabric', [FABRIC, None])
+@pytest.mark.parametrize('modes', [2, 8, 100])
+def test_an_even_load_from_one_side_meets_four_thirds_of_pi_p(fabric, modes):
+    # Sum over n >= 2 of 1 / (pi p (n^2 - 1)) is 3 / (4 pi p).
+    spacing = 0.005
+    matrix = kernel(801, spacing, fabric=fabric, modes=modes)
+    dent = matrix[400].sum() * spacing  # of one newton per metre
+    assert 1.0 / dent == pytest.approx(4.0 / 3.0 * np.pi * PRESSURE, rel=1e-6)
+
+
+def test_two_plates_meet_pi_p():
+    # Loads from both sides cancel in the odd modes and add up in the even ones. By geometry: a
+    # ring of constant girth, each side pressed in by delta, is straight over pi delta.
+    orders = np.arange(2, 2_000_001, 2)
+    delta = 2.0 * (1.0 / (np.pi * PRESSURE * (orders**2.0 - 1.0))).sum()
+    assert 1.0 / delta == pytest.approx(np.pi * PRESSURE, rel=1e-5)
+    found = flattening(RADIUS, PRESSURE, FABRIC, modes=8)
+    assert found.stiffness[0, ::2] == pytest.approx(np.pi * PRESSURE * (orders[:4] ** 2 - 1.0))
+
+
+@pytest.mark.parametrize('spacing', [0.001, 0.0025, 0.005, 0.1])
+def test_the_integral_of_the_kernel_is_the_same_for_all_spacings(spacing):
+    half = int(0.8 / spacing) + 1
+    matrix = kernel(2 * half + 1, spacing)
+    assert matrix[half].sum() * spacing == pytest.approx(0.75 / np.pi / PRESSURE, rel=1e-6)
+
+
+def test_modes_are_strings_on_a_foundation():
+    found = flattening(RADIUS, PRESSURE, FABRIC)
+    n = np.arange(2, 9)
+    reach = found.reach[0]
+    share = 6e4 / (6e4 + 1e4 * n**2 * reach**2 / RADIUS**2)
+    expected = 0.5 * np.pi * PRESSURE * RADIUS**2 * (1.0 + 1.0 / n**2)
+    expected += np.pi * RADIUS * 1e4 * share / n**2
+    assert found.tension[0] == pytest.approx(expected, rel=1e-9)
+    # Without averaging over the spacing it is exp(-s / lambda) / (2 sqrt(k G)).
+    matrix, spacing = kernel(400, 2e-4), 2e-4
+    far = np.array([50, 100, 300])
+    plain = np.exp(-far[:, None] * spacing / reach) @ (
+        0.5 / np.sqrt(found.stiffness[0] * found.tension[0])
+    )
+    assert matrix[0, far] == pytest.approx(plain, rel=1e-3)
+
+
+@robots.examples(50)
+@given(robots.generators(), strategies.floats(1e-4, 0.1))
+def test_compliance_is_symmetric_positive_definite_and_of_each_member_alone(rng, spacing):
+    member = rng.integers(0, 3, 40)
+    place = spacing * rng.permutation(200)[:40]
+    tube = np.array([0, 1, 0])[member]
+    pressure = rng.uniform(5e3, 1e5, 2)
+    found = flattening(rng.uniform(0.02, 0.2), pressure, FABRIC if rng.random() < 0.5 else None)
+    matrix = found.compliance(place, member, tube, spacing)
+    assert matrix == pytest.approx(matrix.T, rel=1e-12)
+    assert np.linalg.eigvalsh(matrix).min() > 0.0
+    assert (matrix[member[:, None] != member] == 0.0).all()
+    assert found.compliance(place[:0], member[:0], tube[:0], spacing).shape == (0, 0)
+
+
+def test_many_modes_have_a_limit():
+    # What gives in the middle of an even load on 4 cm, as of a usual contact.
+    depth = [kernel(41, 0.001, modes=modes)[20].sum() for modes in (8, 100, 400)]
+    assert depth[1] == pytest.approx(depth[2], rel=1e-3)
+    assert depth[0] == pytest.approx(depth[2], rel=0.05)
+
+
+# A robot
+
+
+ROBOT = load_robot('nine_member')
+KERNEL = flattening_of(ROBOT)
+
+
+def squeezed(diameter, pressed=0.01, robot=ROBOT, **options):
+    """Return the analysis of an object pressed into the top corner."""
+    center = tangent_center(robot.home, 'north/Z', diameter, pressed)
+    return analyze_grasp(robot.home, ConvexObject.disc(center, diameter), **options)
+
+
+def test_the_kernel_of_a_robot_is_that_of_its_file():
+    found = flattening_of(ROBOT)
+    alone = flattening(RADIUS, [PRESSURE] * 3, FABRIC)
+    assert found.radius == RADIUS
+    assert found.tension == pytest.approx(alone.tension)
+    assert found.rest == pytest.approx(alone.rest)
+
+
+def test_a_guide_ring_does_not_part_a_dent():
+    # The three pieces of a member are one line, whichever way they run.
+    b, b_end, c, _ = robots.side_ends(ROBOT.home, 'north/Z')
+    axis = (b_end - b) / abs(b_end - b)
+    inward = axis * np.sign(((c - b) / axis).imag) * 1j
+    ring = ROBOT.description.module.guide_ring_distance
+    for foot, member in ((b + ring * axis, 'north/Z-R'), (b_end - ring * axis, 'north/Z-R')):
+        center = foot - (RADIUS + 0.1 - 0.005) * inward  # from outside
+        found = find_contact_points(
+            structure_of(ROBOT.home), RoundSurface(center, 0.1), 0.005, KERNEL
+        )
+        here = np.flatnonzero(found.member == ROBOT.member_names.index(member))
+        order = here[np.argsort(found.place[here])]
+        assert len(set(found.piece[order])) == 2
+        # Equal normals meet the kernel of one line.
+        normals = np.full(len(found.points), -inward)
+        stiff = replace(found, inside=0.0 * found.inside, ends=0.0 * found.ends)
+        line = kernel(len(order), 0.005)
+        assert stiff.normal_compliance(normals)[np.ix_(order, order)] == pytest.approx(line)
+        moved = stiff.displacements(normals)[order]
+        assert moved == pytest.approx(-inward * line.sum(axis=1))
+
+
+@pytest.mark.parametrize('flattening', [True, False])
+def test_force_grows_with_diameter_and_pressure_where_tubes_flatten(flattening):
+    forces = []
+    for diameter in (0.2, 0.3, 0.4, 0.5):
+        start, end = robots.side_ends(ROBOT.home, 'north/Z')[:2]
+        normal = 1j * (end - start) / abs(end - start)
+        center = 0.5 * (start + end) + (0.5 * diameter + RADIUS - 0.01) * normal
+        analysis = analyze_grasp(
+            ROBOT.home,
+            ConvexObject.disc((center.real, center.imag), diameter),
+            flattening=flattening,
+        )
+        assert list(analysis.contact_forces) == ['north/Z-R']
+        forces.append(analysis.contact_forces['north/Z-R'])
+    growth = np.diff(forces) / forces[0]
+    print(growth)
+    assert (growth > 0.0).all() if flattening else (np.abs(growth) < 0.001).all()
+
+
+def test_the_same_grasp_gives_more_under_less_pressure():
+    document = robots.example()
+    forces = []
+    for pressure in (2e4, 4e4, 6e4):
+        document['tube']['pressure'] = pressure
+        robot = robots.load(document)
+        config = robot.home
+        center = tangent_center(config, robot.module_names[0], 0.3, 0.01)
+        found = analyze_grasp(config, ConvexObject.disc(center, 0.3))
+        forces.append(found.normal_forces.sum())
+    assert forces[0] < forces[1] < forces[2]
+
+
+@pytest.mark.parametrize('spacing', [0.0025, 0.00125])
+def test_answers_do_not_depend_on_the_spacing(spacing):
+    for diameter in (0.15, 0.3, 0.5):
+        coarse, fine = squeezed(diameter), squeezed(diameter, spacing=spacing)
+        size = fine.normal_forces.sum()
+        assert coarse.normal_forces.sum() == pytest.approx(size, rel=0.01)
+        assert coarse.contact_lengths == pytest.approx(fine.contact_lengths, rel=0.02)
+        assert coarse.contact_pressures == pytest.approx(fine.contact_pressures, rel=0.01)
+        assert coarse.contact_areas == pytest.approx(fine.contact_areas, rel=0.02)
+        assert coarse.utilisation == pytest.approx(fine.utilisation, rel=0.02)
+        assert coarse.closure_residual == pytest.approx(fine.closure_residual, abs=0.01 * size)
+        for name, (start, end) in coarse.contact_spans.items():
+            assert fine.contact_spans[name] == pytest.approx((start, end), abs=1e-3)
+            assert end - start == pytest.approx(coarse.contact_lengths[name])
+
+
+def test_the_peak_is_no_less_than_the_mean_however_weak_the_contact():
+    for pressed in (1e-6, 1e-5, 1e-4):
+        analysis = squeezed(0.3, pressed)
+        assert 0.0 < min(analysis.contact_forces.values()) < 1.0
+        for name, mean in analysis.contact_pressures.items():
+            assert analysis.peak_pressures[name] >= mean * (1.0 - 1e-9)
+
+
+def test_pressure_is_that_of_the_gas_and_the_walls_tension():
+    analysis = squeezed(0.3)
+    for name, mean in analysis.contact_pressures.items():
+        # The wall's tension is p R / 2 at most, around the object's own radius.
+        assert PRESSURE <= mean <= analysis.peak_pressures[name]
+        assert analysis.peak_pressures[name] <= PRESSURE * (1.0 + 0.5 * RADIUS / 0.15)
+        area, length = analysis.contact_areas[name], analysis.contact_lengths[name]
+        assert mean * area == pytest.approx(analysis.contact_forces[name])
+        assert area < length * analysis.contact_widths[name]
+    paper = squeezed(0.3, flattening=False)
+    assert paper.contact_areas == paper.contact_pressures == paper.contact_widths == {}
+
+
+def test_a_measured_factor_scales_all_of_the_compliance():
+    alone = np.zeros(40, dtype=int)
+    place = 0.005 * np.arange(40)
+    theory, stiffer = (
+        flattening(RADIUS, PRESSURE, FABRIC, local_stiffness=factor).compliance(
+            place, alone, alone, 0.005
+        )
+        for factor in (1.0, 1.7)
+    )
+    assert stiffer == pytest.approx(theory / 1.7, rel=1e-9)

@@ -1,0 +1,412 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Force closure against bounded least squares, linear programs and the wedge's closed form."""
+
+import itertools
+
+from hypothesis import given, strategies
+from isotruss_ros.core.contact.force_closure import check_force_closure
+import numpy as np
+import pytest
+import robots
+from scipy.optimize import linprog, lsq_linear
+
+counts = strategies.integers(1, 25)
+coefficients = strategies.floats(0.0, 1.5)
+generators = robots.generators()
+
+
+def tangents_at(angles):
+    """Return the counter-clockwise tangents of a disc at these angles of its surface."""
+    return np.column_stack([-np.sin(angles), np.cos(angles)])
+
+
+def random_contacts(rng, count, spread=2.0 * np.pi):
+    """Return tangents, normal forces (some of them zero) and a load of about their size."""
+    tangents = tangents_at(rng.uniform(0.0, 2.0 * np.pi) + rng.uniform(0.0, spread, count))
+    forces = rng.uniform(0.1, 10.0, count) * (rng.random(count) < 0.8)
+    load = wrenches(tangents, forces).T @ rng.uniform(-1.0, 1.0, count)
+    return tangents, forces, load
+
+
+def wrenches(tangents, forces, levers=1.0):
+    """Return (k, 3): of friction N_i at each contact, moments over the arm."""
+    return forces[:, None] * np.column_stack([tangents, np.full(len(forces), levers)])
+
+
+def least_friction(tangents, forces, load, levers=1.0):
+    """Return the smallest coefficient by a linear program; infinite if there is none."""
+    k, size = len(forces), max(forces.max(initial=0.0), 1e-9)
+    one = np.ones((k, 1))
+    answer = linprog(
+        np.append(np.zeros(k), 1.0),
+        A_ub=np.block([[np.eye(k), -one], [-np.eye(k), -one]]),
+        b_ub=np.zeros(2 * k),
+        A_eq=np.column_stack([wrenches(tangents, forces, levers).T, np.zeros(3)]) / size,
+        b_eq=-load / size,
+        bounds=[(None, None)] * k + [(0.0, None)],
+        method='highs',
+    )
+    return answer.x[-1] if answer.status == 0 else np.inf
+
+
+def reach_along(tangents, forces, load, friction, direction, levers=1.0):
+    """Return the largest extra load of this direction that friction balances, by a program."""
+    k, size = len(forces), forces.max()
+    answer = linprog(
+        np.append(np.zeros(k), -1.0),
+        A_eq=np.column_stack([wrenches(tangents, forces, levers).T / size, direction]),
+        b_eq=-load / size,
+        bounds=[(-friction, friction)] * k + [(None, None)],
+        method='highs',
+    )
+    return answer.x[-1] * size
+
+
+@robots.examples(150)
+@given(generators, counts, coefficients)
+def test_forces_are_those_of_bounded_least_squares(rng, count, friction):
+    tangents, forces, load = random_contacts(rng, count)
+    closure = check_force_closure(tangents, forces, load, friction)
+    assert (np.abs(closure.friction_forces) <= friction * forces * (1.0 + 1e-12)).all()
+    matrix = wrenches(tangents, forces).T
+    bound = np.full(count, max(friction, 1e-12))
+    other = lsq_linear(matrix, -load, (-bound, bound), method='bvls', tol=1e-14).x
+    least = np.linalg.norm(matrix @ other + load)
+    assert closure.residual == pytest.approx(least, abs=closure.tolerance)
+    left = load + np.column_stack([tangents, np.ones(count)]).T @ closure.friction_forces
+    assert closure.residual == pytest.approx(np.linalg.norm(left), abs=1e-12 * forces.sum())
+
+
+@robots.examples(150)
+@given(generators, counts, coefficients)
+def test_required_friction_is_that_of_a_linear_program(rng, count, friction):
+    tangents, forces, load = random_contacts(rng, count)
+    closure = check_force_closure(tangents, forces, load, friction)
+    expected = least_friction(tangents, forces, load)
+    assert closure.required_friction == pytest.approx(expected, rel=1e-5, abs=1e-6)
+
+
+@robots.examples(150)
+@given(generators, counts, coefficients, strategies.floats(0.02, 6.0))
+def test_flag_follows_from_the_required_friction(rng, count, friction, spread):
+    tangents, forces, load = random_contacts(rng, count, spread)
+    closure = check_force_closure(tangents, forces, load, friction)
+    assert closure.closed == (closure.residual <= closure.tolerance)
+    if closure.required_friction <= friction:
+        assert closure.closed
+    # What is closed although it needs a little more friction is so within the tolerance.
+    elif closure.closed:
+        assert -closure.margin <= closure.tolerance
+    # At the smallest coefficient it closes, and just below it does not.
+    required = closure.required_friction
+    if 1e-3 < required < np.inf:
+        assert check_force_closure(tangents, forces, load, required).closed
+        least = check_force_closure(tangents, forces, load, 0.99 * required)
+        assert least.margin < 0.0
+        assert least.residual >= -least.margin * (1.0 - 1e-9) - 1e-12 * forces.sum()
+
+
+@robots.examples(60)
+@given(generators, strategies.integers(3, 15), strategies.floats(0.05, 1.5))
+def test_margin_is_the_shortest_way_out_of_all_directions(rng, count, friction):
+    tangents, forces, _ = random_contacts(rng, count)
+    forces += 0.1
+    shares = rng.uniform(-friction, friction, count)
+    load = -wrenches(tangents, forces).T @ shares
+    margin = check_force_closure(tangents, forces, load, friction).margin
+    assert margin >= -1e-9
+    directions = rng.normal(size=(40, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    reached = [reach_along(tangents, forces, load, friction, way) for way in directions]
+    assert min(reached) >= margin * (1.0 - 1e-6) - 1e-6
+    # The shortest way is across a facet, a plane of two contacts: one of those reaches no further.
+    facets = np.array(
+        [np.cross(*pair) for pair in itertools.combinations(wrenches(tangents, np.ones(count)), 2)]
+    )
+    facets = facets[np.linalg.norm(facets, axis=1) > 1e-6]
+    facets /= np.linalg.norm(facets, axis=1)[:, None]
+    spans = np.abs(facets @ wrenches(tangents, forces).T).sum(axis=1)
+    nearest = facets[(friction * spans - np.abs(facets @ load)).argmin()]
+    reached = [reach_along(tangents, forces, load, friction, way) for way in (nearest, -nearest)]
+    assert min(reached) == pytest.approx(margin, rel=1e-5, abs=1e-6)
+
+
+def test_margin_of_even_contacts_is_known():
+    # Four unit forces around the disc: a box, a diamond and a prism of friction have the same cut.
+    tangents = tangents_at(np.arange(4) * np.pi / 2.0)
+    closure = check_force_closure(tangents, np.ones(4), np.zeros(3), 0.5)
+    # Facets are planes of neighbours, n = (1, 1, 1) / sqrt(3) in some signs: two of four count,
+    # by 2 / sqrt(3) each; and of opposites, n = x or y: the other two count, by 1 each.
+    assert closure.margin == pytest.approx(0.5 * min(4.0 / np.sqrt(3.0), 2.0), rel=1e-12)
+    assert check_force_closure(tangents, np.ones(4), np.zeros(3), 1.0).margin == pytest.approx(
+        2.0 * closure.margin
+    )
+
+
+@robots.examples(60)
+@given(generators, counts, coefficients, coefficients)
+def test_more_friction_never_hurts(rng, count, one, other):
+    tangents, forces, load = random_contacts(rng, count)
+    less, more = (check_force_closure(tangents, forces, load, mu) for mu in sorted([one, other]))
+    assert more.residual <= less.residual + less.tolerance
+    assert more.margin >= less.margin - 1e-9
+    assert more.required_friction == pytest.approx(less.required_friction)
+    assert more.closed or not less.closed
+
+
+@robots.examples(60)
+@given(generators, counts, coefficients, strategies.floats(1e-3, 1e6))
+def test_turning_and_scaling_change_nothing(rng, count, friction, scale):
+    tangents, forces, load = random_contacts(rng, count)
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turned = np.append(turn @ load[:2], load[2])
+    before = check_force_closure(tangents, forces, load, friction)
+    after = check_force_closure(tangents @ turn.T, scale * forces, scale * turned, friction)
+    slack = 2.0 * before.tolerance
+    assert after.residual / scale == pytest.approx(before.residual, abs=slack)
+    assert after.margin / scale == pytest.approx(before.margin, rel=1e-6, abs=slack)
+    assert after.required_friction == pytest.approx(before.required_friction, rel=1e-5, abs=1e-5)
+
+
+def test_no_contact_balances_nothing_but_nothing():
+    none = check_force_closure(np.zeros((0, 2)), np.zeros(0), np.zeros(3), 0.5)
+    assert none.residual == none.required_friction == none.margin == 0.0
+    assert none.friction_forces.shape == (0,)
+    for friction in (0.0, 0.5, 100.0):
+        pushed = check_force_closure(
+            np.zeros((0, 2)), np.zeros(0), np.array([0.0, -3.0, 0.0]), friction
+        )
+        assert not pushed.closed
+        assert pushed.residual == pytest.approx(3.0)
+        assert pushed.required_friction == np.inf
+        assert pushed.margin < 0.0
+
+
+def test_contacts_without_force_do_not_count():
+    tangents = tangents_at(np.array([0.0, 2.0, 4.0]))
+    load = np.array([0.1, 0.2, 0.0])
+    idle = check_force_closure(tangents, np.zeros(3), load, 0.5)
+    assert idle.friction_forces.tolist() == [0.0] * 3
+    assert idle.required_friction == np.inf
+    one = check_force_closure(tangents, np.array([0.0, 5.0, 0.0]), load, 0.5)
+    alone = check_force_closure(tangents[1:2], np.array([5.0]), load, 0.5)
+    assert one.residual == pytest.approx(alone.residual, abs=one.tolerance)
+    assert one.friction_forces[[0, 2]].tolist() == [0.0, 0.0]
+
+
+def test_one_contact_balances_its_own_friction_only():
+    tangents, forces = tangents_at(np.zeros(1)), np.array([2.0])
+    fitting = -0.3 * wrenches(tangents, forces)[0]
+    closure = check_force_closure(tangents, forces, fitting, 0.5)
+    assert closure.closed
+    assert closure.required_friction == pytest.approx(0.3)
+    assert closure.friction_forces == pytest.approx([0.6], rel=1e-6)
+    assert closure.margin == 0.0
+    slips = check_force_closure(tangents, forces, fitting, 0.2)
+    assert not slips.closed
+    assert slips.required_friction == pytest.approx(0.3)
+    assert slips.margin == pytest.approx(-0.1 * 2.0 * np.sqrt(2.0))
+    # Its own normal force it cannot balance, however rough it is.
+    pressed = check_force_closure(tangents, forces, np.array([-2.0, 0.0, 0.0]), 50.0)
+    assert not pressed.closed
+    assert pressed.required_friction == np.inf
+
+
+def test_parallel_tangents_act_as_one_contact():
+    tangents, forces = tangents_at(np.zeros(3)), np.array([1.0, 2.0, 3.0])
+    load = -0.4 * wrenches(tangents, forces).sum(axis=0)
+    closure = check_force_closure(tangents, forces, load, 0.5)
+    assert closure.closed
+    assert closure.required_friction == pytest.approx(0.4)
+    assert closure.margin == 0.0
+    assert (
+        check_force_closure(tangents, forces, load + np.eye(3)[0], 5.0).required_friction == np.inf
+    )
+
+
+def test_opposite_contacts_balance_pulls_along_their_tangents_and_turns():
+    tangents, forces = tangents_at(np.array([0.0, np.pi])), np.array([2.0, 2.0])
+    for load, required in (
+        ([0.0, 2.0, 0.0], 0.5),
+        ([0.0, 0.0, 2.0], 0.5),
+        ([0.0, 1.0, 1.0], 0.5),
+        ([0.0, 0.0, 0.0], 0.0),
+        ([1.0, 0.0, 0.0], np.inf),
+    ):
+        closure = check_force_closure(tangents, forces, np.array(load), 0.6)
+        assert closure.required_friction == pytest.approx(required), load
+        assert closure.closed == (required <= 0.6)
+        assert (closure.margin == 0.0) == closure.closed
+
+
+@pytest.mark.parametrize('degrees', [10.0, 26.0, 45.0, 60.0, 90.0, 120.0])
+def test_a_wedge_needs_the_tangent_of_half_its_angle(degrees):
+    half = np.radians(0.5 * degrees)
+    # Sides at +- half from the x axis press on the disc from above and from below; what is left
+    # pushes it out, along x.
+    angles = np.array([0.5 * np.pi + half, -0.5 * np.pi - half])
+    forces = np.array([3.0, 3.0])
+    outward = np.column_stack([np.cos(angles), np.sin(angles)])
+    load = np.append(-forces @ outward, 0.0)
+    assert load == pytest.approx([6.0 * np.sin(half), 0.0, 0.0])
+    closure = check_force_closure(tangents_at(angles), forces, load, 0.5)
+    assert closure.required_friction == pytest.approx(np.tan(half), rel=1e-12)
+    assert closure.closed == (np.tan(half) <= 0.5)
+    # The same forces spread over some points of each side: the limit is the same.
+    spread = np.repeat(angles, 3) + np.tile([-1e-6, 0.0, 1e-6], 2)
+    outward = np.column_stack([np.cos(spread), np.sin(spread)])
+    load = np.append(-outward.sum(axis=0), 0.0)
+    several = check_force_closure(tangents_at(spread), np.ones(6), load, 0.5)
+    assert several.required_friction == pytest.approx(np.tan(half), rel=1e-5)
+
+
+def test_no_friction_leaves_the_load():
+    tangents = tangents_at(np.arange(3.0))
+    load = np.array([1.0, -2.0, 2.0])
+    closure = check_force_closure(tangents, np.ones(3), load, 0.0)
+    assert closure.residual == pytest.approx(3.0)
+    assert not closure.closed
+    assert closure.margin < 0.0
+    assert closure.friction_forces.tolist() == [0.0] * 3
+    assert check_force_closure(tangents, np.ones(3), np.zeros(3), 0.0).closed
+
+
+@pytest.mark.parametrize('size', [1e-9, 1e-3, 1e3, 1e9])
+def test_loads_of_any_size_are_answered(size):
+    tangents = tangents_at(np.arange(5.0))
+    load = size * np.array([1.0, 2.0, -1.0])
+    closure = check_force_closure(tangents, np.ones(5), load, 0.5)
+    assert np.isfinite([closure.residual, closure.required_friction, closure.margin]).all()
+    assert closure.closed == (size <= 1e-3)
+    expected = least_friction(tangents, np.ones(5), load / size) * size
+    assert closure.required_friction == pytest.approx(expected, rel=1e-6)
+    huge = check_force_closure(tangents, size * np.ones(5), load, 0.5)
+    assert huge.required_friction == pytest.approx(expected / size, rel=1e-6)
+
+
+@robots.examples(60)
+@given(generators, strategies.integers(2, 15), strategies.floats(0.05, 1.0))
+def test_of_all_forces_that_balance_the_smallest_shares_are_found(rng, count, friction):
+    tangents, forces, _ = random_contacts(rng, count)
+    forces += 0.1
+    segments = wrenches(tangents, forces)
+    # What is at bounds pushes there, the others are a combination of the three wrenches.
+    load = segments.T @ rng.uniform(-friction, friction, count)
+    closure = check_force_closure(tangents, forces, load, friction)
+    shares = closure.friction_forces / forces
+    smallest = -np.linalg.pinv(segments.T) @ load
+    if np.abs(smallest).max() < friction:
+        assert shares == pytest.approx(smallest, abs=1e-6)
+    assert np.linalg.norm(shares) >= np.linalg.norm(smallest) - 1e-6
+
+
+@pytest.mark.parametrize(
+    ('places', 'forces', 'load', 'friction'),
+    [
+        ([6, 23, 6, 1, 4, 10], [2, 1, 1, 1, 1, 1], [0, -3, 1], 0.25),
+        ([7, 23, 15, 23, 9, 12], [2, 3, 2, 3, 1, 2], [-2, 3, -3], 0.5),
+        ([16, 18, 12, 18, 23], [3, 3, 2, 3, 1], [-3, 1, -1], 0.5),
+        ([19, 23, 21, 21], [3, 1, 1, 2], [1, 1, 0], 1.0),
+    ],
+)
+def test_nothing_is_left_that_friction_could_still_take(places, forces, load, friction):
+    tangents, forces = tangents_at(np.array(places) * np.pi / 12.0), np.array(forces, dtype=float)
+    closure = check_force_closure(tangents, forces, np.array(load, dtype=float), friction)
+    segments = wrenches(tangents, forces)
+    shares = closure.friction_forces / forces
+    pulls = segments @ (segments.T @ shares + load)
+    # Each contact is at its bound against what is left, or at right angles to it.
+    assert np.clip(shares - pulls, -friction, friction) == pytest.approx(shares, abs=1e-9)
+
+
+@pytest.mark.parametrize('apart', [1e-3, 1e-4, 1e-5])
+def test_tangents_that_are_nearly_parallel_balance_what_they_can(apart):
+    # Their difference alone turns the load: small against the forces, and yet within friction.
+    tangents, forces = tangents_at(np.array([0.0, apart])), np.array([10.0, 10.0])
+    load = wrenches(tangents, forces).T @ [0.4, -0.4]
+    closure = check_force_closure(tangents, forces, load, 0.5)
+    assert closure.required_friction == pytest.approx(0.4, rel=1e-3)
+    assert closure.closed
+    assert closure.residual <= closure.tolerance
+
+
+def test_hundreds_of_contacts_are_answered():
+    # All pairs of contacts, and the sum over all for each of them, would take gigabytes.
+    angles = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, 800)
+    forces, load = np.ones(800), np.array([100.0, 200.0, -50.0])
+    closure = check_force_closure(tangents_at(angles), forces, load, 0.5)
+    assert closure.closed
+    expected = least_friction(tangents_at(angles), forces, load)
+    assert closure.required_friction == pytest.approx(expected, rel=1e-6)
+
+
+# Objects that are no discs: friction has levers of its own.
+
+
+@robots.examples(80)
+@given(generators, strategies.integers(3, 15), coefficients)
+def test_levers_of_one_are_those_of_a_cylinder(rng, count, friction):
+    tangents, forces, load = random_contacts(rng, count)
+    one = check_force_closure(tangents, forces, load, friction)
+    other = check_force_closure(tangents, forces, load, friction, np.ones(count))
+    assert other.required_friction == pytest.approx(one.required_friction, rel=1e-7)
+    assert other.margin == pytest.approx(one.margin, rel=1e-7, abs=1e-7)
+    assert other.closed == one.closed
+
+
+@robots.examples(80)
+@given(
+    generators,
+    strategies.integers(1, 15),
+    coefficients,
+    strategies.sampled_from([1e-6, 1.0, 1e6]),
+)
+def test_required_friction_with_levers_is_that_of_a_linear_program(rng, count, friction, scale):
+    tangents, forces, _ = random_contacts(rng, count)
+    levers = rng.uniform(-0.5, 2.0, count)
+    load = wrenches(tangents, forces, levers).T @ rng.uniform(-1.0, 1.0, count)
+    expected = least_friction(tangents, forces, load, levers)
+    forces, load = scale * forces, scale * load
+    closure = check_force_closure(tangents, forces, load, friction, levers)
+    assert closure.required_friction == pytest.approx(expected, rel=1e-5, abs=1e-6)
+    left = load + np.column_stack([tangents, levers]).T @ closure.friction_forces
+    assert closure.residual == pytest.approx(np.linalg.norm(left), abs=1e-9 * forces.sum())
+
+
+@pytest.mark.parametrize('levers', [None, np.array([1.0, 0.7, 1.2])])
+@pytest.mark.parametrize('scale', [1e-6, 1e6])
+def test_scaling_changes_nothing_whether_all_is_in_a_plane_or_not(levers, scale):
+    forces, load = np.array([2.0, 3.0, 4.0]), np.array([0.2, -0.3, 0.5])
+    for angles in ([0.3, 2.0, 4.0], [0.3, 0.3, 2.0]):
+        tangents = tangents_at(np.array(angles))
+        own = None if levers is None else levers[[0, 0, 2]] if angles[1] == 0.3 else levers
+        one, other = (
+            check_force_closure(tangents, size * forces, size * load, 0.5, own)
+            for size in (1.0, scale)
+        )
+        assert np.isinf(one.required_friction) == (angles[1] == 0.3)
+        assert other.required_friction == pytest.approx(one.required_friction)
+        assert other.margin == pytest.approx(scale * one.margin)
+
+
+@robots.examples(30)
+@given(generators, strategies.integers(4, 12), strategies.floats(0.05, 1.5))
+def test_no_direction_is_shorter_than_the_margin_with_levers(rng, count, friction):
+    tangents, forces, _ = random_contacts(rng, count)
+    forces += 0.1
+    levers = rng.uniform(0.3, 1.5, count)
+    load = -wrenches(tangents, forces, levers).T @ rng.uniform(-friction, friction, count)
+    margin = check_force_closure(tangents, forces, load, friction, levers).margin
+    directions = rng.normal(size=(60, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    reached = [reach_along(tangents, forces, load, friction, way, levers) for way in directions]
+    assert -1e-9 <= margin <= min(reached) * (1.0 + 1e-6) + 1e-6

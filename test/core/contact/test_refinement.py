@@ -1,0 +1,187 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Contact points as fine as the regions need: convergence, whatever the search began with."""
+
+from comparison.wedge import pressed_into
+from hypothesis import given, strategies
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    IsotrussError,
+    load_robot,
+    tangent_center,
+)
+from isotruss_ros.core.contact import refinement
+from isotruss_ros.core.contact.flattening import flattening_of
+from isotruss_ros.core.contact.refinement import (
+    DIVISIONS,
+    PreviousContact,
+    refine_contact,
+    REGION_POINTS,
+)
+from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact
+from isotruss_ros.core.contact.surfaces import RoundSurface, surface_of
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+import robots
+from shapes import regular_polygon
+
+ROBOT = load_robot('nine_member')
+SPACING = 0.005
+
+
+def pressed(seed):
+    """Return a random configuration and an object pressed into a random corner."""
+    draw = np.random.default_rng(seed)
+    while True:
+        module = ROBOT.module_names[draw.integers(len(ROBOT.module_names))]
+        diameter, depth = draw.uniform(0.15, 0.5), draw.uniform(0.003, 0.025)
+        try:
+            config = ROBOT.configuration(draw.uniform(-0.15, 0.15, len(ROBOT.roller_names)))
+            return config, ConvexObject.disc(
+                tangent_center(config, module, diameter, depth), diameter
+            )
+        except IsotrussError:
+            continue
+
+
+def check_same_from_anywhere(seed):
+    """Check that the contact of grasps near and far leads to the same contact."""
+    config, cylinder = pressed(seed)
+    cold = analyze_grasp(config, cylinder)
+    x, y = cylinder.pose[:2]
+    for shift in (0.0, 2e-3, 0.012, 0.05, 50.0):
+        begun = analyze_grasp(config, ConvexObject.disc((x + shift, y), cylinder.shape.diameter))
+        warm = analyze_grasp(config, cylinder, previous=begun)
+        slack = 1e-6 * cold.normal_forces.sum()
+        assert warm.places == pytest.approx(cold.places)
+        assert warm.normal_forces == pytest.approx(cold.normal_forces, abs=slack)
+
+
+seeds = given(strategies.integers(0, 2**32 - 1))
+
+
+@robots.examples(15)
+@seeds
+def test_all_figures_are_converged_at_the_default_spacing(seed):
+    config, cylinder = pressed(seed)
+    coarse, fine = (analyze_grasp(config, cylinder, spacing=s) for s in (SPACING, SPACING / 4))
+    size = fine.normal_forces.sum()
+    assert coarse.contact_forces == pytest.approx(fine.contact_forces, rel=0.02)
+    assert coarse.contact_lengths == pytest.approx(fine.contact_lengths, rel=0.02)
+    assert coarse.required_friction == pytest.approx(fine.required_friction, rel=0.02)
+    assert coarse.closure_margin == pytest.approx(fine.closure_margin, abs=0.02 * size)
+    assert coarse.closure_residual == pytest.approx(fine.closure_residual, abs=0.02 * size)
+
+
+@robots.examples(15)
+@seeds
+def test_points_lie_where_contact_is_and_are_enough(seed):
+    config, cylinder = pressed(seed)
+    analysis = analyze_grasp(config, cylinder, spacing=SPACING)
+    for member in np.unique(analysis.members):
+        here = np.sort(analysis.places[analysis.members == member])
+        start, end = analysis.contact_spans[ROBOT.member_names[member]]
+        assert start - SPACING <= here[0] < start
+        assert end < here[-1] <= end + SPACING
+        touching = (analysis.normal_forces[analysis.members == member] > 0.0).sum()
+        step = np.median(np.diff(here))
+        assert touching >= REGION_POINTS - 2 or step == pytest.approx(SPACING / DIVISIONS[-1])
+
+
+@robots.examples(15)
+@seeds
+def test_the_answer_is_the_same_from_anywhere(seed):
+    check_same_from_anywhere(seed)
+
+
+@pytest.mark.parametrize('seed', [1910, 2126, 2189])
+def test_the_answer_is_the_same_where_two_spacings_are_enough_for_themselves(seed):
+    check_same_from_anywhere(seed)
+
+
+def test_an_object_that_is_not_touched_has_points_and_no_forces():
+    center = tangent_center(ROBOT.home, 'north/Z', 0.3, -0.001)
+    analysis = analyze_grasp(ROBOT.home, ConvexObject.disc(center, 0.3))
+    assert len(analysis.gaps) > 2
+    assert not analysis.normal_forces.any()
+    assert analysis.gaps.min() > 0.0
+
+
+def test_a_small_object_that_the_search_alone_touches_is_not_touched():
+    travel = [0.00236432, 0.09009274, -0.07116808, 0.08972989, -0.03763371, -0.01533471]
+    config = ROBOT.configuration(travel)
+    small = ConvexObject.disc((1.4295648734228052, -0.19796723469443755), 0.06603594342697769)
+    analysis = analyze_grasp(config, small)
+    assert analysis.contact_forces == {}
+    assert analysis.gaps.min() > 0.001
+
+
+def test_the_answer_has_all_points_from_a_spacing_before_contact_to_one_behind():
+    config, cylinder = pressed(1)
+    structure = structure_of(config)
+    points, _, extents, kept = refine_contact(
+        structure,
+        RoundSurface(cylinder.center, 0.5 * cylinder.shape.diameter),
+        SPACING,
+        flattening_of(ROBOT, structure.pressures),
+        solve_sliding_contact,
+    )
+    first, last = extents.start[points.member] - SPACING, extents.end[points.member] + SPACING
+    within = (points.place >= first) & (points.place <= last)
+    assert kept.tolist() == np.flatnonzero(within).tolist()
+    assert 0 < len(kept) < len(points.points)
+
+
+def test_regions_that_do_not_settle_have_points_everywhere(monkeypatch):
+    config, cylinder = pressed(1)
+    settled = analyze_grasp(config, cylinder)
+    monkeypatch.setattr(refinement, 'MAX_STEPS', 1)
+    found = analyze_grasp(config, cylinder)
+    assert found.contact_forces == pytest.approx(settled.contact_forces, rel=1e-3)
+    assert found.required_friction == pytest.approx(settled.required_friction, rel=1e-2)
+
+
+def test_points_of_a_corner_are_as_close_as_a_budget_allows():
+    home = ROBOT.home
+    held = pressed_into(home, 'south/P', regular_polygon(4, 0.2), 0.4, 0.02)
+    surface, structure = surface_of(held), structure_of(home)
+    kernel = flattening_of(ROBOT, structure.pressures)
+
+    def points(budget):
+        """Return points, before those without contact are left out."""
+        options = (surface, SPACING, kernel, solve_sliding_contact)
+        return refine_contact(structure, *options, budget=budget)[0]
+
+    count = len(points(0).points)
+    for share, division in ((0.9, 1), (1.7, 1), (2.3, 2), (3.5, 2), (4.5, 4), (100.0, 4)):
+        assert points(int(share * count)).spacing == pytest.approx(SPACING / division)
+
+
+def test_a_contact_that_is_known_is_solved_once():
+    config, cylinder = pressed(1)
+    structure, calls = structure_of(config), []
+
+    def solver(*arguments):
+        calls.append(arguments)
+        return solve_sliding_contact(*arguments)
+
+    surface = RoundSurface(cylinder.center, 0.5 * cylinder.shape.diameter)
+    given_to = (structure, surface, SPACING, flattening_of(ROBOT, structure.pressures), solver)
+    points, contact, extents, kept = refine_contact(*given_to)
+    spans = dict(
+        zip(ROBOT.member_names, zip(extents.start, extents.end, strict=True), strict=True)
+    )
+    previous = PreviousContact(spans, points.member, points.place, contact.normals)
+    calls.clear()
+    again, _, _, same = refine_contact(*given_to, previous=previous)
+    assert len(calls) == 1
+    assert again.place[same] == pytest.approx(points.place[kept])

@@ -1,0 +1,122 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Tubes that slide along themselves: what is turned where points cannot tell a corner."""
+
+from dataclasses import replace
+
+from comparison.wedge import pressed_into
+from isotruss_ros.core import ConvexObject, Ellipse, load_robot, Polygon
+from isotruss_ros.core.contact import sliding_contact
+from isotruss_ros.core.contact.contact_points import find_contact_points
+from isotruss_ros.core.contact.flattening import flattening_of
+from isotruss_ros.core.contact.sliding_contact import (
+    solve_sliding_contact,
+    turn_at_corners,
+)
+from isotruss_ros.core.contact.surfaces import surface_of
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+SPACING = 0.005
+CORNERS = [(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)]
+
+
+@pytest.mark.parametrize(
+    ('shape', 'angle', 'least'),
+    [
+        (Polygon(CORNERS), 0.4, 0.0),
+        (Polygon(CORNERS, 0.03), 0.4, 0.1),
+        (Polygon(CORNERS, 1.9 * SPACING), 0.4, 0.0),
+        (Polygon(CORNERS, 2.1 * SPACING), 0.4, 0.01),
+        (Ellipse((0.1, 0.05)), 1.8, 1.0),
+    ],
+)
+def test_normals_lean_little_but_on_arcs_that_points_can_tell(shape, angle, least):
+    held, fold = pressed_into(HOME, 'south/P', shape, angle, 0.02), np.deg2rad(12.0)
+    surface, structure = surface_of(held), structure_of(HOME)
+    kernel = flattening_of(HOME.robot, structure.pressures)
+    points = find_contact_points(structure, surface, SPACING, kernel)
+    contact = solve_sliding_contact(points, surface.resolved(SPACING))
+    # However weak it is.
+    contact = replace(contact, forces=1e-3 * contact.forces, push=1e-3 * contact.push)
+    turned = turn_at_corners(points, contact, surface)
+    sizes = np.abs(contact.push)
+    pressing = sizes > 0.0
+    radii = held.nearest(points.skin + contact.displacements).radii
+    arcs = pressing & np.isfinite(radii) & (radii >= 2.0 * SPACING)
+    assert arcs.sum() >= least * pressing.sum()
+    assert arcs.any() == (least > 0.0)
+    leans = np.angle(turned.normals * contact.push.conj())
+    before = np.angle(contact.normals * contact.push.conj())
+    # Somewhere it matters.
+    assert np.abs(before[pressing]).max() > 1.5 * fold
+    assert np.array_equal(turned.normals[arcs], contact.normals[arcs])
+    assert np.array_equal(turned.forces[arcs], contact.forces[arcs])
+    faces = pressing & ~arcs
+    assert leans[faces] == pytest.approx(np.clip(before[faces], -fold, fold), abs=1e-12)
+    for normals in (contact.normals, turned.normals):
+        assert np.abs(normals) == pytest.approx(1.0)
+    # Across the tubes they press as before.
+    assert (turned.forces * np.cos(leans))[faces] == pytest.approx(sizes[faces], rel=1e-9)
+
+
+def test_tubes_that_an_object_does_not_reach_press_nowhere():
+    held = pressed_into(HOME, 'south/P', Ellipse((0.1, 0.05)), 1.8, -0.002)
+    surface, structure = surface_of(held), structure_of(HOME)
+    kernel = flattening_of(HOME.robot, structure.pressures)
+    points = find_contact_points(structure, surface, SPACING, kernel)
+    contact = solve_sliding_contact(points, surface)
+    assert not contact.forces.any()
+    assert not contact.push.any()
+    assert contact.gaps.min() == pytest.approx(0.002, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ('shape', 'angle'),
+    [(Polygon(CORNERS), 0.4), (Polygon(CORNERS, 0.03), 0.4), (Ellipse((0.1, 0.05)), 1.8)],
+)
+def test_gaps_close_as_fast_as_by_newtons_method(shape, angle, monkeypatch):
+    # If tubes slid only as far as in the step before, it would take six steps or more.
+    monkeypatch.setattr(sliding_contact, 'MAX_STEPS', 5)
+    held = pressed_into(HOME, 'south/P', shape, angle, 0.02)
+    surface, structure = surface_of(held), structure_of(HOME)
+    kernel = flattening_of(HOME.robot, structure.pressures)
+    points = find_contact_points(structure, surface, SPACING, kernel)
+    assert solve_sliding_contact(points, surface.resolved(SPACING)).forces.any()
+
+
+def test_normals_lean_up_to_75_degrees_against_the_tubes():
+    rng = np.random.default_rng(0)
+    bent, side = np.exp(1j * rng.uniform(0.0, 6.0, 200)), rng.choice([-1.0, 1.0], 200)
+    leans = np.deg2rad(rng.uniform(-100.0, 100.0, 200))
+    outward = 1j * side * bent
+    found, steep = sliding_contact._limit(outward * np.exp(1j * leans), bent, side)
+    most = np.deg2rad(75.0)
+    assert (steep == (np.abs(leans) > most)).all()
+    assert found == pytest.approx(outward * np.exp(1j * np.clip(leans, -most, most)))
+
+
+@pytest.mark.parametrize('place', ['within a loop', 'between loops'])
+def test_normals_that_lean_too_far_are_unit_vectors_on_either_side_of_the_tubes(
+    place, monkeypatch
+):
+    # Nearly all lean farther than this.
+    monkeypatch.setattr(sliding_contact, 'STEEPEST', np.exp(1j * np.deg2rad(0.1)))
+    held = pressed_into(HOME, 'south/P', Ellipse((0.1, 0.05)), 1.8, 0.01)
+    if place == 'between loops':
+        held = ConvexObject(Ellipse((0.42, 0.41)), (0.716, -0.4134, 0.3))
+    surface, structure = surface_of(held), structure_of(HOME)
+    kernel = flattening_of(HOME.robot, structure.pressures)
+    points = find_contact_points(structure, surface, SPACING, kernel)
+    contact = solve_sliding_contact(points, surface.resolved(SPACING))
+    assert contact.forces.any()
+    assert np.abs(contact.normals) == pytest.approx(1.0)

@@ -1,0 +1,147 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Wrinkling: bending moments by hand and by a frame with nodes at the loads, against M_w."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+from hypothesis import given, strategies
+from isotruss_ros.core.contact.contact import ContactState
+from isotruss_ros.core.contact.contact_points import find_contact_points
+from isotruss_ros.core.contact.surfaces import RoundSurface
+from isotruss_ros.core.contact.wrinkling import find_wrinkling, MAX_UTILISATION
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+import robots
+import tubes
+
+LENGTH, RADIUS, PRESSURE = 0.762, 0.051, 34.5e3
+PULL = PRESSURE * np.pi * RADIUS**2
+
+
+def pressed(found, forces, normals):
+    """Return a state of contact with given forces."""
+    zero = np.zeros(len(forces))
+    return ContactState(
+        forces, zero, normals, zero.astype(complex), np.full(len(forces), np.inf), forces * normals
+    )
+
+
+def clamped(shear):
+    """Return one clamped tube with all that is asked of a robot."""
+    structure = tubes.bare(np.array([0j]), np.array([LENGTH + 0j]), 1.9e4, 25.0, shear)
+    module = SimpleNamespace(guide_ring_distance=0.0)
+    structure.config.robot.description = SimpleNamespace(tube_diameter=2 * RADIUS, module=module)
+    structure.config.member_lengths = np.array([LENGTH])
+    return structure
+
+
+@pytest.mark.parametrize('shear', [1.9e3, np.inf])
+@pytest.mark.parametrize('share', [0.5, 0.3, 0.8])
+@pytest.mark.parametrize('angle', [0.0, 0.4, -0.4])
+def test_a_clamped_tube_under_one_force(shear, share, angle):
+    structure, force = clamped(shear), 20.0
+    found = find_contact_points(structure, RoundSurface(share * LENGTH - 0.15j, 0.151), 0.005)
+    at = int(np.abs(found.points - share * LENGTH).argmin())
+    forces = np.where(np.arange(len(found.points)) == at, force, 0.0)
+    normals = np.full(len(forces), 1j * np.exp(1j * angle))
+    result = find_wrinkling(
+        structure, np.array([PRESSURE]), found, pressed(found, forces, normals)
+    )
+    # The tables: end moments F a b^2 / L^2 and F a^2 b / L^2; shear changes them but at midspan.
+    a, b = share * LENGTH, (1.0 - share) * LENGTH
+    across, along = force * np.cos(angle), -force * np.sin(angle)
+    phi = 12.0 * 25.0 / (shear * LENGTH**2)
+    start = across * a * b / LENGTH * (b / LENGTH + 0.5 * phi) / (1.0 + phi)
+    end = across * a * b / LENGTH * (a / LENGTH + 0.5 * phi) / (1.0 + phi)
+    middle = across * a * b / LENGTH - (start * b + end * a) / LENGTH
+    # What pushes along is a pull before it and a compression behind it, each by its stiffness.
+    compression = along * np.array([-b, a]) / LENGTH
+    worst = max(compression)
+    used = [
+        start / (PULL - compression[0]),
+        middle / (PULL - worst),
+        end / (PULL - compression[1]),
+    ]
+    assert result.utilisation == pytest.approx([max(used) / (0.5 * RADIUS)], rel=1e-6)
+    if share != 0.5:
+        expected_place = [0.0, found.place[at], LENGTH][int(np.argmax(used))]
+        assert result.place[0] == pytest.approx(expected_place)
+    # On the side of the object the wall loses what bending takes.
+    expected = (PULL - worst) / (2 * np.pi * RADIUS) - middle / (np.pi * RADIUS**2)
+    assert result.tension[at] == pytest.approx(max(expected, 0.0), rel=1e-6)
+
+
+def test_at_midspan_the_moment_is_an_eighth_of_force_times_length():
+    structure = clamped(1.9e3)
+    found = find_contact_points(structure, RoundSurface(0.5 * LENGTH - 0.15j, 0.151), 0.005)
+    at = int(np.abs(found.points - 0.5 * LENGTH).argmin())
+    forces = np.where(np.arange(len(found.points)) == at, 1.0, 0.0)
+    state = pressed(found, forces, np.full(len(forces), 1j))
+    result = find_wrinkling(structure, np.array([PRESSURE]), found, state)
+    wrinkling_moment = 0.5 * PRESSURE * np.pi * RADIUS**3
+    assert result.utilisation == pytest.approx([LENGTH / 8.0 / wrinkling_moment])
+
+
+def test_more_compression_than_pull_is_beyond_all_bounds():
+    structure = clamped(1.9e3)
+    found = find_contact_points(structure, RoundSurface(0.3 * LENGTH - 0.15j, 0.151), 0.005)
+    forces = np.zeros(len(found.points))
+    forces[len(forces) // 2] = 5.0 * PULL
+    state = pressed(found, forces, np.full(len(forces), 1.0 + 0j))
+    result = find_wrinkling(structure, np.array([PRESSURE]), found, state)
+    assert result.utilisation.tolist() == [np.inf]
+    # A slack wall has no tension.
+    assert result.tension.min() == 0.0
+
+
+@robots.examples(15)
+@given(robots.robots(), robots.generators(), strategies.floats(0.05, 0.5))
+def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, diameter):
+    config = robots.random_state(robot, rng)
+    structure, m = structure_of(config), robot.topology.n_modules
+    center = config.points[rng.integers(len(config.points))] + 0.1 * complex(*rng.normal(size=2))
+    found = find_contact_points(structure, RoundSurface(center, diameter), 0.02)
+    some = np.sort(rng.permutation(len(found.points))[:8])
+    forces, normals = np.zeros(len(found.points)), np.exp(6.3j * rng.random(len(found.points)))
+    forces[some] = rng.uniform(0.0, 20.0, len(some))
+    pressure = rng.uniform(2e4, 6e4, m)
+    result = find_wrinkling(structure, pressure, found, pressed(found, forces, normals))
+
+    frame, nodes = tubes.robot_with_nodes(structure, found.points[some])
+    loads = np.zeros((len(frame.points), 3))
+    push = forces[some] * normals[some]
+    np.add.at(loads, nodes, np.column_stack([push.real, push.imag, 0.0 * push.real]))
+    ends = frame.solve(loads).end_forces
+    inside = found.pieces[found.piece][some]
+    expected = tubes.largest_utilisation(structure, pressure, ends, inside)
+    assert result.utilisation == pytest.approx(expected, rel=1e-5, abs=1e-9)
+    assert (result.place >= -1e-9).all()
+    assert (result.place <= config.member_lengths + 1e-9).all()
+    assert (result.tension >= 0.0).all()
+
+
+def test_the_default_bound_is_the_documented_one():
+    page = Path(__file__).parents[3] / 'docs' / 'grasp_planning.md'
+    assert f'`max_utilisation` ({MAX_UTILISATION})' in page.read_text(encoding='utf-8')
+
+
+def test_where_hardly_a_pull_is_left_the_moment_still_has_a_bound():
+    structure = clamped(1.9e3)
+    found = find_contact_points(structure, RoundSurface(0.5 * LENGTH - 0.15j, 0.151), 0.005)
+    at = int(np.abs(found.points - 0.5 * LENGTH).argmin())
+    forces = np.where(np.arange(len(found.points)) == at, 2.0, 0.0)
+    state = pressed(found, forces, np.full(len(forces), np.exp(1j)))
+    # Half of what pushes along compresses the piece behind it; all moments are an eighth.
+    pull = np.cos(1.0) + 0.05
+    result = find_wrinkling(structure, np.array([pull / (np.pi * RADIUS**2)]), found, state)
+    moment = 2.0 * np.sin(1.0) * LENGTH / 8.0
+    assert result.utilisation == pytest.approx([moment / (0.5 * RADIUS * 0.05)], rel=1e-6)

@@ -1,0 +1,81 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Newton's method for the balance of a held object, on equations whose solution is known."""
+
+from isotruss_ros.core.holding.balance import ANGLE, CENTER, MAX_STEPS, Places, solve_balance
+import numpy as np
+import pytest
+
+PLACES = Places.of(1)
+ARM, MAX_TURN = 0.2, 0.3
+START = np.zeros(PLACES.size)
+
+
+def linear(goal, matrix, tried):
+    """Return linear equations with a solution, which record where they are asked."""
+
+    def equations(unknowns):
+        tried.append(unknowns)
+        return matrix @ (unknowns - goal), matrix, np.ones(1, dtype=complex)
+
+    return equations
+
+
+def goal_of(**parts):
+    """Return unknowns, of which some are given; the contact presses."""
+    goal = START.copy()
+    goal[PLACES.normal] = 10.0
+    for name, values in parts.items():
+        goal[{'center': CENTER, 'angle': ANGLE}.get(name) or getattr(PLACES, name)] = values
+    return goal
+
+
+def test_linear_equations_take_one_step():
+    rng, tried = np.random.default_rng(0), []
+    goal = goal_of(center=(0.05, -0.08), angle=0.2, feet=0.09, inclinations=-0.1, friction=-1e3)
+    matrix = rng.normal(size=(PLACES.size, PLACES.size)) + 5.0 * np.eye(PLACES.size)
+    found = solve_balance(linear(goal, matrix, tried), START, 2.0 * ARM, MAX_TURN)
+    assert found.unknowns == pytest.approx(goal, rel=1e-9, abs=1e-12)
+    assert len(tried) == 2
+
+
+@pytest.mark.parametrize(
+    ('parts', 'steps'),
+    [
+        ({'center': (0.0, -1.0)}, 10),
+        ({'feet': 0.5}, 5),
+        ({'angle': -0.9}, 3),
+        ({'inclinations': 0.4}, 2),
+    ],
+)
+def test_steps_are_no_longer_than_they_may(parts, steps):
+    tried = []
+    goal = goal_of(**parts)
+    found = solve_balance(linear(goal, np.eye(PLACES.size), tried), START, ARM, MAX_TURN)
+    assert found.unknowns == pytest.approx(goal)
+    assert np.array(tried) == pytest.approx(np.linspace(0.0, 1.0, steps + 1)[:, None] * goal)
+
+
+def test_what_has_no_solution_or_a_folded_one_gives_none():
+    singular = np.diag([1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
+    infinite = np.full((PLACES.size, PLACES.size), np.nan)
+    for matrix in (singular, infinite):
+
+        def equations(unknowns, matrix=matrix):
+            return np.ones(PLACES.size), matrix, np.ones(1, dtype=complex)
+
+        assert solve_balance(equations, START, ARM, MAX_TURN) is None
+    for inclination in (0.51, -0.51):
+        folded = linear(goal_of(inclinations=inclination), np.eye(PLACES.size), [])
+        assert solve_balance(folded, START, ARM, MAX_TURN) is None
+    tried = []
+    far = linear(goal_of(feet=ARM * MAX_STEPS), np.eye(PLACES.size), tried)
+    assert solve_balance(far, START, ARM, MAX_TURN) is None
+    assert len(tried) == MAX_STEPS

@@ -1,0 +1,89 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""A third member that comes to touch, as the structure of the two that hold bends."""
+
+from dataclasses import replace
+
+from held_grips import held, HOME, LOOP, numbers
+from isotruss_ros.core import Disc
+from isotruss_ros.core.contact.depths import member_depths
+from isotruss_ros.core.holding.contact_changes import _depth_in, join
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.model.segment_gaps import segment_gaps
+from isotruss_ros.core.statics.member_compliance import MemberCompliance
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+
+@pytest.mark.parametrize(
+    ('members', 'diameter', 'other'),
+    [
+        (LOOP[:2], 0.1, LOOP[2]),
+        (LOOP[:2], 0.5, LOOP[2]),
+        (('north/P-Z', 'north/Z-R'), 0.3, 'north/R-P'),
+        (('south/P-Q', 'north/R-P'), 0.4, 'east/Q-R'),
+    ],
+)
+def test_a_member_that_does_not_hold_moves_with_the_structure(members, diameter, other):
+    grip = held(Disc(diameter), 0.0, members, 0.012)
+    number = int(numbers([other])[0])
+    topology = HOME.robot.topology
+    start = HOME.points[topology.b[number]]
+    end = HOME.points[topology.c[topology.following[number]]]
+    # Where the object is, and close beside the member on its left.
+    beside = start + (0.4 + 0.05j) * (end - start)
+    for body in (grip.body, grip.body.moved_to((beside.real, beside.imag, 0.0))):
+        # Where it is nearest to the object, on a lattice.
+        shares = np.linspace(0.0, 1.0, 100001)
+        share = shares[np.abs(start + shares * (end - start) - body.middle).argmin()]
+        compliance = MemberCompliance(structure_of(HOME), [*grip.members, number])
+        feet = np.append(grip.state.feet, share * abs(end - start))
+        loads = np.vstack([grip.statics.loads(grip.state.unknowns), np.zeros(3)])
+        along, across, _ = compliance.at(feet).respond(loads)[-1]
+        moved = (along + 1j * across) * compliance.axis[-1]
+        before, after = (
+            segment_gaps(body, np.array([start + by]), np.array([end + by])).gaps[0]
+            for by in (0.0, moved)
+        )
+        deeper = _depth_in(replace(grip, body=body), number, 0.01) - 0.01
+        assert deeper == pytest.approx(before - after, rel=1e-2)
+
+
+def test_a_third_member_joins_as_soon_as_it_presses():
+    def depth(diameter):
+        grip = held(Disc(diameter), 0.0, LOOP[:2], 0.012)
+        third = int(numbers(LOOP[2:])[0])
+        return grip, _depth_in(grip, third, float(member_depths(HOME, grip.body)[third]))
+
+    size = brentq(lambda diameter: depth(diameter)[1] - 1e-5, 0.6, 0.65, xtol=1e-6)
+    grip = depth(size)[0].moved_to(HOME)
+    assert len(grip.members) == 3
+    assert 0.0 < grip.normal_forces[2] < 0.1
+
+
+@pytest.mark.parametrize('force', [None, -0.1])
+def test_a_third_member_that_would_not_press_stays_away(force, monkeypatch):
+    grip = held(Disc(0.65), 0.0, LOOP[:2], 0.012)
+    assert len(join(grip).members) == 3
+    rolled = HeldGrip.rolled
+
+    def pulled(*arguments):
+        """Return no equilibrium, or one that would pull at all contacts."""
+        if force is None:
+            return None
+        found = rolled(*arguments)
+        unknowns = found.state.unknowns.copy()
+        unknowns[found.state.places.normal] = force
+        return replace(found, state=replace(found.state, unknowns=unknowns))
+
+    monkeypatch.setattr(HeldGrip, 'rolled', pulled)
+    assert join(grip) is grip

@@ -1,0 +1,135 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The equations of a held object: balance, touch, rolling; whether it is held by its forces."""
+
+from dataclasses import replace
+
+from grips import gripped
+from held_grips import BOX, held
+from isotruss_ros.core import HoldStatus
+from isotruss_ros.core.holding.balance import ANGLE, CENTER
+from isotruss_ros.core.holding.contact_closures import find_anchors, rest, stick
+from isotruss_ros.core.holding.grip_equilibrium import NOTHING, scaled_wrench
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.indentation import no_indentation
+from isotruss_ros.core.holding.pressed_contacts import contact_statics, start_at
+import numpy as np
+import pytest
+
+CONFIG, DISC = gripped(squeeze=0.05)
+MODEL = HeldGrip.attach(CONFIG, DISC)
+UNLOADED = np.zeros(3)
+
+
+@pytest.fixture(scope='module')
+def statics():
+    """Return the equations of a disc between the two members at the tip."""
+    return contact_statics(CONFIG, DISC, MODEL.contacts, flattening=False)
+
+
+def dents(forces):
+    """Return a made-up indentation of the skin, and its derivative."""
+    return 1e-4 * forces + 1e-6 * forces**2, 1e-4 + 2e-6 * forces
+
+
+@pytest.mark.parametrize('indentation', [no_indentation, dents])
+def test_the_equilibrium_balances_and_touches(statics, indentation):
+    statics = replace(statics, indentation=indentation)
+    wrench = np.array([1.0, -2.0, 0.5])
+    state = statics.solve(start_at(statics, DISC), wrench, rest(statics, DISC.center, 0.2))
+    forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
+    left = -forces.sum() + complex(wrench[0], wrench[1])
+    assert abs(left) < 1e-9 * state.normal_forces.sum()
+    assert state.friction_forces.sum() == pytest.approx(wrench[2])
+    assert state.unknowns[ANGLE] == pytest.approx(0.2)
+    # The bent centre lines touch a disc of both radii less the dents, tangentially. Friction acts
+    # at the dented skin, with that arm about the centre line.
+    arms = statics.tube_radius - indentation(state.normal_forces)[0]
+    local = forces * statics.compliance.axis.conj()
+    loads = np.column_stack([local.real, local.imag, -arms * state.friction_forces])
+    given = statics.compliance.at(state.feet).respond(loads)
+    points = statics.compliance.start + statics.compliance.axis * (
+        state.feet + given[:, 0] + 1j * given[:, 1]
+    )
+    away = points - state.center
+    assert np.abs(away) == pytest.approx(statics.arm + arms, abs=1e-10)
+    along = statics.compliance.axis * (1.0 + 1j * given[:, 2])
+    assert (away.conj() * along).real == pytest.approx(0.0, abs=1e-10)
+
+
+def test_without_a_past_the_place_along_the_bisector_is_the_given_one(statics):
+    state = statics.solve(start_at(statics, DISC), UNLOADED, rest(statics, DISC.center, 0.0))
+    along = 1j * (state.normals[0] - state.normals[1])
+    assert abs(state.center - DISC.center) > 1e-3
+    assert ((state.center - DISC.center) * along.conjugate()).real == pytest.approx(0.0, abs=1e-9)
+
+
+def test_rolling_from_where_it_is_stays_there_and_follows_the_tube(statics):
+    state = statics.solve(start_at(statics, DISC), UNLOADED, rest(statics, DISC.center, 0.3))
+    travel, angles = np.array([0.01, -0.02]), np.angle(state.normals) - 0.3
+    anchors = find_anchors(statics, state.unknowns, state.normals, travel, angles)
+    closure = stick(statics, anchors, travel, angles, NOTHING)
+    same = statics.solve(start_at(statics, DISC), UNLOADED, closure)
+    assert same.unknowns == pytest.approx(state.unknowns, abs=1e-9)
+    # Both tubes run past the object alike: it turns in place (17), as far as 2 travel / d.
+    along = 0.02
+    closure = stick(statics, anchors, travel - along * statics.sides, angles, NOTHING)
+    turned = statics.solve(state.unknowns, UNLOADED, closure)
+    assert turned.unknowns[ANGLE] == pytest.approx(0.3 + along / statics.arm, abs=1e-9)
+    places = state.places
+    for part in (CENTER, slice(places.feet.start, None)):
+        assert turned.unknowns[part] == pytest.approx(state.unknowns[part], abs=1e-8)
+
+
+def with_unknowns(grip, **parts):
+    """Return an equilibrium with other forces, feet or angle."""
+    unknowns = grip.state.unknowns.copy()
+    for name, values in parts.items():
+        place = ANGLE if name == 'angle' else getattr(grip.state.places, name)
+        unknowns[place] = values
+    return replace(grip, state=replace(grip.state, unknowns=unknowns))
+
+
+@pytest.mark.parametrize(
+    ('normal', 'feet', 'hold'),
+    [
+        ([0.05, 1.0], [0.0, 1.0], HoldStatus.HELD),
+        ([0.0, 1.0], [0.3, 0.3], HoldStatus.NO_CONTACT),
+        ([1.0, -0.05], [0.3, 0.3], HoldStatus.NO_CONTACT),
+        ([1.0, 1.0], [-0.01, 0.3], HoldStatus.OFF_MEMBER),
+        ([1.0, 1.0], [0.3, 1.01], HoldStatus.OFF_MEMBER),
+        ([1.0, 0.1], [0.3, 0.3], HoldStatus.SLIPS),
+    ],
+)
+def test_a_grasp_holds_where_all_members_press_on_their_length_and_stick(normal, feet, hold):
+    """Feet are shares of the lengths of their members."""
+    places = np.array(feet) * MODEL.statics.compliance.length
+    grasp = with_unknowns(MODEL, normal=normal, friction=[0.01, -0.06], feet=places)
+    assert grasp.hold(0.5) is hold
+
+
+def test_forces_of_members_are_sums_over_their_contacts():
+    grip = held(BOX, 0.0)
+    assert grip.statics.owners.tolist() == [0, 1, 1]
+    grasp = with_unknowns(grip, normal=[5.0, 1.0, 3.0], friction=[-2.0, 0.4, 0.8])
+    assert grasp.normal_forces == pytest.approx([5.0, 4.0])
+    assert grasp.friction_forces == pytest.approx([-2.0, 1.2])
+    assert grasp.squeeze == pytest.approx(4.5)
+    assert grasp.required_friction == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(('angle', 'within'), [(3.0, 3.0), (4.0, 4.0 - 2.0 * np.pi)])
+def test_the_angle_of_a_pose_is_within_half_a_turn(angle, within):
+    assert with_unknowns(MODEL, angle=angle).pose.angle == pytest.approx(within)
+
+
+def test_moments_compare_with_forces_by_the_arm():
+    assert scaled_wrench([3.0, 4.0, 0.5], 0.2) == pytest.approx([3.0, 4.0, 2.5])
+    assert scaled_wrench(None, 0.2).tolist() == [0.0, 0.0, 0.0]

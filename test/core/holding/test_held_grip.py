@@ -1,0 +1,461 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Convex objects at two members or three: equilibrium, slip margin, and how they roll."""
+
+import copy
+from dataclasses import replace
+import math
+from types import SimpleNamespace
+
+from apart_grips import APART, NINE
+from grips import gripped
+from held_grips import BOX, held, HOME, LOOP, numbers
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    Disc,
+    Ellipse,
+    Grip,
+    HoldStatus,
+    place_between,
+    Polygon,
+    settle_grasp,
+    solve_twist,
+)
+from isotruss_ros.core.contact.depths import member_depths
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding import contact_changes
+from isotruss_ros.core.holding.contact_changes import lay_down
+from isotruss_ros.core.holding.contact_closures import rest, stick
+from isotruss_ros.core.holding.corner_dents import corner_dents
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.pressed_contacts import contact_statics, find_pressed
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from shapes import regular_polygon
+
+CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
+SHARP = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
+CORNER = ('north/P-Z', 'north/Z-R')
+NOTHING = np.zeros(0, dtype=np.intp)
+
+
+CASES = [
+    (BOX, 0.2, APART, 2),
+    (BOX, 0.0, APART, 3),
+    (SHARP, 0.5236, CORNER, 3),
+    (Ellipse((0.25, 0.2)), 0.4, APART, 2),
+    (Disc(0.4), 0.4, APART, 2),
+]
+
+
+def turned_disc(angle):
+    """Return the disc, turned."""
+    return CYLINDER.moved_to((*CYLINDER.pose[:2], angle))
+
+
+def test_angles_are_those_within_half_a_turn():
+    for angle, within in ((3.1, 3.1), (3.5, 3.5 - 2.0 * np.pi), (-9.0, 2.0 * np.pi - 9.0)):
+        grasp = HeldGrip.attach(CONFIG, turned_disc(angle))
+        assert grasp.pose.angle == pytest.approx(within, abs=0.05)
+
+
+@pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
+def test_the_jacobian_is_that_of_differences(shape, angle, members, count):
+    grip = held(shape, angle, members, external_wrench=np.array([0.3, -0.2, 0.1]))
+    assert len(grip.anchors) == count
+    statics, rng = grip.statics, np.random.default_rng(0)
+    state = grip.state.unknowns + 1e-3 * rng.normal(size=len(grip.state.unknowns))
+    travel = rng.normal(size=count)
+    for closure in (
+        rest(statics, grip.body.center + 0.001, angle + 0.01),
+        stick(statics, grip.anchors, travel, grip.angles, NOTHING),
+        stick(statics, grip.anchors, travel, grip.angles, np.array([1])),
+    ):
+        jacobian = statics.equations(state, grip.wrench, closure)[1]
+        for i, step in enumerate(1e-6 * np.eye(len(state))):
+            ahead, behind = (
+                statics.equations(state + sign * step, grip.wrench, closure)[0] for sign in (1, -1)
+            )
+            assert jacobian[:, i] == pytest.approx((ahead - behind) / 2e-6, rel=1e-6, abs=1e-7)
+
+
+def touched_points(grip):
+    """Return where the forces act: the tubes' skins, dented, off the bent centre lines."""
+    state, statics = grip.state, grip.statics
+    push = (state.normal_forces + 1j * state.friction_forces) * state.normals
+    compliance = statics.compliance
+    local = push * compliance.axis.conj()
+    skin = statics.tube_radius - statics.indentation(state.normal_forces)[0]
+    loads = np.column_stack([local.real, local.imag, -skin * state.friction_forces])
+    assert statics.loads(state.unknowns) == pytest.approx(loads, abs=1e-9)
+    give = compliance.at(state.feet).respond(loads)
+    line = compliance.start + compliance.axis * (state.feet + give[:, 0] + 1j * give[:, 1])
+    return line - skin * state.normals
+
+
+def assert_balanced(grip, wrench):
+    """Check that the tubes touch the object, and that forces there balance a wrench on it."""
+    state, points = grip.state, touched_points(grip)
+    push = (state.normal_forces + 1j * state.friction_forces) * state.normals
+    gaps = grip.body.nearest(points).gaps
+    assert gaps == pytest.approx(np.zeros(len(gaps)), abs=2e-5)
+    arms = points - grip.body.center
+    total = push.sum()
+    assert (total.real, total.imag) == pytest.approx(wrench[:2], abs=1e-8)
+    assert (arms.conj() * push).imag.sum() == pytest.approx(wrench[2], abs=1e-7)
+
+
+@pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
+def test_forces_on_the_object_balance_the_wrench(shape, angle, members, count):
+    wrench = np.array([0.5, -0.3, 0.05])
+    grip = held(shape, angle, members, external_wrench=wrench)
+    assert len(grip.anchors) == count
+    assert_balanced(grip, wrench)
+
+
+def test_a_face_comes_to_lie_on_a_member_and_lifts_at_its_other_end_and_back():
+    grip, configs = held(SHARP, 0.65, CORNER), [HOME]
+    ahead = [(3, 1), (3, 1, 2), (3, 2)]
+    for turn, corners in ((-0.01, ahead), (0.01, ahead[::-1])):
+        seen = [tuple(grip.contacts.corners.tolist())]
+        for number in range(14):
+            if turn < 0.0:
+                command = solve_twist(configs[-1], Grip(CORNER, grip.body), [0, 0, turn])
+                travel = configs[-1].roller_positions + command.roller_velocities
+                configs.append(configs[-1].moved_to(travel))
+            before = grip
+            grip = grip.moved_to(configs[number + 1 if turn < 0.0 else -number - 2])
+            assert_balanced(grip, np.zeros(3))
+            assert math.dist(grip.pose[:2], before.pose[:2]) < 2e-3
+            assert 0.0 < (grip.pose.angle - before.pose.angle) / turn < 2.0
+            touched = tuple(grip.contacts.corners.tolist())
+            pressed = find_pressed(grip.config, grip.body, grip.members)
+            if touched == tuple(pressed.corners.tolist()):
+                assert grip.contacts.cuts == pytest.approx(pressed.cuts)
+            if len(touched) > len(before.anchors):
+                # What has only come to touch does not rub yet.
+                fresh = [corner not in before.contacts.corners for corner in touched]
+                assert grip.state.friction_forces[fresh] == pytest.approx(0.0, abs=1e-9)
+            seen += [touched] if touched != seen[-1] else []
+        assert seen == corners
+
+
+@pytest.mark.parametrize(('farthest', 'steps', 'turned'), [(0.4, 20, 0.35), (0.16, 1, 0.15)])
+def test_a_polygon_of_many_sides_rolls_as_a_disc(farthest, steps, turned):
+    # In one step as well, over five faces, which is as many as there may be.
+    number = 96
+    sector = 2.0 * np.pi / number
+    vertices = 0.15 * np.sqrt(sector / np.sin(sector)) * np.exp(1j * sector * np.arange(number))
+    polygon = ConvexObject(
+        Polygon([(z.real, z.imag) for z in vertices]), (*CYLINDER.pose[:2], 0.1)
+    )
+    disc, grip = HeldGrip.attach(CONFIG, turned_disc(0.1)), HeldGrip.attach(CONFIG, polygon)
+    assert grip.squeeze == pytest.approx(disc.squeeze, rel=0.02)
+    held_there = Grip(CORNER, CYLINDER)
+    turning = solve_twist(CONFIG, held_there, (0.0, 0.0, 1.0), limits=()).roller_velocities
+    for share in np.linspace(0.0, farthest, steps + 1)[1:]:
+        config = CONFIG.moved_to(CONFIG.roller_positions + share * turning)
+        disc, grip = disc.moved_to(config), grip.moved_to(config)
+    assert disc.pose.angle - 0.1 > turned
+    assert np.array(grip.pose) == pytest.approx(np.array(disc.pose), abs=5e-4)
+    assert grip.squeeze == pytest.approx(disc.squeeze, rel=0.02)
+    assert_balanced(grip, np.zeros(3))
+
+
+def rolled_over_corners():
+    """Return a polygon of many sides that has rolled over five of its corners, none let go yet."""
+    polygon = ConvexObject(regular_polygon(96, 0.15), (*CYLINDER.pose[:2], 0.1))
+    grip, held_there = HeldGrip.attach(CONFIG, polygon), Grip(CORNER, CYLINDER)
+    turning = solve_twist(CONFIG, held_there, (0.0, 0.0, 1.0), limits=()).roller_velocities
+    config = CONFIG.moved_to(CONFIG.roller_positions + 0.16 * turning)
+    return grip.rolled(config, grip.contacts, grip.anchors, grip.angles, grip.wrench)
+
+
+@pytest.mark.parametrize('changes', [0, 1, 2])
+def test_short_faces_follow_each_other_as_often_as_they_may(changes):
+    grip = rolled_over_corners()
+    laid = lay_down(grip, changes)
+    passed = (laid.contacts.corners - grip.contacts.corners + 48) % 96 - 48
+    assert np.abs(passed).sum() == 1 + changes
+    assert np.abs(lay_down(grip).contacts.corners - grip.contacts.corners).sum() > 3
+
+
+def test_a_face_that_would_not_press_does_not_lie_down(monkeypatch):
+    grip = rolled_over_corners()
+    tried = []
+
+    def pulled(*arguments):
+        tried.append(arguments)
+        return SimpleNamespace(presses=False)
+
+    monkeypatch.setattr(contact_changes, '_with_corner', pulled)
+    assert lay_down(grip) is grip
+    assert tried
+
+
+def test_both_ends_of_a_face_press_and_rub_alike():
+    grip = held(BOX, 0.0)
+    owners, state = grip.contacts.owners, grip.state
+    assert np.bincount(owners).tolist() == [1, 2]
+    face = owners == 1
+    ratios = state.friction_forces[face] / state.normal_forces[face]
+    assert ratios[0] == pytest.approx(ratios[1], rel=1e-6)
+    # As little friction as the balance needs: both members rub alike.
+    assert np.abs(grip.friction_forces / grip.normal_forces) == pytest.approx(
+        [grip.required_friction] * 2, rel=1e-6
+    )
+
+
+@pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
+def test_an_object_that_rolls_there_and_back_is_where_it_was(shape, angle, members, count):
+    begun = held(shape, angle, members)
+    grip = begun
+    way = np.array([0.01, -0.02, 0.01, 0.015, -0.01, 0.02])
+    shares = [0.25, 0.5, 0.75, 1.0, 0.75, 0.5, 0.25, 0.0]
+    farthest = 0.0
+    for share in shares:
+        config = HOME.moved_to(HOME.roller_positions + 0.2 * share * way)
+        grip = grip.moved_to(config)
+        assert grip is not None
+        farthest = max(farthest, float(np.abs(np.subtract(grip.pose, begun.pose)).max()))
+        if len(grip.anchors) != count:
+            return  # a face has lifted, or come to lie on a member: friction remembers that
+    assert farthest > 1e-3
+    assert grip.pose == pytest.approx(begun.pose, abs=1e-8)
+
+
+@pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
+def test_the_response_is_that_of_small_wrenches_and_openings(shape, angle, members, count):
+    grip = held(shape, angle, members)
+    response = grip.response
+    assert response.stable
+    for i, step in enumerate(1e-3 * np.eye(3)):
+        wrench = step * (1.0, 1.0, grip.body.arm)
+        moved = np.subtract(
+            grip.moved_to(HOME, wrench).state.unknowns, grip.moved_to(HOME, -wrench).state.unknowns
+        )
+        places = grip.statics.places
+        assert moved[:3] / 2e-3 == pytest.approx(response.pose[:, i], rel=2e-4, abs=1e-8)
+        assert moved[places.normal] / 2e-3 == pytest.approx(
+            response.normal[:, i], rel=2e-4, abs=1e-5
+        )
+        gained = moved[places.normal].sum() / len(members) / 2e-3
+        assert gained == pytest.approx(response.squeeze[i], rel=2e-4, abs=1e-5)
+    if count > 2:
+        return  # a member that turns as it closes leaves one end of a face
+    command = solve_twist(
+        HOME, Grip(members, grip.body), np.zeros(3), opening_rate=-1e-4, limits=()
+    )
+    ahead = grip.moved_to(HOME.moved_to(HOME.roller_positions + command.roller_velocities))
+    gained = (ahead.squeeze - grip.squeeze) / -1e-4
+    # The members also turn as they close.
+    assert gained == pytest.approx(grip.squeeze_stiffness(), rel=0.15)
+
+
+def changed_forces(grip, moving):
+    """Return how normal forces change as members move along directions (k,), contacts sticking."""
+    travel = np.zeros(len(grip.anchors))
+    found = []
+    for step in (1e-6, -1e-6):
+        compliance = copy.copy(grip.statics.compliance)
+        compliance.start = compliance.start + step * moving
+        statics = replace(grip.statics, compliance=compliance)
+        closure = stick(statics, grip.anchors, travel, grip.angles, NOTHING)
+        found.append(statics.solve(grip.state.unknowns, grip.wrench, closure).normal_forces)
+    return (found[0] - found[1]) / 2e-6
+
+
+@pytest.mark.parametrize(
+    ('shape', 'angle', 'members'), [*(case[:3] for case in CASES), (Disc(0.5), 0.0, LOOP)]
+)
+def test_openings_are_those_of_members_that_move_apart(shape, angle, members):
+    grip = held(shape, angle, members)
+    owners, normals, response = grip.contacts.owners, grip.state.normals, grip.response
+    for number in range(len(members)):
+        change = changed_forces(grip, np.where(owners == number, normals, 0.0))
+        by_member = np.bincount(owners, change)
+        assert by_member == pytest.approx(response.openings[:, number], rel=1e-3, abs=1.0)
+    if len(members) > 2:
+        moving = 0.5 * normals
+    else:
+        points = touched_points(grip)
+        apart = points[owners == 1].mean() - points[owners == 0].mean()
+        apart /= abs(apart)
+        moving = np.where(owners == 1, 0.5, -0.5) * apart
+    gained = changed_forces(grip, moving).sum() / len(members)
+    assert grip.squeeze_stiffness() == pytest.approx(gained, rel=0.01)
+    assert gained < 0.0
+
+
+@pytest.mark.parametrize('kind', ['slips', 'lets go'])
+def test_at_the_slip_margin_a_member_slips_or_lets_go(kind):
+    shape, friction = (BOX, 0.8) if kind == 'slips' else (Disc(0.4), 5.0)
+    grip = held(shape, 1.0 if kind == 'slips' else 0.4)
+    assert grip.hold(friction) is HoldStatus.HELD
+    margin = grip.slip_margin(friction)
+    assert margin > 0.0
+    sticking = []
+    for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
+        for across in (-0.7, 0.0, 0.7):
+            along = np.sqrt(1.0 - across**2) * np.array([np.cos(angle), np.sin(angle)])
+            unit = np.append(along, across * grip.body.arm)
+            loaded = grip.moved_to(HOME, 0.9 * margin * unit)
+            assert loaded is not None
+            assert loaded.hold(friction) is HoldStatus.HELD
+            more = grip.moved_to(HOME, 1.3 * margin * unit)
+            sticking.append(more is not None and more.hold(friction) is HoldStatus.HELD)
+    # Beyond it holds in some directions only.
+    assert not all(sticking)
+    assert any(sticking)
+
+
+def test_round_sections_press_harder_and_need_no_table():
+    for shape, angle, members, count in CASES:
+        soft, stiff = (held(shape, angle, members, flattening=flat) for flat in (True, False))
+        assert len(stiff.anchors) == count
+        assert stiff.squeeze > 1.1 * soft.squeeze
+        assert stiff.statics.indentation(np.ones(count))[0] == pytest.approx(np.zeros(count))
+        moved = stiff.moved_to(HOME, np.array([0.1, 0.0, 0.0]))
+        assert moved.wrench[0] == 0.1
+
+
+def test_members_that_open_one_by_one_open_all():
+    grip = held(Disc(0.65), 0.0, LOOP)
+    response = grip.response
+    both = 0.5 * response.openings.sum(axis=1)
+    assert np.bincount(response.owners, weights=response.opening) == pytest.approx(both, rel=1e-9)
+    assert (np.diag(response.openings) < 0.0).all()
+    assert response.squeeze_stiffness == pytest.approx(both.mean(), rel=1e-9)
+
+
+def test_three_members_hold_a_disc_by_equal_friction():
+    shape = Disc(0.65)
+    grip = place_between(HOME, LOOP, shape, indentation=0.01)
+    settled = settle_grasp(HOME, grip.body, 0.5, (0.0, 0.0, 1.0), members=LOOP)
+    assert settled.hold is HoldStatus.HELD
+    assert set(settled.normal_forces) == set(LOOP)
+    rubs = np.array(list(settled.friction_forces.values()))
+    assert rubs == pytest.approx([rubs.mean()] * 3, rel=1e-6)
+    assert rubs.sum() * 0.325 == pytest.approx(-1.0, rel=1e-9)
+    assert settled.slip_margin > 1.0
+    # Found without their names too, where it presses into three.
+    again = settle_grasp(
+        HOME, grip.body.moved_to(settled.pose), 0.5, (0.0, 0.0, 1.0), members=LOOP
+    )
+    assert again.pose == pytest.approx(settled.pose, abs=1e-9)
+    ellipse = place_between(HOME, LOOP, Ellipse((0.33, 0.32)), indentation=0.012)
+    assert set(settle_grasp(HOME, ellipse.body, 0.5).normal_forces) == set(LOOP)
+
+
+def gap_of_third(diameter):
+    """Return a disc between two sides of a loop, and how far the third side is from it [m]."""
+    body = place_between(HOME, LOOP[:2], Disc(diameter), indentation=0.012).body
+    return body, -float(member_depths(HOME, body)[numbers(LOOP[2:])[0]])
+
+
+def test_a_third_member_joins_where_the_bent_structure_touches():
+    near, far = (
+        gap_of_third(brentq(lambda size, gap=gap: gap_of_third(size)[1] - gap, 0.4, 0.8))[0]
+        for gap in (1e-3, 0.02)
+    )
+    alone = HeldGrip.attach(HOME, far, numbers(LOOP[:2]))
+    assert len(alone.moved_to(HOME).members) == 2
+    grip = HeldGrip.attach(HOME, near, numbers(LOOP[:2]))
+    assert len(grip.members) == 2
+    # What presses bends the whole loop toward the object: the third side touches it already.
+    toward = -grip.state.normals.sum()
+    pull = np.array([toward.real, toward.imag, 0.0]) / abs(toward)
+    states = []
+    for size in (0.0, 2.0, 4.0, 2.0, 0.0):
+        grip = grip.moved_to(HOME, size * pull)
+        assert set(grip.member_names) == set(LOOP)
+        assert grip.normal_forces.min() > 0.0
+        states.append(grip.state.unknowns)
+    for there, back in zip(states[:2], states[:2:-1], strict=True):
+        assert back == pytest.approx(there, rel=1e-7, abs=1e-7)
+
+
+@pytest.mark.parametrize('angle', [0.3, -0.4])
+def test_a_third_member_is_dented_by_the_corner_that_it_meets(angle):
+    def place(size):
+        shape = regular_polygon(7, size)
+        return place_between(HOME, LOOP[:2], shape, angle=angle, indentation=0.012).body
+
+    third = numbers(LOOP)[2]
+    size = brentq(lambda size: member_depths(HOME, place(size))[third] + 1e-3, 0.2, 0.4)
+    grip = HeldGrip.attach(HOME, place(size), numbers(LOOP[:2])).moved_to(HOME)
+    assert grip.members[-1] == third
+    wanted = contact_statics(HOME, grip.body, grip.contacts, normals=grip.state.normals)
+    for force in (1.0, 3.0):
+        forces = np.full(3, force)
+        dents = [statics.indentation(forces)[0][-1] for statics in (grip.statics, wanted)]
+        assert dents[0] == pytest.approx(dents[1], rel=1e-3)
+
+
+@pytest.mark.parametrize(('flattening', 'bound'), [(True, 0.03), (False, 0.004)])
+@pytest.mark.parametrize('kind', ['disc', 'ellipse', 'faces'])
+def test_without_friction_members_press_as_in_the_analysis(kind, flattening, bound):
+    vertices = 0.645 * np.exp(1j * np.radians([90.0, 210.0, 330.0]))
+    shapes = {
+        'disc': Disc(0.65),
+        'ellipse': Ellipse((0.33, 0.32)),
+        'faces': Polygon([(z.real, z.imag) for z in vertices], corner_radius=0.12),
+    }
+    body = place_between(HOME, LOOP, shapes[kind], indentation=0.014).body
+    grip = HeldGrip.attach(HOME, body, numbers(LOOP), flattening=flattening)
+    assert np.abs(grip.friction_forces).max() < 1e-6
+    analysis = analyze_grasp(HOME, grip.body, 0.5, flattening=flattening)
+    expected = [analysis.contact_forces[name] for name in LOOP]
+    assert grip.normal_forces == pytest.approx(expected, rel=bound)
+
+
+def test_a_face_between_three_members_settles_the_angle_without_friction():
+    vertices = 0.645 * np.exp(1j * np.radians([90.0, 210.0, 330.0]))
+    triangle = Polygon([(z.real, z.imag) for z in vertices], corner_radius=0.12)
+    grip = place_between(HOME, LOOP, triangle, indentation=0.012)
+    settled = settle_grasp(HOME, grip.body, 0.5)
+    assert settled.hold is HoldStatus.HELD
+    assert max(map(abs, settled.friction_forces.values())) < 1e-6
+    turned = grip.body.moved_to(np.add(grip.body.pose, (0.0, 0.0, 0.005)))
+    # Tables of dents are made for angles in steps.
+    again = settle_grasp(HOME, turned, 0.5).pose
+    assert np.array(again) == pytest.approx(np.array(settled.pose), abs=0.2 * 0.005)
+
+
+def test_a_face_dents_less_than_a_corner_and_a_disc_as_in_its_own_table():
+    both = (np.inf, np.inf)
+    flat = corner_dents(NINE, 0, SHARP, 1j, 0.15 + 0.1j, (np.inf, 0.15))
+    sharp = corner_dents(NINE, 0, SHARP, np.exp(0.25j * np.pi), 0.15 + 0.1j, both)
+    assert flat(15.0)[0] < 0.2 * sharp(15.0)[0]
+    # Pressure times area: half of a face of 0.3 m on a foundation of 4 pi p / 3.
+    pressure = next(iter(NINE.description.pressures.values()))
+    assert flat(5.0)[0] == pytest.approx(5.0 / (0.15 * 4.0 * np.pi * pressure / 3.0), rel=0.25)
+    grip = HeldGrip.attach(CONFIG, CYLINDER)
+    table = corner_dents(NINE, 0, Disc(0.3), 1.0 + 0j, 0.15 + 0j, both)
+    depths, _ = grip.statics.indentation(np.array([10.0, 30.0]))
+    assert [table(10.0)[0], table(30.0)[0]] == pytest.approx(depths, rel=0.02)
+
+
+def test_what_is_not_held_says_why():
+    far = ConvexObject(BOX, (3.0, 3.0, 0.0))
+    assert settle_grasp(HOME, far, 0.5).hold is HoldStatus.NO_CONTACT
+    grip = place_between(HOME, APART, BOX, angle=0.2, indentation=0.01)
+    slips = settle_grasp(HOME, grip.body, 0.3)
+    assert slips.hold is HoldStatus.SLIPS
+    assert 'coefficient' in slips.reason
+    assert settle_grasp(HOME, grip.body, 1.5, members=APART).hold is HoldStatus.HELD
+    own = ConvexObject(BOX, grip.body.pose, friction=1.5)
+    assert settle_grasp(HOME, own, members=APART).hold is HoldStatus.HELD
+    with pytest.raises(GraspError, match='south/P-X'):
+        settle_grasp(HOME, grip.body, 0.5, members=('south/P-Q', 'south/P-X'))
+    with pytest.raises(GraspError, match='two or three'):
+        settle_grasp(HOME, ConvexObject.disc((0.0, 0.0), 0.3), 0.5, members=APART[:1])

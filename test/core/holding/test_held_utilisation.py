@@ -1,0 +1,46 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Utilisation under the forces of a held object, against a frame with nodes at its contacts."""
+
+import frames
+from grips import gripped
+from held_grips import BOX, held
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_utilisation import held_sections, held_utilisation
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+import tubes
+
+
+def disc(angle):
+    """Return a disc pressed into the wedge of a module."""
+    return HeldGrip.attach(*gripped(angle, squeeze=0.1))
+
+
+@pytest.mark.parametrize('grasp', [disc(30.0), disc(45.0), disc(60.0), held(BOX, 0.0)])
+def test_tubes_bear_what_a_frame_under_the_same_loads_does(grasp):
+    structure, state, statics = structure_of(grasp.config), grasp.state, grasp.statics
+    feet = statics.compliance.start + state.feet * statics.compliance.axis
+    frame, nodes = tubes.robot_with_nodes(structure, feet)
+    push = (state.normal_forces + 1j * state.friction_forces) * state.normals
+    # From the bent centre lines to the skin, where friction acts.
+    arms = -(statics.tube_radius - statics.indentation(state.normal_forces)[0]) * state.normals
+    loads = np.zeros((len(frame.points), 3))
+    loads[nodes] = np.column_stack([push.real, push.imag, (arms.conj() * push).imag])
+    rows, fixed = frames.dense(frame._rows, len(frame.points)), frame._held.reshape(-1, 3)
+    *_, ends = frames.reference(frame.points, frame.members, fixed, loads, rows)
+    before = [ends[frame.members.end == node, 5].item() for node in nodes]
+    assert held_sections(grasp).moment == pytest.approx(before, rel=1e-6)
+    pressure = np.array(structure.pressures)[grasp.config.robot.topology.tube]
+    inside = statics.compliance.locate(state.feet)[0]
+    expected = tubes.largest_utilisation(structure, pressure, ends, inside)
+    assert held_utilisation(grasp) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    assert expected.max() > 0.1

@@ -1,0 +1,115 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Dents of the skin: the table against the contact it was made from, and what does not count."""
+
+from isotruss_ros.core import Ellipse, load_robot
+from isotruss_ros.core.contact.contact import solve_contact
+from isotruss_ros.core.contact.contact_points import find_contact_points
+from isotruss_ros.core.contact.flattening import flattening_of
+from isotruss_ros.core.contact.surfaces import RoundSurface
+from isotruss_ros.core.holding import corner_dents, indentation
+from isotruss_ros.core.holding.indentation import Indentation, skin_indentation
+import numpy as np
+import pytest
+import tubes
+
+ROBOT = load_robot('nine_member')
+
+
+@pytest.mark.parametrize('diameter', [0.0254, 0.1, 0.3, 0.7])
+def test_between_its_depths_the_table_is_the_contact(diameter):
+    radius = 0.5 * diameter
+    table = skin_indentation(ROBOT, 0, radius)
+    for share in (0.005, 0.02, 0.1, 0.4, 0.75):
+        depth = share * min(radius, 0.051)
+        force = indentation._pressing_force(ROBOT, 0, radius, depth, None)
+        assert table(force)[0] == pytest.approx(depth, rel=0.02)
+
+
+@pytest.mark.parametrize('force', [1e-3, 0.3, 5.0, 40.0, 1e3, 1e4])
+def test_the_derivative_is_that_of_the_depth(force):
+    table, step = skin_indentation(ROBOT, 0, 0.15), 1e-6 * force
+    slope = (table(force + step)[0] - table(force - step)[0]) / (2.0 * step)
+    assert table(force)[1] == pytest.approx(slope, rel=1e-5)
+    assert slope > 0.0
+    assert table(-force) == pytest.approx((-table(force)[0], table(force)[1]))
+
+
+def test_a_larger_object_dents_less_and_the_contact_points_do_not_count(monkeypatch):
+    depths = [skin_indentation(ROBOT, 0, 0.5 * d)(20.0)[0] for d in (0.0254, 0.1, 0.3, 0.7)]
+    assert depths == sorted(depths, reverse=True)
+    coarse = indentation._pressing_force(ROBOT, 0, 0.15, 0.01, None)
+    monkeypatch.setattr(indentation, 'POINTS', 121)
+    assert indentation._pressing_force(ROBOT, 0, 0.15, 0.01, None) == pytest.approx(
+        coarse, rel=5e-3
+    )
+
+
+def test_softer_tubes_dent_as_under_more_force():
+    tables = [skin_indentation(ROBOT, tube, 0.15) for tube in (0, 1)]
+    forces = np.array([10.0, 20.0])
+    depth, slope = Indentation(tables, scale=0.5)(forces)
+    expected = np.array([table(2.0 * force) for table, force in zip(tables, forces, strict=True)])
+    assert depth == pytest.approx(expected[:, 0])
+    assert slope == pytest.approx(2.0 * expected[:, 1])
+
+
+@pytest.mark.parametrize('cut', [0, 1, 2])
+def test_how_many_points_a_face_has_does_not_count(cut):
+    # Faces fall away from the point, each more steeply than the one before.
+    places = np.array([-0.3, -0.2, -0.02, 0.0, 0.03, 0.2, 0.3])
+    heights = np.array([0.5, 0.2, 0.005, 0.0, 0.004, 0.1, 0.3])
+    kept = slice(cut, 7 - cut)
+    places, heights = places[kept], heights[kept]
+    fine = np.unique(np.append(places, np.linspace(places[0], places[-1], 3000)))
+    forces = [
+        corner_dents._pressing_force(ROBOT, 0, *profile, np.array([np.inf, np.inf]), 0.01, None)
+        for profile in ((places, heights), (fine, np.interp(fine, places, heights)))
+    ]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-9)
+
+
+def test_a_profile_dents_as_its_mirror_image():
+    places = np.array([-0.3, -0.02, 0.0, 0.04, 0.3])
+    heights = np.array([0.5, 0.02, 0.0, 0.004, 0.3])
+    reach = np.array([0.05, 0.03])
+    forces = [
+        corner_dents._pressing_force(ROBOT, 0, *profile, 0.01, None)
+        for profile in ((places, heights, reach), (-places[::-1], heights[::-1], reach[::-1]))
+    ]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-9)
+
+
+def test_each_tube_dents_by_its_own_pressure():
+    names = list(ROBOT.description.pressures)
+    pressures = tuple(2e4 + 1e4 * np.arange(len(names)))
+    whole, shape = (np.inf, np.inf), Ellipse((0.2, 0.1))
+    for tube in range(len(names)):
+        even = (pressures[tube],) * len(names)
+        for table in (
+            lambda given, tube=tube: skin_indentation(ROBOT, tube, 0.15, given),
+            lambda given, tube=tube: corner_dents.corner_dents(
+                ROBOT, tube, shape, 1j, 0.1j, whole, given
+            ),
+        ):
+            assert table(pressures)(20.0) == pytest.approx(table(even)(20.0))
+
+
+@pytest.mark.parametrize('radius', [0.03, 0.15])
+def test_a_tube_that_does_not_bend_is_dented_as_the_table_says(radius):
+    stiff = tubes.bare(np.array([0j]), np.array([0.8 + 0j]), 1e12, 1e12, 1e12)
+    tube = 0.5 * ROBOT.description.tube_diameter
+    table, kernel = skin_indentation(ROBOT, 0, radius), flattening_of(ROBOT, None)
+    for depth in (0.002, 0.01, 0.02):
+        surface = RoundSurface(0.4 + 1j * (tube + radius - depth), radius)
+        points = find_contact_points(stiff, surface, 1e-3, kernel)
+        push = solve_contact(points, surface).push.sum()
+        assert abs(push.real) < 1e-6 * abs(push)
+        assert table(-push.imag)[0] == pytest.approx(depth, rel=0.02)

@@ -1,0 +1,130 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Where objects press into tubes: corners or faces by how they lie, and a start near to them."""
+
+import itertools
+
+from held_grips import BOX, HOME, numbers
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Ellipse,
+    place_between,
+    Polygon,
+)
+from isotruss_ros.core.holding.pressed_contacts import contact_statics, find_pressed, start_at
+from isotruss_ros.core.statics.member_compliance import MemberCompliance
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+from shapes import regular_polygon
+
+NUMBER = HOME.robot.member_names.index('south/P-Q')
+CORNER = ('north/P-Z', 'north/Z-R')
+RADIUS = 0.5 * HOME.robot.description.tube_diameter
+
+
+def member_line(number=NUMBER):
+    """Return where a member starts, and its direction."""
+    topology, points = HOME.robot.topology, HOME.points
+    start, end = points[topology.b[number]], points[topology.c[topology.following[number]]]
+    return start, (end - start) / abs(end - start)
+
+
+def lain_on(length, tilt, side=1.0, depth=0.01):
+    """Return a box whose face of a length is on a member, one end higher, the other this deep."""
+    half = 0.5 * length
+    shape = Polygon([(-half, 0.0), (half, 0.0), (half, 0.3), (-half, 0.3)])
+    start, axis = member_line()
+    turn = axis if side > 0.0 else -axis
+    # The lower end of the face, off the centre line.
+    corner = half * np.exp(1j * tilt) * turn * (-1.0 if tilt > 0.0 else 1.0)
+    center = start + 0.4 * axis + 1j * turn * (RADIUS - depth) - corner
+    return ConvexObject(shape, (center.real, center.imag, np.angle(turn) + tilt))
+
+
+@pytest.mark.parametrize('side', [1.0, -1.0])
+@pytest.mark.parametrize('length', [1.02 * RADIUS, 0.2, 0.5])
+@pytest.mark.parametrize('way', [1.0, -1.0])
+def test_a_face_lies_on_a_tube_where_both_of_its_ends_are_in_it(length, side, way):
+    limit = np.arcsin(0.01 / length)
+    for share, count in ((0.98, 2), (1.02, 1)):
+        body = lain_on(length, way * share * limit, side)
+        found = find_pressed(HOME, body, np.array([NUMBER]))
+        assert found.members.tolist() == [NUMBER] * count
+        assert found.owners.tolist() == [0] * count
+        lower = 0 if way > 0.0 else 1
+        assert found.corners.tolist() == ([0, 1] if count == 2 else [lower])
+        half = 0.5 * length
+        cuts = [[np.inf, half], [half, np.inf]] if count == 2 else [[np.inf, np.inf]]
+        assert found.cuts == pytest.approx(np.array(cuts))
+
+
+def test_a_face_that_is_shorter_than_a_tubes_radius_is_one_corner():
+    found = find_pressed(HOME, lain_on(0.98 * RADIUS, 0.01), np.array([NUMBER]))
+    assert found.corners.tolist() == [0]
+
+
+@pytest.mark.parametrize(
+    ('shape', 'members'),
+    [
+        *itertools.product(
+            [BOX, Ellipse((0.25, 0.2)), Disc(0.4), regular_polygon(6, 0.2)],
+            [('south/P-Q', 'north/R-P'), CORNER],
+        ),
+        (Disc(0.15), CORNER),
+    ],
+)
+def test_the_search_starts_where_straight_tubes_are_deepest_in_the_object(shape, members):
+    body = place_between(HOME, members, shape, angle=0.7, indentation=0.01).body
+    given = numbers(members)
+    contacts = find_pressed(HOME, body, given)
+    assert contacts.members.tolist() == given.tolist()
+    statics = contact_statics(HOME, body, contacts)
+    start, places = start_at(statics, body), statics.places
+    pose = start[:3]
+    assert pose == pytest.approx([*body.pose[:2], body.pose.angle])
+    assert start[places.inclinations] == pytest.approx(0.0)
+    assert start[places.friction] == pytest.approx(0.0)
+    for k, number in enumerate(given):
+        origin, axis = member_line(number)
+        foot, force = start[places.feet][k], start[places.normal][k]
+        lattice = foot + np.linspace(-0.2, 0.2, 401)
+        gaps = body.nearest(origin + axis * lattice).gaps
+        here = body.nearest(np.array([origin + axis * foot])).gaps[0]
+        assert here <= gaps.min() + 1e-6
+        # The tube, on its own, and its skin give by the force; the skin as where the tube alone
+        # would give by all of the depth.
+        load = np.zeros((len(given), 3))
+        load[k, 1] = 1.0
+        compliance = MemberCompliance(structure_of(HOME), given)
+        own = compliance.at(start[places.feet]).respond(load)[k, 1]
+        around = (RADIUS - here) / own + np.array([[-0.01], [0.01]]) * np.ones(len(given))
+        less, more = (statics.indentation(forces)[0][k] for forces in around)
+        slope = (more - less) / 0.02
+        assert force * (own + slope) == pytest.approx(RADIUS - here, rel=1e-3)
+
+
+@pytest.mark.parametrize('side', [1.0, -1.0])
+def test_small_objects_are_on_the_side_of_a_member_on_which_they_are(side):
+    start, axis = member_line()
+    center = start + (0.4 - 0.08j * side) * axis
+    place = (center.real, center.imag)
+    outward = 1j * side * axis
+    small = regular_polygon(5, 0.04)
+    for shape in (Disc(0.08), small):
+        body = ConvexObject(shape, (*place, 0.3))
+        found = find_pressed(HOME, body, np.array([NUMBER]))
+        statics = contact_statics(HOME, body, found)
+        assert statics.sides.tolist() == [side]
+        assert statics.straight_normals == pytest.approx(np.array([outward]))
+    # The corner that is farthest out.
+    corners = np.array(small.vertices) @ [1.0, 1j] * body.turn
+    assert found.corners.tolist() == [(corners * outward.conjugate()).real.argmax()]

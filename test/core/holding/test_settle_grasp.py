@@ -1,0 +1,439 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The equilibrium of a free object: held or not, by which forces, and how far from slipping."""
+
+from collections import Counter
+import dataclasses
+
+from apart_grips import APART
+from grips import gripped
+from held_grips import BOX, held
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    Grip,
+    HoldStatus,
+    load_robot,
+    RollingGrip,
+    settle_grasp,
+    solve_twist,
+    tangent_center,
+)
+from isotruss_ros.core.contact.contact import solve_contact
+from isotruss_ros.core.contact.contact_points import find_contact_points
+from isotruss_ros.core.contact.force_closure import check_force_closure
+from isotruss_ros.core.contact.surfaces import RoundSurface
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding import held_grip
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.slip_margin import weakest_direction
+from isotruss_ros.core.numerics.arrays import as_xy
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+from robots import random_robot, random_state
+
+HOME = load_robot('nine_member').home
+CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
+FRICTION = 0.5
+
+
+def moved(cylinder, shift):
+    """Return a cylinder somewhere else."""
+    x, y, angle = cylinder.pose
+    return cylinder.moved_to((x + shift.real, y + shift.imag, angle))
+
+
+def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
+    settled = settle_grasp(CONFIG, CYLINDER, FRICTION)
+    assert settled.pose == settle_grasp(CONFIG, CYLINDER, FRICTION, (0.0, 0.0, 0.0)).pose
+    assert settled.hold is HoldStatus.HELD
+    assert settled.held
+    assert settled.reason == ''
+    assert set(settled.normal_forces) == {'north/P-Z', 'north/Z-R'}
+    assert min(settled.normal_forces.values()) > 10.0
+    # Without a load both members press alike, and rub against each other.
+    one, other = settled.normal_forces.values()
+    assert one == pytest.approx(other, rel=1e-8)
+    assert sum(settled.friction_forces.values()) == pytest.approx(0.0, abs=1e-8)
+    # A little more than the tangent of half of the wedge: pressed apart, it is wider.
+    assert 1.0 < settled.required_friction / np.tan(np.radians(17.5)) < 1.25
+    assert settled.slip_margin > 1.0
+    assert np.linalg.eigvalsh(0.5 * (settled.stiffness + settled.stiffness.T)).min() > 0.0
+    assert settled.displacement[:2] == pytest.approx(
+        np.subtract(settled.pose[:2], CYLINDER.pose[:2])
+    )
+
+
+@pytest.mark.parametrize('degrees', [31.0, 40.0, 60.0])
+@pytest.mark.parametrize('squeeze', [0.02, 0.08, 0.14])
+@pytest.mark.parametrize(('flattening', 'share'), [(False, 3e-3), (True, 0.015)])
+def test_where_friction_has_nothing_to_do_it_is_the_analysis(degrees, squeeze, flattening, share):
+    config, cylinder = gripped(degrees, squeeze=squeeze)
+    analysis = analyze_grasp(config, cylinder, FRICTION, flattening=flattening)
+    wrench = -analysis.normal_wrench
+    state = HeldGrip.attach(config, cylinder, None, wrench, flattening=flattening).state
+    expected = [analysis.contact_forces[name] for name in ('north/P-Z', 'north/Z-R')]
+    pressing = sum(expected)
+    assert state.normal_forces == pytest.approx(expected, abs=share * pressing)
+    assert np.abs(state.friction_forces).max() < share * pressing
+    assert abs(state.center - cylinder.center) < 5e-4
+    if flattening:
+        settled = settle_grasp(config, cylinder, FRICTION, -analysis.normal_wrench)
+        # Points in contact also shift along the object's surface; here they roll on it.
+        ratio = settled.stiffness[:2, :2] / analysis.stiffness[:2, :2]
+        assert np.diag(ratio) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize('wrench', [(0.0, 0.0, 0.0), (2.0, -1.0, 0.2), (-1.0, 3.0, -0.3)])
+@pytest.mark.parametrize('squeeze', [0.05, 0.12])
+def test_with_friction_in_the_structure_the_contact_solver_and_closure_agree(wrench, squeeze):
+    config, cylinder = gripped(33.0, squeeze=squeeze)
+    grasp = HeldGrip.attach(config, cylinder, None, np.array(wrench), flattening=False)
+    statics, state = grasp.statics, grasp.state
+    radius = statics.arm + statics.tube_radius
+    points = find_contact_points(structure_of(config), RoundSurface(state.center, radius), 0.002)
+    feet = statics.compliance.start + state.feet * statics.compliance.axis
+    rubbing = np.zeros(len(points.points), dtype=complex)
+    for foot, force in zip(feet, 1j * state.friction_forces * state.normals, strict=True):
+        rubbing[np.abs(points.points - foot).argmin()] += force
+    loaded = points.displacements(rubbing)
+    shifted = dataclasses.replace(points, points=points.points + loaded, skin=points.skin + loaded)
+    contact = solve_contact(shifted, RoundSurface(state.center, radius))
+    found = [contact.forces[points.member == i].sum() for i in grasp.members]
+    # The solver leaves out that friction at the skin turns the tube.
+    assert found == pytest.approx(state.normal_forces, rel=0.08)
+    tangents = as_xy(1j * state.normals)
+    load = as_xy(-(state.normal_forces * state.normals).sum().reshape(1))[0]
+    load = np.append(load + wrench[:2], wrench[2] / statics.arm)
+    closure = check_force_closure(tangents, state.normal_forces, load, FRICTION)
+    required = float(np.max(np.abs(state.friction_forces) / state.normal_forces))
+    assert closure.closed == (required <= FRICTION)
+    assert closure.required_friction == pytest.approx(required, rel=1e-6)
+
+
+def first_slip(grasp, direction):
+    """Return the load at which a contact slips first, by making it larger in small steps."""
+    load, step = 0.0, 0.5
+    while step > 1e-3:
+        found = grasp.moved_to(grasp.config, (load + step) * direction)
+        if found is not None and found.hold(FRICTION) is HoldStatus.HELD:
+            load, grasp = load + step, found
+        else:
+            step *= 0.5
+    return load
+
+
+@pytest.mark.parametrize('number', range(8))
+def test_first_slip_is_where_it_was_predicted(number):
+    grasp = HeldGrip.attach(*gripped(35.0, squeeze=0.06))
+    state, response = grasp.state, grasp.response
+    turn = np.exp(0.25j * np.pi * number)
+    direction = np.array([turn.real, turn.imag, 0.0])
+    slope = np.concatenate(
+        [FRICTION * response.normal - sign * response.friction for sign in (1.0, -1.0)]
+    )
+    reserve = np.concatenate(
+        [FRICTION * state.normal_forces - sign * state.friction_forces for sign in (1.0, -1.0)]
+    )
+    falling = slope @ direction < 0.0
+    predicted = (-reserve[falling] / (slope @ direction)[falling]).min()
+    found = first_slip(grasp, direction)
+    assert found == pytest.approx(predicted, rel=0.03)
+    assert found > 0.99 * grasp.slip_margin(FRICTION)
+
+
+def test_the_margin_is_the_smallest_wrench_of_all_directions():
+    grasp = HeldGrip.attach(CONFIG, CYLINDER)
+    state, response, margin = grasp.state, grasp.response, grasp.slip_margin(FRICTION)
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        wrench = rng.normal(size=3)
+        wrench *= margin / np.linalg.norm(wrench)
+        normal = state.normal_forces + response.normal @ wrench
+        friction = state.friction_forces + response.friction @ wrench
+        assert (np.abs(friction) <= FRICTION * normal + 1e-9).all()
+    settled = settle_grasp(CONFIG, CYLINDER, FRICTION)
+    assert settled.slip_margin == pytest.approx(margin)
+    # Along the weakest direction it is used up.
+    along = weakest_direction(state, response, FRICTION)
+    assert np.linalg.norm(along) == pytest.approx(1.0)
+    normal = state.normal_forces + response.normal @ along * margin
+    friction = state.friction_forces + response.friction @ along * margin
+    left = np.append(FRICTION * normal - np.abs(friction), normal)
+    assert left.min() == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize('degrees', [30.0, 35.0])
+def test_the_squeeze_falls_by_the_opening_as_rolling_says(degrees):
+    config, cylinder = gripped(degrees, squeeze=0.08)
+    grasp = HeldGrip.attach(config, cylinder)
+    held = Grip.at_module(HOME.robot, 'north/Z', grasp.body)
+    command = solve_twist(config, held, np.zeros(3), opening_rate=1e-4, limits=())
+    opened = grasp.moved_to(config.moved_to(config.roller_positions + command.roller_velocities))
+    found = (opened.squeeze - grasp.squeeze) / 1e-4
+    # Its members also turn, about the module, and press as much less deep as the contacts roll.
+    assert grasp.squeeze_stiffness() == pytest.approx(found, rel=0.1)
+
+
+def test_stiffness_is_what_a_small_wrench_meets():
+    grasp = HeldGrip.attach(CONFIG, CYLINDER)
+    stiffness = settle_grasp(CONFIG, CYLINDER, FRICTION).stiffness
+    for wrench in 1e-4 * np.diag([1.0, 1.0, 0.2]):
+        change = np.subtract(grasp.moved_to(CONFIG, wrench).pose, grasp.pose)
+        assert stiffness @ change == pytest.approx(wrench, abs=1e-8)
+
+
+def test_noise_on_the_pose_moves_neither_the_verdict_nor_the_forces_much():
+    rng = np.random.default_rng(0)
+    quiet = settle_grasp(CONFIG, CYLINDER, FRICTION)
+    for _ in range(40):
+        noise = 2e-3 / np.sqrt(2.0) * complex(*rng.normal(size=2))
+        settled = settle_grasp(CONFIG, moved(CYLINDER, noise), FRICTION)
+        assert settled.held
+        assert settled.required_friction == pytest.approx(quiet.required_friction, abs=0.01)
+        assert settled.slip_margin == pytest.approx(quiet.slip_margin, rel=0.1)
+
+
+def test_a_given_pose_across_the_bisector_does_not_matter():
+    quiet = settle_grasp(CONFIG, CYLINDER, FRICTION)
+    state = HeldGrip.attach(CONFIG, CYLINDER).state
+    across = complex(state.normals[0] - state.normals[1])
+    for shift in (-4e-3, 4e-3):
+        settled = settle_grasp(CONFIG, moved(CYLINDER, shift * across / abs(across)), FRICTION)
+        assert settled.pose == pytest.approx(quiet.pose, abs=1e-8)
+        assert settled.slip_margin == pytest.approx(quiet.slip_margin, rel=1e-6)
+
+
+def test_what_lies_deep_in_one_tube_and_far_from_the_other_is_not_in_the_grip():
+    state = HeldGrip.attach(CONFIG, CYLINDER).state
+    across = complex(state.normals[0] - state.normals[1])
+    settled = settle_grasp(CONFIG, moved(CYLINDER, 0.05 * across / abs(across)), FRICTION)
+    assert settled.hold is HoldStatus.FAR
+    assert not settled.held
+
+
+def test_a_cylinder_that_three_members_press_on_is_held_by_these():
+    cylinder, names = (
+        ConvexObject.disc((0.0, -0.8267), 0.65),
+        ('south/P-Q', 'south/Q-X', 'south/X-P'),
+    )
+    settled = settle_grasp(HOME, cylinder, FRICTION)
+    assert settled.held
+    assert {*settled.normal_forces} == {*names}
+    assert np.ptp([*settled.normal_forces.values()]) < 1e-6  # in the middle of the triangle
+    again = settle_grasp(HOME, cylinder, FRICTION, members=names)
+    assert settled.slip_margin == again.slip_margin > 1.0
+
+
+def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatch):
+    monkeypatch.setattr(held_grip, 'MOST', 2)
+    settled = settle_grasp(HOME, ConvexObject.disc((0.0, -0.8267), 0.65), FRICTION)
+    assert settled.hold is HoldStatus.OTHER_CONTACT
+    assert not settled.held
+    assert 'another member' in settled.reason
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.3, 0.55])
+def test_a_wide_wedge_needs_more_friction_than_there_is(friction):
+    cylinder = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.01), 0.3)
+    settled = settle_grasp(HOME, cylinder, friction)
+    assert settled.hold is HoldStatus.SLIPS
+    assert settled.slip_margin < 0.0
+    assert f'{friction:.3g}' in settled.reason
+    assert settle_grasp(HOME, cylinder, 1.1 * settled.required_friction).held
+
+
+@pytest.mark.parametrize('center', [(9.0, 9.0), (0.5, 0.2)])
+def test_what_two_members_do_not_touch_is_not_held(center):
+    settled = settle_grasp(HOME, ConvexObject.disc(center, 0.1), FRICTION, (0.0, -5.0, 0.0))
+    assert settled.hold is HoldStatus.NO_CONTACT
+    assert settled.pose == (*center, 0.0)
+    assert settled.normal_forces == {}
+    assert settled.required_friction == np.inf
+    assert settled.slip_margin == 0.0
+
+
+def test_the_load_is_carried_by_friction_until_it_slips():
+    def pulled(load):
+        return settle_grasp(CONFIG, CYLINDER, FRICTION, (0.0, -load, 0.0))
+
+    margins = [pulled(load).slip_margin for load in (0.0, 1.0, 2.0)]
+    assert margins == sorted(margins, reverse=True)
+    assert pulled(1.0).held
+    assert pulled(30.0).hold in (HoldStatus.SLIPS, HoldStatus.NO_CONTACT, HoldStatus.NO_BALANCE)
+
+
+def grasps(count):
+    """Return random robots in random states with objects somewhere in a corner, and loads."""
+    for seed in range(count // 20):
+        robot, rng = random_robot(seed), np.random.default_rng(seed)
+        config, diameters = random_state(robot, rng), rng.uniform(0.05, 0.5, 2)
+        found = 0
+        while found < 20:
+            if rng.random() < 0.1:
+                config = random_state(robot, rng)
+            module = robot.module_names[rng.integers(len(robot.module_names))]
+            diameter = rng.choice(diameters)
+            try:
+                center = tangent_center(config, module, diameter, rng.uniform(-0.002, 0.04))
+            except GraspError:
+                continue  # it does not fit there
+            found += 1
+            center = np.add(center, 3e-3 * rng.normal(size=2))
+            wrench = rng.normal(size=3) * [3.0, 3.0, 0.3] * rng.integers(0, 2)
+            yield config, ConvexObject.disc(tuple(center), diameter), rng.uniform(0.2, 1.5), wrench
+
+
+def test_random_grasps_are_balanced_or_say_what_has_no_solution(monkeypatch):
+    attach, found = HeldGrip.attach, []
+
+    def record(*arguments, **options):
+        found.append(attach(*arguments, **options))
+        return found[-1]
+
+    monkeypatch.setattr(HeldGrip, 'attach', record)
+    outcomes = Counter()
+    for config, cylinder, friction, wrench in grasps(1000):
+        found.clear()
+        settled = settle_grasp(config, cylinder, friction, wrench)
+        outcomes[settled.hold] += 1
+        if not settled.normal_forces:
+            assert not settled.held
+            assert settled.reason
+            continue
+        state, radius = found[-1].state, 0.5 * cylinder.shape.diameter
+        assert dict(
+            zip(found[-1].member_names, state.normal_forces, strict=True)
+        ) == pytest.approx(settled.normal_forces)
+        squeeze = np.abs(state.normal_forces).sum()
+        forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
+        assert abs(forces.sum() - complex(*wrench[:2])) < 1e-8 * squeeze
+        moment = radius * state.friction_forces.sum()
+        assert abs(moment - wrench[2]) < 1e-8 * squeeze * radius
+        normal = np.array(list(settled.normal_forces.values()))
+        rubbing = np.array(list(settled.friction_forces.values()))
+        assert (normal > 0.0).all()
+        # Of two normals the balance asks: both forces and the load close a triangle.
+        forces = np.hypot(normal, rubbing)
+        load = np.hypot(*wrench[:2])
+        slack = 1e-8 * forces.sum()
+        assert max(*forces, load) <= forces.sum() + load - max(*forces, load) + slack
+        assert 0.5 * cylinder.shape.diameter * rubbing.sum() == pytest.approx(
+            -wrench[2], abs=slack
+        )
+        ratio = np.abs(rubbing) / normal
+        assert settled.held == (settled.hold is HoldStatus.HELD)
+        assert settled.required_friction == pytest.approx(ratio.max())
+        if settled.held:
+            assert ratio.max() <= friction
+            assert settled.slip_margin >= 0.0
+    assert outcomes[HoldStatus.HELD] > 100
+    assert outcomes[HoldStatus.SLIPS] > 100
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        ({'friction': -0.1}, 'must not be negative'),
+        ({'friction': np.nan}, 'friction'),
+        ({'external_wrench': (0.0, 1.0)}, 'external wrench'),
+        ({'external_wrench': (0.0, 1.0, np.inf)}, 'external wrench'),
+        ({'external_wrench': 'down'}, 'external wrench'),
+    ],
+)
+def test_bad_arguments_are_refused(arguments, words):
+    with pytest.raises(GraspError, match=words):
+        settle_grasp(CONFIG, CYLINDER, **arguments)
+
+
+def test_measured_pressures_stiffen_the_tubes():
+    config, cylinder = gripped(35.0, squeeze=0.1)
+    file = config.robot.description.pressures
+    as_filed = settle_grasp(config, cylinder)
+    same = settle_grasp(config, cylinder, pressure=dict(file))
+    harder = settle_grasp(config, cylinder, pressure={tube: 2.0 * p for tube, p in file.items()})
+    for name, force in as_filed.normal_forces.items():
+        assert same.normal_forces[name] == pytest.approx(force, rel=1e-12)
+        assert 1.02 * force < harder.normal_forces[name] < 2.0 * force
+
+
+def test_a_search_that_begins_with_the_grasp_before_finds_the_same(monkeypatch):
+    """Along paths, and where object, load or members jump; only then it begins from the pose."""
+    robot, rng, begun = HOME.robot, np.random.default_rng(0), Counter()
+    start = held_grip.start_at
+    counted = Counter()
+
+    def noted(*arguments):
+        counted['cold'] += 1
+        return start(*arguments)
+
+    monkeypatch.setattr(held_grip, 'start_at', noted)
+    for _ in range(6):
+        x, y = tangent_center(HOME, 'north/Z', 0.3, rng.uniform(0.0, 0.03))
+        held = RollingGrip.attach(
+            HOME, Grip.at_module(HOME.robot, 'north/Z', ConvexObject.disc((x, y), 0.3))
+        )
+        velocities, previous = rng.uniform(-0.04, 0.04, 6), None
+        away, wrench = np.zeros(2), np.zeros(3)
+        for k in range(30):
+            jumps = k % 8 == 7
+            if jumps:
+                away = rng.normal(size=2) * 10.0 ** rng.uniform(-3.0, -1.3)
+                wrench = rng.normal(size=3) * [10.0, 10.0, 1.0]
+            config = robot.configuration(0.01 * k * velocities)
+            pose = held.moved_to(config).pose
+            cylinder = ConvexObject.disc((pose.x + away[0], pose.y + away[1]), 0.3)
+            counted.clear()
+            found = settle_grasp(config, cylinder, FRICTION, wrench, previous=previous)
+            begun[jumps or previous is None, counted['cold']] += 1
+            expected = settle_grasp(config, cylinder, FRICTION, wrench)
+            assert found.hold is expected.hold
+            assert found.displacement == pytest.approx(expected.displacement, abs=1e-10)
+            assert found.stiffness == pytest.approx(expected.stiffness, rel=1e-7, abs=1e-6)
+            assert found.slip_margin == pytest.approx(expected.slip_margin, rel=1e-6, abs=1e-7)
+            for name, force in expected.normal_forces.items():
+                assert found.normal_forces[name] == pytest.approx(force, rel=1e-6)
+            previous = found
+    assert begun[False, 0] > 4 * begun[False, 1]
+    assert begun[True, 1] > 10
+
+
+def test_a_search_for_a_box_begins_with_the_grasp_before(monkeypatch):
+    body, members = held(BOX, 0.2).body, APART
+    before = settle_grasp(HOME, body, 1.0, members=members)
+    config = HOME.moved_to(HOME.roller_positions + 1e-4)
+    expected = settle_grasp(config, body, 1.0, members=members)
+    monkeypatch.setattr(held_grip, 'start_at', None)
+    found = settle_grasp(config, body, 1.0, members=members, previous=before)
+    assert found.displacement == pytest.approx(expected.displacement, abs=1e-9)
+    assert found.normal_forces == pytest.approx(expected.normal_forces, rel=1e-7)
+
+
+def test_a_search_does_not_begin_with_an_object_of_another_diameter():
+    center = tangent_center(HOME, 'north/Z', 0.3, 0.01)
+    before = settle_grasp(HOME, ConvexObject.disc(center, 0.3), FRICTION)
+    other = ConvexObject.disc(center, 0.3001)
+    found = settle_grasp(HOME, other, FRICTION, previous=before)
+    cold = settle_grasp(HOME, other, FRICTION)
+    assert found.displacement.tolist() == cold.displacement.tolist()
+
+
+@pytest.mark.parametrize('change', [0.0, 1e-4, -1e-3, [0.0] * 5 + [2.5, 2.5] + [0.0] * 4])
+def test_a_rolling_grasp_ends_where_it_does_wherever_it_is_expected(change):
+    """From a last one, too, from which there is no way: then the search begins where it was."""
+    grasp = HeldGrip.attach(CONFIG, CYLINDER)
+    travel = np.full(6, 1e-4)
+    config = CONFIG.moved_to(CONFIG.roller_positions + travel)
+    expected = grasp.moved_to(config).state.unknowns
+    ahead = dataclasses.replace(grasp, motion=(travel, np.broadcast_to(change, 11)))
+    moved = ahead.moved_to(config)
+    assert moved.state.unknowns == pytest.approx(expected, rel=1e-7, abs=1e-9)
+    assert moved.motion[1] == pytest.approx(expected - grasp.state.unknowns, rel=1e-5, abs=1e-8)

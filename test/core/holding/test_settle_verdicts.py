@@ -1,0 +1,103 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""What `settle_grasp` says of an equilibrium, at both sides of each of its bounds."""
+
+from types import SimpleNamespace
+
+from held_grips import BOX, HOME
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    HoldStatus,
+    place_between,
+    Polygon,
+    settle_grasp,
+    tangent_center,
+)
+from isotruss_ros.core.holding import settle_grasp as settle_grasp_module
+from isotruss_ros.core.holding.settle_grasp import _judge
+import numpy as np
+import pytest
+
+DIAMETER = HOME.robot.description.tube_diameter
+NAMES = HOME.robot.member_names
+
+
+def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True, used=0.5):
+    """Judge an equilibrium of the first two members; another one is as deep in the object."""
+    depths = np.full(len(NAMES), -0.1)
+    depths[:2], depths[4] = 0.02, other
+    found = SimpleNamespace(
+        config=HOME,
+        body=None,
+        members=np.arange(2),
+        required_friction=needed,
+        response=SimpleNamespace(stable=stable),
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(settle_grasp_module, 'member_depths', lambda *_: depths)
+        return _judge(found, shift, friction, np.full(len(NAMES), used))
+
+
+@pytest.mark.parametrize(
+    ('given', 'hold', 'words'),
+    [
+        ({}, HoldStatus.HELD, ''),
+        ({'shift': 0.249 * DIAMETER}, HoldStatus.HELD, ''),
+        ({'shift': 0.251 * DIAMETER}, HoldStatus.FAR, f'{251.0 * DIAMETER:.3g} mm'),
+        ({'other': 0.001}, HoldStatus.OTHER_CONTACT, NAMES[4]),
+        ({'needed': 0.5}, HoldStatus.HELD, ''),
+        ({'needed': 0.51}, HoldStatus.SLIPS, '0.51 against 0.5'),
+        ({'stable': False}, HoldStatus.UNSTABLE, ''),
+        ({'used': 1.0}, HoldStatus.HELD, ''),
+        ({'used': 1.01}, HoldStatus.WRINKLES, f'{NAMES[0]} bears 1.01 of its wrinkling moment'),
+        ({'shift': 1.0, 'other': 0.1, 'stable': False}, HoldStatus.FAR, 'too far'),
+    ],
+)
+def test_an_equilibrium_holds_within_all_bounds(given, hold, words):
+    found, reason = judge(**given)
+    assert found is hold
+    assert words in reason
+    assert (reason == '') == (hold is HoldStatus.HELD)
+
+
+def test_an_angle_is_displaced_by_less_than_half_a_turn():
+    members = ('south/P-Q', 'north/R-P')
+    grip = place_between(HOME, members, BOX, angle=0.0, indentation=0.01)
+    body, found = grip.body, settle_grasp(HOME, grip.body, 5.0, members=members)
+    assert found.held
+    assert 1e-6 < abs(found.displacement[2]) < 0.1
+    # The box looks the same after half a turn: the angles are just at that.
+    shape = Polygon([(-x, -y) for x, y in BOX.vertices], corner_radius=0.02)
+    half = 0.5 * found.displacement[2]
+    for angle in (np.pi - abs(half), -np.pi + abs(half)):
+        placed = ConvexObject(shape, (*body.pose[:2], angle))
+        again = settle_grasp(HOME, placed, 5.0, members=members)
+        assert abs(again.displacement[2]) < 0.1
+        assert again.displacement[2] == pytest.approx(
+            found.pose.angle - (angle - np.copysign(np.pi, angle)), abs=1e-3
+        )
+
+
+def test_what_has_no_equilibrium_has_no_margin():
+    found = settle_grasp(HOME, ConvexObject(BOX, (5.0, 5.0, 0.0)))
+    assert found.hold is HoldStatus.NO_CONTACT
+    assert found.slip_margin == 0.0
+    assert found.required_friction == np.inf
+    assert not found.stiffness.any()
+
+
+def test_friction_loads_the_tubes_until_they_wrinkle():
+    cylinder = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.06), 0.3)
+    fast = analyze_grasp(HOME, cylinder, 0.8)
+    free = settle_grasp(HOME, cylinder, 0.8)
+    assert max(fast.utilisation.values()) < 1.0 < max(free.utilisation.values())
+    assert free.hold is HoldStatus.WRINKLES
+    assert list(free.utilisation) == list(NAMES)

@@ -1,0 +1,57 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The response to wrenches: when it is stable, and at which wrench a member slips first."""
+
+import itertools
+from types import SimpleNamespace
+
+from isotruss_ros.core.holding.slip_margin import slip_margin, weakest_direction, WrenchResponse
+import numpy as np
+import pytest
+
+
+@pytest.mark.parametrize('arm', [0.2, 1.0])
+@pytest.mark.parametrize(('one', 'other'), itertools.permutations(range(3), 2))
+@pytest.mark.parametrize('share', [0.98, 1.02])
+def test_an_equilibrium_is_stable_where_every_displacement_takes_work(one, other, share, arm):
+    # Displacements by wrenches, angles times the arm: of two kinds the mean of what each does to
+    # the other may not be more than what both do to themselves.
+    even = np.eye(3)
+    even[one, other], even[other, one] = 2.0 * share + 0.25, -0.25
+    pose = even / [[1.0], [1.0], [arm]]
+    response = WrenchResponse(pose, np.zeros((2, 3)), np.zeros((2, 3)), np.arange(2), arm)
+    assert response.stable == (share < 1.0)
+    # Wrenches (fx, fy, m / arm).
+    wrench = response.stiffness @ pose / [[1.0], [1.0], [arm]]
+    assert wrench == pytest.approx(np.eye(3))
+
+
+def test_a_member_slips_by_the_sums_over_its_contacts():
+    # One end of the face rubs by more than its own normal force bears; the other one helps.
+    state = SimpleNamespace(
+        normal_forces=np.array([1.0, 3.0, 4.0]), friction_forces=np.array([0.9, 0.3, 0.2])
+    )
+    by_normal = np.tile([0.0, 0.0, 0.1], (3, 1))
+    by_friction = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    response = WrenchResponse(np.eye(3), by_normal, by_friction, np.array([0, 0, 1]), 0.2)
+    # mu N - T of the first member is 0.5 * 4 - 1.2, and falls by 2 fx - 0.5 * 0.2 m / arm.
+    size = np.hypot(2.0, 0.1)
+    assert slip_margin(state, response, 0.5) == pytest.approx(0.8 / size)
+    direction = np.array([2.0, 0.0, -0.1]) / size
+    assert weakest_direction(state, response, 0.5) == pytest.approx(direction)
+    # The other way round as well.
+    other_way = SimpleNamespace(
+        normal_forces=state.normal_forces, friction_forces=-state.friction_forces
+    )
+    assert slip_margin(other_way, response, 0.5) == pytest.approx(0.8 / size)
+    assert weakest_direction(other_way, response, 0.5)[0] == pytest.approx(-direction[0])
+    assert response.squeeze == pytest.approx([0.0, 0.0, 0.15])
+    # Far from slipping, the first contact lets go.
+    assert slip_margin(state, response, 50.0) == pytest.approx(1.0 / 0.1)
