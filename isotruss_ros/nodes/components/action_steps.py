@@ -125,9 +125,9 @@ class ActionStep:
             for _ in range(RETRY_TICKS):
                 if sent.done():
                     break
-                self._supervise(info)
+                self._supervise(info, Outcome.STOPPED)
                 yield made
-            ended = yield from self._request_result(wanted, info, lambda: made)
+            ended = yield from self._request_result(wanted, info, lambda: made, Outcome.STOPPED)
             if ended.status != GoalStatus.STATUS_UNKNOWN:
                 return ended.result
             if sent.done() and not sent.result().accepted:
@@ -154,13 +154,14 @@ class ActionStep:
         goal: ClientGoalHandle,
         info: GoalInfo,
         progress: Callable[[], float] = lambda: 0.0,
+        missing: Outcome = Outcome.NOT_READY,
     ) -> Steps:
-        return _ask(goal.get_result_async, lambda: self._supervise(info), progress)
+        return _ask(goal.get_result_async, lambda: self._supervise(info, missing), progress)
 
-    def _supervise(self, info: GoalInfo) -> None:
+    def _supervise(self, info: GoalInfo, missing: Outcome) -> None:
         """Tell the server, if there is one, that the goal has a client."""
         if not self._client.server_is_ready():
-            raise StepError(Outcome.NOT_READY, f'no node offers the action {self._name}')
+            raise StepError(missing, f'no node offers the action {self._name}')
         self._supervision.publish(info)
 
 
