@@ -10,7 +10,8 @@
 """
 Random calls of the public API: ordinary, near singular, at limits, and without any sense.
 
-Only an IsotrussError may be raised, no number may be NaN, and no call may take forever.
+Only an IsotrussError may be raised, nothing printed, no number may be NaN, and no call may take
+longer than stated.
 
     python test/helpers/random_calls.py --calls 100000
 """
@@ -19,7 +20,9 @@ import argparse
 from collections import Counter
 import dataclasses
 import functools
+import os
 import sys
+import tempfile
 import time
 import warnings
 
@@ -39,6 +42,8 @@ import shapes
 
 #: Robots besides the presets.
 ROBOTS = 12
+#: Calls in one state of one robot, which costs more to find than most calls take.
+CALLS_IN_WORLD = 10
 #: Numbers that are not of this world.
 STRANGE = (0.0, -1.0, 1e-300, 1e-12, 1e6, 1e300, np.inf, np.nan)
 STRANGE_SHARE = 0.05
@@ -99,23 +104,27 @@ class World:
         return self.robot.configuration(reached * way)
 
     def random_grip(self):
-        """Return an object near a module or anywhere, and a grip of it."""
-        rng, robot = self.rng, self.robot
-        place = int(rng.integers(len(robot.member_names)))
-        shape = shapes.random_shape(rng, 0.5 * 10.0 ** rng.uniform(-2.0, 0.3))
-        topology = robot.topology
-        members = (place, int(topology.previous[place]))
-        if rng.random() < 0.3:
-            members = rng.permutation(len(robot.member_names))[: rng.integers(2, 4)]
-        names = tuple(robot.member_names[i] for i in members)
-        try:
-            grip = core.place_between(
-                self.config, names, shape, rng.uniform(-4.0, 4.0), self.number(0.0, 0.04)
-            )
-        except core.IsotrussError:
-            body = core.ConvexObject(shape, (*rng.uniform(-1.0, 2.0, 2), 0.3))
-            grip = core.Grip(names, body, 0.5)
-        return grip.body, grip
+        """Return an object between members, seldom one anywhere, and the grip of it."""
+        rng = self.rng
+        for _ in range(1 if rng.random() < 0.1 else 10):
+            shape = shapes.random_shape(rng, 0.5 * 10.0 ** rng.uniform(-2.0, 0.3))
+            members, way = self.random_members(), rng.uniform(-4.0, 4.0)
+            try:
+                grip = core.place_between(self.config, members, shape, way, self.number(0.0, 0.04))
+            except core.IsotrussError:
+                continue
+            return grip.body, grip
+        body = core.ConvexObject(shape, (*rng.uniform(-1.0, 2.0, 2), 0.3))
+        return body, core.Grip(members, body, 0.5)
+
+    def random_members(self):
+        """Return the members at a module, or any two or three."""
+        names, count = self.robot.member_names, len(self.robot.member_names)
+        place = int(self.rng.integers(count))
+        indices = (place, int(self.robot.topology.previous[place]))
+        if self.rng.random() < 0.3:
+            indices = self.rng.permutation(count)[: self.rng.integers(2, 4)]
+        return tuple(names[i] for i in indices)
 
     @property
     def failed(self):
@@ -150,6 +159,39 @@ def solve_twist(world):
     if opening == 0.0 and command.roller_velocities.any():
         check_motion(config, grip, command)
     return command
+
+
+def solve_twist_ahead(world):
+    """Solve for a twist in the configuration after some time."""
+    command = core.solve_twist_ahead(
+        world.config,
+        world.grip,
+        world.numbers(3, -0.2, 0.2),
+        world.number(0.0, 0.05),
+        world.failed,
+    )
+    check_speeds(world.robot, command.roller_velocities)
+    return command
+
+
+def simulate(world):
+    """Let a simulated robot with faults run with commands of any size."""
+    rng, robot = world.rng, world.robot
+    kind = rng.integers(3)
+    if kind == 0:
+        body = core.RollingObject(core.RollingGrip.attach(world.config, world.grip))
+    elif kind == 1:
+        body = core.FreeObject(world.body, world.number(0.1, 1.0))
+    else:
+        body = core.ElasticObject(world.body, world.number(0.1, 1.0), world.number(0.5, 2.0))
+    faults = core.RollerFaults(0.1, 0.01, frozenset(world.failed), 0.3 * rng.random())
+    simulated = core.SimulatedRobot(world.config, body, faults, int(rng.integers(100)))
+    poses = []
+    for speed in (0.0, 0.1, 0.0):
+        simulated.command(world.numbers(len(robot.roller_names), -speed, speed))
+        simulated.advance(0.01)
+        poses.append(simulated.object_pose)
+    return poses, simulated.config
 
 
 def check_speeds(robot, velocities):
@@ -239,7 +281,7 @@ def report(world):
     monitor = GraspMonitor(world.robot, 0.3, 0.5, 0.005, 0.2, world.body)
     state = RollerState(world.config.roller_positions, np.zeros(len(world.robot.roller_names)))
     monitor.rollers = StampedInput(state, 1.0)
-    monitor.center = StampedInput(world.body.pose, 1.0)
+    monitor.pose = StampedInput(world.body.pose, 1.0)
     monitor.wrench = StampedInput(tuple(world.rng.uniform(-20.0, 20.0, 3).tolist()), 1.0)
     return monitor.report(1.0)
 
@@ -288,7 +330,9 @@ CALLS = {
     configuration: (20, LOOP),
     solve_twist: (40, LOOP),
     solve_joint_velocity: (10, LOOP),
+    solve_twist_ahead: (5, 2.0 * LOOP),
     decide: (20, 3.0 * LOOP),
+    simulate: (5, ANALYSIS),
     margins: (10, LOOP),
     follow_path: (5, ANALYSIS),
     follow_trajectory: (5, LOOP),
@@ -317,12 +361,18 @@ def has_nan(found):
     return False
 
 
+@functools.lru_cache(maxsize=1)
+def world_of(number):
+    """Return a robot with an object in some state."""
+    return World(np.random.default_rng((number, 0)))
+
+
 def call(seed):
-    """Make one call, and return its name and its outcome: ok, or the class of the error."""
-    rng = np.random.default_rng(seed)
+    """Make one call; return its name, its outcome (ok, or the error's class), and its time [s]."""
+    world = world_of(seed // CALLS_IN_WORLD)
+    world.rng = rng = np.random.default_rng(seed)
     shares = np.array([share for share, _ in CALLS.values()])
     function = list(CALLS)[rng.choice(len(CALLS), p=shares / shares.sum())]
-    world = World(rng)
     began = time.thread_time()
     with warnings.catch_warnings():
         warnings.simplefilter('error')
@@ -336,7 +386,40 @@ def call(seed):
     elapsed = time.thread_time() - began
     assert not has_nan(found), f'{function.__name__}: NaN in {found}'
     assert elapsed <= CALLS[function][1], f'{function.__name__} took {elapsed:.2f} s'
-    return function.__name__, outcome
+    return function.__name__, outcome, elapsed
+
+
+def call_all(seeds):
+    """
+    Make random calls; return how often each ended how, its longest time, and what went wrong.
+
+    :param seeds: of the calls.
+    """
+    outcomes, longest, wrong = Counter(), {}, []
+    for seed in seeds:
+        try:
+            name, outcome, elapsed = call(seed)
+        except Exception as error:  # noqa: BLE001 - every error is what is looked for
+            wrong.append(f'call {seed}: {type(error).__name__}: {error}'[:300])
+        else:
+            outcomes[name, outcome] += 1
+            longest[name] = max(elapsed, longest.get(name, 0.0))
+    return outcomes, longest, wrong
+
+
+def keep_output(call):
+    """Return what a call returns, and what it prints to either output, from any library."""
+    saved = os.dup(1), os.dup(2)
+    with tempfile.TemporaryFile() as file:
+        for descriptor in (1, 2):
+            os.dup2(file.fileno(), descriptor)
+        try:
+            found = call()
+        finally:
+            for descriptor, before in zip((1, 2), saved, strict=True):
+                os.dup2(before, descriptor)
+        file.seek(0)
+        return found, file.read().decode()
 
 
 def main():
@@ -345,17 +428,15 @@ def main():
     parser.add_argument('--calls', type=int, default=100_000)
     parser.add_argument('--first', type=int, default=0, help='seed of the first call')
     arguments = parser.parse_args()
-    outcomes, wrong = Counter(), 0
-    for seed in range(arguments.first, arguments.first + arguments.calls):
-        try:
-            outcomes[call(seed)] += 1
-        except Exception as error:  # noqa: BLE001 - every error is what is looked for
-            wrong += 1
-            print(f'call {seed}: {type(error).__name__}: {error}'[:300], flush=True)
+    seeds = range(arguments.first, arguments.first + arguments.calls)
+    (outcomes, longest, wrong), printed = keep_output(lambda: call_all(seeds))
     for (name, outcome), count in sorted(outcomes.items()):
         print(f'{count:9d} {name}: {outcome}')
-    print(f'{arguments.calls} calls, {wrong} went wrong')
-    return 1 if wrong else 0
+    for name, elapsed in longest.items():
+        print(f'{1e3 * elapsed:9.1f} ms is the longest {name}')
+    print('\n'.join(wrong))
+    print(f'{arguments.calls} calls, {len(wrong)} went wrong; printed: {printed[:1000]!r}')
+    return 1 if wrong or printed else 0
 
 
 if __name__ == '__main__':

@@ -96,7 +96,8 @@ def _balance(segments: Array, load: Array, friction: float) -> tuple[Array, floa
     k = len(segments)
     if k == 0 or friction == 0.0:
         return np.zeros(k), float(np.linalg.norm(load))
-    size = np.sqrt(np.einsum('ki,ki->k', segments, segments).max())
+    # A load beyond all friction must not overflow in the search either.
+    size = max(float(np.abs(segments).max()), 1e-6 * float(np.abs(load).max()))
     found = scipy.optimize.lsq_linear(
         np.concatenate([segments.T / size, SMALL * np.eye(k)]),
         np.concatenate([-load / size, np.zeros(k)]),

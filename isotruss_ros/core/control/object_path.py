@@ -76,17 +76,18 @@ class ObjectPath:
         if smooth:
             self.poses = _distinct(_smoothed(self.poses, self._durations(), piece, piece_turn))
         self.times = np.concatenate([[0.0], np.cumsum(self._durations())])
-        if self.duration > MAX_DURATION:
-            raise PathError(
-                f'the path takes {self.duration:.4g} s at {speed:g} m/s and {turn_rate:g} rad/s; '
-                f'must be at most {MAX_DURATION:g} s'
-            )
 
     def _durations(self) -> Array:
         """Return the time from each pose to the next (n - 1,) [s]."""
         steps = np.diff(self.poses, axis=0)
         length = np.hypot(steps[:, 0], steps[:, 1])
-        return np.maximum(length / self.speed, np.abs(steps[:, 2]) / self.turn_rate)
+        durations = np.maximum(length / self.speed, np.abs(steps[:, 2]) / self.turn_rate)
+        if durations.sum() > MAX_DURATION:
+            raise PathError(
+                f'the path takes {durations.sum():.4g} s at {self.speed:g} m/s and '
+                f'{self.turn_rate:g} rad/s; must be at most {MAX_DURATION:g} s'
+            )
+        return durations
 
     @property
     def duration(self) -> float:

@@ -71,6 +71,10 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     """
     rows, bounds = _inequalities(problem)
     free, start = _free_space(problem)
+    largest = np.abs(rows).max(initial=SMALLEST)
+    if not free.shape[1]:  # LAPACK takes no empty factor
+        excess = (rows @ start - bounds).max(initial=0.0)
+        return start if excess <= LOOSE_TOLERANCE * largest * (1.0 + np.abs(start).max()) else None
     whole = problem.equality is None
     curvature = problem.hessian if whole else free.T @ problem.hessian @ free
     # Variables of one size: P holds penalties up to 1e8 beside costs of 1.
@@ -84,7 +88,6 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     offset, _ = lapack.dtrtrs(factor, slope, lower=1)
     turned, _ = lapack.dtrtrs(factor, (rows * scale if whole else rows @ free).T, lower=1)
     room = bounds - rows @ start + offset @ turned
-    largest = np.abs(rows).max(initial=SMALLEST)
     best: Array | None = None
     least = LOOSE_TOLERANCE
     for relaxation in RELAXATIONS:

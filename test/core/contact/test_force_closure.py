@@ -293,6 +293,13 @@ def test_loads_of_any_size_are_answered(size):
     assert huge.required_friction == pytest.approx(expected / size, rel=1e-6)
 
 
+@pytest.mark.filterwarnings('error')
+def test_a_load_beyond_all_friction_is_not_balanced():
+    closure = check_force_closure(tangents_at(np.arange(5.0)), np.ones(5), np.full(3, 1e300), 0.5)
+    assert not closure.closed
+    assert np.isfinite(closure.friction_forces).all()
+
+
 @robots.examples(60)
 @given(generators, strategies.integers(2, 15), strategies.floats(0.05, 1.0))
 def test_of_all_forces_that_balance_the_smallest_shares_are_found(rng, count, friction):

@@ -238,6 +238,7 @@ BAD = {
     'a full turn': (([(0, 0, 0), (0, 0, 2 * math.pi)], 0.1, 0.1), 'must lead somewhere'),
     'many': (([(0, 0, 0), (1, 0, 0)] * 5001, 0.1, 0.1), 'at most 10000'),
     'days': ((GOOD, 1e-7, 0.1), 'must be at most 86400 s'),
+    'for ever': (([(0, 0, 0), (1, 0, 1), (2, 0, 0)], 0.1, 1e-300), 'must be at most 86400 s'),
     'no speed': ((GOOD, 0.0, 0.1), 'speed 0.0 m/s: must be positive'),
     'backward': ((GOOD, -0.1, 0.1), 'must be positive'),
     'speed of light': ((GOOD, 3e8, 0.1), 'at most 10 m/s'),

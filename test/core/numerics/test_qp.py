@@ -148,6 +148,18 @@ def test_an_equality_and_a_bound():
     assert solve_qp(program) == pytest.approx([0.5, 1.5], abs=1e-12)
 
 
+@pytest.mark.parametrize(('bound', 'expected'), [(1.0, [1.0, 2.0]), (0.5, None)])
+def test_equalities_that_leave_nothing_free_are_the_solution(bound, expected, capfd):
+    rows, bounds = np.array([[1.0, 0.0]]), np.array([bound])
+    square, target = np.eye(2), np.array([1.0, 2.0])
+    problem = QuadraticProgram(
+        np.eye(2), np.zeros(2), rows, bounds, equality=square, target=target
+    )
+    found = solve_qp(problem)
+    assert (found if expected is None else found.tolist()) == expected
+    assert capfd.readouterr() == ('', '')
+
+
 def test_contradicting_constraints_have_no_solution():
     rows = np.array([[1.0, 0.0], [-1.0, 0.0]])
     bounds = np.array([-1.0, -1.0])
