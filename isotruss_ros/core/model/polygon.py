@@ -417,7 +417,7 @@ def _check_fit(corners: Points, radii: Array) -> None:
     taken = radii * np.tan(half)
     left = np.abs(sides) - taken - np.roll(taken, -1)
     i = int(left.argmin())
-    if left[i] < 0.0:
+    if left[i] < -STRAIGHT * abs(sides[i]):  # arcs may take all of a side, up to rounding
         raise GraspError(
             f'corner_radius {radii[i]:g} m does not fit: the side of {abs(sides[i]):g} m that '
             f'begins at {_name(corners[i], i)} is shorter than its two arcs take '

@@ -283,6 +283,13 @@ def test_refuses_arcs_that_do_not_fit(radius, words):
         Polygon(SQUARE, radius)
 
 
+@given(strategies.floats(0.01, 1.0), strategies.floats(-4.0, 4.0))
+def test_arcs_may_take_whole_sides(half, angle):
+    square = half * np.exp(1j * (angle + 0.5 * np.pi * np.arange(4)))
+    shape = Polygon(np.column_stack([square.real, square.imag]), half / np.sqrt(2.0))
+    assert shape.perimeter == pytest.approx(np.sqrt(2.0) * np.pi * half)
+
+
 @pytest.mark.parametrize(
     ('make', 'words'),
     [
