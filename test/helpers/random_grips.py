@@ -101,7 +101,7 @@ def random_convex_grip(robot, rng, kind, count=2, flat=False):
     config, round_grip = random_grip(robot, rng, kind, count)
     if round_grip is None:
         return config, None
-    size = round_grip.arm
+    size = round_grip.body.arm
     shape = shapes.random_polygon(rng, size) if flat else shapes.random_shape(rng, size)
     center = round_grip.center
     ends = [member_ends(config, name) for name in round_grip.members]

@@ -23,7 +23,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 import importlib
 
-from isotruss_ros.core.control.held_prediction import predict_grip
 from isotruss_ros.core.control.inputs import (
     CLOCK_SKEW,
     CommandHistory,
@@ -42,6 +41,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip, members_at
 from isotruss_ros.core.manipulation.limit_handling import working_rollers
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
+from isotruss_ros.core.manipulation.rolling_grip import predict_grip
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, solve_joint_velocity
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
 from isotruss_ros.core.manipulation.status import Status

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from isotruss_ros.core.holding.balance import ANGLE, Closure
 from isotruss_ros.core.holding.contact_statics import ContactStatics, surface_points
-from isotruss_ros.core.model.unrolled_arc import unrolled_arc
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
@@ -173,7 +172,7 @@ def find_anchors(
     :param angles: (k,) of the normals in the object's frame before, not wrapped [rad].
     """
     found = unwrapped(unknowns, normals, angles)
-    arcs = unrolled_arc(statics.body.shape, found, statics.corners)
+    arcs = statics.body.shape.unroll(found, statics.corners)
     return -statics.sides * (unknowns[statics.places.feet] - travel) - arcs
 
 

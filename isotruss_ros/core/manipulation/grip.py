@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import functools
 import math
 from typing import NamedTuple
@@ -21,6 +21,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Indices
 import numpy as np
+from numpy.typing import ArrayLike
 
 #: Number of members that hold an object.
 FEWEST, MOST = 2, 3
@@ -64,10 +65,14 @@ class Grip:
         """Return the origin of the object's frame, to which its twist belongs, x + iy [m]."""
         return self.body.center
 
-    @property
-    def arm(self) -> float:
-        """Return the arm by which turning is compared with moving: of a disc d/2 [m]."""
-        return self.body.arm
+    def moved_to(self, pose: ArrayLike) -> Grip:
+        """
+        Return the grip with the object in another place.
+
+        :param pose: of the object's frame in the robot frame (x, y, angle) [m, rad].
+        :raises GraspError: the pose is not three finite numbers within range.
+        """
+        return replace(self, body=self.body.moved_to(pose))
 
     @classmethod
     def at_module(
@@ -123,29 +128,18 @@ class MemberNodes(NamedTuple):
     :ivar members: (k,) numbers of the members, which are those of the modules that they leave.
     :ivar starts: (k,) nodes B at which they start.
     :ivar ends: (k,) nodes C at which they end.
-    :ivar places: (4 k,) where starts and ends are in rows vx, vy by member and node, flat.
-    :ivar rolled: (2 d,) where the d rollers at starts are in rows vx, vy by member and roller,
-        flat; members that start at a passive module have none.
-    :ivar driven: (2 d,) numbers of these rows.
+    :ivar both: (2 k,) nodes at which they start, then those at which they end.
+    :ivar driven: (d,) which of the k members start at a module with a roller, a passive one has
+        none.
     :ivar rollers: (d,) numbers of these rollers.
-    :ivar both: (2 k,) starts and ends, of one member after the other.
-    :ivar motion_places: (12 k,) where starts and ends are in six rows by node, flat: in the first
-        row those of one member after the other, then in the second and so on.
-    :ivar motion_rolled: (6 d,) where the rollers are in six rows by roller, flat.
-    :ivar motion_driven: (6 d,) numbers of these among all members in six rows.
     """
 
     members: Indices
     starts: Indices
     ends: Indices
-    places: Indices
-    rolled: Indices
+    both: Indices
     driven: Indices
     rollers: Indices
-    both: Indices
-    motion_places: Indices
-    motion_rolled: Indices
-    motion_driven: Indices
 
 
 @functools.lru_cache(maxsize=256)
@@ -165,27 +159,15 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
         )
     topology = robot.topology
     members = np.array([robot.member_names.index(name) for name in names], dtype=np.intp)
+    driven = np.flatnonzero(np.isin(members, topology.driven))
     starts, ends = topology.b[members], topology.c[topology.following[members]]
-    rows = np.arange(2 * len(members)).reshape(-1, 2) * topology.n_nodes
-    places = np.stack([starts[:, None] + rows, ends[:, None] + rows], axis=1).ravel()
-    columns = topology.driven.searchsorted(members)
-    driven = np.isin(members, topology.driven).repeat(2).nonzero()[0]
-    rollers = columns.repeat(2)[driven]
-    rolled = driven * len(topology.driven) + rollers
-    both, own = np.stack([starts, ends], axis=1), driven[::2] // 2
-    six = np.arange(6)[:, None]
     found = MemberNodes(
-        members,
-        starts,
-        ends,
-        places,
-        rolled,
-        driven,
-        rollers[::2],
-        both.ravel(),
-        (six * topology.n_nodes + both.ravel()).ravel(),
-        (six * len(topology.driven) + rollers[::2]).ravel(),
-        (six * len(members) + own).ravel(),
+        members=members,
+        starts=starts,
+        ends=ends,
+        both=np.concatenate([starts, ends]),
+        driven=driven,
+        rollers=topology.driven.searchsorted(members[driven]),
     )
     for array in found:
         array.flags.writeable = False

@@ -25,13 +25,8 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.manipulation.grip_contacts import (
-    find_contacts,
-    find_touches,
-    GripContacts,
-    Touches,
-)
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
 from isotruss_ros.core.model.pose import MIN_DIAMETER
 from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
@@ -50,20 +45,19 @@ def hand_jacobian(config: Configuration, contacts: GripContacts) -> Array:
         roller [-].
     :raises ConfigurationError: the configuration is singular.
     """
-    nodes = contacts.nodes
+    nodes, owners = contacts.nodes, contacts.owners
     # Turning rate of a member: Re(conj(turn) (velocity of its end - velocity of its start)). It
     # moves a point as i times its arm does, from the start on.
-    arms = contacts.points - config.points.take(nodes.starts)
-    entries: list[complex] = []
-    for arm, span in zip(arms.tolist(), contacts.spans.tolist(), strict=True):
-        turn = 1j / span.conjugate()
-        x, y = arm.imag * turn, arm.real * turn
-        entries += (1.0 + x, 1j - y, -x, y)  # vx, vy by the start, then by the end
-    count = 2 * len(arms)
-    rows = np.zeros(count * len(config.points), dtype=np.complex128)
-    rows[nodes.places] = entries
-    velocities = config.roller_rows(rows.view(np.float64).reshape(count, -1))
-    velocities.reshape(-1)[nodes.rolled] += contacts.axes.view(np.float64).take(nodes.driven)
+    arms, turns = contacts.points - contacts.starts, 1j / contacts.spans.conj()
+    starts, ends, x = nodes.starts[owners], nodes.ends[owners], 2 * np.arange(len(owners))
+    rows = np.zeros((2 * len(owners), len(config.points)), dtype=np.complex128)
+    rows[x, starts], rows[x, ends] = 1.0 + arms.imag * turns, -arms.imag * turns
+    rows[x + 1, starts], rows[x + 1, ends] = 1j - arms.real * turns, arms.real * turns
+    velocities = config.roller_rows(rows.view(np.float64))
+    for member, roller in zip(nodes.driven, nodes.rollers, strict=True):
+        own = np.flatnonzero(owners == member)
+        velocities[2 * own, roller] += contacts.axes[own].real
+        velocities[2 * own + 1, roller] += contacts.axes[own].imag
     return velocities
 
 
@@ -125,26 +119,29 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     :raises GraspError: see `find_contacts`; or the contacts are all in one point.
     :raises ConfigurationError: the configuration is singular.
     """
-    touches = find_touches(config, grip)
+    contacts = find_contacts(config, grip)
     if len(grip.members) == 2:
-        jacobian = rows_of_two(config, grip, touches)
+        jacobian = rows_of_two(config, grip, contacts)
     else:
-        jacobian = _rows_of_three(config, grip, touches)
+        jacobian = _rows_of_three(config, grip, contacts)
     jacobian.flags.writeable = False
     return jacobian
 
 
-def rows_of_two(config: Configuration, grip: Grip, touches: Touches) -> Array:
+def rows_of_two(config: Configuration, grip: Grip, contacts: GripContacts) -> Array:
     """
     Return `grip_jacobian` of two members, some contacts of which may have been left out.
 
+    In place of solving the constraint, `hand_jacobian` and `grasp_map`, for the twist.
+
     :param config: configuration of the robot.
     :param grip: of two members.
-    :param touches: where they touch the object.
+    :param contacts: where they touch the object.
     :raises GraspError: the contacts are in one point.
     :raises ConfigurationError: the configuration is singular.
     """
-    second, touched = touches.owners.index(1), touches.points
+    nodes, touched = contacts.nodes, contacts.points.tolist()
+    second = int(contacts.owners.searchsorted(1))
     points = _middle(touched[:second]), _middle(touched[second:])
     # (19): velocity (15) and turning (18) of the object, then the distance of the contacts, which
     # for a disc at a module is constant where the angle (14) is.
@@ -153,26 +150,23 @@ def rows_of_two(config: Configuration, grip: Grip, touches: Touches) -> Array:
     # with the roller, by which the object rolls (17).
     (lever, turn, back), (other_lever, other_turn, other_back) = (
         (
-            (point - touches.starts[k]).conjugate(),
-            1j / touches.spans[k].conjugate(),
-            touches.axes[k].conjugate(),
+            (point - contacts.starts.item(k)).conjugate(),
+            1j / contacts.spans.item(k).conjugate(),
+            contacts.axes.item(k).conjugate(),
         )
         for k, point in zip((0, second), points, strict=True)
     )
-    entries: list[complex] = []
-    rolls: list[float] = []
+    entries: list[tuple[complex, ...]] = []
+    rolls: list[tuple[float, float]] = []
     for h, other_h, k, other_k in rates:
         turned = ((h * lever).imag + k) * turn
         other_turned = ((other_h * other_lever).imag + other_k) * other_turn
-        entries += (h - turned, turned, other_h - other_turned, other_turned)
-        rolls += ((h * back).real, (other_h * other_back).real)
-    count, nodes = len(rates), find_members(config.robot, grip.members)
-    rolled = count * len(nodes.rollers)
-    by_node = np.zeros(count * len(config.points), dtype=np.complex128)
-    by_node[nodes.motion_places[: len(entries)]] = entries
-    jacobian = config.roller_rows(by_node.view(np.float64).reshape(count, -1))
-    driven = nodes.motion_driven[:rolled]
-    jacobian.reshape(-1)[nodes.motion_rolled[:rolled]] += np.array(rolls).take(driven)
+        entries.append((h - turned, other_h - other_turned, turned, other_turned))
+        rolls.append(((h * back).real, (other_h * other_back).real))
+    by_node = np.zeros((len(rates), len(config.points)), dtype=np.complex128)
+    by_node[:, nodes.both] = entries
+    jacobian = config.roller_rows(by_node.view(np.float64))
+    jacobian[:, nodes.rollers] += np.array(rolls)[:, nodes.driven]
     return jacobian
 
 
@@ -203,11 +197,11 @@ def _rates_of_two(
         one, other = (1.0, 0.0) if faces[0] else (0.0, 1.0)
         kept.append((-across, across, -distance * one, -distance * other))
         if all(faces):
-            kept.append((0j, 0j, -grip.arm, grip.arm))
+            kept.append((0j, 0j, -grip.body.arm, grip.body.arm))
     else:
         around = across / distance
     # From the middle of both to the object's origin.
-    arm = grip.center - 0.5 * (points[0] + points[1])
+    arm = grip.body.center - 0.5 * (points[0] + points[1])
     up, right = arm.imag, arm.real
     return [
         (0.5 + up * around, 0.5 - up * around, -up * one, -up * other),
@@ -221,15 +215,14 @@ def _middle(points: list[complex]) -> complex:
     return points[0] if len(points) == 1 else 0.5 * (points[0] + points[1])
 
 
-def _rows_of_three(config: Configuration, grip: Grip, touches: Touches) -> Array:
+def _rows_of_three(config: Configuration, grip: Grip, contacts: GripContacts) -> Array:
     """
     Return `grip_jacobian` of three members: the least squares of what is left of the constraint.
 
     :raises GraspError: the contacts are all in one point.
     """
-    contacts = touches.contacts(config.robot, grip)
     hand, rigid = hand_jacobian(config, contacts), grasp_map(grip.center, contacts)
-    if max(abs(point - touches.points[0]) for point in touches.points) < MIN_DIAMETER:
+    if np.abs(contacts.points - contacts.points[0]).max() < MIN_DIAMETER:
         raise GraspError(ONE_POINT)
     square = np.concatenate([rigid, _misfits(rigid, contacts.normals)], axis=1)
     return np.asarray(lapack.dgesv(square, hand)[2])

@@ -31,14 +31,9 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.manipulation.grip_contacts import (
-    find_contacts,
-    find_touches,
-    touched_corners,
-)
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.model.unrolled_arc import unrolled_arc
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 from scipy.linalg import lapack
@@ -125,8 +120,8 @@ class RollingGrip:
         rolled = self._rolled(config)
         if rolled.misfit <= MISFIT:
             return rolled
-        owners, _ = touched_corners(self._body.shape, np.exp(1j * self.angles), FLAT)
-        if len(owners) == len(self.sides):
+        touched = self._body.shape.touch_lines(np.exp(1j * self.angles).tolist(), FLAT)
+        if len(touched.owners) == len(self.sides):
             return rolled
         # A face lay on a member, and may have lifted at one of its ends.
         before = self._touch(self.config, self._body.center, self._body.pose.angle)
@@ -181,9 +176,8 @@ class RollingGrip:
         self, config: Configuration, center: complex, angle: float, misfit: float, normals: Points
     ) -> RollingGrip:
         """Return the grip with the object in its new place."""
-        body = self._body.moved_to((center.real, center.imag, angle))
-        grip = replace(self.grip, body=body)
-        find_touches(config, grip)  # raises where it left a member
+        grip = self.grip.moved_to((center.real, center.imag, angle))
+        find_contacts(config, grip)  # raises where it left a member
         angles = self._unwrapped(normals, angle)
         return RollingGrip(config, grip, angles, self.gaps, self.anchors, self.sides, misfit)
 
@@ -204,13 +198,18 @@ class RollingGrip:
         shape, turn = self._body.shape, cmath.rect(1.0, angle)
         starts, axes, normals, travel = lines or _lines(config, self.grip, self.sides)
         own = normals * turn.conjugate()
-        owners, corners = kept or touched_corners(shape, own, FLAT)
-        touched = zip(corners.tolist(), own[owners].tolist(), strict=True)
-        arms = turn * np.array([shape.point_at(corner, normal) for corner, normal in touched])
+        if kept is None:
+            touched = shape.touch_lines(own.tolist(), FLAT)
+            owners, corners, points = map(np.array, touched)
+        else:
+            owners, corners = kept
+            touching = zip(corners.tolist(), own[owners].tolist(), strict=True)
+            points = np.array([shape.point_at(corner, normal) for corner, normal in touching])
+        arms = turn * points
         axes, sides = axes[owners], self.sides[owners]
         along = axes.conj()
         local = along * (center + arms - starts[owners])
-        arcs = unrolled_arc(shape, self._unwrapped(normals, angle)[owners], corners)
+        arcs = shape.unroll(self._unwrapped(normals, angle)[owners], corners)
         # Gaps along i side axis, anchors along the axis.
         k, turned = len(axes), along * arms
         rows = np.empty((2 * k, 3))
@@ -263,7 +262,7 @@ def _lines(config: Configuration, grip: Grip, sides: Array) -> _Lines:
     spans = config.points[nodes.ends] - starts
     axes = spans / np.abs(spans)
     travel = np.zeros(len(nodes.members))
-    travel[nodes.driven[::2] // 2] = config.roller_positions[nodes.rollers]
+    travel[nodes.driven] = config.roller_positions[nodes.rollers]
     return _Lines(starts, axes, axes * (-1j * sides), travel)
 
 
@@ -273,3 +272,26 @@ def _least_squares(rows: Array, right: Array) -> Array:
     work = 16 * len(rows)
     solution = lapack.dgelsy(rows, right[:, None], pivots, RANK, work)[1]
     return np.asarray(solution[:count, 0])
+
+
+def predict_grip(
+    config: Configuration, grip: Grip, before: Array, travel: Array
+) -> tuple[Configuration, Grip]:
+    """
+    Predict configuration and grip after some roller travel; the object rolls in its contacts.
+
+    :param config: configuration when the rollers were measured.
+    :param grip: the grip when the object was measured.
+    :param before: (r,) roller travel from the measurement of the rollers to that of the object
+        [m].
+    :param travel: (r,) roller travel from the measurement of the rollers on [m].
+    :return: configuration and grip after `travel`.
+    :raises GraspError: a member does not touch the object, before or after.
+    :raises ConfigurationError: there is no such configuration.
+    """
+    if not (before.any() or travel.any()):
+        find_contacts(config, grip)
+        return config, grip
+    measured = config.predict(before) if before.any() else config
+    predicted = config.predict(travel)
+    return predicted, RollingGrip.attach(measured, grip).moved_to(predicted).grip

@@ -19,7 +19,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.grip_reach import find_grip_reach
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import (
     apply_limits,
     Regularization,
@@ -33,8 +33,9 @@ from isotruss_ros.core.manipulation.limits import (
     stack_rows,
 )
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
+from isotruss_ros.core.manipulation.rolling_off import roll_off_faces
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.manipulation.task import Reach, Task
+from isotruss_ros.core.manipulation.task import EVERYWHERE, GripReach, Reach, Task
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
@@ -87,9 +88,9 @@ def solve_twist(
     opening rate is given; every tube keeps its length (13) in all cases. A twist that is
     unreachable, or that would leave the contacts, is replaced by the closest reachable one, in the
     measure |v|^2 + |omega d/2|^2, and the status is `UNREACHABLE`; a polygon rolls off a face for
-    it where statics admits that, see `grip_reach`. When limits bind, the direction is kept and the
-    size scaled; or, with `slide_along_limits`, the closest twist that they admit is carried out,
-    see `apply_limits`.
+    it where statics admits that, see `roll_off_faces`. When limits bind, the direction is kept and
+    the size scaled; or, with `slide_along_limits`, the closest twist that they admit is carried
+    out, see `apply_limits`.
 
     :param config: configuration of the robot.
     :param grip: the object, and the members that hold it.
@@ -113,7 +114,7 @@ def solve_twist(
     if desired.dtype != float or desired.shape != (3,) or not _finite(*desired.tolist()):
         desired = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
-    jacobian, reach = find_grip_reach(config, grip, working, desired)
+    jacobian, reach = _find_reach(config, grip, working, desired)
     limits = default_limits(robot) if limits is None else limits
     return carry_out(
         config,
@@ -127,6 +128,19 @@ def solve_twist(
         regularization,
         opening_rate,
     )
+
+
+def _find_reach(
+    config: Configuration, grip: Grip, working: WorkingRollers, twist: Array
+) -> GripReach:
+    """Return the rows of the grip on all rollers, and the twists that the working ones produce."""
+    jacobian = grip_jacobian(config, grip)
+    active = jacobian if working.whole else jacobian[:, working.places]
+    found = GripReach(jacobian, Reach.of(active, grip.body.arm))
+    faces = len(grip.members) == 2 and len(jacobian) > 4
+    if not faces or found.reach.directions is EVERYWHERE or not twist.any():
+        return found
+    return roll_off_faces(config, grip, working, twist, found)
 
 
 def _finite(x: float, y: float, angle: float) -> bool:
@@ -250,5 +264,5 @@ def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] 
     :raises ConfigurationError: the configuration is singular.
     """
     working = working_rollers(config.robot, frozenset(failed))
-    _, reach = find_grip_reach(config, grip, working)
+    reach = _find_reach(config, grip, working, np.zeros(3)).reach
     return reach.directions / reach.weights

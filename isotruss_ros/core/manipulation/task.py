@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
@@ -92,6 +93,18 @@ class Reach:
         basis, gains, _ = np.linalg.svd(active, full_matrices=False)
         reachable = basis[:, gains > RANK_TOLERANCE].T
         return cls(reachable @ active, reachable, np.ones(len(active)), np.zeros(0))
+
+
+class GripReach(NamedTuple):
+    """
+    What rollers do with an object in a grip.
+
+    :ivar jacobian: (3 + g, r) rows of the grip, see `grip_jacobian`.
+    :ivar reach: the twists that keep the g last rows at zero.
+    """
+
+    jacobian: Array
+    reach: Reach
 
 
 class Task:

@@ -12,11 +12,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
-from isotruss_ros.core.model.shapes import normalize, SurfacePoints
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
+from isotruss_ros.core.model.shapes import normalize, Shape, SurfacePoints
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 import numpy as np
 import scipy
 
@@ -29,7 +30,7 @@ LAST_STEP = 1e-9
 
 
 @dataclass(frozen=True)
-class Ellipse:
+class Ellipse(Shape):
     """
     An ellipse around the origin of the object's frame, its axes along x and y.
 
@@ -51,16 +52,11 @@ class Ellipse:
         object.__setattr__(self, 'semi_axes', (float(a), float(b)))
 
     @property
-    def is_round(self) -> bool:
-        """Return False, also where it is nearly round."""
-        return False
-
-    @property
     def area(self) -> float:
         """Return the area [m^2]."""
         return float(np.pi * self.semi_axes[0] * self.semi_axes[1])
 
-    @property
+    @cached_property
     def perimeter(self) -> float:
         """Return the length of the outline [m]."""
         long, short = max(self.semi_axes), min(self.semi_axes)
@@ -99,24 +95,6 @@ class Ellipse:
         a, b = self.semi_axes
         return (a**2 * normals.real + 1j * b**2 * normals.imag) / self.support(normals)
 
-    def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
-        """
-        Return the number 0: there are no corners.
-
-        :param normal: outward unit normal toward a line, x + iy.
-        :param sine: not used.
-        """
-        return (0,)
-
-    def point_at(self, corner: int, normal: complex) -> complex:
-        """
-        Return the point of the surface on a tangent, x + iy [m].
-
-        :param corner: not used.
-        :param normal: outward unit normal of the tangent, x + iy.
-        """
-        return complex(self.support_points(np.complex128(normal)))
-
     def nearest(self, points: Points) -> SurfacePoints:
         """
         Return what is nearest on the surface.
@@ -141,13 +119,18 @@ class Ellipse:
         signed = signed + 1j * np.copysign(normals.imag, points.imag)
         return SurfacePoints(long * gaps, signed, long * radii)
 
-    def rounded(self, length: float) -> Ellipse:
+    def unroll(self, angles: Array, corners: Indices) -> Array:
         """
-        Return the ellipse itself, which has no corners.
+        Return the arcs from the end of the x axis to points with given normals, (k,) [m].
 
-        :param length: of pieces that cannot tell them [m].
+        :param angles: (k,) of the outward normals, not wrapped [rad].
+        :param corners: not used.
         """
-        return self
+        a, b = self.semi_axes
+        # The parameter of the point: its normal is along (cos t / a, sin t / b).
+        parameter = np.angle(a * np.cos(angles) + 1j * b * np.sin(angles))
+        parameter += 2.0 * np.pi * np.round((angles - parameter) / (2.0 * np.pi))
+        return np.asarray(b * scipy.special.ellipeinc(parameter, 1.0 - (a / b) ** 2))
 
     def outline(self, spacing: float) -> Points:
         """

@@ -21,6 +21,7 @@ Objects from YAML: a file, or the text of a parameter.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields, MISSING
 import difflib
 from pathlib import Path
 from typing import Any
@@ -30,14 +31,10 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
 from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
-from isotruss_ros.core.model.shapes import Disc, Shape
+from isotruss_ros.core.model.shapes import Disc
 
-#: The keys of each shape: those that it needs, and those that it may have.
-SHAPES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    'disc': (('diameter',), ()),
-    'polygon': (('vertices',), ('corner_radius',)),
-    'ellipse': (('semi_axes',), ()),
-}
+#: The shapes by name; the keys of each are its fields, of which those with a default are optional.
+SHAPES: dict[str, type] = {'disc': Disc, 'polygon': Polygon, 'ellipse': Ellipse}
 #: Keys of all objects.
 OPTIONAL = ('mass', 'center_of_mass', 'friction')
 
@@ -76,8 +73,8 @@ def object_from_mapping(content: Any, source: str = 'object') -> ConvexObject:
     kind = content['shape']
     if not isinstance(kind, str) or kind not in SHAPES:
         raise ObjectFileError(f'{source}: shape: {quote(str(kind))}: must be one of {known}')
-    needed, possible = SHAPES[kind]
-    allowed = ('shape', *needed, *possible, *OPTIONAL)
+    own = fields(SHAPES[kind])
+    allowed = ('shape', *(field.name for field in own), *OPTIONAL)
     for key in content:
         if key not in allowed:
             close = difflib.get_close_matches(str(key), allowed, n=1)
@@ -86,20 +83,12 @@ def object_from_mapping(content: Any, source: str = 'object') -> ConvexObject:
                 f'{source}: unknown key {quote(str(key))}; {hint}those of a {kind} are '
                 + ', '.join(allowed)
             )
-    for key in needed:
-        if key not in content:
-            raise ObjectFileError(f'{source}: key {key!r} is missing; a {kind} needs it')
+    for field in own:
+        if field.default is MISSING and field.name not in content:
+            raise ObjectFileError(f'{source}: key {field.name!r} is missing; a {kind} needs it')
+    sizes = {field.name: content[field.name] for field in own if field.name in content}
+    about = {key: content[key] for key in OPTIONAL if key in content}
     try:
-        return ConvexObject(
-            _shape(kind, content), **{key: content[key] for key in OPTIONAL if key in content}
-        )
+        return ConvexObject(SHAPES[kind](**sizes), **about)
     except GraspError as error:
         raise ObjectFileError(f'{source}: {error}') from error
-
-
-def _shape(kind: str, content: Mapping[str, Any]) -> Shape:
-    if kind == 'disc':
-        return Disc(content['diameter'])
-    if kind == 'ellipse':
-        return Ellipse(content['semi_axes'])
-    return Polygon(content['vertices'], content.get('corner_radius', 0.0))

@@ -21,7 +21,7 @@ import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
-from isotruss_ros.core.model.shapes import SurfacePoints
+from isotruss_ros.core.model.shapes import Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 import numpy as np
 
@@ -32,7 +32,7 @@ STRAIGHT = 1e-9
 
 
 @dataclass(frozen=True)
-class Polygon:
+class Polygon(Shape):
     """
     A convex polygon; its corners may be rounded off within it, by arcs tangent to both sides.
 
@@ -110,11 +110,6 @@ class Polygon:
             parts += [tuple(-value for value in kite), (area, area * mean, polar)]
         area, first, second = (sum(values) for values in zip(*parts, strict=True))
         return float(area), complex(first), float(second)
-
-    @property
-    def is_round(self) -> bool:
-        """Return False, also where it is nearly round."""
-        return False
 
     @property
     def area(self) -> float:
@@ -225,6 +220,31 @@ class Polygon:
         """
         middle, radius = self.arcs[corner]
         return middle + radius * normal
+
+    def unroll(self, angles: Array, corners: Indices) -> Array:
+        """
+        Return the arcs to points of the arcs at corners, whole turns included, (k,) [m].
+
+        :param angles: (k,) of the outward normals, not wrapped [rad].
+        :param corners: (k,) numbers of the corners that are touched.
+        """
+        middles, starts = self._unrolled_corners
+        middle = middles[corners]
+        turns = np.round((angles - middle) / (2.0 * np.pi))
+        within = angles - 2.0 * np.pi * turns - middle
+        return starts[corners] + self.radii[corners] * within + self.perimeter * turns
+
+    @cached_property
+    def _unrolled_corners(self) -> tuple[Array, Array]:
+        """Return the angles of the normals in the middle of the corners, and the arcs to there."""
+        turns, along = self.turns, 1j * self.normals
+        middles = np.angle(self.normals[0]) - 0.5 * turns[0]
+        middles = middles + np.append(0.0, np.cumsum(0.5 * (turns[1:] + turns[:-1])))
+        ahead = np.roll(self.arc_centers, -1) - self.arc_centers
+        flats = (along.conj() * ahead).real
+        halves = 0.5 * self.radii * turns
+        steps = halves[:-1] + flats[:-1] + halves[1:]
+        return middles, np.append(0.0, np.cumsum(steps))
 
     def nearest(self, points: Points) -> SurfacePoints:
         """

@@ -18,12 +18,14 @@ foot of x. Points and normals are complex numbers x + iy in the object's frame.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from functools import cached_property
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 import numpy as np
 
 
@@ -42,33 +44,59 @@ class SurfacePoints(NamedTuple):
     radii: Array
 
 
-class Shape(Protocol):
-    """A convex cross-section, in the frame of the object."""
+class TouchedPoints(NamedTuple):
+    """
+    Where a shape touches straight lines.
+
+    :ivar owners: (k,) numbers of the lines: one for each, two where a face lies on it.
+    :ivar corners: (k,) numbers of the corners that are touched, see `Shape.corners_at`.
+    :ivar points: (k,) of the surface, x + iy in the object's frame [m].
+    """
+
+    owners: list[int]
+    corners: list[int]
+    points: list[complex]
+
+
+class Shape(ABC):
+    """
+    A convex cross-section, in the frame of the object.
+
+    A shape of one's own derives from this class. What has a body here is right for a shape that is
+    curved everywhere; one with faces or corners has its own.
+    """
 
     @property
     def is_round(self) -> bool:
         """Return whether the shape is the same however it is turned about the origin."""
+        return False
 
     @property
+    @abstractmethod
     def area(self) -> float:
         """Return the area [m^2]."""
 
     @property
+    @abstractmethod
     def perimeter(self) -> float:
         """Return the length of the outline [m]; over 2 pi it is the mean of h(n)."""
 
     @property
+    @abstractmethod
     def centroid(self) -> complex:
         """Return the centroid of the area, x + iy, which is inside [m]."""
 
     @property
+    @abstractmethod
     def gyration(self) -> float:
         """Return the radius of gyration of the area about its centroid [m]."""
 
     @property
+    @abstractmethod
     def reach(self) -> float:
         """Return the largest distance of the surface from the origin [m]."""
 
+    @abstractmethod
     def support(self, normals: Points) -> Array:
         """
         Return h(n), the distance of tangents from the origin, (c,) [m].
@@ -76,11 +104,12 @@ class Shape(Protocol):
         :param normals: (c,) outward unit normals of the tangents, x + iy.
         """
 
+    @abstractmethod
     def support_points(self, normals: Points) -> Points:
         """
-        Return points of the surface on tangents, (c,) x + iy [m].
+        Return points of the surface on tangents, (c,) x + iy [m]; of a face, one of its ends.
 
-        :param normals: (c,) outward unit normals of the tangents, x + iy.
+        :param normals: (c,) outward unit normals of the tangents, x + iy, or one.
         """
 
     def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
@@ -91,6 +120,7 @@ class Shape(Protocol):
         :param sine: of the angle by which a line is inclined at most against a face that lies on
             it, of which there are both ends.
         """
+        return (0,)
 
     def point_at(self, corner: int, normal: complex) -> complex:
         """
@@ -99,7 +129,38 @@ class Shape(Protocol):
         :param corner: number of the corner that is touched, see `corners_at`.
         :param normal: outward unit normal of the tangent, x + iy.
         """
+        return complex(self.support_points(normal))
 
+    def touch_lines(self, normals: list[complex], sine: float) -> TouchedPoints:
+        """
+        Return where the shape touches straight lines, one line after the other.
+
+        :param normals: (m,) outward unit normals toward the lines, x + iy.
+        :param sine: of the angle by which a line is inclined at most against a face that lies on
+            it, of which there are both ends.
+        """
+        found = TouchedPoints([], [], [])
+        for number, normal in enumerate(normals):
+            for corner in self.corners_at(normal, sine):
+                found.owners.append(number)
+                found.corners.append(corner)
+                found.points.append(self.point_at(corner, normal))
+        return found
+
+    @abstractmethod
+    def unroll(self, angles: Array, corners: Indices) -> Array:
+        """
+        Return the arcs from some point of the surface to those with given normals, (k,) [m].
+
+        A shape that rolls on a straight line is touched where its normal points at the line.
+        Turning unrolls the arc between the points that are touched, and a face at once, as it
+        comes to lie on the line. A whole turn unrolls the perimeter.
+
+        :param angles: (k,) of the outward normals, not wrapped [rad].
+        :param corners: (k,) numbers of the corners that are touched, see `corners_at`.
+        """
+
+    @abstractmethod
     def nearest(self, points: Points) -> SurfacePoints:
         """
         Return what is nearest on the surface.
@@ -113,7 +174,9 @@ class Shape(Protocol):
 
         :param length: of the pieces [m].
         """
+        return self
 
+    @abstractmethod
     def outline(self, spacing: float) -> Points:
         """
         Return points along the surface, counter-clockwise and without repetition, (k,) [m].
@@ -123,7 +186,7 @@ class Shape(Protocol):
 
 
 @dataclass(frozen=True)
-class Disc:
+class Disc(Shape):
     """
     A circle around the origin of the object's frame.
 
@@ -155,7 +218,7 @@ class Disc:
         """Return the area [m^2]."""
         return 0.25 * np.pi * self.diameter**2
 
-    @property
+    @cached_property
     def perimeter(self) -> float:
         """Return the length of the outline [m]."""
         return np.pi * self.diameter
@@ -170,7 +233,7 @@ class Disc:
         """Return the radius of gyration about the centroid [m]."""
         return self.diameter / np.sqrt(8.0)
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """Return the largest distance of the surface from the origin [m]."""
         return 0.5 * self.diameter
@@ -191,24 +254,6 @@ class Disc:
         """
         return 0.5 * self.diameter * normals
 
-    def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
-        """
-        Return the number 0: there are no corners.
-
-        :param normal: outward unit normal toward a line, x + iy.
-        :param sine: not used.
-        """
-        return (0,)
-
-    def point_at(self, corner: int, normal: complex) -> complex:
-        """
-        Return the point of the surface on a tangent, x + iy [m].
-
-        :param corner: not used.
-        :param normal: outward unit normal of the tangent, x + iy.
-        """
-        return 0.5 * self.diameter * normal
-
     def nearest(self, points: Points) -> SurfacePoints:
         """
         Return what is nearest on the surface.
@@ -218,13 +263,14 @@ class Disc:
         radius, away = 0.5 * self.diameter, np.abs(points)
         return SurfacePoints(away - radius, normalize(points), np.full(len(points), radius))
 
-    def rounded(self, length: float) -> Disc:
+    def unroll(self, angles: Array, corners: Indices) -> Array:
         """
-        Return the disc itself, which has no corners.
+        Return the arcs to points with given normals, (k,) [m].
 
-        :param length: of pieces that cannot tell them [m].
+        :param angles: (k,) of the outward normals, not wrapped [rad].
+        :param corners: not used.
         """
-        return self
+        return 0.5 * self.diameter * angles
 
     def outline(self, spacing: float) -> Points:
         """

@@ -21,7 +21,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts, touched_points
+from isotruss_ros.core.manipulation.grip_contacts import find_contacts, SIN_FACE_ANGLE
 import numpy as np
 import pytest
 import random_grips
@@ -53,7 +53,7 @@ def test_the_object_is_a_convex_object():
     shape = Ellipse((0.2, 0.1))
     grip = Grip(['north/P-Z', 'north/Z-R'], ConvexObject(shape, Pose(1.0, 2.0, 0.5)))
     assert grip.center == 1.0 + 2.0j
-    assert grip.arm == pytest.approx(shape.perimeter / (2.0 * np.pi))
+    assert grip.body.arm == pytest.approx(shape.perimeter / (2.0 * np.pi))
 
 
 def test_friction_is_that_of_the_object_where_it_has_its_own():
@@ -98,7 +98,7 @@ def test_contacts_are_the_points_of_the_disc_nearest_to_the_members(robot, rng):
         toward = (nearest - center) / abs(nearest - center)
         assert contacts.normals[k] == pytest.approx(toward, abs=1e-3)
         assert contacts.points[k] == pytest.approx(
-            center + grip.arm * contacts.normals[k], abs=1e-12
+            center + grip.body.arm * contacts.normals[k], abs=1e-12
         )
         left = ((end - start).conjugate() * (center - start)).imag > 0.0
         assert contacts.sides[k] == (1.0 if left else -1.0)
@@ -185,11 +185,10 @@ def test_contacts_are_the_points_of_the_surface_farthest_toward_the_members(data
 @pytest.mark.parametrize('radius', [0.0, 0.03])
 def test_a_face_on_a_member_is_touched_at_its_ends(inclined, corners, radius):
     box = Polygon([(-0.2, -0.1), (0.2, -0.1), (0.2, 0.1), (-0.2, 0.1)], radius)
-    body = ConvexObject(box, Pose(1.0, 2.0, 0.3 + inclined))
-    down, right = -1j * np.exp(0.3j), np.exp(0.3j + 0.5j)
-    owners, points = map(np.array, touched_points(body, [down, right]))
-    assert owners.tolist() == [0] * corners + [1]
-    own = (points - (1.0 + 2.0j)) * np.exp(-0.3j - 1j * inclined)
+    turn = np.exp(-1j * inclined)
+    owners, _, points = box.touch_lines([-1j * turn, turn * np.exp(0.5j)], SIN_FACE_ANGLE)
+    assert owners == [0] * corners + [1]
+    own = np.array(points)
     wanted = [-0.2 + radius - 0.1j, 0.2 - radius - 0.1j][:corners]
     assert own[:corners] == pytest.approx(np.array(wanted), abs=3e-3 * radius + 1e-12)
     rounded = 0.2 - radius + 1j * (0.1 - radius) + radius * np.exp(0.5j - 1j * inclined)

@@ -18,8 +18,8 @@ from isotruss_ros.core import (
     Status,
 )
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
-from isotruss_ros.core.manipulation.grip_reach import rolled_corners
 from isotruss_ros.core.manipulation.grip_rows import contact_rows
+from isotruss_ros.core.manipulation.rolling_off import rolled_corners
 import numpy as np
 import pytest
 import random_grips
@@ -57,12 +57,12 @@ def test_a_face_lifts_at_one_end_where_forces_at_the_other_balance(friction, rol
 def test_an_object_rolls_where_that_comes_a_little_closer_to_the_twist():
     """All that can be reached is far from the twist, and 9 % less so where it rolls."""
     grip, failed, twist = inclined_grip(0.0, 1.0), ('south/P', 'north/R', 'north/Z'), [0, 0, -0.02]
-    weights = np.array([1.0, 1.0, grip.arm])
+    weights = np.array([1.0, 1.0, grip.body.arm])
 
     def missed(directions):
         """Return the share of the twist that is no combination of some twists (k, 3)."""
         found = np.linalg.lstsq((weights * directions).T, weights * twist, rcond=None)[0]
-        return np.linalg.norm(weights * (twist - found @ directions)) / (0.02 * grip.arm)
+        return np.linalg.norm(weights * (twist - found @ directions)) / (0.02 * grip.body.arm)
 
     stays = missed(reachable_twists(NINE.home, grip, failed))
     command = solve_twist(NINE.home, grip, twist, failed)

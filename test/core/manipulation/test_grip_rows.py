@@ -198,6 +198,7 @@ def test_the_roller_at_either_end_of_a_member_moves_its_material(member):
     following = robot.topology.following[number]
     contacts = GripContacts(
         find_members(robot, (member,)),
+        np.array([start]),
         np.array([end - start]),
         np.array([axis]),
         np.array([0.3 * start + 0.7 * end]),

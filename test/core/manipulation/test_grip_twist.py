@@ -45,7 +45,7 @@ def motions(config, grip):
 
 def surface(grip):
     """Return the weights of the measure |v|^2 + |omega d/2|^2."""
-    return np.array([1.0, 1.0, grip.arm])
+    return np.array([1.0, 1.0, grip.body.arm])
 
 
 def least_cost(config, grip, twist):

@@ -40,7 +40,7 @@ from walls import Wall
 
 def surface(grasp):
     """Return what makes speeds of the object's surface of a twist."""
-    return np.array([1.0, 1.0, grasp.arm])
+    return np.array([1.0, 1.0, grasp.body.arm])
 
 
 def furthest_along(normal, rows, kept):

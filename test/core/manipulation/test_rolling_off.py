@@ -35,8 +35,8 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation import rolling_grip
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
-from isotruss_ros.core.manipulation.grip_reach import rolled_corners
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian
+from isotruss_ros.core.manipulation.rolling_off import rolled_corners
 import numpy as np
 import pytest
 from scipy.linalg import null_space
@@ -121,7 +121,7 @@ def test_faces_on_both_members_keep_the_angle_between_them():
         ((speeds[:, k + 1] - speeds[:, k]) / (contacts.points[k + 1] - contacts.points[k])).imag
         for k in (0, 2)
     )
-    assert jacobian[5] == pytest.approx(grip.arm * (second - first), abs=1e-10)
+    assert jacobian[5] == pytest.approx(grip.body.arm * (second - first), abs=1e-10)
 
 
 def test_three_members_at_one_corner_do_not_hold_it():

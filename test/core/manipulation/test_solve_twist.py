@@ -57,7 +57,7 @@ def full_program(config, grip, ends, twist):
     rows = differenced_rows(config, grip.center, module)
     b, b_next, _, _ = ends
     left = ((b_next - b).conjugate() * (grip.center - b)).imag > 0.0
-    rows[2] += (1.0 if left else -1.0) / grip.arm * speed[robot.module_names.index(module)]
+    rows[2] += (1.0 if left else -1.0) / grip.body.arm * speed[robot.module_names.index(module)]
     equality = np.vstack([constant, rest, rows])
     right = np.concatenate([np.zeros(len(equality) - 4), twist, [0.0]])
     n, k = tube_rows.shape[1], len(equality)
@@ -96,7 +96,7 @@ def well_posed(jacobian):
 
 def surface(grasp):
     """Return the weights of the measure |v|^2 + |omega d/2|^2."""
-    return np.array([1.0, 1.0, grasp.arm])
+    return np.array([1.0, 1.0, grasp.body.arm])
 
 
 def limits_of(config, rate=10.0):

@@ -8,7 +8,7 @@
 # language governing permissions and limitations under the License.
 
 """
-Which twists a grip can produce, and over which corners a polygon rolls for it.
+Over which corners a polygon rolls for a twist that its faces on members do not admit.
 
 As long as faces of the object lie on members they stay there. A twist that they do not admit may
 be one for which the object rolls over an end of a face, while the other end lifts: where statics
@@ -24,10 +24,10 @@ import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.grip_contacts import find_touches, GripContacts
-from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian, rows_of_two
+from isotruss_ros.core.manipulation.grip_contacts import GripContacts
+from isotruss_ros.core.manipulation.grip_rows import contact_rows, rows_of_two
 from isotruss_ros.core.manipulation.limit_handling import WorkingRollers
-from isotruss_ros.core.manipulation.task import EVERYWHERE, Reach, REACH_TOLERANCE, Task
+from isotruss_ros.core.manipulation.task import GripReach, Reach, REACH_TOLERANCE, Task
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -37,34 +37,27 @@ LIFT_TOLERANCE = 1e-9
 LEAST_GAIN = 1e-6
 
 
-def find_grip_reach(
-    config: Configuration, grip: Grip, working: WorkingRollers, twist: Array | None = None
-) -> tuple[Array, Reach]:
+def roll_off_faces(
+    config: Configuration, grip: Grip, working: WorkingRollers, twist: Array, rows: GripReach
+) -> GripReach:
     """
-    Return the rows of a grip, see `grip_jacobian`, and the twists that keep its contacts.
+    Return the rows and the reach with the fewer contacts with which a twist is missed by least.
 
     :param config: configuration of the robot.
     :param grip: the grip.
     :param working: the rollers that work.
-    :param twist: (3,) of the object [m/s, rad/s], for which it may roll off faces that lie on
-        members; these stay there if None.
-    :return: (3 + g, r), and the twists that keep the g last rows at zero.
-    :raises GraspError: see `find_contacts`; or the contacts are all in one point.
+    :param twist: (3,) of the object, not zero [m/s, rad/s].
+    :param rows: those with all contacts, which are returned where nothing comes closer.
     :raises ConfigurationError: the configuration is singular.
     """
-    jacobian, places = grip_jacobian(config, grip), working.places
-    reach = Reach.of(jacobian if working.whole else jacobian[:, places], grip.arm)
-    faces = len(grip.members) == 2 and len(jacobian) > 4
-    if not faces or reach.directions is EVERYWHERE or twist is None or not twist.any():
-        return jacobian, reach
-    least = _missed(reach, twist)
+    least, places = _missed(rows.reach, twist), working.places
     if least <= REACH_TOLERANCE:
-        return jacobian, reach
-    touches, (contacts, hand, rigid) = find_touches(config, grip), contact_rows(config, grip)
+        return rows
+    contacts, hand, rigid = contact_rows(config, grip)
     inward = np.repeat(-contacts.normals, 2).view(np.float64).reshape(-1, 2, 2)[:, 0]
     for kept in rolled_corners(contacts, grip.friction):
-        tried = rows_of_two(config, grip, touches.kept(kept))
-        found = Reach.of(tried[:, places], grip.arm)
+        tried = rows_of_two(config, grip, contacts.take(kept))
+        found = Reach.of(tried[:, places], grip.body.arm)
         missed = _missed(found, twist)
         task = Task(found, twist, working.even)
         if missed >= least * (1.0 - LEAST_GAIN) or task.speed == 0.0:
@@ -72,8 +65,8 @@ def find_grip_reach(
         moved = rigid @ (tried[:3, places] @ task.free) - hand[:, places] @ task.free
         lifting = (moved.reshape(-1, 2) * inward).sum(axis=1)
         if lifting.min() >= -LIFT_TOLERANCE * np.abs(task.free).max():
-            jacobian, reach, least = tried, found, missed
-    return jacobian, reach
+            rows, least = GripReach(tried, found), missed
+    return rows
 
 
 def _missed(reach: Reach, twist: Array) -> float:

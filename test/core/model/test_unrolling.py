@@ -11,8 +11,6 @@
 
 from hypothesis import given
 from isotruss_ros.core import Disc, Ellipse, Polygon
-from isotruss_ros.core.manipulation.grip_contacts import touched_corners
-from isotruss_ros.core.model.unrolled_arc import unrolled_arc
 import numpy as np
 import pytest
 import robots
@@ -21,11 +19,8 @@ import shapes
 
 def arc(shape, angles):
     """Return the arcs to the points with given normals; of no face."""
-    normals = np.exp(1j * angles)
-    corners = np.arange(len(normals))
-    if isinstance(shape, Polygon):
-        _, corners = touched_corners(shape, normals, -1.0)
-    return unrolled_arc(shape, angles, corners)
+    touched = shape.touch_lines(np.exp(1j * angles).tolist(), -1.0)
+    return shape.unroll(angles, np.array(touched.corners))
 
 
 @robots.examples(40)
