@@ -35,7 +35,7 @@ from isotruss_ros.core import (
     load_robot,
     tangent_center,
 )
-from isotruss_ros.core.contact.analysis import GraspAnalysis
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from measuring import print_machine, print_table
 import numpy as np
 

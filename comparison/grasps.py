@@ -18,7 +18,7 @@ import itertools
 from comparison.grips import press, PressedCase, release, STILL
 from comparison.section import Check, Section
 from isotruss_ros.core import analyze_grasp, Configuration, settle_grasp
-from isotruss_ros.core.contact.analysis import GraspAnalysis
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np

@@ -14,7 +14,7 @@ robot -> configuration -> grasp -> twist to rollers (docs/kinematics.md);
 robot -> structure -> contact -> closure (docs/statics.md).
 """
 
-from isotruss_ros.core.contact.analysis import analyze_grasp
+from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
 from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_tracking import PathTracker
 from isotruss_ros.core.control.twist_servo import TwistServo

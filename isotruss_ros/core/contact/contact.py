@@ -18,14 +18,12 @@ linear complementarity problem, and the normals follow the deformed points until
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
-
 from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.lcp import GAP_TOLERANCE, solve_complementarity
+from isotruss_ros.core.contact.contact_state import ContactGuess, ContactState
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.lcp import GAP_TOLERANCE, solve_complementarity
 import numpy as np
 from scipy.linalg import lapack
 
@@ -37,39 +35,6 @@ MAX_STEPS = 300
 WIDE = 0.7
 #: More contact points than this begin where every fourth of them ends.
 MANY = 300
-
-
-@dataclass(frozen=True, eq=False)
-class ContactState:
-    """
-    Where and how hard the object is touched.
-
-    :ivar forces: (c,) normal forces, not negative [N].
-    :ivar gaps: (c,) distances of the deformed tube from the surface, not negative [m].
-    :ivar normals: (c,) unit normals of the surface, outward, x + iy.
-    :ivar displacements: (c,) of what meets the object, see `ContactPoints.skin`, x + iy [m].
-    :ivar radii: (c,) radius of curvature of the surface at the feet of the points [m].
-    :ivar push: (c,) forces on the tubes, x + iy [N].
-    """
-
-    forces: Array
-    gaps: Array
-    normals: Points
-    displacements: Points
-    radii: Array
-    push: Points
-
-
-class ContactGuess(NamedTuple):
-    """
-    Where a search for the contact begins.
-
-    :ivar forces: (c,) normal forces of a similar problem [N]; points with one are taken to touch.
-    :ivar normals: (c,) unit normals of one, x + iy; None for those of the undeformed tubes.
-    """
-
-    forces: Array
-    normals: Points | None = None
 
 
 def solve_contact(

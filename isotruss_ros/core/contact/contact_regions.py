@@ -21,9 +21,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.contact import ContactState
 from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.wrinkling import Wrinkling
+from isotruss_ros.core.contact.contact_state import ContactState
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -72,7 +71,7 @@ def contact_regions(
     contact: ContactState,
     extents: ContactExtents,
     pressure: Array,
-    wrinkling: Wrinkling,
+    tension: Array,
 ) -> ContactRegions:
     """
     Return the contact regions of all members.
@@ -81,7 +80,7 @@ def contact_regions(
     :param contact: where it does.
     :param extents: of the contact, see `contact_extents`.
     :param pressure: (m,) p in each member, gauge [Pa].
-    :param wrinkling: with the tension of the wall at the points.
+    :param tension: (c,) of the wall along the tube at the points, see `Wrinkling` [N/m].
     """
     count, spacing = len(pressure), contact_points.spacing
     forces, member = contact.forces, contact_points.member
@@ -90,7 +89,7 @@ def contact_regions(
     zero = np.zeros(count)
     if not contact_points.dents.any():
         return ContactRegions(force, length, start, end, zero, zero, zero, zero)
-    local = pressure[member] + wrinkling.tension / contact.radii
+    local = pressure[member] + tension / contact.radii
     area = np.bincount(member, forces / local, count)
     width, peak = zero.copy(), zero.copy()
     np.maximum.at(width, member, forces / local / spacing)

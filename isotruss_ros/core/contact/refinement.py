@@ -21,13 +21,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.contact import (
-    ContactGuess,
-    ContactState,
-    estimate_contact,
-)
+from isotruss_ros.core.contact.contact import estimate_contact
 from isotruss_ros.core.contact.contact_points import ContactPoints, find_contact_points
 from isotruss_ros.core.contact.contact_regions import contact_extents, ContactExtents
+from isotruss_ros.core.contact.contact_state import ContactGuess, ContactState
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.model.shapes import normalize

@@ -11,12 +11,12 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core.contact.contact import ContactGuess, ContactState
 from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.lcp import GAP_TOLERANCE
+from isotruss_ros.core.contact.contact_state import ContactGuess, ContactState
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.lcp import GAP_TOLERANCE
 import numpy as np
 
 #: K1 as a share of 2 / lambda_max(W), beyond which the iteration diverges.

@@ -23,12 +23,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from isotruss_ros.core.contact.contact import ContactGuess, ContactState, guess_contact, open_gaps
+from isotruss_ros.core.contact.contact import guess_contact, open_gaps
 from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.lcp import solve_complementarity
+from isotruss_ros.core.contact.contact_state import ContactGuess, ContactState
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.lcp import solve_complementarity
 import numpy as np
 from scipy.linalg import lapack
 
@@ -41,7 +42,7 @@ MAX_STEPS = 60
 #: Where the skin is folded over a corner, normals lean against the tube by at most this [rad].
 FOLD = np.deg2rad(12.0)
 #: Points can tell an arc whose radius is this many times their spacing.
-TOLD = 2.0
+RESOLVED_ARC = 2.0
 
 
 def solve_sliding_contact(
@@ -199,7 +200,7 @@ def turn_at_corners(
     radii = surface.nearest(moved).radii
     sizes = np.abs(contact.push)
     # Arcs and ellipses that points can tell are as they are; faces and blunted corners differ.
-    rounded = np.isfinite(contact.radii) & (contact.radii >= TOLD * contact_points.spacing)
+    rounded = np.isfinite(contact.radii) & (contact.radii >= RESOLVED_ARC * contact_points.spacing)
     rounded[rounded] = np.abs(radii[rounded] / contact.radii[rounded] - 1.0) < 1e-3
     places = np.flatnonzero((sizes > 0.0) & ~rounded)
     across = contact.push[places] / sizes[places]

@@ -22,13 +22,10 @@ from functools import cached_property
 from typing import Protocol
 
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.polygon import Polygon
-from isotruss_ros.core.model.shapes import Disc, normalize, Shape, SurfacePoints
+from isotruss_ros.core.model.shapes import normalize, Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
 
-#: Tangents that bound a shape without sides, and at most so many that bound one with sides.
-TANGENTS, MAX_TANGENTS = 16, 32
 #: Tubes seen from this far off the object, as a share of its size, have the normals to begin with.
 CLEARANCE = 0.3
 
@@ -216,12 +213,7 @@ class ConvexSurface:
 
     def tangents(self) -> tuple[Points, Array]:
         """Return normals (k,) and distances (k,) [m] of tangents that bound it besides `reach`."""
-        shape = self.body.shape
-        if isinstance(shape, Polygon):
-            own = shape.normals[:: 1 + (len(shape.normals) - 1) // MAX_TANGENTS]
-        else:
-            own = np.exp(2j * np.pi * np.arange(TANGENTS) / TANGENTS)
-        normals = own * self.body.turn
+        normals = self.body.shape.bounding_normals * self.body.turn
         return normals, self.support(normals)
 
     def resolved(self, spacing: float) -> ConvexSurface:
@@ -241,6 +233,6 @@ def surface_of(body: ConvexObject, margin: float = 0.0) -> Surface:
     :param margin: how far out the surface is: 0 for its own, the radius of the tube for what
         centre lines meet where tubes stay round [m].
     """
-    if isinstance(body.shape, Disc):
-        return RoundSurface(body.center, 0.5 * body.shape.diameter + margin)
+    if body.shape.is_round:
+        return RoundSurface(body.middle, body.shape.reach + margin)
     return ConvexSurface(body, margin, body.shape)

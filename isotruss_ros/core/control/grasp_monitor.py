@@ -20,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import replace
 import time
 
-from isotruss_ros.core.contact.analysis import analyze_grasp
+from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
 from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.control.grasp_report import (
     AnalyzedGrasp,

@@ -20,11 +20,11 @@ from __future__ import annotations
 import functools
 
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.lcp import solve_complementarity
 from isotruss_ros.core.holding.indentation import SkinIndentation
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.lcp import solve_complementarity
 import numpy as np
 
 #: Depths of the table as shares of the tube's radius, and points of the skin within the overlap.

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 import math
 
-from isotruss_ros.core.contact.analysis import FRICTION
+from isotruss_ros.core.contact.analyze_grasp import FRICTION
 from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.holding.contact_changes import MOST

@@ -29,6 +29,8 @@ import numpy as np
 MAX_VERTICES = 1000
 #: The sine of the angle by which the outline turns at a corner is at least this.
 STRAIGHT = 1e-9
+#: At most so many sides bound a shape with many.
+MAX_TANGENTS = 32
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,11 @@ class Polygon(Shape):
         """Return the outward unit normals of the sides, (k,): from each vertex to the next."""
         sides = np.roll(self.corners, -1) - self.corners
         return -1j * sides / np.abs(sides)
+
+    @property
+    def bounding_normals(self) -> Points:
+        """Return outward unit normals (k,) of sides that bound the shape closely."""
+        return self.normals[:: 1 + (len(self.normals) - 1) // MAX_TANGENTS]
 
     @cached_property
     def radii(self) -> Array:

@@ -28,6 +28,9 @@ from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 import numpy as np
 
+#: Tangents that bound a shape without sides.
+TANGENTS = 16
+
 
 class SurfacePoints(NamedTuple):
     """
@@ -70,6 +73,11 @@ class Shape(ABC):
     def is_round(self) -> bool:
         """Return whether the shape is the same however it is turned about the origin."""
         return False
+
+    @property
+    def bounding_normals(self) -> Points:
+        """Return outward unit normals (k,) of tangents that bound the shape closely."""
+        return np.exp(2j * np.pi * np.arange(TANGENTS) / TANGENTS)
 
     @property
     @abstractmethod

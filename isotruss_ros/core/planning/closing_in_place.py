@@ -22,7 +22,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 import math
 
-from isotruss_ros.core.contact.analysis import analyze_grasp, GraspAnalysis
+from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.analysis import GraspAnalysis
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, as_xy
 from isotruss_ros.core.planning.closing import Closing, outward_normals

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.analysis import GraspAnalysis
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.held_utilisation import held_utilisation
 from isotruss_ros.core.planning.grasp_plan import Violation

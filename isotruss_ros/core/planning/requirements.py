@@ -16,7 +16,7 @@ from dataclasses import dataclass, fields
 from enum import Enum
 import math
 
-from isotruss_ros.core.contact.analysis import GraspAnalysis
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST

@@ -20,7 +20,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from isotruss_ros.core.contact.analysis import analyze_grasp, GraspAnalysis
+from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.settle_grasp import settle_grasp, SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array

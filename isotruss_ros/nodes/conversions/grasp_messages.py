@@ -18,7 +18,7 @@ from geometry_msgs.msg import Point, Pose, Vector3, Wrench, WrenchStamped
 from isotruss_msgs.msg import Contact, GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import ConvexObject
-from isotruss_ros.core.contact.analysis import GraspAnalysis
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.control.grasp_report import GraspQuery, GraspReport
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,

@@ -14,13 +14,15 @@ from types import SimpleNamespace
 
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
-from isotruss_ros.core.contact import lcp, relaxation
-from isotruss_ros.core.contact.contact import ContactGuess, solve_contact
+from isotruss_ros.core.contact import relaxation
+from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import ContactPoints, find_contact_points
-from isotruss_ros.core.contact.lcp import solve_complementarity
+from isotruss_ros.core.contact.contact_state import ContactGuess
 from isotruss_ros.core.contact.relaxation import relax_contact
 from isotruss_ros.core.contact.surfaces import RoundSurface, surface_of
 from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.numerics import lcp
+from isotruss_ros.core.numerics.lcp import solve_complementarity
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest

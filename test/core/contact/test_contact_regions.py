@@ -28,9 +28,9 @@ def test_pressure_is_that_of_the_gas_and_of_the_walls_tension_around_the_object(
     contact = SimpleNamespace(
         forces=np.array([2.0, 0.05, 0.0, 0.0]), radii=np.array([0.5, 0.1, 0.01, 0.2])
     )
-    wrinkling = SimpleNamespace(tension=np.array([100.0, 300.0, 500.0, 700.0]))
+    tension = np.array([100.0, 300.0, 500.0, 700.0])
     extents = ContactExtents(NONE, NONE, NONE)
-    found = contact_regions(points, contact, extents, np.array([1e4, 2e4]), wrinkling)
+    found = contact_regions(points, contact, extents, np.array([1e4, 2e4]), tension)
     # p + T / r
     local = np.array([1e4 + 200.0, 1e4 + 3000.0])
     area = (contact.forces[:2] / local).sum()

@@ -11,15 +11,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterable
+from typing import Any, Literal
 
-from isotruss_ros.core.contact.contact import ContactGuess, ContactState, solve_contact
+from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import ContactPoints, find_contact_points
-from isotruss_ros.core.contact.contact_regions import contact_extents, contact_regions
+from isotruss_ros.core.contact.contact_regions import (
+    contact_extents,
+    contact_regions,
+    ContactExtents,
+)
+from isotruss_ros.core.contact.contact_state import ContactGuess, ContactState
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.force_closure import check_force_closure
-from isotruss_ros.core.contact.refinement import PreviousContact, refine_contact
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.contact.refinement import ContactSolver, PreviousContact, refine_contact
 from isotruss_ros.core.contact.relaxation import relax_contact
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, turn_at_corners
 from isotruss_ros.core.contact.surfaces import surface_of
@@ -27,11 +33,10 @@ from isotruss_ros.core.contact.wrinkling import find_wrinkling
 from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.shapes import Disc
-from isotruss_ros.core.numerics.arrays import Array, as_xy, finite_array, Indices
+from isotruss_ros.core.numerics.arrays import Array, as_xy, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.pressures import Pressure
-from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.structure import Structure, structure_of
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
@@ -42,74 +47,6 @@ SPACINGS = (1e-4, 0.1)
 BUDGET = 80
 #: Coefficient of friction where nothing is known of it.
 FRICTION = 0.5
-
-
-@dataclass(frozen=True, eq=False)
-class GraspAnalysis:
-    """
-    What holds an object, and how well; k contact points.
-
-    :ivar points: (k, 2) what meets the object, deformed, robot frame: the skin of the tubes; in
-        the paper's model their centre lines, half a tube diameter farther out [m].
-    :ivar members: (k,) the member that each point is on, by its place in `Robot.member_names`.
-    :ivar places: (k,) where that is along the member, from its start [m].
-    :ivar gaps: (k,) distance of the tube's skin from the object there, not negative [m].
-    :ivar normals: (k, 2) unit normals of the object's surface, outward: toward the tube; at a
-        corner over which the skin is folded nearly across the tube, see `turn_at_corners`.
-        Except for discs, normals times forces sum up to less or more than `normal_wrench`, which
-        counts: by 0.3 % on an ellipse, by a tenth and at most a quarter at sharp corners.
-    :ivar normal_forces: (k,) pressing tube and object apart, along `normals`, not negative [N].
-    :ivar friction_forces: (k,) on the object, along the tangent, counter-clockwise [N].
-    :ivar normal_wrench: (fx, fy, m) with which the tubes press on the object without friction,
-        across their bent centre lines, about the origin of its frame, the centre of a cylinder
-        [N, N m].
-    :ivar force_closure: whether the object is touched, and friction balances normal forces and
-        external wrench.
-    :ivar closure_residual: what friction leaves, moments over half of the mean width, d/2 of a
-        cylinder [N].
-    :ivar closure_tolerance: below which the residual counts as none [N].
-    :ivar required_friction: smallest coefficient that closes; infinite if none does.
-    :ivar closure_margin: largest extra wrench of any direction that friction still balances,
-        moments over half of the mean width [N]; negative where the grasp is open.
-    :ivar contact_lengths: length of tube in contact by member, of those in contact [m].
-    :ivar contact_spans: where along the member contact begins and ends, from the member's start,
-        by member, of those in contact [m].
-    :ivar contact_forces: sum of the normal forces by member, of those in contact [N].
-    :ivar contact_widths: largest width of contact around the tube by member, of those in contact;
-        none in the paper's model, as all of the following [m].
-    :ivar contact_areas: area of contact by member, of those in contact [m^2].
-    :ivar contact_pressures: mean pressure of contact by member, of those in contact [Pa].
-    :ivar peak_pressures: largest pressure of contact by member, of those in contact [Pa].
-    :ivar utilisation: largest bending moment over the wrinkling moment, by member, of all members;
-        from 1 on a tube wrinkles, and all numbers are outside of the model.
-    :ivar utilisation_places: where along the member that is, from its start, of all members [m].
-    :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
-        with all its contact points takes [N/m, N, N m].
-    """
-
-    points: Array
-    members: Indices
-    places: Array
-    gaps: Array
-    normals: Array
-    normal_forces: Array
-    friction_forces: Array
-    normal_wrench: Array
-    force_closure: bool
-    closure_residual: float
-    closure_tolerance: float
-    required_friction: float
-    closure_margin: float
-    contact_lengths: dict[str, float]
-    contact_spans: dict[str, tuple[float, float]]
-    contact_forces: dict[str, float]
-    contact_widths: dict[str, float]
-    contact_areas: dict[str, float]
-    contact_pressures: dict[str, float]
-    peak_pressures: dict[str, float]
-    utilisation: dict[str, float]
-    utilisation_places: dict[str, float]
-    stiffness: Array
 
 
 @single_threaded
@@ -148,16 +85,74 @@ def analyze_grasp(
         laws are contradictory.
     :raises SolverError: the contact problem was not solved.
     """
+    mu, gap, wrench = _checked(body, friction, spacing, external_wrench)
+    sliding = flattening and not body.shape.is_round
+    solver = _solver(method, sliding)
+    structure = structure_of(config, pressure)
+    margin = 0.0 if flattening else 0.5 * config.robot.description.tube_diameter
+    surface = surface_of(body, margin)
+    if flattening:
+        kernel = flattening_of(config.robot, structure.pressures)
+        budget = BUDGET if sliding else None
+        contact_points, contact, extents, kept = refine_contact(
+            structure, surface, gap, kernel, solver, _contact_before(previous), budget
+        )
+        if sliding:
+            contact = turn_at_corners(contact_points, contact, surface)
+    else:
+        contact_points = find_contact_points(structure, surface, gap)
+        start = None
+        if previous is not None and len(previous.normal_forces) == len(contact_points.points):
+            start = ContactGuess(previous.normal_forces)
+        contact = solver(contact_points, surface, start)
+        extents = contact_extents(contact_points, contact, len(config.robot.member_names))
+        kept = np.arange(len(contact_points.points))
+    normals = as_xy(contact.normals)
+    pressed, levers = _pressed(body, contact_points, contact, margin)
+    tangents = as_xy(1j * contact.normals)
+    load = (pressed + wrench) / np.array([1.0, 1.0, body.arm])
+    closure = check_force_closure(tangents, contact.forces, load, mu, levers)
+    return GraspAnalysis(
+        points=as_xy((contact_points.skin + contact.displacements)[kept]),
+        members=contact_points.member[kept],
+        places=contact_points.place[kept],
+        gaps=contact.gaps[kept],
+        normals=normals[kept],
+        normal_forces=contact.forces[kept],
+        friction_forces=closure.friction_forces[kept],
+        normal_wrench=pressed,
+        # Without a touch all is in balance, but nothing is held.
+        force_closure=closure.closed and bool((contact.forces > 0.0).any()),
+        closure_residual=closure.residual,
+        closure_tolerance=closure.tolerance,
+        required_friction=closure.required_friction,
+        closure_margin=closure.margin,
+        stiffness=_stiffness(contact_points, contact, body.center),
+        **_by_member(structure, contact_points, contact, extents),
+    )
+
+
+def _checked(
+    body: ConvexObject, friction: float | None, spacing: float, external_wrench: ArrayLike
+) -> tuple[float, float, Array]:
+    """Return friction, spacing [m] and wrench as numbers that can be used."""
     if friction is None:
         friction = FRICTION if body.friction is None else body.friction
-    mu, gap = finite_array([friction, spacing], 2, 'friction and spacing [m]', GraspError)
+    mu, gap = finite_array([friction, spacing], 2, 'friction and spacing [m]', GraspError).tolist()
     if mu < 0.0:
         raise GraspError(f'friction {friction!r}: must not be negative')
     if not SPACINGS[0] <= gap <= SPACINGS[1]:
         raise GraspError(f'spacing {spacing!r} m: must be from {SPACINGS[0]} to {SPACINGS[1]} m')
-    wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
-    sliding = flattening and not isinstance(body.shape, Disc)
-    solvers = {
+    return mu, gap, finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
+
+
+def _solver(method: str, sliding: bool) -> ContactSolver:
+    """
+    Return what solves (8).
+
+    :param sliding: whether the tubes flatten on an object that is not round.
+    """
+    solvers: dict[str, ContactSolver] = {
         'exact': solve_sliding_contact if sliding else solve_contact,
         'relaxation': relax_contact,
     }
@@ -168,75 +163,48 @@ def analyze_grasp(
             "method 'relaxation': where tubes flatten (9) is for discs only; must be 'exact', or "
             'flattening=False'
         )
-    structure = structure_of(config, pressure)
-    margin = 0.0 if flattening else 0.5 * config.robot.description.tube_diameter
-    surface = surface_of(body, margin)
-    if flattening:
-        kernel = flattening_of(config.robot, structure.pressures)
-        before = None
-        if previous is not None and previous.contact_spans:
-            before = PreviousContact(
-                previous.contact_spans,
-                previous.members,
-                previous.places,
-                previous.normals @ np.array([1.0, 1.0j]),
-            )
-        contact_points, contact, extents, kept = refine_contact(
-            structure, surface, gap, kernel, solvers[method], before, BUDGET if sliding else None
-        )
-        if sliding:
-            contact = turn_at_corners(contact_points, contact, surface)
-    else:
-        contact_points = find_contact_points(structure, surface, gap)
-        start = None
-        if previous is not None and len(previous.normal_forces) == len(contact_points.points):
-            start = ContactGuess(previous.normal_forces)
-        contact = solvers[method](contact_points, surface, start)
-        extents = contact_extents(contact_points, contact, len(config.robot.member_names))
-        kept = np.arange(len(contact_points.points))
-    normals = as_xy(contact.normals)
-    pressed, levers = _pressed(body, contact_points, contact, margin)
-    tangents = as_xy(1j * contact.normals)
-    load = (pressed + wrench) / np.array([1.0, 1.0, body.arm])
-    closure = check_force_closure(tangents, contact.forces, load, float(mu), levers)
-    gauge = np.array(structure.pressures)[config.robot.topology.tube]
-    wrinkling = find_wrinkling(structure, gauge, contact_points, contact)
-    regions = contact_regions(contact_points, contact, extents, gauge, wrinkling)
-    names = config.robot.member_names
-    touching = np.flatnonzero(regions.length).tolist()
-    wide = touching if flattening else []
+    return solvers[method]
 
-    def by_member(values: Array, members: list[int]) -> dict[str, float]:
+
+def _contact_before(previous: GraspAnalysis | None) -> PreviousContact | None:
+    """Return where the search begins: the contact of a similar grasp."""
+    if previous is None or not previous.contact_spans:
+        return None
+    normals = previous.normals @ np.array([1.0, 1.0j])
+    return PreviousContact(previous.contact_spans, previous.members, previous.places, normals)
+
+
+def _by_member(
+    structure: Structure,
+    contact_points: ContactPoints,
+    contact: ContactState,
+    extents: ContactExtents,
+) -> dict[str, Any]:
+    """Return the fields of a `GraspAnalysis` that are by member."""
+    robot = structure.config.robot
+    gauge = np.array(structure.pressures)[robot.topology.tube]
+    wrinkling = find_wrinkling(structure, gauge, contact_points, contact)
+    regions = contact_regions(contact_points, contact, extents, gauge, wrinkling.tension)
+    names = robot.member_names
+    touching = np.flatnonzero(regions.length).tolist()
+    wide = touching if contact_points.dents.any() else []
+
+    def named(values: Array, members: Iterable[int] = range(len(names))) -> dict[str, float]:
         return {names[i]: values.item(i) for i in members}
 
-    return GraspAnalysis(
-        points=as_xy((contact_points.skin + contact.displacements)[kept]),
-        members=contact_points.member[kept],
-        places=contact_points.place[kept],
-        gaps=contact.gaps[kept],
-        normals=normals[kept],
-        normal_forces=contact.forces[kept],
-        friction_forces=closure.friction_forces[kept],
-        normal_wrench=pressed,
-        # Without a touch all is in balance, but nothing is body.
-        force_closure=closure.closed and bool((contact.forces > 0.0).any()),
-        closure_residual=closure.residual,
-        closure_tolerance=closure.tolerance,
-        required_friction=closure.required_friction,
-        closure_margin=closure.margin,
-        contact_lengths=by_member(regions.length, touching),
-        contact_spans={
-            names[i]: (float(regions.start[i]), float(regions.end[i])) for i in touching
+    return {
+        'contact_lengths': named(regions.length, touching),
+        'contact_spans': {
+            names[i]: (regions.start.item(i), regions.end.item(i)) for i in touching
         },
-        contact_forces=by_member(regions.force, touching),
-        contact_widths=by_member(regions.width, wide),
-        contact_areas=by_member(regions.area, wide),
-        contact_pressures=by_member(regions.pressure, wide),
-        peak_pressures=by_member(regions.peak_pressure, wide),
-        utilisation=dict(zip(names, wrinkling.utilisation.tolist(), strict=True)),
-        utilisation_places=dict(zip(names, wrinkling.place.tolist(), strict=True)),
-        stiffness=_stiffness(contact_points, contact, body.center),
-    )
+        'contact_forces': named(regions.force, touching),
+        'contact_widths': named(regions.width, wide),
+        'contact_areas': named(regions.area, wide),
+        'contact_pressures': named(regions.pressure, wide),
+        'peak_pressures': named(regions.peak_pressure, wide),
+        'utilisation': named(wrinkling.utilisation),
+        'utilisation_places': named(wrinkling.place),
+    }
 
 
 def _pressed(
@@ -248,7 +216,7 @@ def _pressed(
     :param margin: how far the surface that the points meet is from the object's own [m].
     :return: levers (k,) of forces along the tangents over half of the mean width; None for a disc.
     """
-    if isinstance(body.shape, Disc):
+    if body.shape.is_round:
         return np.append(-contact.forces @ as_xy(contact.normals), 0.0), None
     # Where the forces act on the object's own surface, from the origin of its frame.
     arms = contact_points.skin + contact.displacements - body.center

@@ -1,0 +1,85 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+
+"""What an analysis of a grasp finds: the result of `analyze_grasp`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.numerics.arrays import Array, Indices
+
+
+@dataclass(frozen=True, eq=False)
+class GraspAnalysis:
+    """
+    What holds an object, and how well; k contact points.
+
+    :ivar points: (k, 2) what meets the object, deformed, robot frame: the skin of the tubes; in
+        the paper's model their centre lines, half a tube diameter farther out [m].
+    :ivar members: (k,) the member that each point is on, by its place in `Robot.member_names`.
+    :ivar places: (k,) where that is along the member, from its start [m].
+    :ivar gaps: (k,) distance of the tube's skin from the object there, not negative [m].
+    :ivar normals: (k, 2) unit normals of the object's surface, outward: toward the tube; at a
+        corner over which the skin is folded nearly across the tube, see `turn_at_corners`.
+        Except for discs, normals times forces sum up to less or more than `normal_wrench`, which
+        counts: by 0.3 % on an ellipse, by a tenth and at most a quarter at sharp corners.
+    :ivar normal_forces: (k,) pressing tube and object apart, along `normals`, not negative [N].
+    :ivar friction_forces: (k,) on the object, along the tangent, counter-clockwise [N].
+    :ivar normal_wrench: (fx, fy, m) with which the tubes press on the object without friction,
+        across their bent centre lines, about the origin of its frame, the centre of a cylinder
+        [N, N m].
+    :ivar force_closure: whether the object is touched, and friction balances normal forces and
+        external wrench.
+    :ivar closure_residual: what friction leaves, moments over half of the mean width, d/2 of a
+        cylinder [N].
+    :ivar closure_tolerance: below which the residual counts as none [N].
+    :ivar required_friction: smallest coefficient that closes; infinite if none does.
+    :ivar closure_margin: largest extra wrench of any direction that friction still balances,
+        moments over half of the mean width [N]; negative where the grasp is open.
+    :ivar contact_lengths: length of tube in contact by member, of those in contact [m].
+    :ivar contact_spans: where along the member contact begins and ends, from the member's start,
+        by member, of those in contact [m].
+    :ivar contact_forces: sum of the normal forces by member, of those in contact [N].
+    :ivar contact_widths: largest width of contact around the tube by member, of those in contact;
+        none in the paper's model, as all of the following [m].
+    :ivar contact_areas: area of contact by member, of those in contact [m^2].
+    :ivar contact_pressures: mean pressure of contact by member, of those in contact [Pa].
+    :ivar peak_pressures: largest pressure of contact by member, of those in contact [Pa].
+    :ivar utilisation: largest bending moment over the wrinkling moment, by member, of all members;
+        from 1 on a tube wrinkles, and all numbers are outside of the model.
+    :ivar utilisation_places: where along the member that is, from its start, of all members [m].
+    :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
+        with all its contact points takes [N/m, N, N m].
+    """
+
+    points: Array
+    members: Indices
+    places: Array
+    gaps: Array
+    normals: Array
+    normal_forces: Array
+    friction_forces: Array
+    normal_wrench: Array
+    force_closure: bool
+    closure_residual: float
+    closure_tolerance: float
+    required_friction: float
+    closure_margin: float
+    contact_lengths: dict[str, float]
+    contact_spans: dict[str, tuple[float, float]]
+    contact_forces: dict[str, float]
+    contact_widths: dict[str, float]
+    contact_areas: dict[str, float]
+    contact_pressures: dict[str, float]
+    peak_pressures: dict[str, float]
+    utilisation: dict[str, float]
+    utilisation_places: dict[str, float]
+    stiffness: Array
