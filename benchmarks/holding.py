@@ -49,8 +49,8 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_closures import rest
-from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from measuring import print_machine, print_table, timed
 import numpy as np
@@ -113,7 +113,7 @@ def follow(
     plant_object = ElasticObject(path.body, FRICTION, stiffness_scale=scale)
     plant = SimulatedRobot(path.config, plant_object, RollerFaults())
     plant.advance(0.0)
-    model = HeldGrip.attach(path.config, path.body)
+    model = attach_grip(path.config, path.body)
     if plant_object.grasp is None or isinstance(model, HoldStatus):
         return 'not held'
     if plant_object.slip_margin < least and scale == 1.0:
@@ -238,7 +238,7 @@ def print_foretold(paths: list[Path]) -> None:
     """Print how many paths larger and larger loads end, and how many of them with a margin."""
     for load in (LOAD, 2.0 * LOAD, 3.0 * LOAD):
         lost = [path for path in paths if isinstance(follow(path, MODEL, constant(load)), str)]
-        models = [HeldGrip.attach(path.config, path.body) for path in lost]
+        models = [attach_grip(path.config, path.body) for path in lost]
         missed = sum(model.slip_margin(FRICTION) >= load for model in models)
         print(
             f'constant {load:g} N: {len(lost)} of {len(paths)} lost; '
@@ -248,7 +248,7 @@ def print_foretold(paths: list[Path]) -> None:
 
 def print_ratio(path: Path) -> None:
     """Print how long a command takes against SciPy's solver of the equilibrium alone."""
-    grasp = HeldGrip.attach(path.config, path.body)
+    grasp = attach_grip(path.config, path.body)
     closure = rest(grasp.statics, path.body.center, path.body.pose.angle)
     start = grasp.state.unknowns.copy()
     start[grasp.statics.places.normal] *= 0.9

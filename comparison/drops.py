@@ -26,9 +26,11 @@ from isotruss_ros.core import (
     solve_twist,
 )
 from isotruss_ros.core.errors import ConfigurationError, StructureError
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.grip_response import weakest_direction
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.held_utilisation import held_utilisation
-from isotruss_ros.core.holding.slip_margin import weakest_direction
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
@@ -184,7 +186,7 @@ def attempt(case: Case) -> Outcome | None:
     plant, config, cylinder = press(case.grip)
     release(plant, case.friction, REST)
     body = cylinder.moved_to(plant.object_pose())
-    model = HeldGrip.attach(config, body)
+    model = attach_grip(config, body)
     if not isinstance(model, HeldGrip):
         return None
     travels = _travels(config, case, body)
@@ -212,7 +214,7 @@ def _is_worth(case: Case) -> bool:
     """Return whether the grasp seems to bear a load, which costs less than to simulate it."""
     try:
         config, cylinder = place(case.grip)
-        model = HeldGrip.attach(config, cylinder)
+        model = attach_grip(config, cylinder)
     except (ConfigurationError, StructureError):
         return False
     if not isinstance(model, HeldGrip) or model.hold(case.friction) is not HoldStatus.HELD:
@@ -238,7 +240,7 @@ def _least_margin(model: HeldGrip, travels: Sequence[Array], friction: float) ->
     """Return the smallest slip margin without a load, zero where the object is not held [N]."""
     least, there = model.slip_margin(friction), model
     for travel in travels:
-        moved = there.moved_to(there.config.moved_to(travel))
+        moved = roll_grip(there, there.config.moved_to(travel))
         if moved is None or moved.hold(friction) is not HoldStatus.HELD:
             return 0.0
         there, least = moved, min(least, moved.slip_margin(friction))
@@ -247,11 +249,11 @@ def _least_margin(model: HeldGrip, travels: Sequence[Array], friction: float) ->
 
 def _follow(model: HeldGrip, travels: Sequence[Array], wrench: Array) -> HeldGrip | None:
     """Return our model of the grasp at the end of the motion, under the load."""
-    there = model.moved_to(model.config, wrench)
+    there = roll_grip(model, model.config, wrench)
     for travel in travels:
         if there is None:
             return None
-        there = there.moved_to(there.config.moved_to(travel), wrench)
+        there = roll_grip(there, there.config.moved_to(travel), wrench)
     return there
 
 

@@ -17,7 +17,9 @@ import math
 from comparison.grips import press, PressedCase, release
 from comparison.section import Check, Section
 from isotruss_ros.core import Configuration, HoldStatus
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
@@ -51,7 +53,7 @@ def compare(
         plant, config, cylinder = press(grip)
         release(plant, FRICTION)
         state = plant.save()
-        model = HeldGrip.attach(config, cylinder.moved_to(plant.object_pose()))
+        model = attach_grip(config, cylinder.moved_to(plant.object_pose()))
         assert isinstance(model, HeldGrip), model
         margin = model.slip_margin(FRICTION)
         for direction in directions:
@@ -98,7 +100,7 @@ def predicted(model: HeldGrip, config: Configuration, along: Array) -> float:
     """
     size, step = 0.0, STEP
     while step > FINEST and size < LARGEST:
-        there = model.moved_to(config, (size + step) * along)
+        there = roll_grip(model, config, (size + step) * along)
         if there is not None and there.hold(FRICTION) is HoldStatus.HELD:
             size, model = size + step, there
         else:

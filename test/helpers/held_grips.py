@@ -11,6 +11,7 @@
 
 from apart_grips import APART, NINE
 from isotruss_ros.core import place_between, Polygon
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip
 import numpy as np
 
@@ -28,6 +29,6 @@ def numbers(members):
 def held(shape, angle, members=APART, depth=0.01, **options):
     """Return how an object is held that is pressed into members."""
     grip = place_between(HOME, members, shape, angle=angle, indentation=depth)
-    found = HeldGrip.attach(HOME, grip.body, numbers(members), **options)
+    found = attach_grip(HOME, grip.body, numbers(members), **options)
     assert isinstance(found, HeldGrip)
     return found

@@ -13,9 +13,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.grip_response import slip_margin
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.hold_status import HoldStatus
-from isotruss_ros.core.holding.slip_margin import slip_margin
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.numerics.arrays import Array
@@ -48,7 +49,7 @@ def attach_model(config: Configuration, grip: Grip) -> HeldGrip | HoldStatus:
     :raises StructureError: see `structure_of`.
     """
     members = find_members(config.robot, grip.members).members
-    return HeldGrip.attach(config, grip.body, members)
+    return attach_grip(config, grip.body, members)
 
 
 def sensitivity(grasp: HeldGrip, friction: float) -> Sensitivity | None:

@@ -28,6 +28,7 @@ from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.held_utilisation import held_utilisation
 from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -130,7 +131,7 @@ class SqueezeControl:
         friction, before, self._elapsed = self.settings.friction, self.grasp, elapsed
         if self.reference is not None:
             self.reference = self.reference + elapsed * self._velocity
-        grasp = None if before is None else before.moved_to(config, self._wrench(before))
+        grasp = None if before is None else roll_grip(before, config, self._wrench(before))
         if before is not None and grasp is not None and grasp.hold(friction) is HoldStatus.HELD:
             found = sensitivity(grasp, friction)
             if found is not None:
@@ -240,7 +241,7 @@ class SqueezeControl:
         offset = _difference(np.array(measured), np.array(found.pose))
         # At once: so that the object is wanted where it is, and not where the model has it.
         self.load.update(offset, given.pose, found.arm, math.inf, 1.0)
-        loaded = found.moved_to(found.config, self._wrench(found))
+        loaded = roll_grip(found, found.config, self._wrench(found))
         if loaded is None or loaded.hold(self.settings.friction) is not HoldStatus.HELD:
             self.load.wrench, self.load.bias = np.zeros(3), offset
             return found

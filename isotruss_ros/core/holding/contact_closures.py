@@ -10,14 +10,14 @@
 """
 What settles the equations of `contact_statics` that statics leaves open.
 
-Contacts that stick roll with the tubes. Where the past is not known, friction is taken to be as
+Contacts that stick roll with the tubes. With unknown contact history, friction is taken to be as
 little as the balance needs: it settles what is stiff, and the measured pose what is not.
 """
 
 from __future__ import annotations
 
 from isotruss_ros.core.holding.balance import ANGLE, Closure
-from isotruss_ros.core.holding.contact_statics import ContactStatics, surface_points
+from isotruss_ros.core.holding.contact_statics import ContactStatics
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
@@ -27,7 +27,7 @@ SOFTNESS = 1e-4
 
 def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
     """
-    Return the closure for an unknown past: the pose is near to a measured one.
+    Return the closure with unknown contact history: the pose is near to a measured one.
 
     The two ends of a face use friction alike. Two members press as hard as the measured place
     across their chord lets them; three as statics has it. The angle is the measured one, unless a
@@ -38,7 +38,7 @@ def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
     :param center: measured origin of the object's frame, x + iy [m].
     :param angle: measured [rad].
     """
-    owners, places = statics.owners, statics.places
+    owners, places = statics.contacts.owners, statics.places
     members = int(owners[-1]) + 1
     ends = [np.flatnonzero(owners == i) for i in range(members)]
     faces = [own for own in ends if len(own) == 2]
@@ -130,7 +130,7 @@ def stick(
     places = statics.places
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
-        derivative = rolling_rows(statics, unknowns, normals)
+        derivative = statics.rolling_rows(unknowns, normals)
         left = find_anchors(statics, unknowns, normals, travel, angles) - anchors
         if len(free):
             left[free] = SOFTNESS * unknowns[places.friction][free]
@@ -139,24 +139,6 @@ def stick(
         return left, derivative
 
     return rows
-
-
-def rolling_rows(statics: ContactStatics, unknowns: Array, normals: Points) -> Array:
-    """
-    Return the derivative (k, 3 + 4k) of what `find_anchors` returns.
-
-    :param statics: the equations.
-    :param unknowns: see `ContactForces`.
-    :param normals: (k,) from the object toward the tubes.
-    """
-    places, count = statics.places, len(normals)
-    derivative, own = np.zeros((count, places.size)), np.arange(count)
-    facing = normals * np.exp(-1j * unknowns[ANGLE])
-    radii = surface_points(statics.body.shape, facing, statics.corners)[1]
-    derivative[:, ANGLE] = radii
-    derivative[own, places.feet.start + own] = -statics.sides
-    derivative[own, places.inclinations.start + own] = -radii
-    return derivative
 
 
 def find_anchors(
@@ -172,7 +154,7 @@ def find_anchors(
     :param angles: (k,) of the normals in the object's frame before, not wrapped [rad].
     """
     found = unwrapped(unknowns, normals, angles)
-    arcs = statics.body.shape.unroll(found, statics.corners)
+    arcs = statics.body.shape.unroll(found, statics.contacts.corners)
     return -statics.sides * (unknowns[statics.places.feet] - travel) - arcs
 
 

@@ -27,6 +27,7 @@ import cmath
 from collections.abc import Callable
 from dataclasses import dataclass
 import functools
+from typing import NamedTuple
 
 from isotruss_ros.core.holding.balance import (
     ANGLE,
@@ -38,13 +39,26 @@ from isotruss_ros.core.holding.balance import (
     POSE,
     solve_balance,
 )
+from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.ellipse import Ellipse
-from isotruss_ros.core.model.polygon import Polygon
-from isotruss_ros.core.model.shapes import Disc, Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
+from isotruss_ros.core.statics.pressures import Pressure
 import numpy as np
+
+
+class TubeModel(NamedTuple):
+    """
+    What is assumed of the tubes that hold an object.
+
+    :ivar stiffness_scale: stiffness of the robot against that of the model.
+    :ivar flattening: whether the tubes' sections flatten where they are touched.
+    :ivar pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
+    """
+
+    stiffness_scale: float = 1.0
+    flattening: bool = True
+    pressure: Pressure | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +68,7 @@ class ContactStatics:
 
     :ivar compliance: of the structure on the members of the contacts.
     :ivar body: the object, near where it is.
-    :ivar owners: (k,) to which member of the grip each contact belongs: 0, 0, 1, ...
-    :ivar corners: (k,) which corner of a polygon touches; else not used.
+    :ivar contacts: the k contacts.
     :ivar tube_radius: [m].
     :ivar sides: (k,) +1 where the object is on the right of the member (seen along its axis from
         its start), -1 on the left.
@@ -65,8 +78,7 @@ class ContactStatics:
 
     compliance: MemberCompliance
     body: ConvexObject
-    owners: Indices
-    corners: Indices
+    contacts: PressedContacts
     tube_radius: float
     sides: Array
     indentation: Callable[[Array], tuple[Array, Array]]
@@ -74,7 +86,7 @@ class ContactStatics:
     @property
     def places(self) -> Places:
         """Return where what is among the unknowns."""
-        return Places.of(len(self.owners))
+        return Places.of(len(self.contacts.owners))
 
     @property
     def arm(self) -> float:
@@ -109,12 +121,14 @@ class ContactStatics:
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param closure: the remaining equations, of friction or of rolling.
         """
-        places, count, axis = self.places, len(self.owners), self.compliance.axis
+        places, count, axis = self.places, len(self.contacts.owners), self.compliance.axis
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
         feet, turned, normal, friction = unknowns[POSE:].reshape(4, count)
         local = 1j * self.sides * np.exp(1j * turned)  # normals along and across the members
         normals, slopes = axis * local, np.tan(turned)
-        points, radii = surface_points(self.body.shape, normals * turn.conjugate(), self.corners)
+        points, radii = self.body.shape.surface_at(
+            self.contacts.corners, normals * turn.conjugate()
+        )
         arms = turn * points
         depth, soft = self.indentation(normal)
         skin = self.tube_radius - depth
@@ -162,6 +176,22 @@ class ContactStatics:
         residual[places.closure], jacobian[places.closure] = closure(unknowns, normals)
         return residual, jacobian, normals
 
+    def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
+        """
+        Return the derivative (k, 3 + 4k) of what stays as contacts roll, see `find_anchors`.
+
+        :param unknowns: see `ContactForces`.
+        :param normals: (k,) from the object toward the tubes.
+        """
+        places, count = self.places, len(normals)
+        derivative, own = np.zeros((count, places.size)), np.arange(count)
+        facing = normals * np.exp(-1j * unknowns[ANGLE])
+        radii = self.body.shape.surface_at(self.contacts.corners, facing)[1]
+        derivative[:, ANGLE] = radii
+        derivative[own, places.feet.start + own] = -self.sides
+        derivative[own, places.inclinations.start + own] = -radii
+        return derivative
+
     def solve(
         self, start: Array, wrench: Array, closure: Closure, steps: int = MAX_STEPS
     ) -> ContactForces | None:
@@ -195,22 +225,3 @@ def _touch_places(count: int) -> Indices:
     each = [place.start + own for place in (places.feet, places.inclinations, places.normal)]
     rows = np.stack([own, own + count])[:, None]
     return rows * places.size + np.concatenate([pose, each])
-
-
-def surface_points(shape: Shape, normals: Points, corners: Indices) -> tuple[Points, Array]:
-    """
-    Return points of a shape with given normals, and the radii of curvature there, (k,) each [m].
-
-    :param shape: a `Disc`, `Ellipse` or `Polygon`.
-    :param normals: (k,) outward unit normals in the shape's frame.
-    :param corners: (k,) corners of a polygon, whose arcs go on beyond their ends.
-    """
-    if isinstance(shape, Polygon):
-        radii = shape.radii[corners]
-        return shape.arc_centers[corners] + radii * normals, radii
-    points = shape.support_points(normals)
-    if isinstance(shape, Ellipse):
-        a, b = shape.semi_axes
-        return points, (a * b) ** 2 / shape.support(normals) ** 3
-    assert isinstance(shape, Disc)
-    return points, np.full(len(normals), 0.5 * shape.diameter)

@@ -7,32 +7,63 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""How a held object answers to small wrenches and to members that move: contacts stick."""
+
+"""
+How a held object answers to small wrenches and to members that move, and its slip margin.
+
+Contacts stick; forces redistribute with the tubes.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from isotruss_ros.core.holding.balance import ContactForces
-from isotruss_ros.core.holding.contact_closures import rolling_rows
-from isotruss_ros.core.holding.contact_statics import ContactStatics
-from isotruss_ros.core.holding.slip_margin import solve_change, WrenchResponse
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
+from scipy.linalg import lapack
 
 
 @dataclass(frozen=True, eq=False)
-class GripResponse(WrenchResponse):
+class GripResponse:
     """
-    What a small external wrench does to an object at k contacts, and what members do that move.
+    What a small wrench (fx, fy, m / arm) [N] does to an object at k contacts, and moving members.
 
+    :ivar pose: (3, 3) displacement of (x, y, angle) [m/N, rad/N].
+    :ivar normal: (k, 3) change of the normal forces [-].
+    :ivar friction: (k, 3) change of the friction forces [-].
+    :ivar owners: (k,) to which member of the grip each contact belongs.
+    :ivar arm: by which moments compare with forces: of a disc its radius [m].
     :ivar opening: (k,) change of the normal forces as the members move apart [N/m].
     :ivar openings: (m, m) change of the members' normal forces as each of them moves away from the
         object [N/m].
     """
 
+    pose: Array
+    normal: Array
+    friction: Array
+    owners: Indices
+    arm: float
     opening: Array
     openings: Array
+
+    @property
+    def stiffness(self) -> Array:
+        """Return the wrench (fx, fy, m) that a displacement takes, (3, 3) [N/m, N, N m]."""
+        stiffness = np.linalg.inv(self.pose)
+        stiffness[2] *= self.arm
+        return stiffness
+
+    @property
+    def stable(self) -> bool:
+        """Return whether every displacement takes work."""
+        even = self.pose * np.array([[1.0], [1.0], [self.arm]])
+        return not lapack.dpotrf(0.5 * (even + even.T))[1]
+
+    @property
+    def squeeze(self) -> Array:
+        """Return the change of the mean normal force of the members, (3,) [-]."""
+        return self.normal.sum(axis=0) / (int(self.owners[-1]) + 1)
 
     @property
     def squeeze_stiffness(self) -> float:
@@ -40,44 +71,102 @@ class GripResponse(WrenchResponse):
         return float(self.opening.sum()) / (int(self.owners[-1]) + 1)
 
 
-def grip_response(statics: ContactStatics, state: ContactForces) -> GripResponse | None:
+def find_response(
+    state: ContactForces, rolling: Array, moving: Points, owners: Indices, arm: float
+) -> GripResponse | None:
     """
     Return how pose and forces of a held object answer while the contacts stick.
 
-    :param statics: the equations.
     :param state: the equilibrium.
+    :param rolling: (k, 3 + 4k) see `ContactStatics.rolling_rows`.
+    :param moving: (k, 1 + m) velocities of the contacts, along + i across their members, as the
+        members move apart at 1 m/s, and as each of them moves away from the object.
+    :param owners: (k,) to which member of the grip each contact belongs.
+    :param arm: by which moments compare with forces [m].
     :return: None where the equilibrium is indifferent: its Jacobian is singular.
     """
-    places, count = statics.places, len(statics.owners)
-    members = int(statics.owners[-1]) + 1
-    right = np.zeros((places.size, 4 + members))
+    places, (count, columns) = state.places, moving.shape
+    right = np.zeros((places.size, 3 + columns))
     right[places.balance, :3] = -np.eye(3)
-    own = np.eye(members)[statics.owners]
-    moving = np.column_stack([_opening(statics, state), own * state.normals[:, None]])
-    moved = statics.compliance.axis.conj()[:, None] * moving
-    right[: 2 * count, 3:] = -np.concatenate([moved.real, moved.imag])
-    rolling = rolling_rows(statics, state.unknowns, state.normals)
+    right[: 2 * count, 3:] = -np.concatenate([moving.real, moving.imag])
     change = solve_change(state.jacobian_with(rolling), right)
     if change is None:
         return None
     normal, friction = change[places.normal], change[places.friction]
     return GripResponse(
-        change[:3, :3],
-        normal[:, :3],
-        friction[:, :3],
-        statics.owners,
-        statics.arm,
-        normal[:, 3],
-        own.T @ normal[:, 4:],
+        pose=change[:3, :3],
+        normal=normal[:, :3],
+        friction=friction[:, :3],
+        owners=owners,
+        arm=arm,
+        opening=normal[:, 3],
+        openings=np.eye(columns - 1)[owners].T @ normal[:, 4:],
     )
 
 
-def _opening(statics: ContactStatics, state: ContactForces) -> Points:
-    """Return how the contacts move as the members move apart at 1 m/s, (k,) x + iy [-]."""
-    owners = statics.owners
-    if owners[-1] > 1:
-        return 0.5 * state.normals
-    compliance = statics.compliance
-    touched = compliance.start + compliance.axis * state.feet - statics.tube_radius * state.normals
-    apart = touched[owners == 1].mean() - touched[owners == 0].mean()
-    return np.where(owners == 1, 0.5, -0.5) * apart / abs(apart)
+def solve_change(jacobian: Array, right: Array) -> Array | None:
+    """
+    Return by how much the unknowns change; None where the equilibrium is indifferent.
+
+    :param jacobian: (3 + 4k, 3 + 4k) of the equations of equilibrium.
+    :param right: (3 + 4k, n) right-hand sides, the first three those of the wrench.
+    """
+    _, _, change, singular = lapack.dgesv(jacobian, right)
+    return None if singular or lapack.dgetrf(change[:3, :3])[2] else change
+
+
+def slip_margin(state: ContactForces, response: GripResponse, friction: float) -> float:
+    """
+    Return the smallest wrench at which a member slips or a contact lets go [N].
+
+    Moments count over the arm. A member slips where the friction of all its contacts,
+    |T| = mu N of their sums, is used; each end of a face lets go at N = 0. Forces change linearly
+    with the wrench, so that each condition is a plane in the space of wrenches, and the margin the
+    distance of the nearest one.
+
+    :param state: the equilibrium.
+    :param response: how its forces change with the wrench.
+    :param friction: coefficient mu.
+    :return: negative where a member slips or a contact pulls already.
+    """
+    reserve, slope = _conditions(state, response, friction)
+    return float((reserve / _sizes(slope)).min())
+
+
+def weakest_direction(state: ContactForces, response: GripResponse, friction: float) -> Array:
+    """
+    Return the unit wrench (fx, fy, m / arm) along which the slip margin is the least, (3,).
+
+    :param state: the equilibrium.
+    :param response: how its forces change with the wrench.
+    :param friction: coefficient mu.
+    """
+    reserve, slope = _conditions(state, response, friction)
+    size = _sizes(slope)
+    nearest = int((reserve / size).argmin())
+    return -slope[nearest] / size[nearest]
+
+
+def _sizes(slope: Array) -> Array:
+    """Return the lengths of rows; of any friction, their squares may overflow."""
+    return np.hypot.reduce(slope, axis=1)
+
+
+def _conditions(
+    state: ContactForces, response: GripResponse, friction: float
+) -> tuple[Array, Array]:
+    """Return what is left until m members slip and k contacts let go (2m + k,), and slopes."""
+    normal, rubs = state.normal_forces, state.friction_forces
+    by_normal, by_friction = response.normal, response.friction
+    count = int(response.owners[-1]) + 1
+    if count < len(normal):
+        members = np.eye(count)[response.owners].T
+        normal, rubs = members @ normal, members @ rubs
+        by_normal, by_friction = members @ by_normal, members @ by_friction
+    reserve = [friction * normal - rubs, friction * normal + rubs, state.normal_forces]
+    slope = [
+        friction * by_normal - by_friction,
+        friction * by_normal + by_friction,
+        response.normal,
+    ]
+    return np.concatenate(reserve), np.concatenate(slope)

@@ -7,195 +7,224 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""A convex object held between two members or three: it is where the configuration puts it."""
+
+"""A convex object held by members of the robot: its equilibrium in one configuration."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-import itertools
-from typing import NamedTuple
+from dataclasses import dataclass
+import functools
+import math
 
-from isotruss_ros.core.contact.depths import member_depths
-from isotruss_ros.core.holding.balance import CENTER, Closure, ContactForces
-from isotruss_ros.core.holding.contact_changes import join, lay_down, lift_ends, MOST
-from isotruss_ros.core.holding.contact_closures import find_anchors, rest
-from isotruss_ros.core.holding.contact_statics import ContactStatics
-from isotruss_ros.core.holding.grip_equilibrium import (
-    GripEquilibrium,
-    scaled_wrench,
-    travel_into,
-)
+from isotruss_ros.core.holding.balance import ContactForces
+from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
+from isotruss_ros.core.holding.grip_response import find_response, GripResponse, slip_margin
 from isotruss_ros.core.holding.hold_status import HoldStatus
-from isotruss_ros.core.holding.pressed_contacts import (
-    contact_statics,
-    find_pressed,
-    PressedContacts,
-    start_at,
-)
+from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.statics.pressures import Pressure
+from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: An equilibrium is looked for in so many states from where it was expected. It is the one if it
-#: is as near as this [m] and its normal forces differ by no more than this share.
-FEW_STEPS, NEAR, LIKE = 5, 2e-3, 0.3
-
-
-class _Options(NamedTuple):
-    """What `attach` takes of the tubes."""
-
-    stiffness_scale: float
-    flattening: bool
-    pressure: Pressure | None
+#: Most members that hold an object.
+MOST = 3
+#: A motion is expected to go on by at most this many times what it was before.
+LONGEST = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class HeldGrip(GripEquilibrium):
-    """A convex object in a grip: found where it was measured, it rolls with the configuration."""
+class HeldGrip:
+    """
+    A convex object held by two members or three in one configuration, and what stays as it rolls.
 
-    @classmethod
-    def attach(
-        cls,
-        config: Configuration,
-        body: ConvexObject,
-        members: Indices | None = None,
-        external_wrench: Array | None = None,
-        stiffness_scale: float = 1.0,
-        flattening: bool = True,
-        pressure: Pressure | None = None,
-        before: HeldGrip | None = None,
-    ) -> HeldGrip | HoldStatus:
-        """
-        Find the equilibrium near a pose, of which the past is not known, see `rest`.
+    `attach_grip` finds it where the object was measured, `roll_grip` rolls it to other
+    configurations.
 
-        :param config: where the robot is.
-        :param body: the object, where it was measured.
-        :param members: (m,) numbers of the two members or three that hold it; if None those that
-            it presses into, or the two closest ones.
-        :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m];
-            none if None.
-        :param stiffness_scale: stiffness of the robot against that of the model.
-        :param flattening: whether the tubes' sections flatten where they are touched.
-        :param pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
-        :param before: the same a moment ago: the search begins there where the contacts are alike,
-            and goes on from the given pose unless it ends close by.
-        :return: which condition has no solution, if one has none.
-        :raises StructureError: see `structure_of`.
+    :ivar config: the configuration.
+    :ivar body: the object, where it is in equilibrium.
+    :ivar anchors: (k,) see `find_anchors` [m].
+    :ivar angles: (k,) of the normals in the object's frame, not wrapped [rad].
+    :ivar statics: the equations in this configuration.
+    :ivar state: their solution.
+    :ivar wrench: (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N].
+    :ivar tubes: what is assumed of the tubes.
+    :ivar motion: roller travel (r,) [m] from the grip before this one, and by how much that
+        changed the unknowns (3 + 4k,); None without one.
+    """
+
+    config: Configuration
+    body: ConvexObject
+    anchors: Array
+    angles: Array
+    statics: ContactStatics
+    state: ContactForces
+    wrench: Array
+    tubes: TubeModel
+    motion: tuple[Array, Array] | None = None
+
+    @property
+    def contacts(self) -> PressedContacts:
+        """Return the k contacts."""
+        return self.statics.contacts
+
+    @property
+    def pose(self) -> Pose:
+        """Return the object's pose; the angle is in (-pi, pi]."""
+        x, y, angle = map(float, self.state.unknowns[:3])
+        return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
+
+    @property
+    def arm(self) -> float:
+        """Return the arm by which moments compare with forces, see `ConvexObject.arm` [m]."""
+        return self.statics.arm
+
+    @property
+    def member_names(self) -> tuple[str, ...]:
+        """Return the names of the grasping members."""
+        return tuple(self.config.robot.member_names[i] for i in self.members)
+
+    @functools.cached_property
+    def normal_forces(self) -> Array:
+        """Return how hard the members press, (m,) [N]."""
+        return self._of_members(self.state.normal_forces)
+
+    @functools.cached_property
+    def friction_forces(self) -> Array:
+        """Return (m,) on the tubes, counter-clockwise around the object [N]."""
+        return self._of_members(self.state.friction_forces)
+
+    def _of_members(self, forces: Array) -> Array:
+        """Return the sums (m,) of forces (k,) of contacts."""
+        owners = self.contacts.owners
+        alone = len(owners) == owners[-1] + 1
+        return forces if alone else np.bincount(owners, weights=forces)
+
+    @property
+    def squeeze(self) -> float:
+        """Return the mean normal force of the members [N]."""
+        forces = self.normal_forces.tolist()
+        return sum(forces) / len(forces)
+
+    @functools.cached_property
+    def required_friction(self) -> float:
+        """Return the smallest coefficient of friction with which all contacts stick."""
+        return float((np.abs(self.friction_forces) / self.normal_forces).max())
+
+    def hold(self, friction: float) -> HoldStatus:
         """
-        depths = member_depths(config, body)
-        if members is None:
-            count = max(int(np.count_nonzero(depths > 0.0)), 2)
-            if count > MOST:
-                return HoldStatus.OTHER_CONTACT
-            members = np.argsort(depths, kind='stable')[-count:]
-        members = np.sort(np.asarray(members, dtype=np.intp))
-        if depths[members].min() <= -config.robot.description.tube_diameter:
+        Return whether the contacts stick; if not, what happens.
+
+        :param friction: coefficient between tube and object.
+        """
+        # One by one: a few numbers of Python are quicker than arrays of them.
+        if min(self.normal_forces.tolist()) <= 0.0:
             return HoldStatus.NO_CONTACT
-        scaled = scaled_wrench(external_wrench, body.arm)
-        options = _Options(stiffness_scale, flattening, pressure)
-        for contacts in _choices(find_pressed(config, body, members)):
-            found = cls._at_rest(config, body, contacts, scaled, options, before)
-            if found is not None and found.presses:
-                return found
-        return HoldStatus.NO_BALANCE
+        feet, lengths = self.state.feet.tolist(), self.statics.compliance.length.tolist()
+        if not all(0.0 <= foot <= end for foot, end in zip(feet, lengths, strict=True)):
+            return HoldStatus.OFF_MEMBER
+        return HoldStatus.SLIPS if self.required_friction > friction else HoldStatus.HELD
 
-    @classmethod
-    def _at_rest(
-        cls,
-        config: Configuration,
-        body: ConvexObject,
-        contacts: PressedContacts,
-        wrench: Array,
-        options: _Options,
-        before: HeldGrip | None,
-    ) -> HeldGrip | None:
-        """Return the equilibrium at given contacts, if there is one."""
-        statics = contact_statics(config, body, contacts, *options)
-        closure = rest(statics, body.center, body.pose.angle)
-        state, motion = None, None
-        if before is not None and before._is_like(statics, contacts):
-            travel = config.roller_positions - before.config.roller_positions
-            state = before._nearby(travel, statics, wrench, closure)
-            if state is not None:
-                motion = travel, state.unknowns - before.state.unknowns
-        if state is None:
-            state = statics.solve(start_at(statics, body), wrench, closure)
-        if (
-            state is not None
-            and options.flattening
-            and len(contacts.owners) > contacts.owners[-1] + 1
-        ):
-            # How deep a face's ends dent the skin rests on how the tube is bent over them, and on
-            # how the object has turned.
-            turned = body.moved_to(state.unknowns[:3])
-            statics = contact_statics(config, turned, contacts, *options, state.normals)
-            closure = rest(statics, body.center, body.pose.angle)
-            state = statics.solve(state.unknowns, wrench, closure)
-        if state is None:
-            return None
-        own = np.angle(state.normals * np.exp(-1j * state.unknowns[2]))
-        travel = travel_into(config, contacts.members)
-        anchors = find_anchors(statics, state.unknowns, state.normals, travel, own)
-        placed = body.moved_to(state.unknowns[:3])
-        found = cls(config, placed, contacts, anchors, own, statics, state, wrench, *options)
-        return replace(found, motion=motion)
+    def slip_margin(self, friction: float) -> float:
+        """
+        Return the smallest extra wrench at which a contact slips or lets go, see `slip_margin`.
 
-    def _is_like(self, statics: ContactStatics, contacts: PressedContacts) -> bool:
-        """Tell whether an object of the same shape is touched alike, from the same sides."""
-        own = self.contacts
-        return self.body.shape == statics.body.shape and all(
-            np.array_equal(one, other)
-            for one, other in (
-                (own.members, contacts.members),
-                (own.corners, contacts.corners),
-                (self.statics.sides, statics.sides),
-            )
+        :param friction: coefficient between tube and object.
+        :return: [N], moments over the arm; zero where the equilibrium is indifferent.
+        """
+        response = self.response
+        return 0.0 if response is None else slip_margin(self.state, response, friction)
+
+    @functools.cached_property
+    def members(self) -> Indices:
+        """Return the numbers of the grasping members, (m,)."""
+        first = np.searchsorted(self.contacts.owners, np.arange(self.contacts.owners[-1] + 1))
+        return self.contacts.members[first]
+
+    @property
+    def presses(self) -> bool:
+        """Tell whether both ends of all faces press."""
+        owners = self.contacts.owners
+        alone = np.bincount(owners)[owners] == 1
+        return bool((alone | (self.state.normal_forces > 0.0)).all())
+
+    @property
+    def pulling(self) -> int | None:
+        """Return which end of a face, or third member, pulls most; None if none does."""
+        owners, normal = self.contacts.owners, self.state.normal_forces
+        more = (np.bincount(owners)[owners] > 1) | (owners[-1] > 1)
+        pulling = np.where(more, normal, np.inf)
+        least = int(pulling.argmin())
+        return least if pulling[least] < 0.0 else None
+
+    @functools.cached_property
+    def response(self) -> GripResponse | None:
+        """Return how pose and forces answer to a wrench; None where that is indifferent."""
+        statics, state, owners = self.statics, self.state, self.contacts.owners
+        each = np.eye(int(owners[-1]) + 1)[owners] * state.normals[:, None]
+        moving = np.column_stack([_opening(statics, state), each])
+        return find_response(
+            state,
+            statics.rolling_rows(state.unknowns, state.normals),
+            statics.compliance.axis.conj()[:, None] * moving,
+            owners,
+            statics.arm,
         )
 
-    def _nearby(
-        self, travel: Array, statics: ContactStatics, wrench: Array, closure: Closure
-    ) -> ContactForces | None:
-        """Return the equilibrium that is where it is expected and presses alike, if any is."""
-        start, places = self.ahead(travel), self.state.places
-        found = statics.solve(start, wrench, closure, FEW_STEPS)
-        if found is None:
-            return None
-        moved = np.abs(found.unknowns - start)
-        far = max(float(moved[CENTER].max()), float(moved[places.feet].max()))
-        alike = (moved[places.normal] <= LIKE * np.abs(start[places.normal])).all()
-        return found if far <= NEAR and bool(alike) else None
-
-    def moved_to(
-        self, config: Configuration, external_wrench: Array | None = None
-    ) -> HeldGrip | None:
+    def squeeze_stiffness(self) -> float:
         """
-        Return the grip in another configuration, contacts rolling without slip.
+        Return by how much the squeeze changes as the members move apart, negative [N/m].
 
-        A face lifts at an end that does not press any more, and comes to lie on a member that it
-        would otherwise cut into. A third member that touches the object holds it too, as long as
-        it presses.
-
-        :param config: near to the present one: the search for the equilibrium starts there.
-        :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m];
-            none if None.
-        :return: None where there is no equilibrium.
+        Of two members by the distance between their contacts, of three by twice what each moves
+        away from the object.
         """
-        wrench = scaled_wrench(external_wrench, self.body.arm)
-        rolled = self.rolled(config, self.contacts, self.anchors, self.angles, wrench)
-        found = None if rolled is None else lift_ends(rolled)
-        return None if found is None else join(lay_down(found))
+        response = self.response
+        return -0.0 if response is None else response.squeeze_stiffness
+
+    def ahead(self, travel: Array) -> Array:
+        """
+        Return about where the unknowns (3 + 4k,) will be after some travel.
+
+        :param travel: (r,) of the rollers [m].
+        """
+        if self.motion is None:
+            return self.state.unknowns
+        before, change = self.motion
+        length = float(before @ before)
+        # What the motion has in common with the one before; no guess from a much shorter one.
+        share = float(travel @ before) / length if length > 0.0 else 0.0
+        return self.state.unknowns + max(-LONGEST, min(share, LONGEST)) * change
 
 
-def _choices(contacts: PressedContacts) -> list[PressedContacts]:
-    """Return the contacts with faces on both ends first, then on one end of each."""
-    ends = [np.flatnonzero(contacts.owners == i).tolist() for i in range(contacts.owners[-1] + 1)]
-    faces = [own for own in ends if len(own) > 1]
-    found = []
-    for dropped in itertools.product(*([None, *own] for own in faces)):
-        chosen = contacts
-        for k in sorted((k for k in dropped if k is not None), reverse=True):
-            chosen = chosen.without(k)
-        found.append((sum(k is not None for k in dropped), chosen))
-    return [chosen for _, chosen in sorted(found, key=lambda item: item[0])]
+def _opening(statics: ContactStatics, state: ContactForces) -> Points:
+    """Return how the contacts move as the members move apart at 1 m/s, (k,) x + iy [-]."""
+    owners = statics.contacts.owners
+    if owners[-1] > 1:
+        return 0.5 * state.normals
+    compliance = statics.compliance
+    touched = compliance.start + compliance.axis * state.feet - statics.tube_radius * state.normals
+    apart = touched[owners == 1].mean() - touched[owners == 0].mean()
+    return np.where(owners == 1, 0.5, -0.5) * apart / abs(apart)
+
+
+def scaled_wrench(wrench: Array | None, arm: float) -> Array:
+    """
+    Return (fx, fy, m / arm) of (fx, fy, m), zero for None [N].
+
+    :param wrench: (fx, fy, m) about the origin of the object's frame [N, N m]; zero if None.
+    :param arm: of the object [m].
+    """
+    return np.zeros(3) if wrench is None else np.asarray(wrench) / (1.0, 1.0, arm)
+
+
+def travel_into(config: Configuration, members: Indices) -> Array:
+    """
+    Return the travel of the tube through the modules at which members start, (k,) [m].
+
+    :param config: configuration of the robot.
+    :param members: (k,) numbers of the members.
+    """
+    topology = config.robot.topology
+    travel = np.zeros(topology.n_modules)
+    travel[topology.driven] = config.roller_positions
+    return travel[members]

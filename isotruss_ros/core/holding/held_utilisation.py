@@ -37,7 +37,7 @@ def held_sections(grasp: HeldGrip) -> SectionLoads:
     :param grasp: how the object is held.
     :raises StructureError: see `structure_of`.
     """
-    structure = structure_of(grasp.config, grasp.pressure)
+    structure = structure_of(grasp.config, grasp.tubes.pressure)
     frame, state, statics = structure.frame, grasp.state, grasp.statics
     compliance, feet = statics.compliance, state.feet
     forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
@@ -50,7 +50,7 @@ def held_sections(grasp: HeldGrip) -> SectionLoads:
         structure,
         np.array(structure.pressures)[grasp.config.robot.topology.tube],
         frame.end_forces(piece, carried),
-        SectionPoints(piece, within, grasp.contact_members, feet),
+        SectionPoints(piece, within, grasp.contacts.members, feet),
         forces * frame.axis[piece].conj(),
         couples,
     )

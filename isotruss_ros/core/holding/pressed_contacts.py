@@ -7,34 +7,21 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Where a convex object presses into tubes, and the equations of its equilibrium there."""
+
+"""Where a convex object presses into tubes: with one corner, or with both ends of a face."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from isotruss_ros.core.holding.contact_statics import ContactStatics, surface_points
-from isotruss_ros.core.holding.corner_dents import corner_dents
-from isotruss_ros.core.holding.indentation import (
-    Indentation,
-    no_indentation,
-    skin_indentation,
-    SkinIndentation,
-)
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.polygon import Polygon
-from isotruss_ros.core.model.shapes import Disc
+from isotruss_ros.core.model.shapes import Face, Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.member_compliance import MemberCompliance
-from isotruss_ros.core.statics.pressures import Pressure
-from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
 #: A shorter face than this many tube radii is touched in one place: its ends share one dent.
 LEAST_FACE = 1.0
-#: Objects that only touch are taken to be this deep, as a share of their size.
-LEAST_DEPTH = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +39,11 @@ class PressedContacts:
     owners: Indices
     corners: Indices
     cuts: Array
+
+    @property
+    def has_faces(self) -> bool:
+        """Return whether a face lies on a member."""
+        return len(self.owners) > int(self.owners[-1]) + 1
 
     def without(self, dropped: int) -> PressedContacts:
         """
@@ -80,6 +72,36 @@ class PressedContacts:
         every = PressedContacts(members[order], owners[order], corners[order], cuts[order])
         return every, order
 
+    def with_corner(self, k: int, corner: int) -> PressedContacts:
+        """
+        Return the contacts with another corner at one of them, to which the object has rolled.
+
+        :param k: number of the contact.
+        :param corner: number of the corner.
+        """
+        corners = self.corners.copy()
+        corners[k] = corner
+        return replace(self, corners=corners)
+
+    def with_face(self, k: int, face: Face) -> tuple[PressedContacts, int]:
+        """
+        Return the contacts with the other end of a face as well, and its number among them.
+
+        :param k: number of the contact with the first end.
+        :param face: as seen from the corner there.
+        """
+        half, place = 0.5 * face.length, k + (face.step > 0)
+        own, other = ((np.inf, half), (half, np.inf))[:: face.step]
+        cuts = self.cuts.copy()
+        cuts[k] = own
+        laid = PressedContacts(
+            np.insert(self.members, place, self.members[k]),
+            np.insert(self.owners, place, self.owners[k]),
+            np.insert(self.corners, place, face.corner),
+            np.insert(cuts, place, other, axis=0),
+        )
+        return laid, place
+
 
 def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:
     """
@@ -89,120 +111,37 @@ def find_pressed(config: Configuration, body: ConvexObject, members: Indices) ->
     :param body: the object in its place.
     :param members: (m,) numbers of the members.
     """
-    shape, count = body.shape, len(members)
-    owners = corners = np.zeros(count, dtype=np.intp)
-    owners = np.arange(count)
-    cuts = np.full((count, 2), np.inf)
-    if not isinstance(shape, Polygon):
-        return PressedContacts(members, owners, corners, cuts)
     starts, normals = _lines(config, body, members)
     own = normals * body.turn.conjugate()
     away = ((starts - body.center) * normals.conj()).real
     radius = 0.5 * config.robot.description.tube_diameter
     found: list[tuple[int, int, float, float]] = []
-    for i, (normal, distance) in enumerate(zip(own, away, strict=True)):
-        # How deep the corners' arcs are in the tube.
-        heights = (shape.arc_centers * normal.conjugate()).real + shape.radii
-        depths = heights - distance + radius
-        first = int(heights.argmax())
-        after, before = (first + 1) % len(heights), (first - 1) % len(heights)
-        second = after if depths[after] > depths[before] else before
-        face = abs(shape.arc_centers[second] - shape.arc_centers[first])
-        if depths[second] <= 0.0 or face < LEAST_FACE * radius:
-            found.append((i, first, np.inf, np.inf))
+    for owner, (normal, distance) in enumerate(zip(own.tolist(), away.tolist(), strict=True)):
+        corner = body.shape.corners_at(normal, 0.0)[0]
+        face = _deeper_face(body.shape, corner, normal)
+        if face is None or face.length < LEAST_FACE * radius:
+            found.append((owner, corner, np.inf, np.inf))
             continue
-        one, other = (first, second) if second == after else (second, first)
-        found += [(i, one, np.inf, 0.5 * face), (i, other, 0.5 * face, np.inf)]
+        # How deep its other end is in the tube.
+        height = (body.shape.point_at(face.corner, normal) * normal.conjugate()).real
+        if height - distance + radius <= 0.0:
+            found.append((owner, corner, np.inf, np.inf))
+            continue
+        one, other = (corner, face.corner)[:: face.step]
+        half = 0.5 * face.length
+        found += [(owner, one, np.inf, half), (owner, other, half, np.inf)]
     owners = np.array([row[0] for row in found])
-    return PressedContacts(
-        members[owners],
-        owners,
-        np.array([row[1] for row in found]),
-        np.array([row[2:] for row in found]),
-    )
+    corners = np.array([row[1] for row in found])
+    return PressedContacts(members[owners], owners, corners, np.array([row[2:] for row in found]))
 
 
-def contact_statics(
-    config: Configuration,
-    body: ConvexObject,
-    contacts: PressedContacts,
-    stiffness_scale: float = 1.0,
-    flattening: bool = True,
-    pressure: Pressure | None = None,
-    normals: Points | None = None,
-) -> ContactStatics:
-    """
-    Return the equations of an object at some contacts.
-
-    :param config: configuration of the robot.
-    :param body: the object in its place.
-    :param contacts: its contacts.
-    :param stiffness_scale: stiffness of the robot against that of the model.
-    :param flattening: whether the tubes' sections flatten where they are touched.
-    :param pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
-    :param normals: (k,) of the tubes as they are bent, for the dents; straight ones if None.
-    :raises StructureError: see `structure_of`.
-    """
-    structure = structure_of(config, pressure)
-    compliance = MemberCompliance(structure, contacts.members, stiffness_scale)
-    aside = (compliance.axis.conj() * (body.middle - compliance.start)).imag
-    sides = np.where(aside > 0.0, -1.0, 1.0)
-    dents = no_indentation
-    if flattening:
-        pressures = None if pressure is None else structure.pressures
-        straight = 1j * sides * compliance.axis
-        bent = straight if normals is None else normals
-        tables = _dents(config, body, contacts, bent, pressures)
-        dents = Indentation(tables, stiffness_scale)
-    radius = 0.5 * config.robot.description.tube_diameter
-    return ContactStatics(
-        compliance, body, contacts.owners, contacts.corners, radius, sides, dents
-    )
-
-
-def moved_statics(
-    before: ContactStatics,
-    config: Configuration,
-    contacts: PressedContacts,
-    stiffness_scale: float,
-    pressure: Pressure | None,
-) -> ContactStatics:
-    """
-    Return the equations of the same contacts in another configuration, with the same dents.
-
-    :param before: the equations so far.
-    :param config: configuration of the robot, near to that of these.
-    :param contacts: the contacts of these.
-    :param stiffness_scale: stiffness of the robot against that of the model.
-    :param pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
-    :raises StructureError: see `structure_of`.
-    """
-    structure = structure_of(config, pressure)
-    compliance = MemberCompliance(structure, contacts.members, stiffness_scale)
-    return replace(before, compliance=compliance)
-
-
-def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
-    """
-    Return unknowns (3 + 4k,) to begin the search for an equilibrium with.
-
-    :param statics: the equations.
-    :param body: the object where it was measured.
-    """
-    places, compliance = statics.places, statics.compliance
-    start = np.zeros(places.size)
-    start[:3] = body.center.real, body.center.imag, body.pose.angle
-    normals = statics.straight_normals
-    points, _ = surface_points(body.shape, normals * body.turn.conjugate(), statics.corners)
-    touched = body.center + body.turn * points
-    local = compliance.axis.conj() * (touched - compliance.start)
-    start[places.feet] = np.clip(local.real, 0.0, compliance.length)
-    depths = statics.tube_radius + statics.sides * local.imag
-    depths = np.maximum(depths, LEAST_DEPTH * statics.arm)
-    own = np.einsum('iaia->ia', compliance.at(start[places.feet]).matrix)[:, 1]
-    _, dent = statics.indentation(depths / own)
-    start[places.normal] = depths / (own + dent)
-    return start
+def _deeper_face(shape: Shape, corner: int, normal: complex) -> Face | None:
+    """Return the face at a corner whose other end is farther out along a normal, if it has any."""
+    faces = shape.faces_at(corner)
+    if not faces:
+        return None
+    back = normal.conjugate()
+    return max(faces, key=lambda face: (shape.point_at(face.corner, normal) * back).real)
 
 
 def _lines(config: Configuration, body: ConvexObject, members: Indices) -> tuple[Points, Points]:
@@ -213,31 +152,3 @@ def _lines(config: Configuration, body: ConvexObject, members: Indices) -> tuple
     axes = spans / np.abs(spans)
     aside = (axes.conj() * (body.middle - starts)).imag
     return starts, -1j * np.where(aside < 0.0, -axes, axes)
-
-
-def _dents(
-    config: Configuration,
-    body: ConvexObject,
-    contacts: PressedContacts,
-    normals: Points,
-    pressures: tuple[float, ...] | None,
-) -> list[SkinIndentation]:
-    """Return the dents at all contacts."""
-    own = normals * body.turn.conjugate()
-    points, _ = surface_points(body.shape, own, contacts.corners)
-    tubes = config.robot.topology.tube[contacts.members]
-    if isinstance(body.shape, Disc):
-        radius = 0.5 * body.shape.diameter
-        return [skin_indentation(config.robot, int(tube), radius, pressures) for tube in tubes]
-    return [
-        corner_dents(
-            config.robot,
-            int(tube),
-            body.shape,
-            complex(normal),
-            complex(point),
-            (float(cut[0]), float(cut[1])),
-            pressures,
-        )
-        for tube, normal, point, cut in zip(tubes, own, points, contacts.cuts, strict=True)
-    ]

@@ -18,8 +18,9 @@ import math
 from isotruss_ros.core.contact.analyze_grasp import FRICTION
 from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.errors import GraspError, quote
-from isotruss_ros.core.holding.contact_changes import MOST
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.held_grip import HeldGrip, MOST
 from isotruss_ros.core.holding.held_utilisation import held_sections
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -125,7 +126,7 @@ def settle_grasp(
     wrench = finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
     numbers = None if members is None else _numbers(config, members)
     before = None if previous is None else previous.equilibrium
-    found = HeldGrip.attach(config, body, numbers, wrench, pressure=pressure, before=before)
+    found = attach_grip(config, body, numbers, wrench, TubeModel(pressure=pressure), before)
     return assess_equilibrium(body.pose, found, float(mu))
 
 

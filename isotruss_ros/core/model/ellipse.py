@@ -95,6 +95,16 @@ class Ellipse(Shape):
         a, b = self.semi_axes
         return (a**2 * normals.real + 1j * b**2 * normals.imag) / self.support(normals)
 
+    def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
+        """
+        Return points of the surface with given normals, and radii of curvature, (k,) each [m].
+
+        :param corners: not used.
+        :param normals: (k,) outward unit normals, x + iy.
+        """
+        a, b = self.semi_axes
+        return self.support_points(normals), (a * b) ** 2 / self.support(normals) ** 3
+
     def nearest(self, points: Points) -> SurfacePoints:
         """
         Return what is nearest on the surface.

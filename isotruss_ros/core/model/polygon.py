@@ -21,7 +21,7 @@ import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
-from isotruss_ros.core.model.shapes import Shape, SurfacePoints
+from isotruss_ros.core.model.shapes import Face, Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
 import numpy as np
 
@@ -227,6 +227,30 @@ class Polygon(Shape):
         """
         middle, radius = self.arcs[corner]
         return middle + radius * normal
+
+    def faces_at(self, corner: int) -> tuple[Face, ...]:
+        """
+        Return the face that ends at a corner and the one that begins there.
+
+        :param corner: its number.
+        """
+        count = len(self.vertices)
+        before, after = (corner - 1) % count, (corner + 1) % count
+        centers, normals = self.arc_centers, self.normals
+        return (
+            Face(-1, before, complex(normals[before]), abs(centers[before] - centers[corner])),
+            Face(1, after, complex(normals[corner]), abs(centers[after] - centers[corner])),
+        )
+
+    def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
+        """
+        Return points of the arcs at corners with given normals, and their radii, (k,) each [m].
+
+        :param corners: (k,) numbers of the corners, whose arcs go on beyond their ends.
+        :param normals: (k,) outward unit normals, x + iy.
+        """
+        radii = self.radii[corners]
+        return self.arc_centers[corners] + radii * normals, radii
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """

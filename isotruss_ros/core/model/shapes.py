@@ -61,6 +61,22 @@ class TouchedPoints(NamedTuple):
     points: list[complex]
 
 
+class Face(NamedTuple):
+    """
+    A straight face of a shape, seen from a corner at one of its ends.
+
+    :ivar step: 1 where the face begins at that corner, counter-clockwise, -1 where it ends there.
+    :ivar corner: number of the corner at its other end.
+    :ivar normal: of the face, outward unit vector x + iy.
+    :ivar length: between the corners, of rounded ones between the centres of their arcs [m].
+    """
+
+    step: int
+    corner: int
+    normal: complex
+    length: float
+
+
 class Shape(ABC):
     """
     A convex cross-section, in the frame of the object.
@@ -138,6 +154,23 @@ class Shape(ABC):
         :param normal: outward unit normal of the tangent, x + iy.
         """
         return complex(self.support_points(normal))
+
+    def faces_at(self, corner: int) -> tuple[Face, ...]:
+        """
+        Return the face that ends at a corner and the one that begins there; none without faces.
+
+        :param corner: its number, see `corners_at`.
+        """
+        return ()
+
+    @abstractmethod
+    def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
+        """
+        Return points of the surface with given normals, and radii of curvature, (k,) each [m].
+
+        :param corners: (k,) numbers of the corners, whose arcs go on beyond their ends.
+        :param normals: (k,) outward unit normals, x + iy.
+        """
 
     def touch_lines(self, normals: list[complex], sine: float) -> TouchedPoints:
         """
@@ -261,6 +294,16 @@ class Disc(Shape):
         :param normals: (c,) outward unit normals of the tangents, x + iy.
         """
         return 0.5 * self.diameter * normals
+
+    def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
+        """
+        Return points of the surface with given normals, and radii of curvature, (k,) each [m].
+
+        :param corners: not used.
+        :param normals: (k,) outward unit normals, x + iy.
+        """
+        radius = 0.5 * self.diameter
+        return radius * normals, np.full(len(normals), radius)
 
     def nearest(self, points: Points) -> SurfacePoints:
         """

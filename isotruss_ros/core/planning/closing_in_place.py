@@ -24,8 +24,10 @@ import math
 
 from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
@@ -144,7 +146,7 @@ class ClosingInPlace:
             pressed = self._press(config, depths)
             if pressed is None:
                 return None
-            config, found = pressed, HeldGrip.attach(pressed, body, members)
+            config, found = pressed, attach_grip(pressed, body, members)
             if isinstance(found, HoldStatus):
                 self._motion.record(Violation('held', 0.0, 1.0, 30.0))
                 return None
@@ -171,7 +173,7 @@ class ClosingInPlace:
     def _require(self, grasp: HeldGrip, analysis: GraspAnalysis) -> float | None:
         """Return the slip margin of a grip [N], None if it does not bear what it must."""
         needs = self._needs
-        loaded = grasp.moved_to(grasp.config, np.array(needs.external_wrench))
+        loaded = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
         if loaded is None:
             self._motion.record(Violation('held', 0.0, 1.0, 2.0))
             return None

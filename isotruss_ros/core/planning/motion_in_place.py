@@ -20,6 +20,7 @@ import math
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
@@ -162,7 +163,7 @@ class MotionInPlace:
         except ConfigurationError:
             self.record(Violation('rigidity', 0.0, closing.min_rigidity, 50.0))
             return None
-        moved = grasp.moved_to(config)
+        moved = roll_grip(grasp, config)
         if moved is None:
             self.record(Violation('held', 0.0, 1.0, 10.0))
             return None

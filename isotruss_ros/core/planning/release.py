@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -115,7 +115,7 @@ def _unload(
     path, diameter = [config], config.robot.description.tube_diameter
     if float(member_depths(config, closing.body).max()) <= TOUCHING * diameter:
         return path, closing
-    found = HeldGrip.attach(config, closing.body, np.array(closing.members))
+    found = attach_grip(config, closing.body, np.array(closing.members))
     if isinstance(found, HoldStatus):
         return Violation('held', 0.0, 1.0, 10.0)
     if found.normal_forces.min() <= LEAST_FORCE:

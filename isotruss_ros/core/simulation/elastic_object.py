@@ -15,8 +15,11 @@ import math
 
 from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
@@ -165,7 +168,7 @@ class ElasticObject:
 
     def _try_to_hold(self, config: Configuration) -> None:
         """Be held if the members press so that friction holds."""
-        found = HeldGrip.attach(config, self._lying(), None, self._wrench, self._scale)
+        found = attach_grip(config, self._lying(), None, self._wrench, TubeModel(self._scale))
         if not isinstance(found, HoldStatus) and found.hold(self._friction) is HoldStatus.HELD:
             self._grasp, self.dropped = found, None
 
@@ -180,7 +183,7 @@ class ElasticObject:
             there = config
             if share < 1.0:
                 there = before.config.moved_to(start + share * (end - start))
-            found = before.moved_to(there, pulled + share * (wrench - pulled))
+            found = roll_grip(before, there, pulled + share * (wrench - pulled))
             hold = HoldStatus.NO_BALANCE if found is None else found.hold(self._friction)
             if found is not None and hold is HoldStatus.HELD:
                 before, done = found, share

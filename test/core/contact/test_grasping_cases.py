@@ -23,14 +23,15 @@ from isotruss_ros.core import (
 from isotruss_ros.core.contact.contact import estimate_contact
 from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import surface_of
-from isotruss_ros.core.holding import slip_margin
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding import grip_response
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
-MODEL = HeldGrip.attach(CONFIG, CYLINDER)
+MODEL = attach_grip(CONFIG, CYLINDER)
 AROUND = ('south/P-Q', 'east/Q-R', 'north/R-P')
 
 
@@ -68,29 +69,29 @@ def test_the_arm_of_a_disc_is_its_radius():
 def test_a_load_changes_the_squeeze_as_the_response_says():
     step = 1e-3 * np.eye(3)
     for column, wrench in enumerate(step):
-        after, before = (MODEL.moved_to(CONFIG, sign * wrench) for sign in (1.0, -1.0))
+        after, before = (roll_grip(MODEL, CONFIG, sign * wrench) for sign in (1.0, -1.0))
         slope = (after.squeeze - before.squeeze) / 2e-3
         arm = MODEL.arm if column == 2 else 1.0
         assert MODEL.response.squeeze[column] / arm == pytest.approx(slope, abs=2e-3)
 
 
 def test_what_a_wrench_moves_without_bound_is_indifferent():
-    assert slip_margin.solve_change(np.zeros((4, 4)), np.eye(4, 3)) is None
+    assert grip_response.solve_change(np.zeros((4, 4)), np.eye(4, 3)) is None
     # The pose does not answer to one of the wrenches.
-    assert slip_margin.solve_change(np.eye(4), np.diag([1.0, 1.0, 0.0, 0.0])[:, :3]) is None
-    found = slip_margin.solve_change(2.0 * np.eye(4), np.eye(4, 3))
+    assert grip_response.solve_change(np.eye(4), np.diag([1.0, 1.0, 0.0, 0.0])[:, :3]) is None
+    found = grip_response.solve_change(2.0 * np.eye(4), np.eye(4, 3))
     assert found == pytest.approx(0.5 * np.eye(4, 3))
 
 
 @pytest.mark.parametrize('held', [MODEL, held(BOX, 0.2)], ids=['disc', 'box'])
 def test_there_is_no_equilibrium_under_any_load(held):
     pulled = 1e6 * np.array([0.3, -0.8, 0.0])
-    assert held.moved_to(held.config, pulled) is None
+    assert roll_grip(held, held.config, pulled) is None
 
 
 def test_a_box_that_is_pulled_away_has_no_balance():
     body = held(BOX, 0.2).body
-    found = HeldGrip.attach(HOME, body, numbers(APART), np.array([0.0, 1e6, 0.0]))
+    found = attach_grip(HOME, body, numbers(APART), np.array([0.0, 1e6, 0.0]))
     assert found is HoldStatus.NO_BALANCE
 
 

@@ -28,8 +28,9 @@ from isotruss_ros.core import (
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_utilisation import held_utilisation
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.mujoco_plant.options import LOAD_TIME, POSE_GAIN
@@ -62,7 +63,7 @@ class Loop:
         self.object = ElasticObject(CYLINDER, FRICTION, stiffness_scale=scale)
         self.plant = SimulatedRobot(CONFIG, self.object, RollerFaults())
         self.plant.advance(0.0)
-        model = HeldGrip.attach(CONFIG, CYLINDER)
+        model = attach_grip(CONFIG, CYLINDER)
         self.target = model.squeeze if force is None else force
         self.control = SqueezeControl(
             SqueezeSettings(self.target, FRICTION, max_utilisation=max_utilisation, **gains)
@@ -136,7 +137,7 @@ def test_the_model_of_each_cycle_is_the_plant_in_its_configuration():
     loop.run((0.0, 0.0, 0.0), PERIOD)
     model = loop.control.grasp
     assert model.config is last
-    there = loop.object.grasp.moved_to(last)
+    there = roll_grip(loop.object.grasp, last)
     assert model.pose == pytest.approx(there.pose, abs=1e-7)
     assert model.squeeze == pytest.approx(there.squeeze, rel=1e-5)
 
@@ -234,12 +235,12 @@ def still(rollers, asked):
 def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
     force, gain, asked = 30.0, 2.0, []
     settings = SqueezeSettings(force, FRICTION, gain, max_force_rate=math.inf)
-    control, model = SqueezeControl(settings), HeldGrip.attach(CONFIG, CYLINDER)
-    for measured in (model.pose, model.moved_to(CONFIG, np.array(wrench)).pose):
+    control, model = SqueezeControl(settings), attach_grip(CONFIG, CYLINDER)
+    for measured in (model.pose, roll_grip(model, CONFIG, np.array(wrench)).pose):
         # After so long the load that is most probable is the estimated one.
         assert control.follow(CONFIG, measured_at(measured), 100.0) is HoldStatus.HELD
         control.solve(np.zeros(3), PERIOD, still(len(CONFIG.roller_positions), asked))
-        loaded = model.moved_to(CONFIG, control.load.wrench * (1.0, 1.0, model.arm))
+        loaded = roll_grip(model, CONFIG, control.load.wrench * (1.0, 1.0, model.arm))
         regulated = force - asked[-1][1] * model.squeeze_stiffness() / gain
         assert regulated == pytest.approx(loaded.squeeze, abs=0.05 * abs(wrench[0]) + 0.01)
 
@@ -266,7 +267,7 @@ def close_near_the_bound(model, bound, rate, scale=1.0):
 
 
 def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
-    model = HeldGrip.attach(CONFIG, CYLINDER)
+    model = attach_grip(CONFIG, CYLINDER)
     bound = 1.02 * held_utilisation(model).max()
     whole, half = (close_near_the_bound(model, bound, 4.0, scale)[1][2] for scale in (1.0, 0.5))
     assert whole.status is Status.SLOWED_UTILISATION
@@ -275,7 +276,7 @@ def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
 
 
 def test_a_slowed_command_uses_its_share_of_what_is_left():
-    model = HeldGrip.attach(CONFIG, CYLINDER)
+    model = attach_grip(CONFIG, CYLINDER)
     bound, rate = 1.02 * held_utilisation(model).max(), 4.0
     _, (before, grip, command), (after, _, _) = close_near_the_bound(model, bound, rate)
     assert command.status is Status.SLOWED_UTILISATION
@@ -287,19 +288,19 @@ def test_a_slowed_command_uses_its_share_of_what_is_left():
 
 
 def test_the_slope_by_the_opening_is_near_to_what_a_small_change_does():
-    grasp = HeldGrip.attach(CONFIG, CYLINDER)
+    grasp = attach_grip(CONFIG, CYLINDER)
     grip = measured_at(grasp.pose)
     rate = 1e-4
     command = solve_twist(CONFIG, grip, (0.0, 0.0, 0.0), opening_rate=rate)
     there = CONFIG.moved_to(CONFIG.roller_positions + command.roller_velocities)
-    found = (grasp.moved_to(there).squeeze - grasp.squeeze) / rate
+    found = (roll_grip(grasp, there).squeeze - grasp.squeeze) / rate
     assert grasp.squeeze_stiffness() == pytest.approx(found, rel=0.35)
     assert found < 0.0
 
 
 def test_without_an_object_nothing_is_held_and_the_model_starts_again():
     control = SqueezeControl(SqueezeSettings(10.0, FRICTION))
-    here = measured_at(HeldGrip.attach(CONFIG, CYLINDER).pose)
+    here = measured_at(attach_grip(CONFIG, CYLINDER).pose)
     away = measured_at((5.0, 5.0, 0.0))
     assert control.follow(CONFIG, away, PERIOD) is HoldStatus.NO_CONTACT
     assert control.grasp is None

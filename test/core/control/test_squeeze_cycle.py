@@ -16,14 +16,15 @@ from grips import gripped
 from isotruss_ros.core import Grip, HoldStatus, solve_twist, Status
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 import numpy as np
 import pytest
 
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
 GRASP = Grip.at_module(CONFIG.robot, 'north/Z', CYLINDER)
-MODEL = HeldGrip.attach(CONFIG, CYLINDER)
+MODEL = attach_grip(CONFIG, CYLINDER)
 FRICTION = 0.5
 
 
@@ -98,14 +99,14 @@ def test_the_squeeze_is_the_one_of_the_model_where_the_rollers_have_come_to(miss
     control, period = at_rest(missing, load=LoadSettings(time=1e9)), 0.02
     command = control.solve(np.zeros(3), period, solve_at_rest)
     there = CONFIG.moved_to(CONFIG.roller_positions + 2.0 * period * command.roller_velocities)
-    truth = MODEL.moved_to(there)
+    truth = roll_grip(MODEL, there)
     control.follow(there, replace(AT_REST, body=truth.body), period)
     assert control._squeeze == pytest.approx(truth.squeeze, rel=1e-6)
 
 
 def test_a_load_that_comes_later_is_estimated_as_one_that_is_there_at_once():
     control, once = at_rest(), at_rest()
-    loaded = replace(AT_REST, body=MODEL.moved_to(CONFIG, np.array([0.5, -1.0, 0.1])).body)
+    loaded = replace(AT_REST, body=roll_grip(MODEL, CONFIG, np.array([0.5, -1.0, 0.1])).body)
     for _ in range(40):
         control.follow(CONFIG, loaded, 0.02)
     once.follow(CONFIG, loaded, 100.0)
@@ -115,7 +116,7 @@ def test_a_load_that_comes_later_is_estimated_as_one_that_is_there_at_once():
 
 def test_a_load_is_not_expected_to_go_on_growing():
     control = at_rest()
-    loaded = replace(AT_REST, body=MODEL.moved_to(CONFIG, np.array([0.5, -1.0, 0.1])).body)
+    loaded = replace(AT_REST, body=roll_grip(MODEL, CONFIG, np.array([0.5, -1.0, 0.1])).body)
     control.follow(CONFIG, loaded, 100.0)
     before = control.grasp.squeeze
     control.follow(CONFIG, loaded, 0.02)
@@ -137,7 +138,7 @@ def cycles(control, twist, count, period=0.02):
         command = control.solve(np.array(twist), period, solve)
         control.advance(twist, command)
         travel = period * command.roller_velocities
-        models.append(models[-1].moved_to(config.moved_to(config.roller_positions + travel)))
+        models.append(roll_grip(models[-1], config.moved_to(config.roller_positions + travel)))
     return models
 
 

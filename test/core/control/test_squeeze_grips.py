@@ -25,6 +25,7 @@ from isotruss_ros.core import (
     solve_twist,
 )
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ class Loop:
 
     def __init__(self, shape, angle, members, more=1.0, config=HOME):
         grip = place_between(config, members, shape, angle=angle, indentation=0.015)
-        model = HeldGrip.attach(
+        model = attach_grip(
             config, grip.body, np.array([HOME.robot.member_names.index(name) for name in members])
         )
         self.members, self.body = members, model.body

@@ -14,24 +14,26 @@ from dataclasses import replace
 from grips import gripped
 from held_grips import BOX, held
 from isotruss_ros.core import HoldStatus
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.balance import ANGLE, CENTER
+from isotruss_ros.core.holding.build_statics import build_statics, start_at
 from isotruss_ros.core.holding.contact_closures import find_anchors, rest, stick
-from isotruss_ros.core.holding.grip_equilibrium import NOTHING, scaled_wrench
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.held_grip import scaled_wrench
 from isotruss_ros.core.holding.indentation import no_indentation
-from isotruss_ros.core.holding.pressed_contacts import contact_statics, start_at
+from isotruss_ros.core.holding.roll_grip import NOTHING
 import numpy as np
 import pytest
 
 CONFIG, DISC = gripped(squeeze=0.05)
-MODEL = HeldGrip.attach(CONFIG, DISC)
+MODEL = attach_grip(CONFIG, DISC)
 UNLOADED = np.zeros(3)
 
 
 @pytest.fixture(scope='module')
 def statics():
     """Return the equations of a disc between the two members at the tip."""
-    return contact_statics(CONFIG, DISC, MODEL.contacts, flattening=False)
+    return build_statics(CONFIG, DISC, MODEL.contacts, TubeModel(flattening=False))
 
 
 def dents(forces):
@@ -117,7 +119,7 @@ def test_a_grasp_holds_where_all_members_press_on_their_length_and_stick(normal,
 
 def test_forces_of_members_are_sums_over_their_contacts():
     grip = held(BOX, 0.0)
-    assert grip.statics.owners.tolist() == [0, 1, 1]
+    assert grip.contacts.owners.tolist() == [0, 1, 1]
     grasp = with_unknowns(grip, normal=[5.0, 1.0, 3.0], friction=[-2.0, 0.4, 0.8])
     assert grasp.normal_forces == pytest.approx([5.0, 4.0])
     assert grasp.friction_forces == pytest.approx([-2.0, 1.2])

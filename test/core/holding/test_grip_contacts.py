@@ -13,8 +13,8 @@ from types import SimpleNamespace
 
 from held_grips import BOX, held, HOME
 from isotruss_ros.core import Ellipse
-from isotruss_ros.core.holding.grip_equilibrium import GripEquilibrium
-from isotruss_ros.core.holding.held_grip import _choices, HeldGrip
+from isotruss_ros.core.holding.attach_grip import _choices, attach_grip
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 import numpy as np
 import pytest
@@ -38,8 +38,8 @@ def test_ends_of_faces_and_third_members_pull_below_zero(owners, forces, presses
         contacts=SimpleNamespace(owners=np.array(owners)),
         state=SimpleNamespace(normal_forces=np.array(forces)),
     )
-    assert GripEquilibrium.presses.fget(grip) == presses
-    assert GripEquilibrium.pulling.fget(grip) == pulling
+    assert HeldGrip.presses.fget(grip) == presses
+    assert HeldGrip.pulling.fget(grip) == pulling
 
 
 def test_faces_are_tried_with_both_ends_first_then_with_one_of_each():
@@ -64,6 +64,6 @@ def test_an_object_that_has_settled_on_a_face_stays_where_it_is():
     grip = held(BOX, 0.0)
     assert len(grip.contacts.owners) == 3
     assert grip.body.pose.angle > 0.01
-    again = HeldGrip.attach(HOME, grip.body, grip.members)
+    again = attach_grip(HOME, grip.body, grip.members)
     assert again.body.pose == pytest.approx(grip.body.pose, abs=1e-5)
     assert again.state.normal_forces == pytest.approx(grip.state.normal_forces, rel=1e-3)

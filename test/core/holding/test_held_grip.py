@@ -31,12 +31,14 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding import contact_changes
-from isotruss_ros.core.holding.contact_changes import lay_down
+from isotruss_ros.core.holding import roll_grip as roll_grip_module
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.build_statics import build_statics
 from isotruss_ros.core.holding.contact_closures import rest, stick
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.corner_dents import corner_dents
-from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.pressed_contacts import contact_statics, find_pressed
+from isotruss_ros.core.holding.pressed_contacts import find_pressed
+from isotruss_ros.core.holding.roll_grip import lay_down, roll_contacts, roll_grip
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -64,7 +66,7 @@ def turned_disc(angle):
 
 def test_angles_are_those_within_half_a_turn():
     for angle, within in ((3.1, 3.1), (3.5, 3.5 - 2.0 * np.pi), (-9.0, 2.0 * np.pi - 9.0)):
-        grasp = HeldGrip.attach(CONFIG, turned_disc(angle))
+        grasp = attach_grip(CONFIG, turned_disc(angle))
         assert grasp.pose.angle == pytest.approx(within, abs=0.05)
 
 
@@ -133,7 +135,7 @@ def test_a_face_comes_to_lie_on_a_member_and_lifts_at_its_other_end_and_back():
                 travel = configs[-1].roller_positions + command.roller_velocities
                 configs.append(configs[-1].moved_to(travel))
             before = grip
-            grip = grip.moved_to(configs[number + 1 if turn < 0.0 else -number - 2])
+            grip = roll_grip(grip, configs[number + 1 if turn < 0.0 else -number - 2])
             assert_balanced(grip, np.zeros(3))
             assert math.dist(grip.pose[:2], before.pose[:2]) < 2e-3
             assert 0.0 < (grip.pose.angle - before.pose.angle) / turn < 2.0
@@ -158,13 +160,13 @@ def test_a_polygon_of_many_sides_rolls_as_a_disc(farthest, steps, turned):
     polygon = ConvexObject(
         Polygon([(z.real, z.imag) for z in vertices]), (*CYLINDER.pose[:2], 0.1)
     )
-    disc, grip = HeldGrip.attach(CONFIG, turned_disc(0.1)), HeldGrip.attach(CONFIG, polygon)
+    disc, grip = attach_grip(CONFIG, turned_disc(0.1)), attach_grip(CONFIG, polygon)
     assert grip.squeeze == pytest.approx(disc.squeeze, rel=0.02)
     held_there = Grip(CORNER, CYLINDER)
     turning = solve_twist(CONFIG, held_there, (0.0, 0.0, 1.0), limits=()).roller_velocities
     for share in np.linspace(0.0, farthest, steps + 1)[1:]:
         config = CONFIG.moved_to(CONFIG.roller_positions + share * turning)
-        disc, grip = disc.moved_to(config), grip.moved_to(config)
+        disc, grip = roll_grip(disc, config), roll_grip(grip, config)
     assert disc.pose.angle - 0.1 > turned
     assert np.array(grip.pose) == pytest.approx(np.array(disc.pose), abs=5e-4)
     assert grip.squeeze == pytest.approx(disc.squeeze, rel=0.02)
@@ -174,10 +176,10 @@ def test_a_polygon_of_many_sides_rolls_as_a_disc(farthest, steps, turned):
 def rolled_over_corners():
     """Return a polygon of many sides that has rolled over five of its corners, none let go yet."""
     polygon = ConvexObject(regular_polygon(96, 0.15), (*CYLINDER.pose[:2], 0.1))
-    grip, held_there = HeldGrip.attach(CONFIG, polygon), Grip(CORNER, CYLINDER)
+    grip, held_there = attach_grip(CONFIG, polygon), Grip(CORNER, CYLINDER)
     turning = solve_twist(CONFIG, held_there, (0.0, 0.0, 1.0), limits=()).roller_velocities
     config = CONFIG.moved_to(CONFIG.roller_positions + 0.16 * turning)
-    return grip.rolled(config, grip.contacts, grip.anchors, grip.angles, grip.wrench)
+    return roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, grip.wrench)
 
 
 @pytest.mark.parametrize('changes', [0, 1, 2])
@@ -197,7 +199,7 @@ def test_a_face_that_would_not_press_does_not_lie_down(monkeypatch):
         tried.append(arguments)
         return SimpleNamespace(presses=False)
 
-    monkeypatch.setattr(contact_changes, '_with_corner', pulled)
+    monkeypatch.setattr(roll_grip_module, '_with_corner', pulled)
     assert lay_down(grip) is grip
     assert tried
 
@@ -224,7 +226,7 @@ def test_an_object_that_rolls_there_and_back_is_where_it_was(shape, angle, membe
     farthest = 0.0
     for share in shares:
         config = HOME.moved_to(HOME.roller_positions + 0.2 * share * way)
-        grip = grip.moved_to(config)
+        grip = roll_grip(grip, config)
         assert grip is not None
         farthest = max(farthest, float(np.abs(np.subtract(grip.pose, begun.pose)).max()))
         if len(grip.anchors) != count:
@@ -240,9 +242,8 @@ def test_the_response_is_that_of_small_wrenches_and_openings(shape, angle, membe
     assert response.stable
     for i, step in enumerate(1e-3 * np.eye(3)):
         wrench = step * (1.0, 1.0, grip.body.arm)
-        moved = np.subtract(
-            grip.moved_to(HOME, wrench).state.unknowns, grip.moved_to(HOME, -wrench).state.unknowns
-        )
+        ahead, behind = (roll_grip(grip, HOME, sign * wrench) for sign in (1.0, -1.0))
+        moved = ahead.state.unknowns - behind.state.unknowns
         places = grip.statics.places
         assert moved[:3] / 2e-3 == pytest.approx(response.pose[:, i], rel=2e-4, abs=1e-8)
         assert moved[places.normal] / 2e-3 == pytest.approx(
@@ -255,7 +256,7 @@ def test_the_response_is_that_of_small_wrenches_and_openings(shape, angle, membe
     command = solve_twist(
         HOME, Grip(members, grip.body), np.zeros(3), opening_rate=-1e-4, limits=()
     )
-    ahead = grip.moved_to(HOME.moved_to(HOME.roller_positions + command.roller_velocities))
+    ahead = roll_grip(grip, HOME.moved_to(HOME.roller_positions + command.roller_velocities))
     gained = (ahead.squeeze - grip.squeeze) / -1e-4
     # The members also turn as they close.
     assert gained == pytest.approx(grip.squeeze_stiffness(), rel=0.15)
@@ -308,10 +309,10 @@ def test_at_the_slip_margin_a_member_slips_or_lets_go(kind):
         for across in (-0.7, 0.0, 0.7):
             along = np.sqrt(1.0 - across**2) * np.array([np.cos(angle), np.sin(angle)])
             unit = np.append(along, across * grip.body.arm)
-            loaded = grip.moved_to(HOME, 0.9 * margin * unit)
+            loaded = roll_grip(grip, HOME, 0.9 * margin * unit)
             assert loaded is not None
             assert loaded.hold(friction) is HoldStatus.HELD
-            more = grip.moved_to(HOME, 1.3 * margin * unit)
+            more = roll_grip(grip, HOME, 1.3 * margin * unit)
             sticking.append(more is not None and more.hold(friction) is HoldStatus.HELD)
     # Beyond it holds in some directions only.
     assert not all(sticking)
@@ -320,11 +321,13 @@ def test_at_the_slip_margin_a_member_slips_or_lets_go(kind):
 
 def test_round_sections_press_harder_and_need_no_table():
     for shape, angle, members, count in CASES:
-        soft, stiff = (held(shape, angle, members, flattening=flat) for flat in (True, False))
+        soft, stiff = (
+            held(shape, angle, members, tubes=TubeModel(flattening=flat)) for flat in (True, False)
+        )
         assert len(stiff.anchors) == count
         assert stiff.squeeze > 1.1 * soft.squeeze
         assert stiff.statics.indentation(np.ones(count))[0] == pytest.approx(np.zeros(count))
-        moved = stiff.moved_to(HOME, np.array([0.1, 0.0, 0.0]))
+        moved = roll_grip(stiff, HOME, np.array([0.1, 0.0, 0.0]))
         assert moved.wrench[0] == 0.1
 
 
@@ -367,16 +370,16 @@ def test_a_third_member_joins_where_the_bent_structure_touches():
         gap_of_third(brentq(lambda size, gap=gap: gap_of_third(size)[1] - gap, 0.4, 0.8))[0]
         for gap in (1e-3, 0.02)
     )
-    alone = HeldGrip.attach(HOME, far, numbers(LOOP[:2]))
-    assert len(alone.moved_to(HOME).members) == 2
-    grip = HeldGrip.attach(HOME, near, numbers(LOOP[:2]))
+    alone = attach_grip(HOME, far, numbers(LOOP[:2]))
+    assert len(roll_grip(alone, HOME).members) == 2
+    grip = attach_grip(HOME, near, numbers(LOOP[:2]))
     assert len(grip.members) == 2
     # What presses bends the whole loop toward the object: the third side touches it already.
     toward = -grip.state.normals.sum()
     pull = np.array([toward.real, toward.imag, 0.0]) / abs(toward)
     states = []
     for size in (0.0, 2.0, 4.0, 2.0, 0.0):
-        grip = grip.moved_to(HOME, size * pull)
+        grip = roll_grip(grip, HOME, size * pull)
         assert set(grip.member_names) == set(LOOP)
         assert grip.normal_forces.min() > 0.0
         states.append(grip.state.unknowns)
@@ -392,9 +395,9 @@ def test_a_third_member_is_dented_by_the_corner_that_it_meets(angle):
 
     third = numbers(LOOP)[2]
     size = brentq(lambda size: member_depths(HOME, place(size))[third] + 1e-3, 0.2, 0.4)
-    grip = HeldGrip.attach(HOME, place(size), numbers(LOOP[:2])).moved_to(HOME)
+    grip = roll_grip(attach_grip(HOME, place(size), numbers(LOOP[:2])), HOME)
     assert grip.members[-1] == third
-    wanted = contact_statics(HOME, grip.body, grip.contacts, normals=grip.state.normals)
+    wanted = build_statics(HOME, grip.body, grip.contacts, normals=grip.state.normals)
     for force in (1.0, 3.0):
         forces = np.full(3, force)
         dents = [statics.indentation(forces)[0][-1] for statics in (grip.statics, wanted)]
@@ -411,7 +414,7 @@ def test_without_friction_members_press_as_in_the_analysis(kind, flattening, bou
         'faces': Polygon([(z.real, z.imag) for z in vertices], corner_radius=0.12),
     }
     body = place_between(HOME, LOOP, shapes[kind], indentation=0.014).body
-    grip = HeldGrip.attach(HOME, body, numbers(LOOP), flattening=flattening)
+    grip = attach_grip(HOME, body, numbers(LOOP), tubes=TubeModel(flattening=flattening))
     assert np.abs(grip.friction_forces).max() < 1e-6
     analysis = analyze_grasp(HOME, grip.body, 0.5, flattening=flattening)
     expected = [analysis.contact_forces[name] for name in LOOP]
@@ -439,7 +442,7 @@ def test_a_face_dents_less_than_a_corner_and_a_disc_as_in_its_own_table():
     # Pressure times area: half of a face of 0.3 m on a foundation of 4 pi p / 3.
     pressure = next(iter(NINE.description.pressures.values()))
     assert flat(5.0)[0] == pytest.approx(5.0 / (0.15 * 4.0 * np.pi * pressure / 3.0), rel=0.25)
-    grip = HeldGrip.attach(CONFIG, CYLINDER)
+    grip = attach_grip(CONFIG, CYLINDER)
     table = corner_dents(NINE, 0, Disc(0.3), 1.0 + 0j, 0.15 + 0j, both)
     depths, _ = grip.statics.indentation(np.array([10.0, 30.0]))
     assert [table(10.0)[0], table(30.0)[0]] == pytest.approx(depths, rel=0.02)

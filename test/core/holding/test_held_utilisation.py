@@ -12,7 +12,7 @@
 import frames
 from grips import gripped
 from held_grips import BOX, held
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_utilisation import held_sections, held_utilisation
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -22,7 +22,7 @@ import tubes
 
 def disc(angle):
     """Return a disc pressed into the wedge of a module."""
-    return HeldGrip.attach(*gripped(angle, squeeze=0.1))
+    return attach_grip(*gripped(angle, squeeze=0.1))
 
 
 @pytest.mark.parametrize('grasp', [disc(30.0), disc(45.0), disc(60.0), held(BOX, 0.0)])

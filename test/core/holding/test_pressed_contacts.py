@@ -19,7 +19,8 @@ from isotruss_ros.core import (
     place_between,
     Polygon,
 )
-from isotruss_ros.core.holding.pressed_contacts import contact_statics, find_pressed, start_at
+from isotruss_ros.core.holding.build_statics import build_statics, start_at
+from isotruss_ros.core.holding.pressed_contacts import find_pressed
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -87,7 +88,7 @@ def test_the_search_starts_where_straight_tubes_are_deepest_in_the_object(shape,
     given = numbers(members)
     contacts = find_pressed(HOME, body, given)
     assert contacts.members.tolist() == given.tolist()
-    statics = contact_statics(HOME, body, contacts)
+    statics = build_statics(HOME, body, contacts)
     start, places = start_at(statics, body), statics.places
     pose = start[:3]
     assert pose == pytest.approx([*body.pose[:2], body.pose.angle])
@@ -122,7 +123,7 @@ def test_small_objects_are_on_the_side_of_a_member_on_which_they_are(side):
     for shape in (Disc(0.08), small):
         body = ConvexObject(shape, (*place, 0.3))
         found = find_pressed(HOME, body, np.array([NUMBER]))
-        statics = contact_statics(HOME, body, found)
+        statics = build_statics(HOME, body, found)
         assert statics.sides.tolist() == [side]
         assert statics.straight_normals == pytest.approx(np.array([outward]))
     # The corner that is farthest out.

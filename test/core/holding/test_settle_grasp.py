@@ -31,9 +31,12 @@ from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.force_closure import check_force_closure
 from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding import held_grip
-from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.slip_margin import weakest_direction
+from isotruss_ros.core.holding import attach_grip as attach_grip_module
+from isotruss_ros.core.holding import settle_grasp as settle_grasp_module
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.grip_response import weakest_direction
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.numerics.arrays import as_xy
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -79,7 +82,7 @@ def test_where_friction_has_nothing_to_do_it_is_the_analysis(degrees, squeeze, f
     config, cylinder = gripped(degrees, squeeze=squeeze)
     analysis = analyze_grasp(config, cylinder, FRICTION, flattening=flattening)
     wrench = -analysis.normal_wrench
-    state = HeldGrip.attach(config, cylinder, None, wrench, flattening=flattening).state
+    state = attach_grip(config, cylinder, None, wrench, TubeModel(flattening=flattening)).state
     expected = [analysis.contact_forces[name] for name in ('north/P-Z', 'north/Z-R')]
     pressing = sum(expected)
     assert state.normal_forces == pytest.approx(expected, abs=share * pressing)
@@ -96,7 +99,7 @@ def test_where_friction_has_nothing_to_do_it_is_the_analysis(degrees, squeeze, f
 @pytest.mark.parametrize('squeeze', [0.05, 0.12])
 def test_with_friction_in_the_structure_the_contact_solver_and_closure_agree(wrench, squeeze):
     config, cylinder = gripped(33.0, squeeze=squeeze)
-    grasp = HeldGrip.attach(config, cylinder, None, np.array(wrench), flattening=False)
+    grasp = attach_grip(config, cylinder, None, np.array(wrench), TubeModel(flattening=False))
     statics, state = grasp.statics, grasp.state
     radius = statics.arm + statics.tube_radius
     points = find_contact_points(structure_of(config), RoundSurface(state.center, radius), 0.002)
@@ -123,7 +126,7 @@ def first_slip(grasp, direction):
     """Return the load at which a contact slips first, by making it larger in small steps."""
     load, step = 0.0, 0.5
     while step > 1e-3:
-        found = grasp.moved_to(grasp.config, (load + step) * direction)
+        found = roll_grip(grasp, grasp.config, (load + step) * direction)
         if found is not None and found.hold(FRICTION) is HoldStatus.HELD:
             load, grasp = load + step, found
         else:
@@ -133,7 +136,7 @@ def first_slip(grasp, direction):
 
 @pytest.mark.parametrize('number', range(8))
 def test_first_slip_is_where_it_was_predicted(number):
-    grasp = HeldGrip.attach(*gripped(35.0, squeeze=0.06))
+    grasp = attach_grip(*gripped(35.0, squeeze=0.06))
     state, response = grasp.state, grasp.response
     turn = np.exp(0.25j * np.pi * number)
     direction = np.array([turn.real, turn.imag, 0.0])
@@ -151,7 +154,7 @@ def test_first_slip_is_where_it_was_predicted(number):
 
 
 def test_the_margin_is_the_smallest_wrench_of_all_directions():
-    grasp = HeldGrip.attach(CONFIG, CYLINDER)
+    grasp = attach_grip(CONFIG, CYLINDER)
     state, response, margin = grasp.state, grasp.response, grasp.slip_margin(FRICTION)
     rng = np.random.default_rng(0)
     for _ in range(200):
@@ -174,20 +177,20 @@ def test_the_margin_is_the_smallest_wrench_of_all_directions():
 @pytest.mark.parametrize('degrees', [30.0, 35.0])
 def test_the_squeeze_falls_by_the_opening_as_rolling_says(degrees):
     config, cylinder = gripped(degrees, squeeze=0.08)
-    grasp = HeldGrip.attach(config, cylinder)
+    grasp = attach_grip(config, cylinder)
     held = Grip.at_module(HOME.robot, 'north/Z', grasp.body)
     command = solve_twist(config, held, np.zeros(3), opening_rate=1e-4, limits=())
-    opened = grasp.moved_to(config.moved_to(config.roller_positions + command.roller_velocities))
+    opened = roll_grip(grasp, config.moved_to(config.roller_positions + command.roller_velocities))
     found = (opened.squeeze - grasp.squeeze) / 1e-4
     # Its members also turn, about the module, and press as much less deep as the contacts roll.
     assert grasp.squeeze_stiffness() == pytest.approx(found, rel=0.1)
 
 
 def test_stiffness_is_what_a_small_wrench_meets():
-    grasp = HeldGrip.attach(CONFIG, CYLINDER)
+    grasp = attach_grip(CONFIG, CYLINDER)
     stiffness = settle_grasp(CONFIG, CYLINDER, FRICTION).stiffness
     for wrench in 1e-4 * np.diag([1.0, 1.0, 0.2]):
-        change = np.subtract(grasp.moved_to(CONFIG, wrench).pose, grasp.pose)
+        change = np.subtract(roll_grip(grasp, CONFIG, wrench).pose, grasp.pose)
         assert stiffness @ change == pytest.approx(wrench, abs=1e-8)
 
 
@@ -204,7 +207,7 @@ def test_noise_on_the_pose_moves_neither_the_verdict_nor_the_forces_much():
 
 def test_a_given_pose_across_the_bisector_does_not_matter():
     quiet = settle_grasp(CONFIG, CYLINDER, FRICTION)
-    state = HeldGrip.attach(CONFIG, CYLINDER).state
+    state = attach_grip(CONFIG, CYLINDER).state
     across = complex(state.normals[0] - state.normals[1])
     for shift in (-4e-3, 4e-3):
         settled = settle_grasp(CONFIG, moved(CYLINDER, shift * across / abs(across)), FRICTION)
@@ -213,7 +216,7 @@ def test_a_given_pose_across_the_bisector_does_not_matter():
 
 
 def test_what_lies_deep_in_one_tube_and_far_from_the_other_is_not_in_the_grip():
-    state = HeldGrip.attach(CONFIG, CYLINDER).state
+    state = attach_grip(CONFIG, CYLINDER).state
     across = complex(state.normals[0] - state.normals[1])
     settled = settle_grasp(CONFIG, moved(CYLINDER, 0.05 * across / abs(across)), FRICTION)
     assert settled.hold is HoldStatus.FAR
@@ -234,7 +237,7 @@ def test_a_cylinder_that_three_members_press_on_is_held_by_these():
 
 
 def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatch):
-    monkeypatch.setattr(held_grip, 'MOST', 2)
+    monkeypatch.setattr(attach_grip_module, 'MOST', 2)
     settled = settle_grasp(HOME, ConvexObject.disc((0.0, -0.8267), 0.65), FRICTION)
     assert settled.hold is HoldStatus.OTHER_CONTACT
     assert not settled.held
@@ -293,13 +296,13 @@ def grasps(count):
 
 
 def test_random_grasps_are_balanced_or_say_what_has_no_solution(monkeypatch):
-    attach, found = HeldGrip.attach, []
+    found = []
 
     def record(*arguments, **options):
-        found.append(attach(*arguments, **options))
+        found.append(attach_grip(*arguments, **options))
         return found[-1]
 
-    monkeypatch.setattr(HeldGrip, 'attach', record)
+    monkeypatch.setattr(settle_grasp_module, 'attach_grip', record)
     outcomes = Counter()
     for config, cylinder, friction, wrench in grasps(1000):
         found.clear()
@@ -368,14 +371,14 @@ def test_measured_pressures_stiffen_the_tubes():
 def test_a_search_that_begins_with_the_grasp_before_finds_the_same(monkeypatch):
     """Along paths, and where object, load or members jump; only then it begins from the pose."""
     robot, rng, begun = HOME.robot, np.random.default_rng(0), Counter()
-    start = held_grip.start_at
+    start = attach_grip_module.start_at
     counted = Counter()
 
     def noted(*arguments):
         counted['cold'] += 1
         return start(*arguments)
 
-    monkeypatch.setattr(held_grip, 'start_at', noted)
+    monkeypatch.setattr(attach_grip_module, 'start_at', noted)
     for _ in range(6):
         x, y = tangent_center(HOME, 'north/Z', 0.3, rng.uniform(0.0, 0.03))
         held = RollingGrip.attach(
@@ -411,7 +414,7 @@ def test_a_search_for_a_box_begins_with_the_grasp_before(monkeypatch):
     before = settle_grasp(HOME, body, 1.0, members=members)
     config = HOME.moved_to(HOME.roller_positions + 1e-4)
     expected = settle_grasp(config, body, 1.0, members=members)
-    monkeypatch.setattr(held_grip, 'start_at', None)
+    monkeypatch.setattr(attach_grip_module, 'start_at', None)
     found = settle_grasp(config, body, 1.0, members=members, previous=before)
     assert found.displacement == pytest.approx(expected.displacement, abs=1e-9)
     assert found.normal_forces == pytest.approx(expected.normal_forces, rel=1e-7)
@@ -429,11 +432,11 @@ def test_a_search_does_not_begin_with_an_object_of_another_diameter():
 @pytest.mark.parametrize('change', [0.0, 1e-4, -1e-3, [0.0] * 5 + [2.5, 2.5] + [0.0] * 4])
 def test_a_rolling_grasp_ends_where_it_does_wherever_it_is_expected(change):
     """From a last one, too, from which there is no way: then the search begins where it was."""
-    grasp = HeldGrip.attach(CONFIG, CYLINDER)
+    grasp = attach_grip(CONFIG, CYLINDER)
     travel = np.full(6, 1e-4)
     config = CONFIG.moved_to(CONFIG.roller_positions + travel)
-    expected = grasp.moved_to(config).state.unknowns
+    expected = roll_grip(grasp, config).state.unknowns
     ahead = dataclasses.replace(grasp, motion=(travel, np.broadcast_to(change, 11)))
-    moved = ahead.moved_to(config)
+    moved = roll_grip(ahead, config)
     assert moved.state.unknowns == pytest.approx(expected, rel=1e-7, abs=1e-9)
     assert moved.motion[1] == pytest.approx(expected - grasp.state.unknowns, rel=1e-5, abs=1e-8)

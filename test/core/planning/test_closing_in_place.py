@@ -191,14 +191,14 @@ def test_margins_that_are_too_small_are_compared_by_their_shares(
 
 
 @pytest.mark.parametrize(
-    ('name', 'found'),
+    ('place', 'name', 'found'),
     [
-        ('attach', HoldStatus.NO_BALANCE),
-        ('hold', HoldStatus.UNSTABLE),
+        (closing_in_place, 'attach_grip', HoldStatus.NO_BALANCE),
+        (HeldGrip, 'hold', HoldStatus.UNSTABLE),
     ],
 )
-def test_what_has_no_equilibrium_or_an_unstable_one_is_not_held(name, found, monkeypatch):
-    monkeypatch.setattr(HeldGrip, name, lambda *_: found)
+def test_what_has_no_equilibrium_or_an_unstable_one_is_not_held(place, name, found, monkeypatch):
+    monkeypatch.setattr(place, name, lambda *_: found)
     search = closing()
     assert search.close() is None
     violation = search.closest_violation

@@ -25,7 +25,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
@@ -50,7 +50,7 @@ def pair(**fields):
     number = HOME.robot.module_names.index(MODULE)
     members = (number, int(HOME.robot.topology.previous[number]))
     closing = replace(Closing(BODY, members, (), 0.15), **fields)
-    grasp = HeldGrip.attach(HOME, BODY, np.array(members))
+    grasp = attach_grip(HOME, BODY, np.array(members))
     return MotionInPlace(replace(closing, body=grasp.body)), grasp
 
 
@@ -68,7 +68,7 @@ def three(**fields):
     names, body = planned().grip.members, planned().grip.body
     members = tuple(HOME.robot.member_names.index(name) for name in names)
     closing = replace(Closing(body, members, (), 0.15), **fields)
-    grasp = HeldGrip.attach(planned().config, body, np.array(members))
+    grasp = attach_grip(planned().config, body, np.array(members))
     return MotionInPlace(replace(closing, body=grasp.body)), grasp
 
 
@@ -115,7 +115,7 @@ def test_what_has_been_turned_comes_back(away, turned):
     found = plan_grasps(HOME, body, needs, settings=replace(DEFAULT, max_rounds=1))[0]
     members = tuple(HOME.robot.member_names.index(name) for name in found.grip.members)
     closing = Closing(found.grip.body, members, (), 0.15)
-    grasp = HeldGrip.attach(found.config, found.grip.body, np.array(members))
+    grasp = attach_grip(found.config, found.grip.body, np.array(members))
     x, y, angle = grasp.pose
     motion = MotionInPlace(replace(closing, body=body.moved_to((x, y, angle + away))))
     placed = motion.squeeze(grasp, grasp.squeeze)
@@ -222,7 +222,7 @@ def test_what_is_beyond_a_bound_ends_the_motion(monkeypatch):
     assert stiff.move(grasp, still) is None
     assert said(stiff) == ('rigidity', pytest.approx(1.0), 100.0)
     with monkeypatch.context() as patched:
-        patched.setattr(HeldGrip, 'moved_to', lambda *_: None)
+        patched.setattr(motion_in_place, 'roll_grip', lambda *_: None)
         motion, _ = pair()
         assert motion.move(grasp, still) is None
         assert said(motion) == ('held', 0.0, 1.0)

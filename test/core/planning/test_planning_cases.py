@@ -24,7 +24,6 @@ from isotruss_ros.core import (
     plan_grasps,
     Pose,
 )
-from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.planning import closing_in_place, grasp_search, release, squeeze
 from isotruss_ros.core.planning import searcher as searchers
 from isotruss_ros.core.planning.approach import approach, missing_turn
@@ -89,7 +88,7 @@ def test_members_that_cannot_press_close_no_grip(times, count, monkeypatch):
 @pytest.mark.parametrize('count', [2, 3])
 def test_an_object_that_touches_nothing_is_not_held(count, monkeypatch):
     pressing_only(9, monkeypatch, closing_in_place)
-    monkeypatch.setattr(HeldGrip, 'attach', lambda *_: HoldStatus.NO_CONTACT)
+    monkeypatch.setattr(closing_in_place, 'attach_grip', lambda *_: HoldStatus.NO_CONTACT)
     search = ClosingInPlace(HOME, SEED if count == 2 else closing_of_three(), NEEDS)
     assert search.close() is None
     violation = search.closest_violation

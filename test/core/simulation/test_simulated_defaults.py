@@ -14,7 +14,7 @@ import math
 from grips import gripped
 from isotruss_ros.core import ElasticObject, Grip, HoldStatus, RollerFaults
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.simulation.free_object import FreeObject
 import numpy as np
@@ -37,7 +37,7 @@ def test_an_elastic_object_is_as_stiff_as_its_model():
     simulated, soft = ElasticObject(CYLINDER, 0.5), ElasticObject(CYLINDER, 0.5, 0.05)
     for one in (simulated, soft):
         one.follow(CONFIG)
-    model = HeldGrip.attach(CONFIG, CYLINDER)
+    model = attach_grip(CONFIG, CYLINDER)
     assert simulated.grasp.squeeze == pytest.approx(model.squeeze, rel=1e-6)
     # What of it there is comes from softer tubes.
     assert soft.grasp is None or soft.grasp.squeeze < 0.2 * model.squeeze

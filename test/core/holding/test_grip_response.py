@@ -12,9 +12,14 @@
 import itertools
 from types import SimpleNamespace
 
-from isotruss_ros.core.holding.slip_margin import slip_margin, weakest_direction, WrenchResponse
+from isotruss_ros.core.holding.grip_response import GripResponse, slip_margin, weakest_direction
 import numpy as np
 import pytest
+
+
+def response_of(*to_wrenches):
+    """Return a response to wrenches, of which members that move change nothing."""
+    return GripResponse(*to_wrenches, np.zeros(2), np.zeros((2, 2)))
 
 
 @pytest.mark.parametrize('arm', [0.2, 1.0])
@@ -26,7 +31,7 @@ def test_an_equilibrium_is_stable_where_every_displacement_takes_work(one, other
     even = np.eye(3)
     even[one, other], even[other, one] = 2.0 * share + 0.25, -0.25
     pose = even / [[1.0], [1.0], [arm]]
-    response = WrenchResponse(pose, np.zeros((2, 3)), np.zeros((2, 3)), np.arange(2), arm)
+    response = response_of(pose, np.zeros((2, 3)), np.zeros((2, 3)), np.arange(2), arm)
     assert response.stable == (share < 1.0)
     # Wrenches (fx, fy, m / arm).
     wrench = response.stiffness @ pose / [[1.0], [1.0], [arm]]
@@ -40,7 +45,7 @@ def test_a_member_slips_by_the_sums_over_its_contacts():
     )
     by_normal = np.tile([0.0, 0.0, 0.1], (3, 1))
     by_friction = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    response = WrenchResponse(np.eye(3), by_normal, by_friction, np.array([0, 0, 1]), 0.2)
+    response = response_of(np.eye(3), by_normal, by_friction, np.array([0, 0, 1]), 0.2)
     # mu N - T of the first member is 0.5 * 4 - 1.2, and falls by 2 fx - 0.5 * 0.2 m / arm.
     size = np.hypot(2.0, 0.1)
     assert slip_margin(state, response, 0.5) == pytest.approx(0.8 / size)

@@ -14,8 +14,8 @@ from dataclasses import replace
 from held_grips import held, HOME, LOOP, numbers
 from isotruss_ros.core import Disc
 from isotruss_ros.core.contact.depths import member_depths
-from isotruss_ros.core.holding.contact_changes import _depth_in, join
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding import roll_grip as roll_grip_module
+from isotruss_ros.core.holding.roll_grip import _depth_in, join, roll_grip
 from isotruss_ros.core.model.segment_gaps import segment_gaps
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.structure import structure_of
@@ -65,7 +65,7 @@ def test_a_third_member_joins_as_soon_as_it_presses():
         return grip, _depth_in(grip, third, float(member_depths(HOME, grip.body)[third]))
 
     size = brentq(lambda diameter: depth(diameter)[1] - 1e-5, 0.6, 0.65, xtol=1e-6)
-    grip = depth(size)[0].moved_to(HOME)
+    grip = roll_grip(depth(size)[0], HOME)
     assert len(grip.members) == 3
     assert 0.0 < grip.normal_forces[2] < 0.1
 
@@ -74,7 +74,7 @@ def test_a_third_member_joins_as_soon_as_it_presses():
 def test_a_third_member_that_would_not_press_stays_away(force, monkeypatch):
     grip = held(Disc(0.65), 0.0, LOOP[:2], 0.012)
     assert len(join(grip).members) == 3
-    rolled = HeldGrip.rolled
+    rolled = roll_grip_module.roll_contacts
 
     def pulled(*arguments):
         """Return no equilibrium, or one that would pull at all contacts."""
@@ -85,5 +85,5 @@ def test_a_third_member_that_would_not_press_stays_away(force, monkeypatch):
         unknowns[found.state.places.normal] = force
         return replace(found, state=replace(found.state, unknowns=unknowns))
 
-    monkeypatch.setattr(HeldGrip, 'rolled', pulled)
+    monkeypatch.setattr(roll_grip_module, 'roll_contacts', pulled)
     assert join(grip) is grip

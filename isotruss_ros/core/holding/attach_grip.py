@@ -1,0 +1,155 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+
+"""How members hold an object near where it was measured, with unknown contact history."""
+
+from __future__ import annotations
+
+import itertools
+
+from isotruss_ros.core.contact.depths import member_depths
+from isotruss_ros.core.holding.balance import CENTER, Closure, ContactForces
+from isotruss_ros.core.holding.build_statics import AS_MODELLED, build_statics, start_at
+from isotruss_ros.core.holding.contact_closures import find_anchors, rest
+from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
+from isotruss_ros.core.holding.held_grip import HeldGrip, MOST, scaled_wrench, travel_into
+from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.pressed_contacts import find_pressed, PressedContacts
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.numerics.arrays import Array, Indices
+import numpy as np
+
+#: An equilibrium is looked for in so many states from where it was expected. It is the one if it
+#: is as near as this [m] and its normal forces differ by no more than this share.
+FEW_STEPS, NEAR, LIKE = 5, 2e-3, 0.3
+
+
+def attach_grip(
+    config: Configuration,
+    body: ConvexObject,
+    members: Indices | None = None,
+    external_wrench: Array | None = None,
+    tubes: TubeModel = AS_MODELLED,
+    before: HeldGrip | None = None,
+) -> HeldGrip | HoldStatus:
+    """
+    Find the equilibrium near a pose with unknown contact history, see `rest`.
+
+    :param config: where the robot is.
+    :param body: the object, where it was measured.
+    :param members: (m,) numbers of the two members or three that hold it; if None those that it
+        presses into, or the two closest ones.
+    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m]; none
+        if None.
+    :param tubes: what is assumed of the tubes.
+    :param before: the same a moment ago: the search begins there where the contacts are alike, and
+        goes on from the given pose unless it ends close by.
+    :return: which condition has no solution, if one has none.
+    :raises StructureError: see `structure_of`.
+    """
+    depths = member_depths(config, body)
+    if members is None:
+        count = max(int(np.count_nonzero(depths > 0.0)), 2)
+        if count > MOST:
+            return HoldStatus.OTHER_CONTACT
+        members = np.argsort(depths, kind='stable')[-count:]
+    members = np.sort(np.asarray(members, dtype=np.intp))
+    if depths[members].min() <= -config.robot.description.tube_diameter:
+        return HoldStatus.NO_CONTACT
+    wrench = scaled_wrench(external_wrench, body.arm)
+    for contacts in _choices(find_pressed(config, body, members)):
+        statics = build_statics(config, body, contacts, tubes)
+        found = _find_rest(config, statics, wrench, tubes, before)
+        if found is not None and found.presses:
+            return found
+    return HoldStatus.NO_BALANCE
+
+
+def _find_rest(
+    config: Configuration,
+    statics: ContactStatics,
+    wrench: Array,
+    tubes: TubeModel,
+    before: HeldGrip | None,
+) -> HeldGrip | None:
+    """Return the equilibrium at given contacts near where the object was measured, if any."""
+    body, contacts = statics.body, statics.contacts
+    closure = rest(statics, body.center, body.pose.angle)
+    state, motion = None, None
+    if before is not None and _is_like(before, statics):
+        travel = config.roller_positions - before.config.roller_positions
+        state = _solve_nearby(before, travel, statics, wrench, closure)
+        if state is not None:
+            motion = travel, state.unknowns - before.state.unknowns
+    if state is None:
+        state = statics.solve(start_at(statics, body), wrench, closure)
+    if state is not None and tubes.flattening and contacts.has_faces:
+        # How deep a face's ends dent the skin rests on how the tube is bent over them, and on how
+        # the object has turned.
+        turned = body.moved_to(state.unknowns[:3])
+        statics = build_statics(config, turned, contacts, tubes, state.normals)
+        closure = rest(statics, body.center, body.pose.angle)
+        state = statics.solve(state.unknowns, wrench, closure)
+    if state is None:
+        return None
+    angles = np.angle(state.normals * np.exp(-1j * state.unknowns[2]))
+    travel = travel_into(config, contacts.members)
+    return HeldGrip(
+        config=config,
+        body=body.moved_to(state.unknowns[:3]),
+        anchors=find_anchors(statics, state.unknowns, state.normals, travel, angles),
+        angles=angles,
+        statics=statics,
+        state=state,
+        wrench=wrench,
+        tubes=tubes,
+        motion=motion,
+    )
+
+
+def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
+    """Tell whether an object of the same shape is touched alike, from the same sides."""
+    own, contacts = grip.contacts, statics.contacts
+    return grip.body.shape == statics.body.shape and all(
+        np.array_equal(one, other)
+        for one, other in (
+            (own.members, contacts.members),
+            (own.corners, contacts.corners),
+            (grip.statics.sides, statics.sides),
+        )
+    )
+
+
+def _solve_nearby(
+    grip: HeldGrip, travel: Array, statics: ContactStatics, wrench: Array, closure: Closure
+) -> ContactForces | None:
+    """Return the equilibrium that is where it is expected and presses alike, if any is."""
+    start, places = grip.ahead(travel), grip.state.places
+    found = statics.solve(start, wrench, closure, FEW_STEPS)
+    if found is None:
+        return None
+    moved = np.abs(found.unknowns - start)
+    far = max(float(moved[CENTER].max()), float(moved[places.feet].max()))
+    alike = (moved[places.normal] <= LIKE * np.abs(start[places.normal])).all()
+    return found if far <= NEAR and bool(alike) else None
+
+
+def _choices(contacts: PressedContacts) -> list[PressedContacts]:
+    """Return the contacts with faces on both ends first, then on one end of each."""
+    ends = [np.flatnonzero(contacts.owners == i).tolist() for i in range(contacts.owners[-1] + 1)]
+    faces = [own for own in ends if len(own) > 1]
+    found = []
+    for dropped in itertools.product(*([None, *own] for own in faces)):
+        chosen = contacts
+        for k in sorted((k for k in dropped if k is not None), reverse=True):
+            chosen = chosen.without(k)
+        found.append((sum(k is not None for k in dropped), chosen))
+    return [chosen for _, chosen in sorted(found, key=lambda item: item[0])]

@@ -1,0 +1,117 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+
+"""The equations of a held object from what touches it, and where to begin their solution."""
+
+from __future__ import annotations
+
+from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
+from isotruss_ros.core.holding.corner_dents import corner_dents
+from isotruss_ros.core.holding.indentation import (
+    Indentation,
+    no_indentation,
+    skin_indentation,
+    SkinIndentation,
+)
+from isotruss_ros.core.holding.pressed_contacts import PressedContacts
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.statics.member_compliance import MemberCompliance
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+
+#: Tubes of the robot file, which flatten.
+AS_MODELLED = TubeModel()
+#: Objects that only touch are taken to be this deep, as a share of their size.
+LEAST_DEPTH = 1e-3
+
+
+def build_statics(
+    config: Configuration,
+    body: ConvexObject,
+    contacts: PressedContacts,
+    tubes: TubeModel = AS_MODELLED,
+    normals: Points | None = None,
+) -> ContactStatics:
+    """
+    Return the equations of an object at some contacts.
+
+    :param config: configuration of the robot.
+    :param body: the object in its place.
+    :param contacts: its contacts.
+    :param tubes: what is assumed of the tubes.
+    :param normals: (k,) of the tubes as they are bent, for the dents; straight ones if None.
+    :raises StructureError: see `structure_of`.
+    """
+    structure = structure_of(config, tubes.pressure)
+    compliance = MemberCompliance(structure, contacts.members, tubes.stiffness_scale)
+    aside = (compliance.axis.conj() * (body.middle - compliance.start)).imag
+    sides = np.where(aside > 0.0, -1.0, 1.0)
+    dents = no_indentation
+    if tubes.flattening:
+        pressures = None if tubes.pressure is None else structure.pressures
+        bent = 1j * sides * compliance.axis if normals is None else normals
+        tables = _dents(config, body, contacts, bent, pressures)
+        dents = Indentation(tables, tubes.stiffness_scale)
+    radius = 0.5 * config.robot.description.tube_diameter
+    return ContactStatics(compliance, body, contacts, radius, sides, dents)
+
+
+def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
+    """
+    Return unknowns (3 + 4k,) to begin the search for an equilibrium with.
+
+    :param statics: the equations.
+    :param body: the object where it was measured.
+    """
+    places, compliance = statics.places, statics.compliance
+    start = np.zeros(places.size)
+    start[:3] = body.center.real, body.center.imag, body.pose.angle
+    normals = statics.straight_normals
+    own = normals * body.turn.conjugate()
+    points, _ = body.shape.surface_at(statics.contacts.corners, own)
+    touched = body.center + body.turn * points
+    local = compliance.axis.conj() * (touched - compliance.start)
+    start[places.feet] = np.clip(local.real, 0.0, compliance.length)
+    depths = statics.tube_radius + statics.sides * local.imag
+    depths = np.maximum(depths, LEAST_DEPTH * statics.arm)
+    own = np.einsum('iaia->ia', compliance.at(start[places.feet]).matrix)[:, 1]
+    _, dent = statics.indentation(depths / own)
+    start[places.normal] = depths / (own + dent)
+    return start
+
+
+def _dents(
+    config: Configuration,
+    body: ConvexObject,
+    contacts: PressedContacts,
+    normals: Points,
+    pressures: tuple[float, ...] | None,
+) -> list[SkinIndentation]:
+    """Return the dents at all contacts."""
+    own = normals * body.turn.conjugate()
+    tubes = config.robot.topology.tube[contacts.members]
+    if body.shape.is_round:
+        radius = body.shape.reach
+        return [skin_indentation(config.robot, int(tube), radius, pressures) for tube in tubes]
+    points, _ = body.shape.surface_at(contacts.corners, own)
+    return [
+        corner_dents(
+            config.robot,
+            int(tube),
+            body.shape,
+            complex(normal),
+            complex(point),
+            (float(cut[0]), float(cut[1])),
+            pressures,
+        )
+        for tube, normal, point, cut in zip(tubes, own, points, contacts.cuts, strict=True)
+    ]

@@ -1,0 +1,232 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+
+"""
+How a held object rolls as the robot moves, and how its contacts change.
+
+Ends of faces lift and lie down, and a third member joins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from isotruss_ros.core.contact.depths import member_depths
+from isotruss_ros.core.holding.build_statics import build_statics, start_at
+from isotruss_ros.core.holding.contact_closures import find_anchors, stick, unwrapped
+from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.held_grip import HeldGrip, MOST, scaled_wrench, travel_into
+from isotruss_ros.core.holding.pressed_contacts import find_pressed, LEAST_FACE, PressedContacts
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.segment_gaps import segment_gaps
+from isotruss_ros.core.model.shapes import Face
+from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.statics.member_compliance import MemberCompliance
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+
+#: Members farther off than this share of a tube's diameter do not touch, however tubes bend.
+NEAR = 0.25
+#: Corners may change so often in one motion.
+MAX_CHANGES = 4
+#: No contacts.
+NOTHING = np.zeros(0, dtype=np.intp)
+NOTHING.flags.writeable = False
+
+
+def roll_grip(
+    grip: HeldGrip, config: Configuration, external_wrench: Array | None = None
+) -> HeldGrip | None:
+    """
+    Return a grip in another configuration, contacts rolling without slip.
+
+    A face lifts at an end that does not press any more, and comes to lie on a member that it
+    would otherwise cut into. A third member that touches the object holds it too, as long as it
+    presses.
+
+    :param grip: in equilibrium.
+    :param config: near to its own: the search for the equilibrium starts there.
+    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m]; none
+        if None.
+    :return: None where there is no equilibrium.
+    """
+    wrench = scaled_wrench(external_wrench, grip.arm)
+    rolled = roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, wrench)
+    found = None if rolled is None else lift_ends(rolled)
+    return None if found is None else join(lay_down(found))
+
+
+def roll_contacts(
+    grip: HeldGrip,
+    config: Configuration,
+    contacts: PressedContacts,
+    anchors: Array,
+    angles: Array,
+    wrench: Array,
+    fresh: Indices = NOTHING,
+) -> HeldGrip | None:
+    """
+    Return the equilibrium with contacts that stick.
+
+    :param grip: the equilibrium before.
+    :param config: near to its own: the search starts there.
+    :param contacts: the contacts, (k,).
+    :param anchors: (k,) see `find_anchors` [m].
+    :param angles: (k,) of the normals in the object's frame, not wrapped [rad].
+    :param wrench: (fx, fy, m / arm) on the object [N].
+    :param fresh: numbers of the contacts that have only come to touch: they do not rub yet.
+    :return: None where there is no equilibrium.
+    """
+    moved, kept = config.roller_positions - grip.config.roller_positions, grip.state.unknowns
+    same = contacts is grip.contacts
+    if same:  # with the same dents
+        structure = structure_of(config, grip.tubes.pressure)
+        scale = grip.tubes.stiffness_scale
+        compliance = MemberCompliance(structure, contacts.members, scale)
+        statics, start = replace(grip.statics, compliance=compliance), grip.ahead(moved)
+    else:
+        bent = grip.body.turn * np.exp(1j * angles)
+        statics = build_statics(config, grip.body, contacts, grip.tubes, bent)
+        start = kept = start_at(statics, grip.body)
+    travel = travel_into(config, contacts.members)
+    closure = stick(statics, anchors, travel, angles, fresh)
+    state = statics.solve(start, wrench, closure)
+    if state is None and start is not kept:
+        state = statics.solve(kept, wrench, closure)
+    if state is None:
+        return None
+    if len(fresh):
+        found = find_anchors(statics, state.unknowns, state.normals, travel, angles)
+        anchors = anchors.copy()
+        anchors[fresh] = found[fresh]
+    return replace(
+        grip,
+        config=config,
+        body=grip.body.moved_to(state.unknowns[:3]),
+        anchors=anchors,
+        angles=unwrapped(state.unknowns, state.normals, angles),
+        statics=statics,
+        state=state,
+        wrench=wrench,
+        motion=(moved, state.unknowns - kept) if same else None,
+    )
+
+
+def lift_ends(grip: HeldGrip) -> HeldGrip | None:
+    """
+    Return the grip without the ends of faces, or the third member, that pull.
+
+    :param grip: in equilibrium.
+    :return: None where there is no equilibrium without them.
+    """
+    found: HeldGrip | None = grip
+    for _ in range(MAX_CHANGES):
+        if found is None:
+            return None
+        lifted = found.pulling
+        if lifted is None:
+            break
+        kept = np.delete(np.arange(len(found.anchors)), lifted)
+        contacts = found.contacts.without(lifted)
+        found = roll_contacts(
+            found, found.config, contacts, found.anchors[kept], found.angles[kept], found.wrench
+        )
+    return found
+
+
+def lay_down(grip: HeldGrip, changes: int = MAX_CHANGES) -> HeldGrip:
+    """
+    Return the grip with the other end of a face where a corner has rolled beyond it.
+
+    Of a short face the other end takes the place of this one.
+
+    :param grip: in equilibrium.
+    :param changes: that many short faces may follow each other.
+    """
+    owners, corners = grip.contacts.owners, grip.contacts.corners
+    alone = np.flatnonzero(np.bincount(owners)[owners] == 1)
+    own = grip.state.normals * np.exp(-1j * grip.state.unknowns[2])
+    for k in alone.tolist():
+        for face in reversed(grip.body.shape.faces_at(int(corners[k]))):
+            if face.step * (own[k] * face.normal.conjugate()).imag <= 0.0:
+                continue
+            short = face.length < LEAST_FACE * grip.statics.tube_radius
+            laid = _with_corner(grip, k, face.corner) if short else _with_face(grip, k, face)
+            if laid is not None and laid.presses:
+                return lay_down(laid, changes - 1) if short and changes > 0 else laid
+            break
+    return grip
+
+
+def join(grip: HeldGrip) -> HeldGrip:
+    """
+    Return the grip with a third member where that has come to touch the object.
+
+    :param grip: in equilibrium.
+    """
+    if len(grip.members) >= MOST:
+        return grip
+    depths = member_depths(grip.config, grip.body)
+    depths[grip.members] = -np.inf
+    number = int(depths.argmax())
+    near = NEAR * grip.config.robot.description.tube_diameter
+    if depths[number] <= -near or _depth_in(grip, number, float(depths[number])) <= 0.0:
+        return grip
+    others = find_pressed(grip.config, grip.body, np.array([number]))
+    contacts, order = grip.contacts.with_others(others)
+    fresh = np.flatnonzero(order >= len(grip.anchors))
+    count = len(others.members)
+    statics = build_statics(grip.config, grip.body, others, TubeModel(flattening=False))
+    facing = statics.straight_normals * grip.body.turn.conjugate()
+    anchors = np.append(grip.anchors, np.zeros(count))[order]
+    angles = np.append(grip.angles, np.angle(facing))[order]
+    found = roll_contacts(grip, grip.config, contacts, anchors, angles, grip.wrench, fresh)
+    if found is None or found.state.normal_forces[fresh].min() <= 0.0:
+        return grip
+    return found
+
+
+def _with_corner(grip: HeldGrip, k: int, corner: int) -> HeldGrip | None:
+    """Return the equilibrium with another corner at a contact, to which the object rolled."""
+    contacts = grip.contacts.with_corner(k, corner)
+    return roll_contacts(grip, grip.config, contacts, grip.anchors, grip.angles, grip.wrench)
+
+
+def _with_face(grip: HeldGrip, k: int, face: Face) -> HeldGrip | None:
+    """Return the equilibrium with the other end of a face as well."""
+    contacts, place = grip.contacts.with_face(k, face)
+    anchors = np.insert(grip.anchors, place, 0.0)
+    angles = np.insert(grip.angles, place, grip.angles[k])
+    fresh = np.array([place])
+    return roll_contacts(grip, grip.config, contacts, anchors, angles, grip.wrench, fresh)
+
+
+def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
+    """
+    Return how deep the object is in a member that does not hold it [m].
+
+    The tubes that hold it bend, and with them the structure.
+
+    :param depth: in the undeformed member [m].
+    """
+    topology, points = grip.config.robot.topology, grip.config.points
+    start, end = points[topology.b[number]], points[topology.c[topology.following[number]]]
+    share = segment_gaps(grip.body, np.array([start]), np.array([end])).shares[0]
+    compliance = MemberCompliance(
+        structure_of(grip.config, grip.tubes.pressure),
+        [*grip.contacts.members.tolist(), number],
+        grip.tubes.stiffness_scale,
+    )
+    loads = np.vstack([grip.statics.loads(grip.state.unknowns), np.zeros(3)])
+    feet = np.append(grip.state.feet, share * abs(end - start))
+    give = compliance.at(feet).respond(loads)[-1, 1]
+    aside = ((grip.body.middle - start) / (end - start)).imag
+    # A member with the object on its left is deeper in it where it moves left.
+    return depth + float(give if aside > 0.0 else -give)
