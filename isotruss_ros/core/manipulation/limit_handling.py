@@ -93,7 +93,6 @@ def apply_limits(
     task: Task,
     limits: Sequence[Limit],
     rows: StackedRows,
-    admitted: Flags,
     max_speed: float,
     handling: LimitHandling,
 ) -> LimitedVelocities:
@@ -104,7 +103,6 @@ def apply_limits(
     :param task: the task.
     :param limits: the limits.
     :param rows: their rows, see `stack_rows`.
-    :param admitted: (k,) which rows admit the task at the least cost, without limits.
     :param max_speed: largest speed of a roller [m/s].
     :param handling: what to do where they bind.
     :raises SolverError: a quadratic program was not solved.
@@ -143,13 +141,14 @@ def apply_limits(
 
         solution, progress = _solve(working, task, closest, bounds, guess if held else None)
         slack = _slack(working, bounds, solution)
+    free = _slack(working, rows, task.velocities)
     scale = min(1.0, max(0.0, progress * unit / gain / task.speed))
     # A step toward the free solution would go on along the twist: a row at its bound forbids it.
     return LimitedVelocities(
         velocities=solution * unit,
         scale=1.0 if scale > 1.0 - SCALE_TOLERANCE else scale,
         slid=slid,
-        binding=(slack < BINDING_TOLERANCE) & ~admitted,
+        binding=(slack < BINDING_TOLERANCE) & (free < 0.0),
     )
 
 

@@ -118,14 +118,17 @@ class StackedRows:
             found.append(part.matrix[numbers[first:last] - (stop - len(part.upper))])
         return Rows(np.concatenate(found), self.lower[numbers], self.upper[numbers])
 
-    def admit(self, velocities: Array) -> Flags:
+    def admit(self, velocities: Array) -> bool:
         """
-        Return which rows admit roller speeds, (k,).
+        Return whether all rows admit roller speeds.
 
         :param velocities: (r,) [m/s].
         """
-        rates = self.rates(velocities)
-        return (rates <= self.upper) & (rates >= self.lower)
+        for matrix, lower, upper in self.parts:
+            rates = matrix.dot(velocities)
+            if not ((rates <= upper) & (rates >= lower)).all():
+                return False
+        return True
 
 
 class Limit(Protocol):

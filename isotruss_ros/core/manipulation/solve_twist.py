@@ -164,11 +164,10 @@ def carry_out(
         return _standing(robot, len(desired), status, dof)
     velocities = working.spread(task.velocities)
     rows = stack_rows(config, limits)
-    admitted = rows.admit(velocities)
-    if admitted.all():
+    if rows.admit(velocities):
         return RollerCommand(velocities, motion.rows.dot(velocities), 1.0, status, (), dof)
     max_speed = robot.description.max_speed
-    limited = apply_limits(working, task, limits, rows, admitted, max_speed, handling)
+    limited = apply_limits(working, task, limits, rows, max_speed, handling)
     velocities = working.spread(limited.velocities)
     limiting: tuple[str, ...] = ()
     if limited.scale < 1.0:

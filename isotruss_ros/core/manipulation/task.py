@@ -31,6 +31,8 @@ from scipy.linalg import lapack
 RANK_TOLERANCE = 1e-5
 #: Squares of singular values above this, and above this share of the largest, are not in doubt.
 FREE_SHARE = 1e-8
+#: Products with speeds up to this stay finite [m/s].
+MODEST = 1e100
 #: All directions.
 EVERYWHERE = np.eye(3)
 EVERYWHERE.flags.writeable = False
@@ -195,8 +197,11 @@ class Task:
             self._find_direction(reach, twist, size, opening_rate)
         if self.speed > 0.0:
             self.free = least_cost(even, self.equality, self.direction)
-            with np.errstate(over='ignore', invalid='ignore'):
+            if self.speed < MODEST:
                 self.velocities = self.free * self.speed
+            else:
+                with np.errstate(over='ignore', invalid='ignore'):
+                    self.velocities = self.free * self.speed
 
     def _find_direction(
         self, reach: Reach, twist: Array, size: float, opening_rate: float

@@ -100,5 +100,9 @@ def test_stacked_rows_are_those_of_the_limits_in_their_order():
     for numbers in ([0, 1, 2, 3, 4, 5, 6], [2], [3, 6], [1, 5], []):
         chosen = np.array(numbers, dtype=int)
         assert (rows.take(chosen).matrix == every[chosen]).all()
-    admitted = rows.admit(velocities)
-    assert (admitted == ((every @ velocities >= -1.0) & (every @ velocities <= 2.0))).all()
+    rates = every @ velocities
+    for share in (1.0, 0.9 * min(1.0 / max(-rates.min(), 1e-9), 2.0 / max(rates.max(), 1e-9))):
+        inside = (share * rates >= -1.0) & (share * rates <= 2.0)
+        assert rows.admit(share * velocities) == inside.all()
+    assert not rows.admit(velocities)
+    assert rows.admit(share * velocities)
