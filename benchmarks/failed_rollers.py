@@ -41,6 +41,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.solve_twist import default_limits
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
@@ -79,7 +80,7 @@ def carry(
         watch = guard.watch(config, held.grip)
         limits = (*LIMITS, *watch.limits)
         command = solve_twist(
-            config, held.grip, twist, failed, limits, slide_along_limits=True, period=0.01
+            config, held.grip, twist, failed, limits, handling=LimitHandling(True, period=0.01)
         )
         command = watch.keep(command, STILL, STEP)
         try:

@@ -28,6 +28,7 @@ os.environ.update(OPENBLAS_NUM_THREADS='1', OMP_NUM_THREADS='1')  # before NumPy
 
 from isotruss_ros import core
 from isotruss_ros.core.kinematics import constraints
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.numerics.factorization import factorize
@@ -90,7 +91,7 @@ def measure(robot: core.Robot, module: str, peer: bool = False) -> Times:
         return core.Configuration(robot, state.roller_positions, state.points)
 
     def solve(size: float, period: float = 0.0) -> RollerCommand:
-        return core.solve_twist(fresh(), grip, size * limit, period=period)
+        return core.solve_twist(fresh(), grip, size * limit, handling=LimitHandling(period=period))
 
     solve(0.5)
     paper = PaperProgram(robot)

@@ -34,6 +34,7 @@ from isotruss_ros.core.control.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.rigidity import worst_case_rigidity_index
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.model.presets import preset_names
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
@@ -151,8 +152,7 @@ def solve_twist(world):
         grip,
         world.numbers(3, -0.2, 0.2),
         world.failed,
-        slide_along_limits=slide,
-        period=period,
+        handling=LimitHandling(slide, period),
         opening_rate=opening,
     )
     check_speeds(world.robot, command.roller_velocities)

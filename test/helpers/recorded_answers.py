@@ -21,6 +21,7 @@ import tempfile
 from isotruss_ros import core
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 import numpy as np
 
 DATA = Path(__file__).parents[1] / 'data' / 'answers.json.gz'
@@ -63,8 +64,7 @@ def answer_twist(question):
         make_grip(robot, question),
         question['twist'],
         question['failed'],
-        slide_along_limits=question['slide'],
-        period=question['period'],
+        handling=LimitHandling(question['slide'], question['period']),
     )
     numbers = [*command.roller_velocities, *command.achieved_twist, command.scale]
     return command.status.name, numbers

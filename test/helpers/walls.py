@@ -18,6 +18,7 @@ class Wall:
     """Rows on the roller speeds, each with a bound on one side."""
 
     status = Status.SLOWED_SELF_COLLISION
+    can_slide = True
 
     def __init__(self, matrix, bound):
         self.matrix, self.bound = matrix, bound

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+import functools
 import importlib
 
 from isotruss_ros.core.control.inputs import (
@@ -39,12 +40,13 @@ from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip, members_at
-from isotruss_ros.core.manipulation.limit_handling import working_rollers
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
 from isotruss_ros.core.manipulation.rolling_grip import predict_grip
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, solve_joint_velocity
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
 from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.manipulation.task import working_rollers
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc
@@ -118,6 +120,7 @@ class TwistServo:
     :ivar clock_skew: stamps may be this far in the future [s].
     :ivar stopped: status and reason of a halt that does not depend on inputs; None without one.
     :ivar guard: bounds on the configuration; None for those of the robot file only.
+    :ivar limits: of the rollers and the members; those of the robot file to begin with.
     :ivar slide_along_limits: rather than stop at limits of lengths and shapes.
     :ivar detector: detects rollers that fail; None for no detection.
     :ivar squeeze: regulates how hard the robot squeezes; None keeps the angle of the grip (14).
@@ -150,12 +153,12 @@ class TwistServo:
         self.pose: Input = None
         self.stopped: tuple[Status, str] | None = None
         self.guard: ShapeGuard | None = ShapeGuard(robot, ShapeBounds())
+        self.limits: Sequence[Limit] = default_limits(robot)
         self.slide_along_limits = False
         self.detector: FailureDetector | None = None
         self.squeeze: SqueezeControl | None = None
         self._joint: str | None = None
         self._failed: frozenset[str] = frozenset()
-        self._limits = default_limits(robot)
         self._history = CommandHistory(len(robot.roller_names))
         self._regulated: float | None = None  # the time of the last cycle of the squeeze control
         self._detected: float | None = None  # the time of the rollers that were compared last
@@ -207,9 +210,9 @@ class TwistServo:
         :param pose: of the object.
         :raises GraspError: the robot has no such members or module; or the pose is out of range.
         """
-        names = self.members or members_at(self.robot, self.grip_module)
-        body = self.body or ConvexObject(Disc(self.object_diameter))
-        return Grip(names, body.moved_to(pose), self.friction)
+        module, diameter = self.grip_module, self.object_diameter
+        grip = _make_grip(self.robot, self.members, module, self.body, diameter, self.friction)
+        return grip.moved_to(pose)
 
     @single_threaded
     def decide(self, now: float) -> Decision:
@@ -306,22 +309,14 @@ class TwistServo:
                 config = config.predict(travel)
             self._tracker.ahead = config
             watch = None if self.guard is None else self.guard.watch(config, grip)
-            limits = self._limits if watch is None else (*self._limits, *watch.limits)
+            limits = self.limits if watch is None else (*self.limits, *watch.limits)
+            handling = LimitHandling(self.slide_along_limits, self.period)
 
             def solve(twist: Array, opening_rate: float) -> RollerCommand:
-                return solve_twist(
-                    config,
-                    grip,
-                    twist,
-                    failed,
-                    limits,
-                    self.slide_along_limits,
-                    self.period,
-                    opening_rate=opening_rate,
-                )
+                return solve_twist(config, grip, twist, failed, limits, handling, opening_rate)
 
             if grip is None:
-                command = self._solve_joint(config, twist, failed, limits)
+                command = self._solve_joint(config, twist, failed, limits, handling)
             elif self.squeeze is None:
                 command = solve(twist, 0.0)
             else:
@@ -335,7 +330,12 @@ class TwistServo:
             raise HaltError(Status.HALT_KINEMATICS, str(error)) from error
 
     def _solve_joint(
-        self, config: Configuration, twist: Array, failed: frozenset[str], limits: Sequence[Limit]
+        self,
+        config: Configuration,
+        twist: Array,
+        failed: frozenset[str],
+        limits: Sequence[Limit],
+        handling: LimitHandling,
     ) -> RollerCommand:
         """Solve for the velocity of the joint."""
         if twist[2] != 0.0:
@@ -343,9 +343,8 @@ class TwistServo:
                 Status.HALT_INVALID_TWIST,
                 f'twist with {twist[2]:.4g} rad/s: a joint has no orientation; must be 0',
             )
-        found = solve_joint_velocity(
-            config, {self._joint: twist[:2]}, failed, limits, self.slide_along_limits, self.period
-        )
+        velocities = {self._joint: twist[:2]}
+        found = solve_joint_velocity(config, velocities, failed, limits, handling)
         return RollerCommand(
             found.roller_velocities,
             np.append(found.achieved_velocities[self._joint], 0.0),
@@ -398,6 +397,20 @@ class TwistServo:
             last = np.where(stuck, 0.0, last)
             before[stuck] = travel[stuck] = 0.0
         return before, travel, last
+
+
+@functools.lru_cache(maxsize=8)
+def _make_grip(
+    robot: Robot,
+    members: tuple[str, ...],
+    module: str,
+    body: ConvexObject | None,
+    diameter: float,
+    friction: float,
+) -> Grip:
+    """Return the grip of these settings with the object anywhere; the last few are kept."""
+    names = members or members_at(robot, module)
+    return Grip(names, body or ConvexObject(Disc(diameter)), friction)
 
 
 def _describe(command: RollerCommand, keeps_contacts: bool) -> str:

@@ -22,7 +22,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeAlias
 
-from isotruss_ros.core.manipulation.limits import StackedRows
+from isotruss_ros.core.manipulation.limits import Rows, StackedRows
+from isotruss_ros.core.manipulation.task import WorkingRollers
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
@@ -33,53 +34,40 @@ FIRST, ADDED = 16, 16
 #: Bounds hold to this, in units of the program.
 TOLERANCE = 1e-10
 
-#: From cost, task, rows and their bounds to the speeds (n,) and the progress.
-Solver: TypeAlias = Callable[[Array, Array, Array, Array, Array], tuple[Array, float]]
+#: From cost, task and rows to the speeds (n,) and the progress.
+Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
 
 
 def solve_by_few_rows(
-    solve: Solver,
-    even: Array,
-    equality: Array,
-    rows: StackedRows,
-    places: Indices,
-    lower: Array,
-    upper: Array,
-    guess: Array,
+    solve: Solver, working: WorkingRollers, equality: Array, rows: StackedRows, guess: Array
 ) -> tuple[Array, float]:
     """
     Solve a quadratic program of the twist with the rows of limits that bind.
 
+    In place of `solve(working.cost, equality, ...)` with all rows.
+
     :param solve: what solves it for some rows, in other variables.
-    :param even: (w, w) E with |C E y| = |y|, see `WorkingRollers`.
+    :param working: the working rollers.
     :param equality: (k, w) J, the task on the working rollers.
-    :param rows: all rows of the limits.
-    :param places: (w,) numbers of the working rollers.
-    :param lower: (l,) bounds of the rows, in the units of the program.
-    :param upper: (l,)
+    :param rows: all rows of the limits, with bounds in the units of the program.
     :param guess: (w,) speeds whose shares of the bounds say which rows to begin with.
     :return: (w,) speeds and the progress.
     :raises SolverError: a program was not solved.
     """
-    count = rows.count_rollers
-    task = equality.dot(even)
+    task = equality.dot(working.even)
 
     def beyond(speeds: Array) -> Array:
-        velocities = np.zeros(count)
-        velocities[places] = speeds
-        rates = rows.rates(velocities)
-        return np.maximum(rates - upper, lower - rates)
+        rates = rows.rates(working.spread(speeds))
+        return np.maximum(rates - rows.upper, rows.lower - rates)
 
     chosen = np.sort(_largest(beyond(guess), FIRST))
     while True:
-        some = rows.take(chosen)[:, places].dot(even)
-        stacked = np.concatenate([task, some])
-        basis = np.linalg.qr(stacked.T)[0]
-        cost = np.eye(basis.shape[1])
-        found, progress = solve(
-            cost, task.dot(basis), some.dot(basis), lower[chosen], upper[chosen]
-        )
-        speeds = even.dot(basis.dot(found))
+        some = rows.take(chosen)
+        matrix = some.matrix[:, working.places].dot(working.even)
+        basis = np.linalg.qr(np.concatenate([task, matrix]).T)[0]
+        cost, reduced = np.eye(basis.shape[1]), some._replace(matrix=matrix.dot(basis))
+        found, progress = solve(cost, task.dot(basis), reduced)
+        speeds = working.even.dot(basis.dot(found))
         excess = beyond(speeds)
         excess[chosen] = -np.inf
         violated = int((excess > TOLERANCE).sum())

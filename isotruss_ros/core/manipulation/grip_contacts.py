@@ -41,8 +41,8 @@ class GripContacts(NamedTuple):
     :ivar starts: (k,) of the members [m].
     :ivar spans: (k,) members from start to end [m].
     :ivar axes: (k,) their unit vectors.
-    :ivar points: (k,) of the object's surface [m].
     :ivar normals: (k,) unit vectors out of the object into the member.
+    :ivar points: (k,) of the object's surface [m].
     :ivar sides: (k,) +1 where the object is left of the member, -1 where it is right.
     :ivar owners: (k,) which member of the grip it is.
     """
@@ -51,8 +51,8 @@ class GripContacts(NamedTuple):
     starts: Points
     spans: Points
     axes: Points
-    points: Points
     normals: Points
+    points: Points
     sides: Array
     owners: Indices
 
@@ -73,41 +73,47 @@ def find_contacts(config: Configuration, grip: Grip) -> GripContacts:
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: the contacts, which are not to be written to.
+    :return: the contacts, whose arrays are not to be written to.
     :raises GraspError: no such member; or a member does not touch the object between its ends:
         it is off by more than a tube is thick.
     """
     body, nodes = grip.body, find_members(config.robot, grip.members)
-    starts = config.points[nodes.starts]
-    spans = config.points[nodes.ends] - starts
-    axes = spans / np.abs(spans)
-    sides = np.copysign(1.0, (axes.conj() * (body.middle - starts)).imag)
-    normals = -1j * sides * axes
-    own = normals * body.turn.conjugate()
-    touched = body.shape.touch_lines(own.tolist(), SIN_FACE_ANGLE)
-    owners = np.array(touched.owners)
-    if len(owners) > len(starts):
-        starts, spans, axes, normals, sides = (
-            values[owners] for values in (starts, spans, axes, normals, sides)
-        )
-    points = body.center + body.turn * np.array(touched.points)
-    found = GripContacts(nodes, starts, spans, axes, points, normals, sides, owners)
+    ends = config.points.take(nodes.both).tolist()
+    count, inside, turned = len(grip.members), body.middle, body.turn.conjugate()
+    # A few complex numbers are quicker than arrays.
+    members: list[tuple[complex, complex, complex, complex, float]] = []
+    for start, end in zip(ends[:count], ends[count:], strict=True):
+        span = end - start
+        axis = span / abs(span)
+        side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)
+        members.append((start, span, axis, -1j * side * axis, side))
+    own = [turned * normal for _, _, _, normal, _ in members]
+    owners, _, touched = body.shape.touch_lines(own, SIN_FACE_ANGLE)
+    points = [body.center + body.turn * point for point in touched]
     tube = config.robot.description.tube_diameter
-    local = axes.conj() * (points - starts)
-    gaps, shares = sides * local.imag - 0.5 * tube, local.real / np.abs(spans)
-    if not (np.abs(gaps).max() <= tube and shares.min() >= 0.0 and shares.max() <= 1.0):
+    gaps: list[float] = []
+    shares: list[float] = []
+    for owner, point in zip(owners, points, strict=True):
+        start, span, axis, _, side = members[owner]
+        local = axis.conjugate() * (point - start)
+        gaps.append(side * local.imag - 0.5 * tube)
+        shares.append(local.real / abs(span))
+    if not (
+        -tube <= min(gaps) and max(gaps) <= tube and min(shares) >= 0.0 and max(shares) <= 1.0
+    ):
         _check_touch(grip, owners, gaps, shares, tube)
-    for array in found[1:]:
-        array.flags.writeable = False
-    return found
+    *places, sides = zip(*(members[owner] for owner in owners), strict=True)
+    return GripContacts(nodes, *np.array([*places, points]), np.array(sides), np.array(owners))
 
 
-def _check_touch(grip: Grip, owners: Indices, gaps: Array, shares: Array, tube: float) -> None:
+def _check_touch(
+    grip: Grip, owners: list[int], gaps: list[float], shares: list[float], tube: float
+) -> None:
     """Refuse a member that does not touch the object; a face may reach beyond its end."""
     for number, name in enumerate(grip.members):
-        own = owners == number
-        gap = min(gaps[own].tolist(), key=abs)
-        nearest, farthest = shares[own].min(), shares[own].max()
+        own = [k for k, owner in enumerate(owners) if owner == number]
+        gap = min((gaps[k] for k in own), key=abs)
+        nearest, farthest = min(shares[k] for k in own), max(shares[k] for k in own)
         if nearest <= 1.0 and farthest >= 0.0 and abs(gap) <= tube:
             continue
         what = f'the gap is {gap:.3g} m, within {tube:.3g} m in a grip'

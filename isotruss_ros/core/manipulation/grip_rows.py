@@ -166,7 +166,7 @@ def rows_of_two(config: Configuration, grip: Grip, contacts: GripContacts) -> Ar
     by_node = np.zeros((len(rates), len(config.points)), dtype=np.complex128)
     by_node[:, nodes.both] = entries
     jacobian = config.roller_rows(by_node.view(np.float64))
-    jacobian[:, nodes.rollers] += np.array(rolls)[:, nodes.driven]
+    jacobian[:, nodes.rollers] += np.array(rolls).take(nodes.driven, 1)
     return jacobian
 
 

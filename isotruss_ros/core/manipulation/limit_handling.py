@@ -25,19 +25,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-import functools
 
-from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.few_rows import (
     ALL_ROWS_UP_TO,
     solve_by_few_rows,
     Solver,
 )
-from isotruss_ros.core.manipulation.limits import Limit, RollerSpeedLimit, StackedRows
-from isotruss_ros.core.manipulation.task import Task
+from isotruss_ros.core.manipulation.limits import Limit, NO_ROWS, Rows, StackedRows
+from isotruss_ros.core.manipulation.task import Task, WorkingRollers
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
-from isotruss_ros.core.model.topology import check_roller_names
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 
 #: Solutions are exact to rounding; a scale this close to 1 is 1.
@@ -53,10 +50,13 @@ LEAST_REGULARIZATION = 1e-6
 
 
 @dataclass(frozen=True)
-class Regularization:
+class LimitHandling:
     """
-    How progress along a twist is traded against roller speed where limits bind.
+    What a command does where limits bind.
 
+    :ivar slide_along_limits: rather than stop at limits of lengths and shapes.
+    :ivar period: of the loop [s]: progress that takes far more roller speed than it yields is
+        left. Zero for the largest progress.
     :ivar progress_weight: full roller speed is used where the object's surface moves at
         2 / `progress_weight` of it or more along the twist, less below [-].
     :ivar reference_period: in loops slower than this, the weight falls with the period [s].
@@ -64,46 +64,11 @@ class Regularization:
         [-].
     """
 
+    slide_along_limits: bool = False
+    period: float = 0.0
     progress_weight: float = 100.0
     reference_period: float = 1e-2
     slide_weight: float = 1e-2
-
-
-@dataclass(frozen=True, eq=False)
-class WorkingRollers:
-    """
-    The rollers that have not failed, and the cost of their speeds.
-
-    :ivar places: (w,) their numbers among all rollers.
-    :ivar cost: (w, w) C^T C, the cost (11) of their speeds [-].
-    :ivar even: (w, w) E with |C E y| = |y|: speeds of equal cost [-].
-    :ivar whole: whether these are all rollers of the robot.
-    """
-
-    places: Indices
-    cost: Array
-    even: Array
-    whole: bool
-
-
-@functools.lru_cache(maxsize=16)
-def working_rollers(robot: Robot, failed: frozenset[str]) -> WorkingRollers:
-    """
-    Return the rollers that have not failed.
-
-    :param robot: the robot.
-    :param failed: names of the rollers that have failed.
-    :raises GraspError: the robot has no such roller.
-    """
-    check_roller_names('failed rollers', failed, robot.roller_names)
-    places = np.array(
-        [i for i, name in enumerate(robot.roller_names) if name not in failed], dtype=int
-    )
-    # (11): J = |Ldot|^2, and Ldot = C phidot keeps the length of each tube (13).
-    incidence = robot.topology.incidence[:, places]
-    cost = incidence.T @ incidence
-    even = np.linalg.inv(np.linalg.cholesky(cost)).T
-    return WorkingRollers(places, cost, even, len(places) == len(robot.roller_names))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,11 +93,8 @@ def apply_limits(
     task: Task,
     limits: Sequence[Limit],
     rows: StackedRows,
-    admitted: Flags,
     max_speed: float,
-    slide_along_limits: bool,
-    period: float,
-    regularization: Regularization,
+    handling: LimitHandling,
 ) -> LimitedVelocities:
     """
     Carry out a task as far as limits allow.
@@ -141,95 +103,74 @@ def apply_limits(
     :param task: the task.
     :param limits: the limits.
     :param rows: their rows, see `stack_rows`.
-    :param admitted: (k,) which rows admit the task at the least cost, without limits.
     :param max_speed: largest speed of a roller [m/s].
-    :param slide_along_limits: rather than stop at limits on the configuration.
-    :param period: for which the command holds [s]; zero switches regularization off.
-    :param regularization: weights, see there.
+    :param handling: what to do where they bind.
     :raises SolverError: a quadratic program was not solved.
     """
     gain = float(np.abs(task.free).max())
     asked = gain * task.speed
     # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
     unit = min(max_speed, asked)
-    with np.errstate(over='ignore'):
-        lower = np.maximum(rows.lower / unit, -MAX_REACH)
-        upper = np.minimum(rows.upper / unit, MAX_REACH)
-    reach = min(asked / unit, MAX_SCALE)
-    direction = task.direction / gain
-    penalty = PENALTIES[0]
-    if period > 0.0:
-        weight = regularization.progress_weight
-        weight *= min(1.0, regularization.reference_period / period)
+    bounds = rows.scaled(unit, MAX_REACH)
+    reach, direction = min(asked / unit, MAX_SCALE), task.direction / gain
+    penalty, held = PENALTIES[0], handling.period > 0.0
+    if held:
+        weight = handling.progress_weight
+        weight *= min(1.0, handling.reference_period / handling.period)
         penalty = min(penalty, weight * max_speed / (unit * gain))
 
-    def farthest(cost: Array, equality: Array, *limited: Array) -> tuple[Array, float]:
-        return maximize_progress(cost, equality, direction, reach, *limited, penalty)
+    def farthest(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
+        return maximize_progress(cost, equality, direction, reach, limited, penalty)
 
     guess = task.free / gain
-    solve = functools.partial(_solve, working, task, guess=guess, few=period > 0.0)
-    scaling = rows
-    scaled: Flags | slice = slice(None)
-    if slide_along_limits:
-        fixed = [isinstance(limit, RollerSpeedLimit) for limit in limits]
-        scaled = np.array(fixed, dtype=bool)[rows.limit]
-        scaling = StackedRows([p for p, kept in zip(rows.parts, fixed, strict=True) if kept])
-    solution, progress = solve(farthest, scaling, lower[scaled], upper[scaled])
-    value = _rates(working, rows, solution)
-    slid = slide_along_limits and bool(
-        (np.maximum(value - upper, lower - value) > BINDING_TOLERANCE).any()
-    )
+    fixed = bounds
+    if handling.slide_along_limits:
+        fixed = StackedRows(
+            [part for part, limit in zip(bounds.parts, limits, strict=True) if not limit.can_slide]
+        )
+    solution, progress = _solve(working, task, farthest, fixed, guess if held else None)
+    slack = _slack(working, bounds, solution)
+    slid = handling.slide_along_limits and bool((slack < -BINDING_TOLERANCE).any())
     if slid:
         target = progress * direction
-        weight = regularization.slide_weight if period > 0.0 else LEAST_REGULARIZATION
+        weight = handling.slide_weight if held else LEAST_REGULARIZATION
 
-        def closest(cost: Array, equality: Array, *limited: Array) -> tuple[Array, float]:
-            found = project_target(cost, equality, target, task.rank, *limited, weight)
+        def closest(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
+            found = project_target(cost, equality, target, task.rank, limited, weight)
             return found, gain * float(task.direction.dot(equality.dot(found)))
 
-        solution, progress = solve(closest, rows, lower, upper)
-        value = _rates(working, rows, solution)
-    # A step toward the free solution would go on along the twist: a row at its bound forbids it.
-    slack = np.minimum(upper - value, value - lower)
+        solution, progress = _solve(working, task, closest, bounds, guess if held else None)
+        slack = _slack(working, bounds, solution)
+    free = _slack(working, rows, task.velocities)
     scale = min(1.0, max(0.0, progress * unit / gain / task.speed))
+    # A step toward the free solution would go on along the twist: a row at its bound forbids it.
     return LimitedVelocities(
-        solution * unit,
-        1.0 if scale > 1.0 - SCALE_TOLERANCE else scale,
-        slid,
-        (slack < BINDING_TOLERANCE) & ~admitted,
+        velocities=solution * unit,
+        scale=1.0 if scale > 1.0 - SCALE_TOLERANCE else scale,
+        slid=slid,
+        binding=(slack < BINDING_TOLERANCE) & (free < 0.0),
     )
 
 
-def _rates(working: WorkingRollers, rows: StackedRows, speeds: Array) -> Array:
-    """Return what the rows are at speeds (w,) of the working rollers."""
-    if working.whole:
-        return rows.rates(speeds)
-    velocities = np.zeros(rows.count_rollers)
-    velocities[working.places] = speeds
-    return rows.rates(velocities)
+def _slack(working: WorkingRollers, rows: StackedRows, speeds: Array) -> Array:
+    """Return how far the rows are from their bounds at speeds (w,) of the working rollers."""
+    rates = rows.rates(working.spread(speeds))
+    return np.minimum(rows.upper - rates, rates - rows.lower)
 
 
 def _solve(
-    working: WorkingRollers,
-    task: Task,
-    solve: Solver,
-    rows: StackedRows,
-    lower: Array,
-    upper: Array,
-    guess: Array,
-    few: bool,
+    working: WorkingRollers, task: Task, solve: Solver, rows: StackedRows, guess: Array | None
 ) -> tuple[Array, float]:
     """
     Solve a quadratic program with all rows, or on a large robot with those that bind.
 
-    Without regularization they are many: the last bit of progress takes all rollers.
+    Without a guess all rows count: without regularization those that bind are many, since the last
+    bit of progress takes all rollers.
     """
     if not rows.parts:
-        none = np.zeros((0, len(working.places)))
-        return solve(working.cost, task.equality, none, lower, upper)
-    if few and len(working.places) > ALL_ROWS_UP_TO:
-        return solve_by_few_rows(
-            solve, working.even, task.equality, rows, working.places, lower, upper, guess
-        )
+        empty = np.zeros((0, len(working.places)))
+        return solve(working.cost, task.equality, Rows(empty, NO_ROWS, NO_ROWS))
+    if guess is not None and len(working.places) > ALL_ROWS_UP_TO:
+        return solve_by_few_rows(solve, working, task.equality, rows, guess)
     matrix = rows.matrix if working.whole else rows.matrix[:, working.places]
-    return solve(working.cost, task.equality, matrix, lower, upper)
+    return solve(working.cost, task.equality, Rows(matrix, rows.lower, rows.upper))

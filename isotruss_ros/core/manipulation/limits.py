@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import functools
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
@@ -42,6 +42,9 @@ class Rows(NamedTuple):
     upper: Array
 
 
+NO_ROWS = np.zeros(0)
+
+
 class StackedRows:
     """
     The rows of several limits, one limit after the other.
@@ -61,22 +64,36 @@ class StackedRows:
     @cached_property
     def lower(self) -> Array:
         """Return the (k,) lower bounds [m/s]."""
-        return np.concatenate([part.lower for part in self.parts])
+        return np.concatenate([NO_ROWS, *(part.lower for part in self.parts)])
 
     @cached_property
     def upper(self) -> Array:
         """Return the (k,) upper bounds [m/s]."""
-        return np.concatenate([part.upper for part in self.parts])
+        return np.concatenate([NO_ROWS, *(part.upper for part in self.parts)])
 
     @cached_property
     def limit(self) -> Indices:
         """Return the (k,) numbers of the limits that rows belong to."""
         return np.arange(len(self.parts)).repeat([len(part.upper) for part in self.parts])
 
-    @property
-    def count_rollers(self) -> int:
-        """Return the number of rollers, r."""
-        return self.parts[0].matrix.shape[1]
+    def scaled(self, unit: float, largest: float) -> StackedRows:
+        """
+        Return the same rows, with bounds in another unit.
+
+        :param unit: of the bounds [m/s].
+        :param largest: what takes the place of larger bounds, in that unit.
+        """
+        with np.errstate(over='ignore'):
+            return StackedRows(
+                [
+                    Rows(
+                        part.matrix,
+                        np.maximum(part.lower / unit, -largest),
+                        np.minimum(part.upper / unit, largest),
+                    )
+                    for part in self.parts
+                ]
+            )
 
     def rates(self, velocities: Array) -> Array:
         """
@@ -84,11 +101,11 @@ class StackedRows:
 
         :param velocities: (r,) [m/s].
         """
-        return np.concatenate([part.matrix.dot(velocities) for part in self.parts])
+        return np.concatenate([NO_ROWS, *(part.matrix.dot(velocities) for part in self.parts)])
 
-    def take(self, numbers: Indices) -> Array:
+    def take(self, numbers: Indices) -> Rows:
         """
-        Return some rows on the roller speeds, (j, r) [-].
+        Return some rows.
 
         :param numbers: (j,) ascending numbers of the rows.
         """
@@ -99,19 +116,19 @@ class StackedRows:
             self.parts, stops.tolist(), [0, *places], places, strict=False
         ):
             found.append(part.matrix[numbers[first:last] - (stop - len(part.upper))])
-        return np.concatenate(found)
+        return Rows(np.concatenate(found), self.lower[numbers], self.upper[numbers])
 
-    def admit(self, velocities: Array) -> list[Flags]:
+    def admit(self, velocities: Array) -> bool:
         """
-        Return, by limit, which of its rows admit roller speeds.
+        Return whether all rows admit roller speeds.
 
         :param velocities: (r,) [m/s].
         """
-        admitted: list[Flags] = []
         for matrix, lower, upper in self.parts:
             rates = matrix.dot(velocities)
-            admitted.append((rates <= upper) & (rates >= lower))
-        return admitted
+            if not ((rates <= upper) & (rates >= lower)).all():
+                return False
+        return True
 
 
 class Limit(Protocol):
@@ -120,6 +137,10 @@ class Limit(Protocol):
     @property
     def status(self) -> Status:
         """Return the status of a command that this limit slows."""
+
+    @property
+    def can_slide(self) -> bool:
+        """Return whether a command may go on along this limit, with `slide_along_limits`."""
 
     def rows(self, config: Configuration) -> Rows:
         """
@@ -160,11 +181,8 @@ class RollerSpeedLimit:
     """
 
     max_speed: float
-
-    @property
-    def status(self) -> Status:
-        """Return the status of a command that this limit slows."""
-        return Status.SLOWED_ROLLER_SPEED
+    status: ClassVar[Status] = Status.SLOWED_ROLLER_SPEED
+    can_slide: ClassVar[bool] = False
 
     def rows(self, config: Configuration) -> Rows:
         """
@@ -199,11 +217,8 @@ class MemberLengthLimit:
     min_length: float
     max_length: float
     rate: float = 10.0
-
-    @property
-    def status(self) -> Status:
-        """Return the status of a command that this limit slows."""
-        return Status.SLOWED_MEMBER_LENGTH
+    status: ClassVar[Status] = Status.SLOWED_MEMBER_LENGTH
+    can_slide: ClassVar[bool] = True
 
     def rows(self, config: Configuration) -> Rows:
         """

@@ -26,8 +26,13 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_contacts import GripContacts
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, rows_of_two
-from isotruss_ros.core.manipulation.limit_handling import WorkingRollers
-from isotruss_ros.core.manipulation.task import GripReach, Reach, REACH_TOLERANCE, Task
+from isotruss_ros.core.manipulation.task import (
+    Motion,
+    Reach,
+    REACH_TOLERANCE,
+    Task,
+    WorkingRollers,
+)
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -38,21 +43,21 @@ LEAST_GAIN = 1e-6
 
 
 def roll_off_faces(
-    config: Configuration, grip: Grip, working: WorkingRollers, twist: Array, rows: GripReach
-) -> GripReach:
+    config: Configuration, grip: Grip, working: WorkingRollers, twist: Array, motion: Motion
+) -> Motion:
     """
-    Return the rows and the reach with the fewer contacts with which a twist is missed by least.
+    Return the motion with the fewer contacts with which a twist is missed by least.
 
     :param config: configuration of the robot.
     :param grip: the grip.
     :param working: the rollers that work.
     :param twist: (3,) of the object, not zero [m/s, rad/s].
-    :param rows: those with all contacts, which are returned where nothing comes closer.
+    :param motion: with all contacts, which is returned where nothing comes closer.
     :raises ConfigurationError: the configuration is singular.
     """
-    least, places = _missed(rows.reach, twist), working.places
+    least, places = _missed(motion.reach, twist), working.places
     if least <= REACH_TOLERANCE:
-        return rows
+        return motion
     contacts, hand, rigid = contact_rows(config, grip)
     inward = np.repeat(-contacts.normals, 2).view(np.float64).reshape(-1, 2, 2)[:, 0]
     for kept in rolled_corners(contacts, grip.friction):
@@ -65,8 +70,8 @@ def roll_off_faces(
         moved = rigid @ (tried[:3, places] @ task.free) - hand[:, places] @ task.free
         lifting = (moved.reshape(-1, 2) * inward).sum(axis=1)
         if lifting.min() >= -LIFT_TOLERANCE * np.abs(task.free).max():
-            rows, least = GripReach(tried, found), missed
-    return rows
+            motion, least = Motion(tried[:3], found), missed
+    return motion
 
 
 def _missed(reach: Reach, twist: Array) -> float:

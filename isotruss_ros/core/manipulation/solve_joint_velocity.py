@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.limit_handling import working_rollers
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import default_limits, Limit
-from isotruss_ros.core.manipulation.solve_twist import carry_out
+from isotruss_ros.core.manipulation.solve_twist import carry_out, SCALE
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.manipulation.task import Reach
+from isotruss_ros.core.manipulation.task import Motion, Reach, working_rollers
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
@@ -73,21 +73,19 @@ def solve_joint_velocity(
     velocities: Mapping[str, ArrayLike],
     failed: Collection[str] = (),
     limits: Sequence[Limit] | None = None,
-    slide_along_limits: bool = False,
-    period: float = 0.0,
+    handling: LimitHandling = SCALE,
 ) -> JointCommand:
     """
     Find the roller velocities of the least cost (11) that move joints with given velocities.
 
     Velocities that are unreachable are replaced by the closest reachable ones; where limits bind
-    they are scaled, or, with `slide_along_limits`, deflected, as in `solve_twist`.
+    they are scaled, or deflected, as in `solve_twist`.
 
     :param config: configuration of the robot.
     :param velocities: (vx, vy) by joint in the robot frame [m/s]; other joints are free to move.
     :param failed: names of the rollers that have failed and stand still.
     :param limits: limits in place of those of the robot file.
-    :param slide_along_limits: rather than stop at limits of lengths and shapes.
-    :param period: period of the loop [s], see `solve_twist`.
+    :param handling: what to do where limits bind.
     :raises GraspError: no such joint, a velocity that is not two finite numbers, none at all, or
         no such roller.
     :raises ConfigurationError: the configuration is singular.
@@ -109,24 +107,17 @@ def solve_joint_velocity(
     columns = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
     rows = np.zeros((len(columns), 2 * len(config.points)))
     rows[np.arange(len(columns)), columns] = 1.0
-    motion = config.roller_rows(rows)
+    jacobian = config.roller_rows(rows)
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
-    command = carry_out(
-        config,
-        working,
-        Reach.of_points(motion[:, working.places]),
-        motion,
-        desired,
-        default_limits(robot) if limits is None else limits,
-        slide_along_limits,
-        period,
-    )
+    motion = Motion(jacobian, Reach.of_points(jacobian[:, working.places]))
+    limits = default_limits(robot) if limits is None else limits
+    command = carry_out(config, working, motion, desired, limits, handling)
     achieved = dict(zip(velocities, command.achieved_twist.reshape(-1, 2), strict=True))
     return JointCommand(
-        command.roller_velocities,
-        achieved,
-        command.scale,
-        command.status,
-        command.limiting,
-        command.reachable_dof,
+        roller_velocities=command.roller_velocities,
+        achieved_velocities=achieved,
+        scale=command.scale,
+        status=command.status,
+        limiting=command.limiting,
+        reachable_dof=command.reachable_dof,
     )

@@ -20,12 +20,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.manipulation.limit_handling import (
-    apply_limits,
-    Regularization,
-    working_rollers,
-    WorkingRollers,
-)
+from isotruss_ros.core.manipulation.limit_handling import apply_limits, LimitHandling
 from isotruss_ros.core.manipulation.limits import (
     default_limits,
     Limit,
@@ -35,14 +30,21 @@ from isotruss_ros.core.manipulation.limits import (
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.rolling_off import roll_off_faces
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.manipulation.task import EVERYWHERE, GripReach, Reach, Task
+from isotruss_ros.core.manipulation.task import (
+    EVERYWHERE,
+    Motion,
+    Reach,
+    Task,
+    working_rollers,
+    WorkingRollers,
+)
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Default weights where limits bind.
-REGULARIZATION = Regularization()
+#: By default commands are scaled, as far as limits allow.
+SCALE = LimitHandling()
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +78,7 @@ def solve_twist(
     twist: ArrayLike,
     failed: Collection[str] = (),
     limits: Sequence[Limit] | None = None,
-    slide_along_limits: bool = False,
-    period: float = 0.0,
-    regularization: Regularization = REGULARIZATION,
+    handling: LimitHandling = SCALE,
     opening_rate: float = 0.0,
 ) -> RollerCommand:
     """
@@ -97,10 +97,7 @@ def solve_twist(
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
     :param failed: names of the rollers that have failed and stand still.
     :param limits: limits in place of those of the robot file.
-    :param slide_along_limits: rather than stop at limits of lengths and shapes.
-    :param period: period of the loop [s]: where limits bind, progress that takes far more roller
-        speed than it yields is left, see `Regularization`. Zero for the largest progress.
-    :param regularization: weights where limits bind.
+    :param handling: what to do where limits bind.
     :param opening_rate: of the distance between two members where they touch, of three twice that
         with which each moves away from the object [m/s]: the right-hand side of the fourth row of
         (19), scaled with the twist; while sliding along limits as far as those of the roller
@@ -114,29 +111,18 @@ def solve_twist(
     if desired.dtype != float or desired.shape != (3,) or not _finite(*desired.tolist()):
         desired = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
-    jacobian, reach = _find_reach(config, grip, working, desired)
+    motion = _find_motion(config, grip, working, desired)
     limits = default_limits(robot) if limits is None else limits
-    return carry_out(
-        config,
-        working,
-        reach,
-        jacobian[:3],
-        desired,
-        limits,
-        slide_along_limits,
-        period,
-        regularization,
-        opening_rate,
-    )
+    return carry_out(config, working, motion, desired, limits, handling, opening_rate)
 
 
-def _find_reach(
+def _find_motion(
     config: Configuration, grip: Grip, working: WorkingRollers, twist: Array
-) -> GripReach:
-    """Return the rows of the grip on all rollers, and the twists that the working ones produce."""
+) -> Motion:
+    """Return the twists of the object that keep its contacts; it may roll off faces for one."""
     jacobian = grip_jacobian(config, grip)
     active = jacobian if working.whole else jacobian[:, working.places]
-    found = GripReach(jacobian, Reach.of(active, grip.body.arm))
+    found = Motion(jacobian[:3], Reach.of(active, grip.body.arm))
     faces = len(grip.members) == 2 and len(jacobian) > 4
     if not faces or found.reach.directions is EVERYWHERE or not twist.any():
         return found
@@ -150,13 +136,10 @@ def _finite(x: float, y: float, angle: float) -> bool:
 def carry_out(
     config: Configuration,
     working: WorkingRollers,
-    reach: Reach,
-    motion: Array,
+    motion: Motion,
     desired: Array,
     limits: Sequence[Limit],
-    slide_along_limits: bool,
-    period: float,
-    regularization: Regularization = REGULARIZATION,
+    handling: LimitHandling,
     opening_rate: float = 0.0,
 ) -> RollerCommand:
     """
@@ -164,49 +147,34 @@ def carry_out(
 
     :param config: configuration of the robot.
     :param working: the rollers that work.
-    :param reach: the reachable motions.
-    :param motion: (k, r) rows of the motion on the roller speeds.
-    :param desired: (k,) the motion.
+    :param motion: what the rollers can do.
+    :param desired: (k,) what they are to do.
     :param limits: limits of rollers and configuration.
-    :param slide_along_limits: rather than stop at limits of lengths and shapes.
-    :param period: period of the loop [s], see `solve_twist`.
-    :param regularization: weights where limits bind.
+    :param handling: what to do where limits bind.
     :param opening_rate: right-hand side of the grip's row [m/s].
     :raises SolverError: a quadratic program was not solved.
     """
     robot = config.robot
-    dof = len(reach.directions)
+    dof = len(motion.reach.directions)
     if opening_rate == 0.0 and not any(desired.tolist()):
-        return _standing(robot, len(motion), Status.IDLE, dof)
-    task = Task(reach, desired, working.even, opening_rate)
+        return _standing(robot, len(desired), Status.IDLE, dof)
+    task = Task(motion.reach, desired, working.even, opening_rate)
     status = Status.OK if task.reachable else Status.UNREACHABLE
     if task.speed == 0.0:
-        return _standing(robot, len(motion), status, dof)
+        return _standing(robot, len(desired), status, dof)
+    velocities = working.spread(task.velocities)
     rows = stack_rows(config, limits)
-    velocities = task.velocities() if working.whole else np.zeros(len(robot.roller_names))
-    if not working.whole:
-        velocities[working.places] = task.velocities()
-    admitted = rows.admit(velocities)
-    if all(flags.all() for flags in admitted):
-        return RollerCommand(velocities, motion.dot(velocities), 1.0, status, (), dof)
-    limited = apply_limits(
-        working,
-        task,
-        limits,
-        rows,
-        np.concatenate(admitted),
-        robot.description.max_speed,
-        slide_along_limits,
-        period,
-        regularization,
-    )
-    velocities[working.places] = limited.velocities
-    achieved = motion.dot(velocities)
+    if rows.admit(velocities):
+        return RollerCommand(velocities, motion.rows.dot(velocities), 1.0, status, (), dof)
+    max_speed = robot.description.max_speed
+    limited = apply_limits(working, task, limits, rows, max_speed, handling)
+    velocities = working.spread(limited.velocities)
     limiting: tuple[str, ...] = ()
     if limited.scale < 1.0:
         slowed, limiting = name_binding_rows(config, limits, rows, limited.binding)
         if task.reachable:
             status = Status.SLIDING if limited.slid else slowed
+    achieved = motion.rows.dot(velocities)
     return RollerCommand(velocities, achieved, limited.scale, status, limiting, dof)
 
 
@@ -264,5 +232,5 @@ def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] 
     :raises ConfigurationError: the configuration is singular.
     """
     working = working_rollers(config.robot, frozenset(failed))
-    reach = _find_reach(config, grip, working, np.zeros(3)).reach
+    reach = _find_motion(config, grip, working, np.zeros(3)).reach
     return reach.directions / reach.weights

@@ -17,10 +17,13 @@ follow from these by (12), so that the unknowns are the speeds of the working ro
 from __future__ import annotations
 
 from dataclasses import dataclass
+import functools
 import math
 from typing import NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 from scipy.linalg import lapack
 
@@ -35,6 +38,58 @@ EVERYWHERE = np.eye(3)
 EVERYWHERE.flags.writeable = False
 #: A twist is unreachable where more than this share of it is.
 REACH_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class WorkingRollers:
+    """
+    The rollers that have not failed, and the cost of their speeds.
+
+    :ivar count: number of all rollers.
+    :ivar places: (w,) their numbers among all rollers.
+    :ivar cost: (w, w) C^T C, the cost (11) of their speeds [-].
+    :ivar even: (w, w) E with |C E y| = |y|: speeds of equal cost [-].
+    :ivar whole: whether these are all rollers of the robot.
+    """
+
+    count: int
+    places: Indices
+    cost: Array
+    even: Array
+    whole: bool
+
+    def spread(self, speeds: Array) -> Array:
+        """
+        Return the speeds of all rollers [m/s]; those that have failed stand still.
+
+        :param speeds: (w,) of the working rollers [m/s].
+        """
+        if self.whole:
+            return speeds
+        velocities = np.zeros(self.count)
+        velocities[self.places] = speeds
+        return velocities
+
+
+@functools.lru_cache(maxsize=16)
+def working_rollers(robot: Robot, failed: frozenset[str]) -> WorkingRollers:
+    """
+    Return the rollers that have not failed.
+
+    :param robot: the robot.
+    :param failed: names of the rollers that have failed.
+    :raises GraspError: the robot has no such roller.
+    """
+    check_roller_names('failed rollers', failed, robot.roller_names)
+    places = np.array(
+        [i for i, name in enumerate(robot.roller_names) if name not in failed], dtype=int
+    )
+    # (11): J = |Ldot|^2, and Ldot = C phidot keeps the length of each tube (13).
+    incidence = robot.topology.incidence[:, places]
+    cost = incidence.T @ incidence
+    even = np.linalg.inv(np.linalg.cholesky(cost)).T
+    count = len(robot.roller_names)
+    return WorkingRollers(count, places, cost, even, len(places) == count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,15 +150,15 @@ class Reach:
         return cls(reachable @ active, reachable, np.ones(len(active)), np.zeros(0))
 
 
-class GripReach(NamedTuple):
+class Motion(NamedTuple):
     """
-    What rollers do with an object in a grip.
+    What rollers do with an object in a grip, or with joints.
 
-    :ivar jacobian: (3 + g, r) rows of the grip, see `grip_jacobian`.
-    :ivar reach: the twists that keep the g last rows at zero.
+    :ivar rows: (k, r) of the motion on the speeds of all rollers, of a grip those of the twist.
+    :ivar reach: the motions that the working rollers can produce.
     """
 
-    jacobian: Array
+    rows: Array
     reach: Reach
 
 
@@ -121,6 +176,7 @@ class Task:
     :ivar reachable: whether it is the commanded twist.
     :ivar rank: how many of the rows are reachable directions.
     :ivar free: (w,) roller speeds that carry out 1 m/s of it at the least cost, without limits.
+    :ivar velocities: (w,) roller speeds that carry out all of it so; inf beyond all numbers [m/s].
     """
 
     def __init__(self, reach: Reach, twist: Array, even: Array, opening_rate: float = 0.0) -> None:
@@ -141,6 +197,11 @@ class Task:
             self._find_direction(reach, twist, size, opening_rate)
         if self.speed > 0.0:
             self.free = least_cost(even, self.equality, self.direction)
+            if self.speed < MODEST:
+                self.velocities = self.free * self.speed
+            else:
+                with np.errstate(over='ignore', invalid='ignore'):
+                    self.velocities = self.free * self.speed
 
     def _find_direction(
         self, reach: Reach, twist: Array, size: float, opening_rate: float
@@ -161,13 +222,6 @@ class Task:
         if length > smallest:
             self.speed = size * length
             self.direction /= length
-
-    def velocities(self) -> Array:
-        """Return the (w,) roller speeds of the least cost without limits [m/s]; inf beyond."""
-        if self.speed < MODEST:
-            return self.free * self.speed
-        with np.errstate(over='ignore', invalid='ignore'):
-            return self.free * self.speed
 
 
 def least_cost(even: Array, equality: Array, direction: Array) -> Array:

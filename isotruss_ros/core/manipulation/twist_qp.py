@@ -22,6 +22,7 @@ limit binds, `least_cost` solves it. `project_target` leaves the direction where
 from __future__ import annotations
 
 from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
@@ -40,9 +41,7 @@ def maximize_progress(
     equality: Array,
     direction: Array,
     reach: float,
-    inequality: Array,
-    lower: Array,
-    upper: Array,
+    limited: Rows,
     penalty: float = PENALTIES[0],
 ) -> tuple[Array, float]:
     """
@@ -52,13 +51,12 @@ def maximize_progress(
     :param equality: (k, r) J, of full row rank.
     :param direction: (k,) what J u is at s = 1.
     :param reach: the largest useful s, positive.
-    :param inequality: (l, r) G.
-    :param lower: (l,) not positive, so that u = 0 is a solution.
-    :param upper: (l,) not negative.
+    :param limited: (l, r) G with its bounds, so that u = 0 is a solution.
     :param penalty: rho, on missing progress against the cost; large for as far as possible.
     :return: u (r,) and s.
     :raises SolverError: no solution was found.
     """
+    inequality, lower, upper = limited
     r, count = cost.shape[0], len(inequality)
     hessian = np.zeros((r + 1, r + 1))
     hessian[:r, :r] = cost
@@ -85,9 +83,7 @@ def project_target(
     equality: Array,
     target: Array,
     rank: int,
-    inequality: Array,
-    lower: Array,
-    upper: Array,
+    limited: Rows,
     regularization: float,
 ) -> Array:
     """
@@ -101,13 +97,12 @@ def project_target(
     :param equality: (k, r) J.
     :param target: (k,) what J u is to be.
     :param rank: number of rows of J that need not reach their targets.
-    :param inequality: (l, r) G.
-    :param lower: (l,) not positive, so that u = 0 is admissible.
-    :param upper: (l,) not negative.
+    :param limited: (l, r) G with its bounds, so that u = 0 is admissible.
     :param regularization: weight of the cost; small for as close as possible.
     :return: (r,)
     :raises SolverError: no solution was found.
     """
+    inequality, lower, upper = limited
     reached, kept = equality[:rank], equality[rank:]
     rows, bounds = np.vstack([inequality, -inequality]), np.concatenate([upper, -lower])
     exact = target[rank:]

@@ -11,8 +11,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+import cmath
+from dataclasses import dataclass, field, replace
+import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose
@@ -34,6 +35,10 @@ class ConvexObject:
     :ivar mass: None where it is not known [kg].
     :ivar center_of_mass: (x, y) in the object's frame; that of the area if None [m].
     :ivar friction: coefficient between this object and the tubes; None for that of the grasp.
+    :ivar center: the origin of the object's frame in the robot frame, x + iy [m].
+    :ivar turn: the direction of the object's x axis in the robot frame, cos + i sin.
+    :ivar middle: the centroid of the area in the robot frame, x + iy; it is inside [m].
+    :ivar arm: by which moments are compared with forces: half the mean width [m].
     :raises GraspError: a number is not usable.
     """
 
@@ -42,6 +47,10 @@ class ConvexObject:
     mass: float | None = None
     center_of_mass: tuple[float, float] | None = None
     friction: float | None = None
+    center: complex = field(init=False, repr=False, compare=False)
+    turn: complex = field(init=False, repr=False, compare=False)
+    middle: complex = field(init=False, repr=False, compare=False)
+    arm: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -50,7 +59,13 @@ class ConvexObject:
         pose = finite_array(self.pose, 3, "the object's pose (x, y, angle) [m, rad]", GraspError)
         if np.abs(pose).max() > MAX_DISTANCE:
             raise GraspError(f"the object's pose {self.pose!r}: must be within {MAX_DISTANCE:g} m")
-        object.__setattr__(self, 'pose', Pose(*map(float, pose)))
+        x, y, angle = map(float, pose)
+        center, turn = complex(x, y), cmath.rect(1.0, angle)
+        object.__setattr__(self, 'pose', Pose(x, y, angle))
+        object.__setattr__(self, 'center', center)
+        object.__setattr__(self, 'turn', turn)
+        object.__setattr__(self, 'middle', center + turn * self.shape.centroid)
+        object.__setattr__(self, 'arm', self.shape.perimeter / (2.0 * math.pi))
         if self.mass is not None:
             (mass,) = finite_array([self.mass], 1, "the object's mass [kg]", GraspError)
             if mass <= 0.0:
@@ -93,26 +108,6 @@ class ConvexObject:
         :raises GraspError: the pose is not three finite numbers within range.
         """
         return replace(self, pose=pose)
-
-    @cached_property
-    def center(self) -> complex:
-        """Return the origin of the object's frame in the robot frame, x + iy [m]."""
-        return complex(self.pose.x, self.pose.y)
-
-    @cached_property
-    def turn(self) -> complex:
-        """Return the direction of the object's x axis in the robot frame, cos + i sin."""
-        return complex(np.exp(1j * self.pose.angle))
-
-    @cached_property
-    def middle(self) -> complex:
-        """Return the centroid of the area in the robot frame, x + iy; it is inside [m]."""
-        return self.center + self.turn * self.shape.centroid
-
-    @cached_property
-    def arm(self) -> float:
-        """Return the arm by which moments are compared with forces: half the mean width [m]."""
-        return self.shape.perimeter / (2.0 * np.pi)
 
     def support(self, normals: Points) -> Array:
         """

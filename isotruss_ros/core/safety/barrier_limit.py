@@ -52,6 +52,8 @@ class BarrierLimit:
     :param matrix: (k, r) their derivatives by roller travel.
     """
 
+    can_slide = True
+
     def __init__(self, barrier: Barrier, active: ActiveValues, matrix: Array) -> None:
         self.barrier, self.indices, self.matrix = barrier, active.indices, matrix
         self.margins = barrier.law.margin(active.values)

@@ -31,11 +31,8 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.barrier_law import Barrier, BarrierLaw, EVERYTHING
 from isotruss_ros.core.safety.barrier_limit import BarrierLimit, BarrierViolation
-from isotruss_ros.core.safety.barriers import (
-    ObjectBarrier,
-    RigidityBarrier,
-    SelfCollisionBarrier,
-)
+from isotruss_ros.core.safety.distance_barriers import ObjectBarrier, SelfCollisionBarrier
+from isotruss_ros.core.safety.rigidity_barrier import RigidityBarrier
 import numpy as np
 
 #: Longest steps of the rollers that cannot jump over a band, nor over half a safety margin [m].

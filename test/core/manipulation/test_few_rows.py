@@ -13,12 +13,14 @@ from hypothesis import assume, given, strategies
 from isotruss_ros.core import solve_twist
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.manipulation import few_rows, limit_handling
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import (
     MemberLengthLimit,
     RollerSpeedLimit,
     Rows,
     StackedRows,
 )
+from isotruss_ros.core.manipulation.task import WorkingRollers
 import numpy as np
 import pytest
 import robots
@@ -47,7 +49,7 @@ def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
     ]
     failed = [name for name in robot.roller_names if rng.random() < 0.1]
     twist = 10.0 ** rng.uniform(-2.0, 1.0) * rng.standard_normal(3)
-    arguments = (config, grasp, twist, failed, limits, slide, 0.005)
+    arguments = (config, grasp, twist, failed, limits, LimitHandling(slide, 0.005))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(few_rows, 'FIRST', first)
         patch.setattr(few_rows, 'ADDED', first)
@@ -66,13 +68,17 @@ def test_a_few_rows_do_where_none_binds():
     equality, wanted = rng.uniform(0.5, 1.0, (1, 40)), np.full(40, 2.0)
     counts = []
 
-    def solve(cost, equality, rows, lower, upper):
-        counts.append((len(rows), len(lower), len(upper)))
+    def solve(cost, equality, rows):
+        counts.append(tuple(map(len, rows)))
         return np.linalg.pinv(equality) @ task, 1.0
 
     task = equality @ wanted
     speeds, progress = few_rows.solve_by_few_rows(
-        solve, np.eye(40), equality, rows, np.arange(40), lower, upper, np.zeros(40)
+        solve,
+        WorkingRollers(40, np.arange(40), np.eye(40), np.eye(40), True),
+        equality,
+        rows,
+        np.zeros(40),
     )
     assert counts == [(16, 16, 16)]
     assert speeds == pytest.approx(np.linalg.pinv(equality) @ task)
@@ -93,6 +99,10 @@ def test_stacked_rows_are_those_of_the_limits_in_their_order():
     assert rows.limit.tolist() == [0, 0, 0, 2, 2, 2, 2]
     for numbers in ([0, 1, 2, 3, 4, 5, 6], [2], [3, 6], [1, 5], []):
         chosen = np.array(numbers, dtype=int)
-        assert (rows.take(chosen) == every[chosen]).all()
-    admitted = np.concatenate(rows.admit(velocities))
-    assert (admitted == ((every @ velocities >= -1.0) & (every @ velocities <= 2.0))).all()
+        assert (rows.take(chosen).matrix == every[chosen]).all()
+    rates = every @ velocities
+    for share in (1.0, 0.9 * min(1.0 / max(-rates.min(), 1e-9), 2.0 / max(rates.max(), 1e-9))):
+        inside = (share * rates >= -1.0) & (share * rates <= 2.0)
+        assert rows.admit(share * velocities) == inside.all()
+    assert not rows.admit(velocities)
+    assert rows.admit(share * velocities)

@@ -201,8 +201,8 @@ def test_the_roller_at_either_end_of_a_member_moves_its_material(member):
         np.array([start]),
         np.array([end - start]),
         np.array([axis]),
-        np.array([0.3 * start + 0.7 * end]),
         np.array([1j * axis]),
+        np.array([0.3 * start + 0.7 * end]),
         np.array([-1.0]),
         np.array([0]),
     )

@@ -22,7 +22,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.manipulation.limit_handling import LEAST_REGULARIZATION
+from isotruss_ros.core.manipulation.limit_handling import LEAST_REGULARIZATION, LimitHandling
 from isotruss_ros.core.manipulation.limits import (
     default_limits,
     MemberLengthLimit,
@@ -36,6 +36,8 @@ import pytest
 import robots
 from scipy.optimize import linprog
 from walls import Wall
+
+SLIDE, LOOP = LimitHandling(slide_along_limits=True), LimitHandling(period=0.05)
 
 
 def surface(grasp):
@@ -78,7 +80,7 @@ def test_sliding_carries_out_the_nearest_twist_that_limits_allow(robot, rng, num
     limits = [speed, wall]
     twist = 0.1 * rng.standard_normal(3)
     assume(solve_twist(config, grasp, twist, (), [speed]).scale == 1.0)
-    command = solve_twist(config, grasp, twist, (), limits, slide_along_limits=True)
+    command = solve_twist(config, grasp, twist, (), limits, handling=SLIDE)
     scaled = solve_twist(config, grasp, twist, (), limits)
     if command.scale == 1.0:
         assert command.roller_velocities == pytest.approx(scaled.roller_velocities)
@@ -138,7 +140,7 @@ def test_speed_alone_never_bends_a_twist(robot, rng, number):
     limits = [RollerSpeedLimit(0.1), MemberLengthLimit(0.01, 100.0)]
     twist = 10.0 * rng.standard_normal(3)
     scaled = solve_twist(config, grasp, twist, (), limits)
-    slid = solve_twist(config, grasp, twist, (), limits, slide_along_limits=True)
+    slid = solve_twist(config, grasp, twist, (), limits, handling=SLIDE)
     assert slid.status is scaled.status
     assert slid.scale == pytest.approx(scaled.scale, rel=1e-6)
     assert slid.roller_velocities == pytest.approx(scaled.roller_velocities, abs=1e-6)
@@ -149,14 +151,14 @@ def test_speed_alone_never_bends_a_twist(robot, rng, number):
 def test_nearest_by_hand_and_by_its_conditions(rng):
     # One roller is wanted to move; a wall lets it half of the way.
     half = project_target(
-        np.eye(1), np.eye(1), np.ones(1), 1, np.eye(1), -np.ones(1), np.full(1, 0.5), 1e-6
+        np.eye(1), np.eye(1), np.ones(1), 1, Rows(np.eye(1), -np.ones(1), np.full(1, 0.5)), 1e-6
     )
     assert half == pytest.approx([0.5])
     r, k, rank = 5, 4, 3
     equality, inequality = rng.standard_normal((k, r)), rng.standard_normal((6, r))
     lower, upper = -rng.uniform(0.0, 0.5, 6), rng.uniform(0.0, 0.5, 6)
     target = np.append(rng.standard_normal(rank), 0.0)
-    u = project_target(np.eye(r), equality, target, rank, inequality, lower, upper, 1e-6)
+    u = project_target(np.eye(r), equality, target, rank, Rows(inequality, lower, upper), 1e-6)
     assert equality[rank:] @ u == pytest.approx(0.0, abs=1e-8)
     assert (inequality @ u <= upper + 1e-8).all()
     assert (inequality @ u >= lower - 1e-8).all()
@@ -175,7 +177,7 @@ def test_thrift_costs_next_to_nothing_and_never_the_direction(robot, rng, number
         assume(False)
     twist = 10.0 ** rng.uniform(-2.0, 1.0) * rng.standard_normal(3)
     exact = solve_twist(config, grasp, twist)
-    thrifty = solve_twist(config, grasp, twist, period=0.01)
+    thrifty = solve_twist(config, grasp, twist, handling=LimitHandling(period=0.01))
     assert thrifty.scale <= exact.scale + 1e-6
     assert np.abs(thrifty.roller_velocities).max() <= robot.description.max_speed + 1e-9
     free = solve_twist(config, grasp, twist, limits=())
@@ -236,7 +238,9 @@ def test_twists_of_any_size_are_solved_in_corners_too():
         limits = (*default_limits(robot), *guard.watch(config, grasp).limits)
         done = []
         for size in (1e3, 1e12, 1e300):
-            command = solve_twist(config, grasp, size * twist, (), limits, period=0.05)
+            command = solve_twist(
+                config, grasp, size * twist, (), limits, LimitHandling(period=0.05)
+            )
             done.append(command.scale * size)
             assert command.achieved_twist == pytest.approx(done[-1] * twist, abs=1e-6)
         assert done == pytest.approx([done[0]] * 3, rel=1e-2, abs=1e-6)

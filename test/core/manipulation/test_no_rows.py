@@ -14,17 +14,19 @@ from isotruss_ros.core import load_robot, solve_twist, Status
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.manipulation.few_rows import solve_by_few_rows
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import (
     MemberLengthLimit,
     RollerSpeedLimit,
     Rows,
     StackedRows,
 )
-from isotruss_ros.core.manipulation.task import Reach
+from isotruss_ros.core.manipulation.task import Reach, WorkingRollers
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, project_target
 import numpy as np
 import pytest
 
+SLIDE = LimitHandling(slide_along_limits=True)
 NINE = load_robot('nine_member')
 
 
@@ -32,15 +34,16 @@ def test_rows_are_added_until_none_is_violated():
     count = 40
     solved = []
 
-    def farthest(cost, equality, rows, lower, upper):
-        solved.append(len(rows))
-        return maximize_progress(cost, equality, np.ones(1), 100.0, rows, lower, upper)
+    def farthest(cost, equality, rows):
+        solved.append(len(rows.upper))
+        return maximize_progress(cost, equality, np.ones(1), 100.0, rows)
 
     # The even rollers do what the odd ones leave, which are at their bounds.
     bound = np.where(np.arange(count) % 2, 0.1, 0.5)
     rows = StackedRows([Rows(np.eye(count), -bound, bound)])
-    arguments = (np.eye(count), np.ones((1, count)), rows, np.arange(count), -bound, bound)
-    speeds, progress = solve_by_few_rows(farthest, *arguments, np.zeros(count))
+    every = WorkingRollers(count, np.arange(count), np.eye(count), np.eye(count), True)
+    equality = np.ones((1, count))
+    speeds, progress = solve_by_few_rows(farthest, every, equality, rows, np.zeros(count))
     assert speeds == pytest.approx(bound, abs=1e-6)
     assert progress == pytest.approx(20 * 0.1 + 20 * 0.5, abs=1e-5)
     assert solved == sorted(set(solved))
@@ -52,7 +55,7 @@ def test_rollers_alone_do_not_bend_a_twist():
     grasp = disc_grip(NINE.home, 'north/Z', 0.3)
     twist, limits = np.array([1.0, -2.0, 0.5]), [RollerSpeedLimit(0.1)]
     scaled = solve_twist(NINE.home, grasp, twist, limits=limits)
-    slid = solve_twist(NINE.home, grasp, twist, limits=limits, slide_along_limits=True)
+    slid = solve_twist(NINE.home, grasp, twist, limits=limits, handling=SLIDE)
     assert 0.0 < scaled.scale < 1.0
     assert slid.status is scaled.status is Status.SLOWED_ROLLER_SPEED
     assert slid.achieved_twist == pytest.approx(slid.scale * twist, abs=1e-9)
@@ -66,7 +69,7 @@ def test_sliding_needs_no_limit_of_roller_speed():
     kept = MemberLengthLimit(lengths.min(), lengths.max())
     twist = np.array([0.01, -0.02, 0.005])
     alone, fast = (
-        solve_twist(NINE.home, grasp, twist, limits=limits, slide_along_limits=True)
+        solve_twist(NINE.home, grasp, twist, limits=limits, handling=SLIDE)
         for limits in ([kept], [RollerSpeedLimit(1e3), kept])
     )
     assert alone.status is fast.status is Status.SLIDING
@@ -94,7 +97,7 @@ def test_rows_that_bounds_forbid_to_follow_stay_at_zero():
     bound = np.full(2, 0.5)
     for wanted, followed in ((0.4, 0.4), (1.0, 0.0)):
         found = project_target(
-            np.eye(2), np.eye(2), np.array([0.3, wanted]), 1, np.eye(2), -bound, bound, 1e-9
+            np.eye(2), np.eye(2), np.array([0.3, wanted]), 1, Rows(np.eye(2), -bound, bound), 1e-9
         )
         assert found == pytest.approx([0.3, followed], abs=1e-6)
 
@@ -103,7 +106,7 @@ def test_a_projection_that_is_not_solved_is_an_error(monkeypatch):
     monkeypatch.setattr(twist_qp, 'solve_qp', lambda problem: None)
     bound = np.ones(1)
     with pytest.raises(SolverError, match='close to a singular one'):
-        project_target(np.eye(1), np.eye(1), bound, 1, np.eye(1), -bound, bound, 1e-9)
+        project_target(np.eye(1), np.eye(1), bound, 1, Rows(np.eye(1), -bound, bound), 1e-9)
 
 
 def test_a_status_is_written_in_words():

@@ -11,7 +11,7 @@
 
 from grips import disc_grip
 from isotruss_ros.core import load_robot, solve_twist
-from isotruss_ros.core.manipulation.limit_handling import Regularization
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 import numpy as np
 import pytest
@@ -37,9 +37,7 @@ def solved(twist, weight, period, slide=False, others=()):
         GRASP,
         twist,
         limits=[RollerSpeedLimit(MAX_SPEED), *others],
-        slide_along_limits=slide,
-        period=period,
-        regularization=Regularization(progress_weight=weight),
+        handling=LimitHandling(slide, period, progress_weight=weight),
     ).roller_velocities
 
 
@@ -50,7 +48,7 @@ def test_progress_costs_roller_speed_as_in_closed_form(twist, speed, slide):
     """With p of the task of a largest roller speed 1: c p^2 / 2 - rho p + rho p^2 / (4 reach)."""
     command = solve_twist(ROBOT.home, GRASP, speed * np.array(twist), limits=[])
     free, wanted = command.roller_velocities, command.achieved_twist
-    surface = np.linalg.norm(wanted * (1.0, 1.0, GRASP.arm))
+    surface = np.linalg.norm(wanted * (1.0, 1.0, GRASP.body.arm))
     asked = np.abs(free).max()
     gain = asked / surface
     unit = min(MAX_SPEED, asked)
@@ -64,7 +62,7 @@ def test_progress_costs_roller_speed_as_in_closed_form(twist, speed, slide):
 
 
 def test_weights_where_nothing_else_is_said():
-    weights = Regularization()
+    weights = LimitHandling()
     assert (weights.progress_weight, weights.slide_weight) == (100.0, 0.01)
     assert weights.reference_period == 0.01
 
@@ -92,9 +90,7 @@ def test_sliding_trades_the_twist_against_roller_speed_in_loops_only():
             grasp,
             twist,
             limits=[stop(len(free), quickest, share * free[quickest])],
-            slide_along_limits=True,
-            period=period,
-            regularization=Regularization(slide_weight=weight),
+            handling=LimitHandling(True, period, slide_weight=weight),
         ).roller_velocities
 
     little, much = slid(1e-2, 1e-2, 0.3), slid(1.0, 1e-2, 0.3)

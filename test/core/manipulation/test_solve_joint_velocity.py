@@ -9,10 +9,9 @@
 
 """Velocities of joints, without an object."""
 
-import inspect
-
-from isotruss_ros.core import load_robot, solve_joint_velocity, solve_twist, Status
+from isotruss_ros.core import load_robot, solve_joint_velocity, Status
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 import numpy as np
 import pytest
@@ -66,8 +65,8 @@ def test_nothing_is_traded_against_roller_speed_where_no_period_is_given():
     free = solve_joint_velocity(config, velocities, (), []).roller_velocities
     limits = [RollerSpeedLimit(0.5 * np.abs(free).max())]
     plain, timed, loop = (
-        solve_joint_velocity(config, velocities, (), limits, **period).roller_velocities
-        for period in ({}, {'period': 0.0}, {'period': 0.1})
+        solve_joint_velocity(config, velocities, (), limits, *handling).roller_velocities
+        for handling in ((), (LimitHandling(),), (LimitHandling(period=0.1),))
     )
     assert (plain == timed).all()
     assert np.abs(loop - plain).max() > 0.1 * np.abs(plain).max()
@@ -82,11 +81,6 @@ def test_zero_is_idle_and_limits_scale():
     assert np.abs(fast.roller_velocities).max() == pytest.approx(ROBOT.description.max_speed)
     expected = fast.scale * np.array([5.0, -10.0])
     assert moved(HOME, fast, 'Z') == pytest.approx(expected, rel=1e-6)
-
-
-@pytest.mark.parametrize('solve', [solve_joint_velocity, solve_twist])
-def test_nothing_is_left_of_the_largest_progress_where_no_period_is_given(solve):
-    assert inspect.signature(solve).parameters['period'].default == 0.0
 
 
 def test_a_grounded_joint_stays_and_failed_rollers_stand_still():

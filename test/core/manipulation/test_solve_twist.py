@@ -22,6 +22,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
 import numpy as np
 from paper_rows import contact_depth
@@ -505,10 +506,10 @@ def test_the_grip_opens_while_the_object_slides_along_limits():
     grasp = disc_grip(config, 'north/Z', 0.3)
     length = config.member_lengths.min()
     limits = [RollerSpeedLimit(0.5), MemberLengthLimit(length - 2e-3, length + 2e-3)]
-    slid = 0
+    slid, loop = 0, LimitHandling(slide_along_limits=True, period=0.005)
     for heading in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
         twist = 0.05 * np.array([np.cos(heading), np.sin(heading), 0.0])
-        command = solve_twist(config, grasp, twist, (), limits, True, 0.005, opening_rate=0.004)
+        command = solve_twist(config, grasp, twist, (), limits, loop, opening_rate=0.004)
         opened = grip_jacobian(config, grasp)[3] @ command.roller_velocities
         assert opened == pytest.approx(0.004, rel=1e-6)
         slid += command.status is Status.SLIDING

@@ -13,6 +13,7 @@ from hypothesis import assume, given, strategies
 from isotruss_ros.core import solve_twist
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.manipulation import twist_qp
+from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.task import least_cost
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES
 import numpy as np
@@ -49,7 +50,7 @@ def test_progress_is_the_largest_within_the_bounds_at_the_least_cost(rng):
     upper = rng.uniform(0.1, 1.0, 2 * r)
     lower = -rng.uniform(0.1, 1.0, 2 * r)
     for reach in (1e-3, 1.0, 1e6):
-        u, s = maximize_progress(cost, equality, direction, reach, inequality, lower, upper)
+        u, s = maximize_progress(cost, equality, direction, reach, Rows(inequality, lower, upper))
         assert equality @ u == pytest.approx(s * direction, abs=1e-8)
         assert (inequality @ u <= upper + 1e-8).all()
         assert (inequality @ u >= lower - 1e-8).all()
@@ -71,13 +72,13 @@ def test_maximize_progress_by_hand():
     # One roller does all there is to do, a second one costs only.
     cost, equality, direction = np.eye(2), np.array([[2.0, 0.0]]), np.array([1.0])
     inequality, bound = np.eye(2), np.array([0.5, 0.5])
-    u, s = maximize_progress(cost, equality, direction, 10.0, inequality, -bound, bound)
+    u, s = maximize_progress(cost, equality, direction, 10.0, Rows(inequality, -bound, bound))
     assert s == pytest.approx(1.0)
     assert u == pytest.approx([0.5, 0.0])
     # Both move alike; the cheaper one is at its bound, the other does the rest.
     equality = np.array([[1.0, 1.0]])
     u, s = maximize_progress(
-        np.diag([1.0, 9.0]), equality, direction, 0.75, inequality, -bound, bound
+        np.diag([1.0, 9.0]), equality, direction, 0.75, Rows(inequality, -bound, bound)
     )
     assert s == pytest.approx(0.75)
     assert u == pytest.approx([0.5, 0.25])
@@ -85,7 +86,7 @@ def test_maximize_progress_by_hand():
 
 def test_maximize_progress_returns_zero_where_nothing_may_move():
     u, s = maximize_progress(
-        np.eye(2), np.eye(2), np.ones(2), 1.0, np.ones((1, 2)), np.zeros(1), np.zeros(1)
+        np.eye(2), np.eye(2), np.ones(2), 1.0, Rows(np.ones((1, 2)), np.zeros(1), np.zeros(1))
     )
     assert u == pytest.approx([0.0, 0.0], abs=1e-9)
     assert s == pytest.approx(0.0, abs=1e-9)
@@ -100,7 +101,7 @@ def test_smaller_penalties_are_tried_before_an_error(monkeypatch):
     monkeypatch.setattr(twist_qp, 'solve_qp', failing)
     with pytest.raises(SolverError, match='close to a singular one'):
         maximize_progress(
-            np.eye(1), np.eye(1), np.ones(1), 1.0, np.eye(1), -np.ones(1), np.ones(1)
+            np.eye(1), np.eye(1), np.ones(1), 1.0, Rows(np.eye(1), -np.ones(1), np.ones(1))
         )
     assert tuple(tried) == PENALTIES
 

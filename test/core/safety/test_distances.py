@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from isotruss_ros.core import ConvexObject, load_robot
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.manipulation.grip import members_at
-from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment, object_gaps
+from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment
 from isotruss_ros.core.safety.object_distances import object_distances
 import numpy as np
 import pytest
@@ -199,33 +199,25 @@ def test_object_distances_are_those_of_points_along_the_parts(robot, rng):
 
 @robots.examples(25)
 @given(positions=POSITIONS, center=CENTERS, diameter=st.floats(0.05, 0.6))
-def test_gaps_are_the_object_distances_and_openings(positions, center, diameter):
+def test_distances_of_a_free_body_are_the_object_distances(positions, center, diameter):
     config, body = ROBOT.configuration(positions), ConvexObject.disc(center, diameter)
-    gaps = object_gaps(config, body)
-    parts = np.concatenate([gaps.members, gaps.modules, gaps.rods])
-    assert (parts == object_distances(config, body)).all()
-    topology, points = ROBOT.topology, config.points
-    along = points[topology.c[topology.following]] - points[topology.b]
-    for i, opening in enumerate(gaps.openings):
-        one, other = along[i], -along[topology.previous[i]]
-        cosine = (one.conjugate() * other).real / abs(one) / abs(other)
-        assert opening == pytest.approx(np.arccos(cosine), abs=1e-7)
+    found, _ = collision_model(ROBOT).body_distances(config, body)
+    assert (found == object_distances(config, body)).all()
 
 
 @robots.examples(25)
 @given(positions=POSITIONS, center=CENTERS)
-def test_derivatives_of_gaps_are_those_of_differences(positions, center):
+def test_derivatives_of_distances_are_those_of_differences(positions, center):
     config, body, step = ROBOT.configuration(positions), ConvexObject.disc(center, 0.3), 1e-6
-    gaps = object_gaps(config, body)
+    distances, rows = collision_model(ROBOT).body_distances(config, body)
     # At the end of a rod the direction of the gradient jumps.
-    assume(gaps.rods.min() > -0.149)
+    assume(distances[-ROBOT.topology.n_modules :].min() > -0.149)
 
     def all_at(move):
-        return np.concatenate(
-            object_gaps(config.moved_to(config.roller_positions + move), body)[:4]
-        )
+        there = config.moved_to(config.roller_positions + move)
+        return collision_model(ROBOT).body_distances(there, body)[0]
 
     moves = step * np.eye(ROLLERS)
     numeric = np.column_stack([(all_at(m) - all_at(-m)) / (2.0 * step) for m in moves])
     # Where the nearest point passes from a side to its end the second derivative jumps.
-    assert gaps.by_rollers == pytest.approx(numeric, abs=2e-5)
+    assert rows @ config.node_jacobian == pytest.approx(numeric, abs=2e-5)

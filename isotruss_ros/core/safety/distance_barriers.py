@@ -7,7 +7,11 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Which distances need measuring: Verlet's neighbour list."""
+"""
+Barriers of distances: between parts of the robot, and to the object that it holds.
+
+Verlet's neighbour list says which of the distances need measuring.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +20,19 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.safety.barrier_law import EVERYTHING, Selection
+from isotruss_ros.core.safety.barrier_law import (
+    ActiveValues,
+    BarrierLaw,
+    EVERYTHING,
+    NOTHING,
+    Selection,
+)
+from isotruss_ros.core.safety.distances import collision_model
+from isotruss_ros.core.safety.object_distances import grip_gradients, object_distances
 import numpy as np
 
 #: Pairs that are this much farther apart than close are in the list too [m].
@@ -109,3 +123,103 @@ class NeighborList:
         self._listed = Measured(config, grip, smallest - self._near)
         close = distances < self._near
         return self._pairs[close], distances[close]
+
+
+class SelfCollisionBarrier:
+    """
+    Parts of the robot stay apart, see `CollisionModel`.
+
+    :param robot: the robot.
+    :param law: of the distance between surfaces [m].
+    """
+
+    status = Status.SLOWED_SELF_COLLISION
+    needs_object = False
+
+    def __init__(self, robot: Robot, law: BarrierLaw) -> None:
+        self.law = law
+        self._model = collision_model(robot)
+        self._neighbors = NeighborList(law.active_below)
+
+    def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
+        """
+        Return the pairs that are close.
+
+        :param config: where the robot is.
+        :param grip: not used.
+        """
+        pairs, distances = self._neighbors.find_close(
+            config, None, lambda indices: self.values(config, grip, indices)
+        )
+        if not len(pairs):
+            return NOTHING
+        return ActiveValues(pairs, distances, self._model.gradients(config, pairs))
+
+    def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
+        """
+        Return the distances of pairs [m].
+
+        :param config: where the robot is.
+        :param grip: not used.
+        :param indices: of the pairs.
+        """
+        return self._model.distances(config, indices)
+
+    def names(self, indices: Indices) -> list[str]:
+        """
+        Return the names of pairs.
+
+        :param indices: of the pairs.
+        """
+        return self._model.names(indices)
+
+
+class ObjectBarrier:
+    """
+    The robot stays clear of the object that it holds, beside the grip; see `CollisionModel`.
+
+    :param robot: the robot.
+    :param law: of the distance between surfaces [m].
+    """
+
+    status = Status.SLOWED_OBJECT
+    needs_object = True
+
+    def __init__(self, robot: Robot, law: BarrierLaw) -> None:
+        self.law = law
+        self._model = collision_model(robot)
+        self._neighbors = NeighborList(law.active_below)
+
+    def active(self, config: Configuration, grip: Grip) -> ActiveValues:
+        """
+        Return the parts that are close to the object.
+
+        :param config: where the robot is.
+        :param grip: what it holds.
+        """
+        parts, distances = self._neighbors.find_close(
+            config, grip, lambda indices: self.values(config, grip, indices)
+        )
+        if not len(parts):
+            return NOTHING
+        return ActiveValues(parts, distances, *grip_gradients(config, grip, parts))
+
+    def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
+        """
+        Return the distances of parts from the object; inf for those at the grip [m].
+
+        :param config: where the robot is.
+        :param grip: what it holds.
+        :param indices: of the parts.
+        """
+        far = self.law.active_below + SKIN
+        return object_distances(config, grip.body, grip.members, far, indices)
+
+    def names(self, indices: Indices) -> list[str]:
+        """
+        Return the names of parts.
+
+        :param indices: of the parts.
+        """
+        names = self._model.part_names()
+        return [f'{names[i]} and the object' for i in indices]
