@@ -17,7 +17,7 @@ from functools import partial
 import time
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
-from isotruss_msgs.msg import Contact, GraspState
+from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import load_robot, read_object
 from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
@@ -46,7 +46,6 @@ from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import CycleTimes, Level, WarningThrottle
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 from rclpy.parameter import Parameter
@@ -95,7 +94,6 @@ class GraspAnalysisNode(ManagedNode):
         self._cycle_times = CycleTimes()
         self._monitor: GraspMonitor | None = None
         self._drawn = 0.0
-        self._contacts: list[Contact] = []  # messages of the last cycle
         self.start()
 
     def configure(self) -> None:
@@ -119,8 +117,7 @@ class GraspAnalysisNode(ManagedNode):
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
         self._transforms = TransformBroadcaster(self, self._robot)
         self._markers = GraspMarkers(self._robot.frame)
-        self._inputs = PolledGroup()
-        subscribe_joint_states(self, self._robot, self._monitor, self._inputs)
+        subscribe_joint_states(self, self._robot, self._monitor)
         subscribe_input(
             self,
             PoseStamped,
@@ -128,8 +125,6 @@ class GraspAnalysisNode(ManagedNode):
             partial(read_object_pose, frame=self._robot.frame),
             self._monitor,
             'pose',
-            self._inputs,
-            reuse=True,
         )
         subscribe_input(
             self,
@@ -138,16 +133,12 @@ class GraspAnalysisNode(ManagedNode):
             self._read_wrench,
             self._monitor,
             'wrench',
-            self._inputs,
-            reuse=True,
         )
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Start the cycle and offer the service."""
-        self.cycle = Cycle(
-            self, self.values[RATE], self._step, self._inputs.take, self._clear_inputs
-        )
+        self.cycle = Cycle(self, self.values[RATE], self._step, self._clear_inputs)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
     def deactivate(self) -> None:
@@ -190,7 +181,6 @@ class GraspAnalysisNode(ManagedNode):
     def _analyze(
         self, request: AnalyzeGrasp.Request, response: AnalyzeGrasp.Response
     ) -> AnalyzeGrasp.Response:
-        self._inputs.take()
         now = self.now()
         try:
             query = read_query(request, self.values[SPACING], self.values[FLATTENING])
@@ -206,7 +196,7 @@ class GraspAnalysisNode(ManagedNode):
     def _step(self, now: Time) -> None:
         began = time.perf_counter()
         report = self._monitor.report(1e-9 * now.nanoseconds)
-        state = to_state_message(report, self._robot.frame, self._contacts)
+        state = to_state_message(report, self._robot.frame)
         self._states.publish(state)
         held = Bool(data=state.held)
         self._held.publish(held)

@@ -46,9 +46,8 @@ from isotruss_ros.nodes.conversions.messages import (
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
+from isotruss_ros.nodes.framework.subscriptions import discard_waiting, subscribe_newest
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from std_srvs.srv import SetBool
@@ -148,8 +147,7 @@ class Manipulation(ManagedNode):
         )
         if values[params.OBJECT]:
             self._servo.body = read_object(values[params.OBJECT])
-        self._inputs = PolledGroup()
-        self._trajectory = TrajectoryFollowing(self, self._servo, self._inputs)
+        self._trajectory = TrajectoryFollowing(self, self._servo)
         apply_settings(self._servo, values)
         self._apply_mode()
         self._apply_squeeze()
@@ -157,21 +155,14 @@ class Manipulation(ManagedNode):
         self._others = None
         self._apply_failures()
         self._commands = RollerCommands(self, len(self._robot.roller_names))
-        subscribe_joint_states(self, self._robot, self._servo, self._inputs)
-        subscribe_object_pose(self, self._robot, self._servo, self._inputs)
+        subscribe_joint_states(self, self._robot, self._servo)
+        subscribe_object_pose(self, self._robot, self._servo)
         if values[params.USE_STAMPED_TWIST]:
-            subscribe_input(
-                self,
-                TwistStamped,
-                'cmd_vel',
-                self._read_stamped_twist,
-                self._servo,
-                'twist',
-                self._inputs,
-                reuse=True,
+            self._twists = subscribe_input(
+                self, TwistStamped, 'cmd_vel', self._read_stamped_twist, self._servo, 'twist'
             )
         else:
-            subscribe_newest(self, Twist, 'cmd_vel', self._receive_twist, self._inputs, reuse=True)
+            self._twists = subscribe_newest(self, Twist, 'cmd_vel', self._receive_twist)
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
         self.diagnostics.hardware_id = self._robot.name
 
@@ -179,12 +170,10 @@ class Manipulation(ManagedNode):
         """Start the cycle."""
         self._discard_twist()
         self._trajectory.subscribe()
-        self._commands.subscribe()
         self.cycle = Cycle(
             self,
             self.values[params.RATE],
             self._step,
-            self._read_inputs,
             jumped_back=self._clear_inputs,
             stopped=self._halt_on_stopped_clock,
             progress_timeout=self._servo.timeout,
@@ -193,6 +182,7 @@ class Manipulation(ManagedNode):
     def deactivate(self) -> None:
         """Command zero velocities, and wait until the subscribers have received them."""
         self.cycle = None
+        self._commands.end()
         self._trajectory.abort('the node was deactivated')
         self._commands.stop()
         if not self._wait_for_zero():
@@ -250,13 +240,6 @@ class Manipulation(ManagedNode):
             if self.active:
                 self._commands.stop()
 
-    def _read_inputs(self) -> None:
-        """Read what has come since the last cycle, the stop before all else."""
-        self._stop.read()
-        self._failed_rollers.read()
-        self._check_others()
-        self._inputs.take()
-
     def _check_others(self) -> None:
         """Halt while another node commands the rollers, which do not follow this one then."""
         others = self._commands.find_others()
@@ -267,7 +250,7 @@ class Manipulation(ManagedNode):
 
     def _discard_twist(self) -> None:
         """Forget the last twist and those that wait: only a later one may move the object."""
-        self._inputs.take()
+        discard_waiting(self._twists)
         self._servo.twist = None
 
     def _clear_inputs(self) -> None:
@@ -389,6 +372,7 @@ class Manipulation(ManagedNode):
 
     def _step(self, now: Time) -> None:
         began = time.perf_counter()
+        self._check_others()
         decision = self._trajectory.decide(1e-9 * now.nanoseconds)
         self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, now)

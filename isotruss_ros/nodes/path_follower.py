@@ -38,7 +38,6 @@ from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.single_goal import (
@@ -116,7 +115,6 @@ class PathFollower(ManagedNode):
         self._twists = self.create_lifecycle_publisher(
             TwistStamped if self._stamped else Twist, 'cmd_vel', RELIABLE
         )
-        self._inputs = PolledGroup()
         subscribe_input(
             self,
             PoseStamped,
@@ -124,8 +122,6 @@ class PathFollower(ManagedNode):
             self._read_pose,
             self._servo,
             'pose',
-            self._inputs,
-            reuse=True,
         )
         subscribe_input(
             self,
@@ -134,8 +130,6 @@ class PathFollower(ManagedNode):
             self._read_status,
             self._servo,
             'servo_feedback',
-            self._inputs,
-            reuse=True,
         )
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
@@ -146,7 +140,7 @@ class PathFollower(ManagedNode):
             begin=self._begin,
             preempted=lambda: self._end(Outcome.PREEMPTED, 'a newer goal took over'),
             cancelled=lambda: self._end(Outcome.CANCELLED, 'cancelled by the client'),
-            supervision=self._inputs,
+            supervised=True,
         )
         self.diagnostics.hardware_id = self._robot.name
 
@@ -157,7 +151,6 @@ class PathFollower(ManagedNode):
             self,
             self.values[RATE],
             self._step,
-            self._inputs.take,
             jumped_back=self._clear_inputs,
             stopped=self._abort_on_stopped_clock,
             progress_timeout=self._servo.timeout,
@@ -208,7 +201,6 @@ class PathFollower(ManagedNode):
         """Begin to follow a path, or abort the goal with the reason."""
         self.cycles, self._last = 0, None
         values = self.values
-        self._inputs.take()
         try:
             settings = TrackingSettings(
                 goal.position_tolerance,

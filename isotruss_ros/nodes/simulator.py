@@ -45,9 +45,7 @@ from isotruss_ros.nodes.conversions.messages import (
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
-from isotruss_ros.nodes.framework.kept_message import KeptBytes
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.subscriptions import subscribe_once
@@ -141,10 +139,6 @@ class Simulator(ManagedNode):
         self.values.on_change(lambda _new: None, self._apply)
         self._joint_states = self.create_lifecycle_publisher(JointState, 'joint_states', RELIABLE)
         self._object_pose = self.create_lifecycle_publisher(PoseStamped, 'object_pose', RELIABLE)
-        # Made once: a message with its parts takes longer to make than to fill in.
-        self._joints = JointState(name=list(self._robot.roller_names))
-        self._pose = PoseStamped()
-        self._joints_bytes, self._pose_bytes = KeptBytes(self._joints), KeptBytes(self._pose)
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
@@ -153,13 +147,11 @@ class Simulator(ManagedNode):
         if speed > 0.0:
             ClockSource(self, self.values[params.RATE], speed)
         self._time = self._commanded = self.now()
-        inputs = PolledGroup()
         self.create_subscription(
             Float64MultiArray,
             'roller_velocity_controller/commands',
             self._receive_command,
             RELIABLE,
-            callback_group=inputs,
         )
         for kind, topic, receive in (
             (PoseStamped, 'place_object', self._place_object),
@@ -167,7 +159,7 @@ class Simulator(ManagedNode):
         ):
             subscribe_once(self, kind, topic, receive, self._report_missing)
         rate = self.values[params.RATE]
-        self.cycle = Cycle(self, rate, self._step, inputs.take, self._stop_on_clock_jump)
+        self.cycle = Cycle(self, rate, self._step, self._stop_on_clock_jump)
 
     def deactivate(self) -> None:
         """Stop the rollers."""
@@ -289,14 +281,16 @@ class Simulator(ManagedNode):
             self._report_contact(self._driven)
         if self._recorder is not None:
             self._recorder.record(1e-9 * now.nanoseconds)
-        joints, pose = self._joints, self._pose
-        joints.position = self._simulated.roller_positions.tolist()
-        joints.velocity = self._simulated.roller_velocities.tolist()
+        joints = JointState(
+            name=list(self._robot.roller_names),
+            position=self._simulated.roller_positions.tolist(),
+            velocity=self._simulated.roller_velocities.tolist(),
+        )
         stamp_header(joints.header, now)
-        self._joint_states.publish(self._joints_bytes.pack())
-        to_pose_message(self._simulated.object_pose, pose.pose)
+        self._joint_states.publish(joints)
+        pose = PoseStamped(pose=to_pose_message(self._simulated.object_pose))
         stamp_header(pose.header, now, self._robot.frame)
-        self._object_pose.publish(self._pose_bytes.pack())
+        self._object_pose.publish(pose)
 
     def details(self) -> dict[str, object]:
         """Return how far MuJoCo is behind the clock, by name."""

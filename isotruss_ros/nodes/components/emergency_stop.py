@@ -50,7 +50,7 @@ class EmergencyStop:
         self._stopped = False
         #: What else stops the rollers; the first of the reasons is kept.
         self._cause: str | None = None
-        self._messages = EveryMessage(
+        EveryMessage(
             node,
             Bool,
             NAME,
@@ -74,10 +74,6 @@ class EmergencyStop:
         if self._last is None and self._required():
             return f'no message of {NAME} received yet, and require_emergency_stop is set'
         return None
-
-    def read(self) -> None:
-        """Receive the messages that wait."""
-        self._messages.read()
 
     def _receive(self, messages: list[Bool]) -> None:
         before = self._last, self._stopped

@@ -45,7 +45,6 @@ from isotruss_ros.nodes.framework.single_goal import (
 )
 from isotruss_ros.nodes.framework.subscriptions import subscribe_once
 import numpy as np
-from rclpy.callback_groups import CallbackGroup
 from trajectory_msgs.msg import JointTrajectory
 
 TOPIC = 'joint_trajectory_controller/joint_trajectory'
@@ -66,11 +65,10 @@ class TrajectoryFollowing:
 
     :param node: subscribes while it is active.
     :param servo: of the twists; its roller positions count, and it learns what is commanded.
-    :param group: of the subscription to the clients that supervise their goals.
     """
 
-    def __init__(self, node: ManagedNode, servo: TwistServo, group: CallbackGroup) -> None:
-        self._node, self._servo, self._group = node, servo, group
+    def __init__(self, node: ManagedNode, servo: TwistServo) -> None:
+        self._node, self._servo = node, servo
         self._follower = RollerTrajectoryServo(servo.robot, servo.timeout)
         self._outcome: tuple[Status, str] | None = None
         self._accepted, self._feedback_time = False, -np.inf
@@ -176,7 +174,7 @@ class TrajectoryFollowing:
                 Ending.ABORTED, Result.PATH_TOLERANCE_VIOLATED, REPLACED
             ),
             cancelled=self._cancel,
-            supervision=self._group,
+            supervised=True,
         )
         return goal
 

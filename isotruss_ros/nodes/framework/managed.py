@@ -12,8 +12,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import inspect
 import traceback
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework import parameters as params
@@ -21,15 +22,20 @@ from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Diagnostics, Level
 from lifecycle_msgs.srv import ChangeState
 from rclpy.action import ActionClient, ActionServer
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle.publisher import LifecyclePublisher
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 
 SUCCESS = TransitionCallbackReturn.SUCCESS
 FAILURE = TransitionCallbackReturn.FAILURE
 ERROR = TransitionCallbackReturn.ERROR
+NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 
 
 class StartError(IsotrussError, RuntimeError):
@@ -144,6 +150,16 @@ class ManagedNode(LifecycleNode):
         super().destroy_node()
         self._state_machine.destroy_when_not_in_use()
 
+    def create_lifecycle_publisher(self, *arguments: Any, **options: Any) -> LifecyclePublisher:
+        """
+        Create a publisher without the events of rclpy, each of which costs in every cycle.
+
+        :param arguments: as rclpy has them.
+        :param options: likewise.
+        """
+        options.setdefault('event_callbacks', NO_EVENTS)
+        return super().create_lifecycle_publisher(*arguments, **options)
+
     def keep(self, entity: object) -> None:
         """
         Have an entity outlive the present state, as if it had been created with the node.
@@ -172,6 +188,7 @@ class ManagedNode(LifecycleNode):
         :param state: the state before.
         """
         self._failure = None
+        ignore_negative_time(self)  # which may be simulated since it was unconfigured
         self._entities.begin('configured')
         result = self._try_step('configure', self.configure)
         if result == SUCCESS:
@@ -295,6 +312,16 @@ class _EntityScopes:
         """Record what is there before a state begins."""
         self._before[state] = {id(entity): entity for entity, _ in self._list()}
 
+    def create_lifecycle_publisher(self, *arguments: Any, **options: Any) -> LifecyclePublisher:
+        """
+        Create a publisher without the events of rclpy, each of which costs in every cycle.
+
+        :param arguments: as rclpy has them.
+        :param options: likewise.
+        """
+        options.setdefault('event_callbacks', NO_EVENTS)
+        return super().create_lifecycle_publisher(*arguments, **options)
+
     def keep(self, entity: object) -> None:
         """Leave an entity there when the present states end."""
         for before in self._before.values():
@@ -331,28 +358,33 @@ def ignore_negative_time(node: Node) -> None:
     """
     Drop messages on `/clock` with a time before zero, on which rclpy would raise.
 
-    :param node: a node that may go by simulated time, now or later.
+    :param node: a node that may go by simulated time.
     """
-    source = node._time_source
-    take = source.clock_callback
+    for subscription in node.subscriptions:
+        # The callback of rclpy itself is a method.
+        if subscription.topic_name == '/clock' and inspect.ismethod(subscription.callback):
+            _check_times(subscription, node.get_logger())
+
+
+def _check_times(subscription: Subscription, logger: RcutilsLogger) -> None:
+    take = subscription.callback
 
     def take_checked(message: Clock) -> None:
-        if message.clock.sec < 0:
-            node.get_logger().warning(
-                f'/clock: {message.clock.sec} s is before zero; the time stays as it is',
-                throttle_duration_sec=1.0,
-            )
+        if message.clock.sec >= 0:
+            take(message)
             return
-        take(message)
+        logger.warning(
+            f'/clock: {message.clock.sec} s is before zero; the time stays as it is',
+            throttle_duration_sec=1.0,
+        )
 
-    source.clock_callback = take_checked
-    if source._clock_sub is not None:
-        source._clock_sub.callback = take_checked
+    subscription.callback = take_checked
 
 
 def _reject_unknown_transitions(node: LifecycleNode) -> None:
     """Reject a transition that does not exist in the present state, on which rclpy would raise."""
-    service = node._service_change_state
+    name = node.resolve_service_name('~/change_state')
+    (service,) = (service for service in node.services if service.service_name == name)
     change = service.callback
 
     def change_checked(

@@ -20,7 +20,6 @@ from types import FrameType
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -136,17 +135,10 @@ def _report(what: str, why: str) -> int:
     return 1
 
 
-def _make_executor(node: StoppableNode | ManagedNode) -> SingleThreadedExecutor:
-    if isinstance(node, ManagedNode):
-        return PacedExecutor(node)
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    return executor
-
-
 def _spin(node: StoppableNode | ManagedNode, interruption: Interruption) -> None:
     """Spin until interrupted; an error out of a callback stops the robot, not the process."""
-    executor = _make_executor(node)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
     while not interruption.received:
         try:
             # A signal ends no wait, but every node has a timer. A timeout would create one more

@@ -20,7 +20,6 @@ from action_msgs.msg import GoalInfo
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
-from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -55,8 +54,7 @@ class SingleGoal:
     :param begin: called with a new goal; may end it at once.
     :param preempted: called before that if another goal is active; must end it.
     :param cancelled: called when a client cancels the goal; must end it, at once or soon.
-    :param supervision: group of the subscription to `supervised_goal`; None where goals do not
-        end with their client.
+    :param supervised: whether goals end with their client, as `supervised_goal` tells.
     """
 
     def __init__(
@@ -68,7 +66,7 @@ class SingleGoal:
         begin: Callable[[Any], None],
         preempted: Callable[[], None],
         cancelled: Callable[[], None],
-        supervision: CallbackGroup | None = None,
+        supervised: bool = False,
     ) -> None:
         self.kind = kind
         self._clock = node.get_clock()
@@ -79,8 +77,8 @@ class SingleGoal:
         #: The goal that its client supervised last, and when [s].
         self._supervised = (b'', 0.0)
         # Before the action: who has discovered that has discovered the subscription, too.
-        if supervision is not None:
-            subscribe_newest(node, GoalInfo, SUPERVISION, self._note_client, supervision)
+        if supervised:
+            subscribe_newest(node, GoalInfo, SUPERVISION, self._note_client)
         ActionServer(
             node,
             kind,

@@ -10,7 +10,8 @@
 """
 Subscriptions to the newest message, to what is published once, and to every message.
 
-rclpy takes one message of a queue in every turn of the executor; these take what is there at once.
+rclpy takes one message of a queue in every turn of the executor. Where each message counts, what
+waits is taken at once.
 """
 
 from __future__ import annotations
@@ -18,10 +19,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TYPE_CHECKING
 
-from isotruss_ros.nodes.framework.kept_message import KeptMessage
 from isotruss_ros.nodes.framework.qos import EVERY, EVERY_LATCHED, NEWEST, RELIABLE
 from isotruss_ros.nodes.framework.silent_publishers import SilentPublishers
-from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -37,38 +36,16 @@ MAX_BACKLOG = 1000
 
 
 def subscribe_newest(
-    node: Node,
-    kind: type,
-    topic: str,
-    callback: Callable[[Any], None],
-    group: CallbackGroup | None = None,
-    reuse: bool = False,
-) -> None:
+    node: Node, kind: type, topic: str, callback: Callable[[Any], None]
+) -> Subscription:
     """
-    Call back with the newest message of a topic; older ones that wait are dropped.
-
-    A queue for one message would do the same, but while its only message is being taken the next
-    one has no room, and Fast DDS then loses the memory of that (some 100 bytes for each message of
-    a flood).
+    Call back with the newest messages of a topic; older ones that wait are dropped.
 
     :param node: subscribes, best-effort.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
-    :param callback: called with a message, as the node's other callbacks are.
-    :param group: of the subscription; that of the node if None.
-    :param reuse: call back with one message, filled anew each time: quicker, for callbacks that do
-        not keep it.
+    :param callback: called with a message.
     """
-    kept = KeptMessage(kind) if reuse else None
-
-    def take(message: Any) -> None:
-        waiting = _take_waiting([message], subscription, 1 + NEWEST.depth)
-        if kept is None:
-            callback(waiting[-1])
-            return
-        newest = next(filter(None, map(kept.read, reversed(waiting))), None)
-        if newest is not None:  # bytes may be no message
-            callback(newest)
 
     def warn_of_type(_event: Any) -> None:
         node.get_logger().warning(
@@ -76,20 +53,20 @@ def subscribe_newest(
             'not received'
         )
 
-    # No quality of service is incompatible with this one. Every event that is waited for costs the
-    # executor some microseconds in every cycle.
+    # No quality of service is incompatible with this one.
     events = SubscriptionEventCallbacks(
         incompatible_type=warn_of_type, use_default_callbacks=False
     )
-    subscription = node.create_subscription(
-        kind,
-        topic,
-        take,
-        NEWEST,
-        callback_group=group,
-        event_callbacks=events,
-        raw=reuse,
-    )
+    return node.create_subscription(kind, topic, callback, NEWEST, event_callbacks=events)
+
+
+def discard_waiting(subscription: Subscription) -> None:
+    """
+    Drop the messages that wait for a callback.
+
+    :param subscription: of a node.
+    """
+    _take_waiting([], subscription, MAX_BATCH)
 
 
 def subscribe_once(
