@@ -7,10 +7,20 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""What a process does before its first cycle."""
+"""Nodes as processes run them: cycles by the clock, other callbacks before each."""
 
 import subprocess
 import sys
+import time
+
+from geometry_msgs.msg import Twist
+from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
+from isotruss_ros.nodes.manipulation import Manipulation
+from probe import begin_context, Probe
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
 
 START = """
 import sys
@@ -28,5 +38,92 @@ assert run(make_node) == 1
 """
 
 
+@pytest.fixture
+def nodes():
+    """Return a running node, a probe and the node's executor."""
+    begin_context()
+    node = Manipulation([Parameter('rate', value=200.0), Parameter('command_timeout', value=10.0)])
+    probe = Probe(Twist)
+    yield node, probe, PacedExecutor(node)
+    node.stop()
+    node.destroy_node()
+    probe.destroy_node()
+    rclpy.shutdown()
+
+
 def test_no_cycle_waits_for_an_import():
     subprocess.run([sys.executable, '-c', START], check=True, timeout=300)
+
+
+def until(executor, probe, what, each=lambda: None):
+    """Spin node and probe until something holds."""
+    end = time.monotonic() + 240.0
+    while not what():
+        assert time.monotonic() < end
+        each()
+        executor.spin_once(timeout_sec=0.01)
+        rclpy.spin_once(probe, timeout_sec=0.0)
+
+
+def moving(probe):
+    """Return whether the last command moves the rollers."""
+    command = probe.last('command')
+    return command is not None and any(command.data)
+
+
+def send_inputs(probe):
+    """Publish the measured inputs."""
+    probe.send_joints()
+    probe.send_pose()
+
+
+def move(executor, probe):
+    """Spin until a twist moves the rollers."""
+    until(executor, probe, lambda: moving(probe), probe.send_all)
+
+
+def test_cycles_and_services_both_run(nodes):
+    _node, probe, executor = nodes
+    move(executor, probe)
+    client = probe.create_client(Trigger, 'emergency_stop')
+    until(executor, probe, client.service_is_ready)
+    answer = client.call_async(Trigger.Request())
+    until(executor, probe, answer.done)
+    assert 'emergency_stop' in answer.result().message
+    until(executor, probe, lambda: not moving(probe), probe.send_all)
+
+
+def test_a_twist_from_before_the_activation_moves_nothing(nodes):
+    node, probe, executor = nodes
+    move(executor, probe)
+    node.trigger_deactivate()
+    until(executor, probe, lambda: not moving(probe), probe.send_all)
+    for _ in range(20):
+        probe.send_all()
+        rclpy.spin_once(probe, timeout_sec=0.01)
+    node.trigger_activate()
+    probe.seen['command'].clear()
+    until(executor, probe, lambda: len(probe.seen['command']) > 5, lambda: send_inputs(probe))
+    assert not any(any(m.data) for _, m in probe.seen['command'])
+    move(executor, probe)
+
+
+def test_services_respond_without_a_cycle(nodes):
+    node, probe, executor = nodes
+    node.trigger_deactivate()
+    assert node.cycle is None
+    client = probe.create_client(Trigger, 'release_emergency_stop')
+    until(executor, probe, client.service_is_ready)
+    answer = client.call_async(Trigger.Request())
+    until(executor, probe, answer.done)
+
+
+def test_an_error_of_a_callback_reaches_the_caller(nodes):
+    node, probe, executor = nodes
+
+    def fail():
+        raise ArithmeticError('of a timer')
+
+    node.create_timer(0.001, fail)
+    with pytest.raises(ArithmeticError, match='of a timer'):
+        until(executor, probe, lambda: False)

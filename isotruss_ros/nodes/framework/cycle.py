@@ -73,6 +73,20 @@ class Cycle:
             self._progress_timeout = progress_timeout
             self._watchdog.timer_period_ns = int(1e9 * _watch_period(progress_timeout))
 
+    @property
+    def is_steady(self) -> bool:
+        """Return whether the cycles follow each other by the steady clock."""
+        return self._timer.clock.clock_type == ClockType.STEADY_TIME
+
+    def time_left(self) -> float:
+        """Return the time until the next cycle is due; negative where it is late [s]."""
+        return 1e-9 * self._timer.time_until_next_call()
+
+    def run(self) -> None:
+        """Run the next cycle without an executor."""
+        self._timer.handle.call_timer()
+        self._tick()
+
     def _tick(self) -> None:
         now = self._clock.now()
         if now.nanoseconds < self._last:

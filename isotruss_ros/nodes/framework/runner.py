@@ -20,8 +20,8 @@ from types import FrameType
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
@@ -35,6 +35,8 @@ USED_LATE = ('scipy.optimize', 'scipy.interpolate')
 
 class StoppableNode(Node):
     """A node, not managed, that has to stop the robot before the process ends."""
+
+    cycle = None
 
     def stop(self) -> None:
         """Leave the robot safe; publishers still work."""
@@ -137,8 +139,7 @@ def _report(what: str, why: str) -> int:
 
 def _spin(node: StoppableNode | ManagedNode, interruption: Interruption) -> None:
     """Spin until interrupted; an error out of a callback stops the robot, not the process."""
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
+    executor = PacedExecutor(node)
     while not interruption.received:
         try:
             # A signal ends no wait, but every node has a timer. A timeout would create one more
