@@ -24,6 +24,7 @@ from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.control.grasp_monitor import GraspMonitor
 from isotruss_ros.core.control.grasp_report import GraspCode, GraspReport
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.sensors import (
     format_age,
     subscribe_input,
@@ -53,7 +54,7 @@ from rclpy.time import Time
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
-RATE = replace(params.RATE, bounds=(1.0, 1000.0))
+RATE = replace(common.RATE, bounds=(1.0, 1000.0))
 # Not finer: for an object as large as the robot, memory grows with the square of the points.
 SPACING = params.Spec(
     'spacing', 0.005, 'Distance of the points that can touch, along the tubes [m]', (0.002, 0.1)
@@ -65,12 +66,12 @@ FLATTENING = params.Spec(
     'only whether the object is held with flattening',
 )
 SPECS = (
-    params.ROBOT,
-    params.OBJECT_DIAMETER,
-    params.OBJECT,
-    params.FRICTION,
+    common.ROBOT,
+    common.OBJECT_DIAMETER,
+    common.OBJECT,
+    common.FRICTION,
     RATE,
-    params.COMMAND_TIMEOUT,
+    common.COMMAND_TIMEOUT,
     SPACING,
     FLATTENING,
 )
@@ -99,15 +100,15 @@ class GraspAnalysisNode(ManagedNode):
     def configure(self) -> None:
         """Load the robot, create publishers and subscriptions."""
         values = self.values
-        self._robot = load_robot(values[params.ROBOT])
+        self._robot = load_robot(values[common.ROBOT])
         values.on_change(lambda _new: None, self._apply)
         self._monitor = GraspMonitor(
             self._robot,
-            values[params.OBJECT_DIAMETER],
-            values[params.FRICTION],
+            values[common.OBJECT_DIAMETER],
+            values[common.FRICTION],
             values[SPACING],
-            values[params.COMMAND_TIMEOUT],
-            read_object(values[params.OBJECT]) if values[params.OBJECT] else None,
+            values[common.COMMAND_TIMEOUT],
+            read_object(values[common.OBJECT]) if values[common.OBJECT] else None,
             values[FLATTENING],
         )
         self._states = self.create_lifecycle_publisher(GraspState, 'grasp/state', RELIABLE)
@@ -167,11 +168,11 @@ class GraspAnalysisNode(ManagedNode):
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""
-        self._monitor.object_diameter = self.values[params.OBJECT_DIAMETER]
-        self._monitor.friction = self.values[params.FRICTION]
+        self._monitor.object_diameter = self.values[common.OBJECT_DIAMETER]
+        self._monitor.friction = self.values[common.FRICTION]
         self._monitor.spacing = self.values[SPACING]
         self._monitor.flattening = self.values[FLATTENING]
-        self._monitor.timeout = self.values[params.COMMAND_TIMEOUT]
+        self._monitor.timeout = self.values[common.COMMAND_TIMEOUT]
         if self.cycle is not None:
             self.cycle.change(self.values[RATE])
 
@@ -229,10 +230,5 @@ class GraspAnalysisNode(ManagedNode):
             self._drawn = now
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the analysis until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(GraspAnalysisNode, args)
+#: Run the analysis until it is interrupted.
+main = partial(run, GraspAnalysisNode)

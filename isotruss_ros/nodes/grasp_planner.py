@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 import time
 
 from isotruss_msgs.action import PlanGrasp
@@ -21,6 +22,7 @@ from isotruss_ros.core.control.inputs import Input, InputError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.sensors import format_age, subscribe_joint_states
 from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.plan_messages import (
@@ -43,7 +45,7 @@ WORKERS = params.Spec(
     'Processes that search, one for each core if 0',
     read_only=True,
 )
-SPECS = (params.ROBOT, params.OBJECT, params.COMMAND_TIMEOUT, WORKERS)
+SPECS = (common.ROBOT, common.OBJECT, common.COMMAND_TIMEOUT, WORKERS)
 #: Periods at which the node polls a search, and publishes feedback [s].
 PERIOD, FEEDBACK_PERIOD = 0.02, 0.1
 #: How the action ends with each outcome; with all others it is aborted.
@@ -94,12 +96,12 @@ class GraspPlanner(ManagedNode):
                 f'parameter workers: {workers}: must be from 0 (as many as there are cores) '
                 f'to {MAX_WORKERS}'
             )
-        self._robot = load_robot(self.values[params.ROBOT])
-        described = self.values[params.OBJECT]
+        self._robot = load_robot(self.values[common.ROBOT])
+        described = self.values[common.OBJECT]
         self._described = read_object(described) if described else None
         self._searcher = Searcher(workers)
         self._shape = TrackedShape(self._robot)
-        self._inputs = PlannerInputs(self.values[params.COMMAND_TIMEOUT])
+        self._inputs = PlannerInputs(self.values[common.COMMAND_TIMEOUT])
         self.values.on_change(lambda _new: None, self._apply)
         subscribe_joint_states(self, self._robot, self._inputs)
         # There while the node is inactive too, so that a goal that ends then gets its result.
@@ -148,7 +150,7 @@ class GraspPlanner(ManagedNode):
         return details
 
     def _apply(self) -> None:
-        self._inputs.timeout = self.values[params.COMMAND_TIMEOUT]
+        self._inputs.timeout = self.values[common.COMMAND_TIMEOUT]
 
     # -- The action --
 
@@ -201,10 +203,5 @@ class GraspPlanner(ManagedNode):
             self.get_logger().warning(text)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the planner until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(GraspPlanner, args)
+#: Run the planner until it is interrupted.
+main = partial(run, GraspPlanner)

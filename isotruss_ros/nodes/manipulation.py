@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 import time
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -21,6 +22,7 @@ from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.emergency_stop import EmergencyStop
 from isotruss_ros.nodes.components.failed_rollers import (
     check_failed_rollers,
@@ -90,13 +92,13 @@ MODES = ('object', 'joint')
 #: The type of the publishers of cmd_vel is looked up this often while no twist comes [s].
 TYPE_CHECK_PERIOD = 1.0
 SPECS = (
-    params.ROBOT,
+    common.ROBOT,
     MODE,
     JOINT,
-    params.USE_STAMPED_TWIST,
-    params.REQUIRE_EMERGENCY_STOP,
-    params.OBJECT,
-    params.FRICTION,
+    common.USE_STAMPED_TWIST,
+    common.REQUIRE_EMERGENCY_STOP,
+    common.OBJECT,
+    common.FRICTION,
     SQUEEZE_FORCE,
     MIN_SLIP_MARGIN,
     POSE_GAIN,
@@ -124,7 +126,7 @@ class Manipulation(ManagedNode):
         self._others: str | None = None
         self._stop = EmergencyStop(
             self,
-            lambda: self.values[params.REQUIRE_EMERGENCY_STOP],
+            lambda: self.values[common.REQUIRE_EMERGENCY_STOP],
             self._apply_stop,
             self._wait_for_zero,
         )
@@ -135,18 +137,18 @@ class Manipulation(ManagedNode):
     def configure(self) -> None:
         """Load the robot, create publishers and subscriptions."""
         values = self.values
-        self._robot = load_robot(values[params.ROBOT])
+        self._robot = load_robot(values[common.ROBOT])
         values.on_change(self._check, self._apply)
         self._report = StatusReport(self, self._robot.frame)
         self._servo = TwistServo(
             self._robot,
-            params.select_grip_module(self._robot, values[params.GRIP_MODULE]),
-            values[params.OBJECT_DIAMETER],
-            period=1.0 / values[params.RATE],
-            timeout=values[params.COMMAND_TIMEOUT],
+            common.select_grip_module(self._robot, values[common.GRIP_MODULE]),
+            values[common.OBJECT_DIAMETER],
+            period=1.0 / values[common.RATE],
+            timeout=values[common.COMMAND_TIMEOUT],
         )
-        if values[params.OBJECT]:
-            self._servo.body = read_object(values[params.OBJECT])
+        if values[common.OBJECT]:
+            self._servo.body = read_object(values[common.OBJECT])
         self._trajectory = TrajectoryFollowing(self, self._servo)
         apply_settings(self._servo, values)
         self._apply_mode()
@@ -157,7 +159,7 @@ class Manipulation(ManagedNode):
         self._commands = RollerCommands(self, len(self._robot.roller_names))
         subscribe_joint_states(self, self._robot, self._servo)
         subscribe_object_pose(self, self._robot, self._servo)
-        if values[params.USE_STAMPED_TWIST]:
+        if values[common.USE_STAMPED_TWIST]:
             self._twists = subscribe_input(
                 self, TwistStamped, 'cmd_vel', self._read_stamped_twist, self._servo, 'twist'
             )
@@ -172,7 +174,7 @@ class Manipulation(ManagedNode):
         self._trajectory.subscribe()
         self.cycle = Cycle(
             self,
-            self.values[params.RATE],
+            self.values[common.RATE],
             self._step,
             jumped_back=self._clear_inputs,
             stopped=self._halt_on_stopped_clock,
@@ -281,8 +283,7 @@ class Manipulation(ManagedNode):
             self._trajectory.abort(self._servo.stopped[1])
 
     def _check(self, new: dict[str, params.Value]) -> None:
-        params.check_grip_module(self._robot, new)
-        params.check_grip(self._robot, new)
+        common.check_grip(self._robot, new)
         check_failed_rollers(self._robot, new)
         mode, joint = (new.get(spec.name, self.values[spec]) for spec in (MODE, JOINT))
         if mode not in MODES:
@@ -300,7 +301,7 @@ class Manipulation(ManagedNode):
         self._apply_squeeze()
         self._apply_failures()
         if self.cycle is not None:
-            self.cycle.change(self.values[params.RATE], self._servo.timeout)
+            self.cycle.change(self.values[common.RATE], self._servo.timeout)
 
     def _apply_mode(self) -> None:
         """Choose what twists move; where that changes, halt at once until the next twist."""
@@ -326,7 +327,7 @@ class Manipulation(ManagedNode):
     def _apply_squeeze(self) -> None:
         """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""
         values, servo = self.values, self._servo
-        servo.friction = values[params.FRICTION]
+        servo.friction = values[common.FRICTION]
         if servo.body is not None and servo.body.friction is not None:
             servo.friction = servo.body.friction
         if values[SQUEEZE_FORCE] == 0.0:
@@ -358,7 +359,7 @@ class Manipulation(ManagedNode):
         twist, servo = self._servo.twist, self._servo
         if isinstance(twist, StampedInput) and self.now() - twist.time < servo.timeout:
             return
-        stamped = self.values[params.USE_STAMPED_TWIST]
+        stamped = self.values[common.USE_STAMPED_TWIST]
         wrong, right = ('Twist', 'TwistStamped') if stamped else ('TwistStamped', 'Twist')
         found = self.get_publishers_info_by_topic('cmd_vel')
         rejected = RejectedInput(
@@ -379,10 +380,5 @@ class Manipulation(ManagedNode):
         self._report.add_cycle_time(time.perf_counter() - began)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the manipulation node until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(Manipulation, args)
+#: Run the manipulation node until it is interrupted.
+main = partial(run, Manipulation)

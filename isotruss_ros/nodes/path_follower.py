@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from isotruss_msgs.action import FollowObjectPath
@@ -23,6 +24,7 @@ from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedba
 from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.errors import NoMotionError
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.sensors import format_age, subscribe_input
 from isotruss_ros.nodes.conversions.messages import (
     read_object_pose,
@@ -49,7 +51,7 @@ import numpy as np
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 
-RATE = replace(params.RATE, bounds=(10.0, 1000.0))
+RATE = replace(common.RATE, bounds=(10.0, 1000.0))
 POSITION_GAIN = params.Spec(
     'position_gain', 2.0, 'Rate at which errors of position decay [1/s]', bounds=(0.0, 20.0)
 )
@@ -69,10 +71,10 @@ SMOOTH_PATH = params.Spec(
     'smooth_path', False, 'Round the corners of paths; straight from pose to pose if not'
 )
 SPECS = (
-    params.ROBOT,
+    common.ROBOT,
     RATE,
-    params.COMMAND_TIMEOUT,
-    params.USE_STAMPED_TWIST,
+    common.COMMAND_TIMEOUT,
+    common.USE_STAMPED_TWIST,
     POSITION_GAIN,
     ANGLE_GAIN,
     RAMP_TIME,
@@ -108,10 +110,10 @@ class PathFollower(ManagedNode):
     def configure(self) -> None:
         """Create publishers and subscriptions, and offer the action."""
         values = self.values
-        self._robot = load_robot(values[params.ROBOT])
-        self._servo = PathServo(1.0 / values[RATE], values[params.COMMAND_TIMEOUT])
+        self._robot = load_robot(values[common.ROBOT])
+        self._servo = PathServo(1.0 / values[RATE], values[common.COMMAND_TIMEOUT])
         values.on_change(lambda _new: None, self._apply)
-        self._stamped = values[params.USE_STAMPED_TWIST]
+        self._stamped = values[common.USE_STAMPED_TWIST]
         self._twists = self.create_lifecycle_publisher(
             TwistStamped if self._stamped else Twist, 'cmd_vel', RELIABLE
         )
@@ -190,7 +192,7 @@ class PathFollower(ManagedNode):
 
     def _apply(self) -> None:
         """Apply changed parameters; gains and the like from the next goal on."""
-        self._servo.timeout = self.values[params.COMMAND_TIMEOUT]
+        self._servo.timeout = self.values[common.COMMAND_TIMEOUT]
         self._servo.period = 1.0 / self.values[RATE]
         if self.cycle is not None:
             self.cycle.change(self.values[RATE], self._servo.timeout)
@@ -282,10 +284,5 @@ class PathFollower(ManagedNode):
         self._twists.publish(message)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the path follower until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(PathFollower, args)
+#: Run the path follower until it is interrupted.
+main = partial(run, PathFollower)

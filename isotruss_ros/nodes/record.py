@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 import contextlib
+from functools import partial
 import json
 from pathlib import Path
 import time
@@ -197,10 +198,5 @@ def _make_node() -> Record:
     return node
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Record until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(_make_node, args)
+#: Record until it is interrupted.
+main = partial(run, _make_node)

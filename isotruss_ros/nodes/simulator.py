@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.core import (
@@ -26,6 +27,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.recording import PlantRecorder
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.clock_source import CLOCK_SPEED, ClockSource
 from isotruss_ros.nodes.components.mujoco_object import (
     make_driven_robot,
@@ -96,12 +98,12 @@ SLIP = params.Spec(
 )
 SEED = params.Spec('seed', 0, 'Seed of the noise and the slip, not negative', read_only=True)
 SPECS = (
-    params.ROBOT,
+    common.ROBOT,
     *OBJECT_SPECS,
     PLANT,
     STIFFNESS_SCALE,
-    params.RATE,
-    params.COMMAND_TIMEOUT,
+    common.RATE,
+    common.COMMAND_TIMEOUT,
     NOISE,
     SPEED_LIMIT,
     STUCK_ROLLER,
@@ -132,7 +134,7 @@ class Simulator(ManagedNode):
 
     def configure(self) -> None:
         """Put the robot at home, with the object grasped or free."""
-        self._robot = load_robot(self.values[params.ROBOT])
+        self._robot = load_robot(self.values[common.ROBOT])
         self._simulated = self._make_robot()
         plant = None if self._driven is None else self._driven.plant
         self._recorder = make_recorder(plant, self.values[RECORDING])
@@ -145,7 +147,7 @@ class Simulator(ManagedNode):
         """Follow commands from now on; none is active yet."""
         speed = self.values[CLOCK_SPEED]
         if speed > 0.0:
-            ClockSource(self, self.values[params.RATE], speed)
+            ClockSource(self, self.values[common.RATE], speed)
         self._time = self._commanded = self.now()
         self.create_subscription(
             Float64MultiArray,
@@ -158,7 +160,7 @@ class Simulator(ManagedNode):
             (WrenchStamped, 'external_wrench', self._receive_wrench),
         ):
             subscribe_once(self, kind, topic, receive, self._report_missing)
-        rate = self.values[params.RATE]
+        rate = self.values[common.RATE]
         self.cycle = Cycle(self, rate, self._step, self._stop_on_clock_jump)
 
     def deactivate(self) -> None:
@@ -213,7 +215,7 @@ class Simulator(ManagedNode):
 
     def _apply(self) -> None:
         if self.cycle is not None:
-            self.cycle.change(self.values[params.RATE])
+            self.cycle.change(self.values[common.RATE])
 
     def _stop_on_clock_jump(self) -> None:
         """Stop the rollers: after a jump of the clock the age of the command is unknown."""
@@ -259,7 +261,7 @@ class Simulator(ManagedNode):
     def _advance(self, time: Time) -> None:
         """Integrate to a time; a command that is not repeated ends after `command_timeout`."""
         now = 1e-9 * time.nanoseconds
-        expiry = self._commanded + self.values[params.COMMAND_TIMEOUT]
+        expiry = self._commanded + self.values[common.COMMAND_TIMEOUT]
         elapsed = min(now, expiry) - self._time
         try:
             if elapsed > 0.0:  # simulated time advances in steps
@@ -325,10 +327,5 @@ class Simulator(ManagedNode):
             self.get_logger().warning(words)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the simulator until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(Simulator, args)
+#: Run the simulator until it is interrupted.
+main = partial(run, Simulator)

@@ -22,6 +22,7 @@ import time
 import tty
 
 from geometry_msgs.msg import Twist, TwistStamped
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.qos import RELIABLE
@@ -74,9 +75,9 @@ class Teleop(StoppableNode):
         super().__init__('teleop', parameter_overrides=list(parameter_overrides))
         rate = params.Spec('rate', 20.0, 'Twists per second [Hz]', bounds=(1.0, 200.0))
         self._values = params.Parameters(
-            self, (rate, SPEED, TURN, KEY_TIMEOUT, params.USE_STAMPED_TWIST, FRAME)
+            self, (rate, SPEED, TURN, KEY_TIMEOUT, common.USE_STAMPED_TWIST, FRAME)
         )
-        self._stamped = self._values[params.USE_STAMPED_TWIST]
+        self._stamped = self._values[common.USE_STAMPED_TWIST]
         kind = TwistStamped if self._stamped else Twist
         self._twists = self.create_publisher(kind, 'cmd_vel', RELIABLE)
         self._direction = KEYS[' ']

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 import math
 import time
 from typing import TYPE_CHECKING
@@ -20,6 +21,7 @@ from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, read_object
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.object_goals import ObjectGoals
 from isotruss_ros.nodes.components.plant_choice import PlantChoice
 from isotruss_ros.nodes.conversions.messages import (
@@ -69,10 +71,10 @@ MAX_SPEED = params.Spec(
     'max_speed', 0.05, 'Largest speed of what is dragged [m/s]', bounds=(0.001, 1.0)
 )
 SPECS = (
-    params.ROBOT,
-    params.OBJECT_DIAMETER,
-    params.OBJECT,
-    params.FRICTION,
+    common.ROBOT,
+    common.OBJECT_DIAMETER,
+    common.OBJECT,
+    common.FRICTION,
     HOST,
     PORT,
     RATE,
@@ -100,10 +102,10 @@ class Viewer(StoppableNode):
         super().__init__('viewer', parameter_overrides=list(parameter_overrides))
         self.values = params.Parameters(self, SPECS)
         self.picture = Picture(
-            load_robot(self.values[params.ROBOT]), self.values[params.OBJECT_DIAMETER]
+            load_robot(self.values[common.ROBOT]), self.values[common.OBJECT_DIAMETER]
         )
-        if self.values[params.OBJECT]:
-            self.picture.shape = read_object(self.values[params.OBJECT]).shape
+        if self.values[common.OBJECT]:
+            self.picture.shape = read_object(self.values[common.OBJECT]).shape
         self._throttle = WarningThrottle(self.get_logger())
         self._view: View | None = None
         self._controls: Controls | None = None
@@ -140,7 +142,7 @@ class Viewer(StoppableNode):
                 f'host {host}: whoever reaches this address can watch the robot and command it'
             )
         self._view = View(self.picture, host, self.values[PORT])
-        self._controls = Controls(self._view.server, self.picture, self.values[params.FRICTION])
+        self._controls = Controls(self._view.server, self.picture, self.values[common.FRICTION])
         print(f'viewer: {self._view.address}', flush=True)
         # Steady clock: a browser is watched in wall time.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -298,10 +300,5 @@ def _make_node() -> Viewer:
     return node
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Serve the view until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(_make_node, args)
+#: Serve the view until it is interrupted.
+main = partial(run, _make_node)

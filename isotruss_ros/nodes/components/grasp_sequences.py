@@ -49,6 +49,7 @@ from isotruss_ros.core.planning.export import export_violation
 from isotruss_ros.core.planning.grasp_plan import path_times
 from isotruss_ros.core.planning.plan_words import violation_in_words
 from isotruss_ros.core.planning.release import Release
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.action_steps import (
     ActionStep,
     CancelledError,
@@ -69,7 +70,6 @@ from isotruss_ros.nodes.conversions.trajectory_messages import (
     read_duration,
     to_trajectory_message,
 )
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.single_goal import SUPERVISION
@@ -102,11 +102,11 @@ class GraspSequences:
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._node, self._robot = node, robot
         self.stage = 0
-        self.timeout = node.values[params.COMMAND_TIMEOUT]
+        self.timeout = node.values[common.COMMAND_TIMEOUT]
         self.rollers: Input = None
         self.pose: Input = None
         self.grasp: Input = None
-        described = node.values[params.OBJECT]
+        described = node.values[common.OBJECT]
         self._described = read_object(described) if described else None
         self._shape = TrackedShape(robot)
         # Before the actions: who has discovered their clients has discovered it, too.
@@ -165,7 +165,7 @@ class GraspSequences:
         yield from self._await_inputs()
         wanted = PlanGrasp.Goal(
             object_pose=self.measured_pose(),
-            friction=values[params.FRICTION],
+            friction=values[common.FRICTION],
             module=goal.module,
             members=goal.members,
             squeeze=goal.squeeze,
@@ -174,7 +174,7 @@ class GraspSequences:
             count=1,
         )
         if self._described is None:
-            wanted.object_diameter = values[params.OBJECT_DIAMETER]
+            wanted.object_diameter = values[common.OBJECT_DIAMETER]
         else:
             wanted.object = to_object_message(self._described)
         plan = yield from self._planner.run(wanted, lambda feedback: feedback.progress)
@@ -217,7 +217,7 @@ class GraspSequences:
         pose = self.pose.value
         config = self._shape.configuration(self._node.now(), self.timeout, self.rollers)
         check_grip(state.grasping_members)
-        diameter = self._node.values[params.OBJECT_DIAMETER]
+        diameter = self._node.values[common.OBJECT_DIAMETER]
         body = (self._described or ConvexObject(Disc(diameter))).moved_to(pose)
         planned: Future[Release] = self._thread.submit(
             plan_release, config, body, state.grasping_members, goal.clearance
