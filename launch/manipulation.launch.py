@@ -35,12 +35,7 @@ def generate_launch_description() -> LaunchDescription:
             'path_follower': (common.USE_STAMPED_TWIST,),
             'grasp_planner': (common.OBJECT,),
             'pick_and_place': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION),
-            'viewer': (
-                common.OBJECT_DIAMETER,
-                common.OBJECT,
-                common.FRICTION,
-                viewer.PORT,
-            ),
+            'viewer': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION, viewer.PORT),
         },
         required=(common.ROBOT, common.OBJECT_DIAMETER, common.GRIP_MODULE),
     )

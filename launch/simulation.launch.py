@@ -51,12 +51,7 @@ def generate_launch_description() -> LaunchDescription:
             'path_follower': (common.USE_STAMPED_TWIST, common.RATE),
             'grasp_planner': (common.OBJECT,),
             'pick_and_place': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION),
-            'viewer': (
-                common.OBJECT_DIAMETER,
-                common.OBJECT,
-                common.FRICTION,
-                viewer.PORT,
-            ),
+            'viewer': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION, viewer.PORT),
         },
         defaults=DEFAULTS,
     )

@@ -16,7 +16,7 @@ from dataclasses import replace
 from functools import partial
 import time
 
-from geometry_msgs.msg import PoseStamped, WrenchStamped
+from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import load_robot, read_object
@@ -29,6 +29,7 @@ from isotruss_ros.nodes.components.sensors import (
     format_age,
     subscribe_input,
     subscribe_joint_states,
+    subscribe_object_pose,
 )
 from isotruss_ros.nodes.components.transforms import TransformBroadcaster
 from isotruss_ros.nodes.conversions.grasp_messages import (
@@ -37,12 +38,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
     to_state_message,
 )
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
-from isotruss_ros.nodes.conversions.messages import (
-    name_object_frame,
-    read_object_pose,
-    stamp_header,
-    to_time,
-)
+from isotruss_ros.nodes.conversions.messages import name_object_frame, stamp_header, to_time
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import CycleTimes, Level, WarningThrottle
@@ -119,19 +115,12 @@ class GraspAnalysisNode(ManagedNode):
         self._transforms = TransformBroadcaster(self, self._robot)
         self._markers = GraspMarkers(self._robot.frame)
         subscribe_joint_states(self, self._robot, self._monitor)
-        subscribe_input(
-            self,
-            PoseStamped,
-            'object_pose',
-            partial(read_object_pose, frame=self._robot.frame),
-            self._monitor,
-            'pose',
-        )
+        subscribe_object_pose(self, self._robot, self._monitor)
         subscribe_input(
             self,
             WrenchStamped,
             'external_wrench',
-            self._read_wrench,
+            partial(read_external_wrench, frame=self._robot.frame),
             self._monitor,
             'wrench',
         )
@@ -175,9 +164,6 @@ class GraspAnalysisNode(ManagedNode):
         self._monitor.timeout = self.values[common.COMMAND_TIMEOUT]
         if self.cycle is not None:
             self.cycle.change(self.values[RATE])
-
-    def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:
-        return read_external_wrench(message, self._robot.frame)
 
     def _analyze(
         self, request: AnalyzeGrasp.Request, response: AnalyzeGrasp.Response

@@ -31,19 +31,15 @@ from isotruss_ros.nodes.conversions.plan_messages import (
     to_result_message,
 )
 from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.parameter import Parameter
 
 WORKERS = params.Spec(
-    'workers',
-    0,
-    'Processes that search, one for each core if 0',
-    read_only=True,
+    'workers', 0, 'Processes that search, one for each core if 0', read_only=True
 )
 SPECS = (common.ROBOT, common.OBJECT, common.COMMAND_TIMEOUT, WORKERS)
 #: Periods at which the node polls a search, and publishes feedback [s].
@@ -111,7 +107,6 @@ class GraspPlanner(ManagedNode):
             'plan_grasp',
             ready=lambda: self.active and not self._goal.active,
             begin=self._begin,
-            preempted=lambda: self._abort('a newer goal took over'),
             cancelled=self._searcher.cancel,
         )
         self.diagnostics.hardware_id = self._robot.name
@@ -119,8 +114,7 @@ class GraspPlanner(ManagedNode):
     def activate(self) -> None:
         """Accept goals from now on."""
         self.diagnostics.set_status(Level.OK, 'no search')
-        # Steady clock: a search runs in wall time where time is simulated too.
-        self.create_timer(PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        create_steady_timer(self, PERIOD, self._poll)
 
     def deactivate(self) -> None:
         """End the search and its processes."""
@@ -193,14 +187,7 @@ class GraspPlanner(ManagedNode):
             ENDINGS.get(answer.outcome, Ending.ABORTED), to_result_message(answer, self._robot)
         )
         text = f'{answer.outcome.name.lower().replace("_", " ")}: {answer.message}'
-        good = answer.outcome in ENDINGS
-        self.diagnostics.set_status(
-            Level.OK if good else Level.WARN, f'no search; last goal {text}'
-        )
-        if good:
-            self.get_logger().info(text)
-        else:
-            self.get_logger().warning(text)
+        self.report_end('no search', text, good=answer.outcome in ENDINGS)
 
 
 #: Run the planner until it is interrupted.

@@ -40,11 +40,7 @@ from isotruss_ros.nodes.components.servo_settings import apply_settings, FAILED_
 from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
 from isotruss_ros.nodes.components.status_report import StatusReport
 from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
-from isotruss_ros.nodes.conversions.messages import (
-    check_frame,
-    MessageError,
-    read_twist,
-)
+from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_twist
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode

@@ -15,22 +15,22 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import IsotrussError, load_robot, Pose
+from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedback
 from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.errors import NoMotionError
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.sensors import format_age, subscribe_input
-from isotruss_ros.nodes.conversions.messages import (
-    read_object_pose,
-    stamp_header,
-    to_twist_message,
+from isotruss_ros.nodes.components.sensors import (
+    format_age,
+    subscribe_input,
+    subscribe_object_pose,
 )
+from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
 from isotruss_ros.nodes.conversions.path_messages import (
     read_object_path,
     to_feedback_message,
@@ -42,11 +42,7 @@ from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.single_goal import (
-    describe_lost_client,
-    Ending,
-    SingleGoal,
-)
+from isotruss_ros.nodes.framework.single_goal import describe_lost_client, Ending, SupervisedGoal
 import numpy as np
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -102,7 +98,7 @@ class PathFollower(ManagedNode):
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('path_follower', SPECS, parameter_overrides)
         self._servo: PathServo | None = None
-        self._goal: SingleGoal | None = None
+        self._goal: SupervisedGoal | None = None
         self.cycles = 0
         self._last: Tracking | None = None
         self.start()
@@ -117,14 +113,7 @@ class PathFollower(ManagedNode):
         self._twists = self.create_lifecycle_publisher(
             TwistStamped if self._stamped else Twist, 'cmd_vel', RELIABLE
         )
-        subscribe_input(
-            self,
-            PoseStamped,
-            'object_pose',
-            self._read_pose,
-            self._servo,
-            'pose',
-        )
+        subscribe_object_pose(self, self._robot, self._servo)
         subscribe_input(
             self,
             ManipulationStatus,
@@ -134,7 +123,7 @@ class PathFollower(ManagedNode):
             'servo_feedback',
         )
         # There while the node is inactive too, so that a goal that ends then gets its result.
-        self._goal = SingleGoal(
+        self._goal = SupervisedGoal(
             self,
             FollowObjectPath,
             'follow_object_path',
@@ -142,7 +131,6 @@ class PathFollower(ManagedNode):
             begin=self._begin,
             preempted=lambda: self._end(Outcome.PREEMPTED, 'a newer goal took over'),
             cancelled=lambda: self._end(Outcome.CANCELLED, 'cancelled by the client'),
-            supervised=True,
         )
         self.diagnostics.hardware_id = self._robot.name
 
@@ -183,9 +171,6 @@ class PathFollower(ManagedNode):
         return details
 
     # -- Inputs --
-
-    def _read_pose(self, message: PoseStamped) -> Pose:
-        return read_object_pose(message, self._robot.frame)
 
     def _read_status(self, message: ManipulationStatus) -> ServoFeedback:
         return ServoFeedback(message.code, message.scale, message.message)
@@ -240,13 +225,7 @@ class PathFollower(ManagedNode):
         self._goal.end(ENDINGS.get(outcome, Ending.ABORTED), result)
         text = f'{outcome.name.lower().replace("_", " ")}: {message}'
         good = outcome in (Outcome.REACHED, Outcome.CANCELLED, Outcome.PREEMPTED)
-        self.diagnostics.set_status(
-            Level.OK if good else Level.WARN, f'no path to follow; last goal {text}'
-        )
-        if good:
-            self.get_logger().info(text)
-        else:
-            self.get_logger().warning(text)
+        self.report_end('no path to follow', text, good)
 
     # -- The cycle --
 

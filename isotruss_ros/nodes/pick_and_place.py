@@ -30,12 +30,11 @@ from isotruss_ros.nodes.components.sensors import (
     subscribe_joint_states,
     subscribe_object_pose,
 )
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.runner import run
 from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.parameter import Parameter
 
 SPECS = (
@@ -88,8 +87,7 @@ class PickAndPlace(ManagedNode):
     def activate(self) -> None:
         """Accept goals from now on."""
         self.diagnostics.set_status(Level.OK, 'no goal')
-        # Steady clock: what ends a sequence is looked at where simulated time stands still too.
-        self.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        create_steady_timer(self, PERIOD, self._tick)
 
     def deactivate(self) -> None:
         """End the goal; the actions under it are cancelled."""
@@ -135,7 +133,6 @@ class PickAndPlace(ManagedNode):
             name,
             ready=lambda: self.active and self._goal is None,
             begin=begin,
-            preempted=lambda: self._end(StepError(Outcome.STOPPED, 'a newer goal took over')),
             cancelled=self._request_cancel,
         )
 
@@ -182,12 +179,7 @@ class PickAndPlace(ManagedNode):
             ended.position_error, ended.angle_error = left
         text = f'{goal.kind.__name__}: {outcome.name.lower().replace("_", " ")}: {ended.message}'
         goal.end(ENDINGS.get(outcome, Ending.ABORTED), ended)
-        good = outcome in ENDINGS
-        self.diagnostics.set_status(Level.OK if good else Level.WARN, f'no goal; last {text}')
-        if good:
-            self.get_logger().info(text)
-        else:
-            self.get_logger().warning(text)
+        self.report_end('no goal', text, good=outcome in ENDINGS)
 
 
 def find_outcome(error: IsotrussError) -> Outcome:

@@ -25,10 +25,9 @@ from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
 from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.parameter import Parameter
 
 HELP = """
@@ -83,9 +82,7 @@ class Teleop(StoppableNode):
         self._direction = KEYS[' ']
         self._pressed = time.monotonic()
         self._gain = 1.0
-        # Steady clock: keys are pressed in wall time, and the system's clock may be set back.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1.0 / self._values[rate], self._cycle, clock=steady)
+        create_steady_timer(self, 1.0 / self._values[rate], self._cycle)
 
     def press(self, key: str) -> None:
         """

@@ -30,6 +30,7 @@ from isotruss_ros.nodes.conversions.messages import (
     to_twist_message,
 )
 from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import WarningThrottle
 from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
@@ -49,8 +50,6 @@ from isotruss_ros.viewer.names import (
 )
 from isotruss_ros.viewer.picture import Picture
 from rcl_interfaces.srv import SetParameters
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
@@ -144,9 +143,7 @@ class Viewer(StoppableNode):
         self._view = View(self.picture, host, self.values[PORT])
         self._controls = Controls(self._view.server, self.picture, self.values[common.FRICTION])
         print(f'viewer: {self._view.address}', flush=True)
-        # Steady clock: a browser is watched in wall time.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1.0 / self.values[RATE], self._step, clock=steady)
+        create_steady_timer(self, 1.0 / self.values[RATE], self._step)
 
     def stop(self) -> None:
         """Publish a zero twist where one was published before, and end the server."""

@@ -66,10 +66,7 @@ from isotruss_ros.nodes.conversions.messages import (
     to_time,
 )
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
-from isotruss_ros.nodes.conversions.trajectory_messages import (
-    read_duration,
-    to_trajectory_message,
-)
+from isotruss_ros.nodes.conversions.trajectory_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.single_goal import SUPERVISION

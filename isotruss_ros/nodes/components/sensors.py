@@ -40,12 +40,7 @@ class InputHolder(Protocol):
 
 
 def subscribe_input(
-    node: Node,
-    kind: type,
-    topic: str,
-    read: Callable[[Any], Any],
-    holder: InputHolder,
-    name: str,
+    node: Node, kind: type, topic: str, read: Callable[[Any], Any], holder: InputHolder, name: str
 ) -> Subscription:
     """
     Subscribe to messages with a header and keep the newest value as an input.

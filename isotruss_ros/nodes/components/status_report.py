@@ -22,13 +22,7 @@ from rclpy.time import Time
 
 #: Statuses that are no warning: no motion is commanded, or all is well.
 NORMAL = frozenset(
-    {
-        Status.OK,
-        Status.IDLE,
-        Status.FOLLOWING_TRAJECTORY,
-        Status.ARRIVED,
-        Status.HALT_NO_TWIST,
-    }
+    {Status.OK, Status.IDLE, Status.FOLLOWING_TRAJECTORY, Status.ARRIVED, Status.HALT_NO_TWIST}
 )
 
 

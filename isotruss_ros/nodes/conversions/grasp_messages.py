@@ -27,10 +27,7 @@ from isotruss_ros.nodes.conversions.messages import (
     stamp_header,
     to_time,
 )
-from isotruss_ros.nodes.conversions.object_messages import (
-    describes_object,
-    read_object_message,
-)
+from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
 import numpy as np
 
 #: No wrench is larger [N, N m]; what is beyond is a broken sensor, not a load.

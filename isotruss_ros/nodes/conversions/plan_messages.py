@@ -31,10 +31,7 @@ from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_pose,
 )
-from isotruss_ros.nodes.conversions.object_messages import (
-    describes_object,
-    read_object_message,
-)
+from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
 from isotruss_ros.nodes.conversions.trajectory_messages import to_duration, to_trajectory_message
 
 #: Largest number of grasps of a goal.

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 import time
 
 from rclpy.clock import Clock
@@ -51,14 +52,12 @@ class Cycle:
         self._changed = time.monotonic()
         simulated = node.get_parameter('use_sim_time').value
         # Timers of the system's clock would stop for an hour when that is set back by an hour.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(
-            1.0 / rate, self._tick, clock=self._clock if simulated else steady
-        )
+        create_timer = node.create_timer if simulated else partial(create_steady_timer, node)
+        self._timer = create_timer(1.0 / rate, self._tick)
         self._watchdog: Timer | None = None
         if stopped is not None and simulated:
-            self._watchdog = node.create_timer(
-                _watch_period(progress_timeout), self._check, clock=steady
+            self._watchdog = create_steady_timer(
+                node, _watch_period(progress_timeout), self._check
             )
 
     def change(self, rate: float, progress_timeout: float | None = None) -> None:
@@ -100,6 +99,17 @@ class Cycle:
             self._read, self._changed = now.nanoseconds, elapsed
         elif elapsed - self._changed > self._progress_timeout:
             self._stopped(now)
+
+
+def create_steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
+    """
+    Return a timer that goes on where simulated time stands still, or the system's clock is set.
+
+    :param node: owns the timer.
+    :param period: from callback to callback [s].
+    :param callback: called without arguments.
+    """
+    return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def _watch_period(progress_timeout: float) -> float:

@@ -18,9 +18,8 @@ import enum
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.qos import DIAGNOSTICS
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 
@@ -90,9 +89,7 @@ class Diagnostics:
         self._level, self._message = Level.OK, ''
         self._sent_level, self._sent = Level.OK, 0.0
         self._reports = node.create_publisher(DiagnosticArray, '/diagnostics', DIAGNOSTICS)
-        # By the steady clock: where simulated time stands still, a report is needed all the more.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(PERIOD, self.report, clock=steady)
+        create_steady_timer(node, PERIOD, self.report)
 
     def set_status(self, level: Level, message: str) -> None:
         """

@@ -80,10 +80,7 @@ class Parameters:
     """
 
     def __init__(
-        self,
-        node: Node,
-        specs: Sequence[Spec],
-        unconfigured: Callable[[], bool] | None = None,
+        self, node: Node, specs: Sequence[Spec], unconfigured: Callable[[], bool] | None = None
     ) -> None:
         self._node = node
         self._fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}

@@ -17,10 +17,11 @@ waits is taken at once.
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
+import time
 from typing import Any, TYPE_CHECKING
 
 from isotruss_ros.nodes.framework.qos import EVERY, EVERY_LATCHED, NEWEST, RELIABLE
-from isotruss_ros.nodes.framework.silent_publishers import SilentPublishers
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -29,6 +30,8 @@ from rclpy.subscription import Subscription
 if TYPE_CHECKING:
     from isotruss_ros.nodes.framework.managed import ManagedNode
 
+#: Between the callbacks with a message and with the match of its publisher, at most [s].
+MATCH_DELAY = 1.0
 #: `EveryMessage` takes so many messages at once, within a millisecond; others get their turn.
 MAX_BATCH = 200
 #: So many messages may wait; Fast DDS keeps 5000, and drops more than that without an event.
@@ -103,6 +106,47 @@ def subscribe_once(
         RELIABLE,
         event_callbacks=SubscriptionEventCallbacks(matched=publishers.follow),
     )
+
+
+class SilentPublishers:
+    """
+    Report a publisher that left before any message was received.
+
+    One that is discovered, publishes and exits at once may be gone before this side has matched
+    it: then its message is lost, and nothing else tells so.
+
+    :param topic: of the publishers.
+    :param read: called to receive what waits.
+    :param missing: called with the reason when a message may have been lost.
+    """
+
+    def __init__(
+        self, topic: str, read: Callable[[], None], missing: Callable[[str], None]
+    ) -> None:
+        self._topic, self._read, self._missing = topic, read, missing
+        #: Publishers that came after the last message.
+        self._silent = 0
+        self._received = -math.inf
+
+    def note_message(self) -> None:
+        """Count the publishers from now on."""
+        self._silent, self._received = 0, time.monotonic()
+
+    def follow(self, event: Any) -> None:
+        """
+        Count a publisher that came, or report one that left.
+
+        :param event: that the subscription matched, as the middleware reports it.
+        """
+        # The executor may call back with a message before it does so with the match.
+        if time.monotonic() - self._received > MATCH_DELAY:
+            self._silent += event.total_count_change
+        if event.current_count_change == event.total_count_change:
+            return
+        self._read()
+        if self._silent > 0:
+            self._silent = 0
+            self._missing(f'a publisher of {self._topic} left before a message was received')
 
 
 class EveryMessage:
