@@ -35,8 +35,8 @@ from isotruss_ros.nodes.components.mujoco_object import (
     MUJOCO_SPECS,
     RECORDING,
 )
-from isotruss_ros.nodes.components.simulated_object import FRICTION, StartingObject
 from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
+from isotruss_ros.nodes.components.simulated_object import StartingObject
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
@@ -188,16 +188,8 @@ class Simulator(ManagedNode):
         self._object = StartingObject(self._robot, values)
         self._elastic = self._driven = None
         if values[PLANT] == MUJOCO:
-            self._driven = make_driven_robot(
-                self._robot,
-                self._object.body,
-                self._object.is_free,
-                values[FRICTION],
-                values,
-                faults,
-                values[SEED],
-                self.get_parameter('use_sim_time').value,
-            )
+            sim_time = self.get_parameter('use_sim_time').value
+            self._driven = make_driven_robot(self._object, values, faults, values[SEED], sim_time)
             return self._driven
         if values[PLANT] == ELASTIC or self._object.is_free:
             simulated = self._put_object(self._object.pose)

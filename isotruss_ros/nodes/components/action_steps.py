@@ -111,43 +111,42 @@ class ActionStep:
         info = GoalInfo()
         info.goal_id.uuid = list(uuid4().bytes)
         unknown = ClientGoalHandle(self._client, GoalInfo().goal_id, None)
-        wanted = ClientGoalHandle(self._client, info.goal_id, None)
         yield from self._request_result(unknown, info)
-        made = 0.0
+        made = [0.0]
 
         def note(message: Any) -> None:
-            nonlocal made
-            made = progress(message.feedback)
+            made[0] = progress(message.feedback)
 
         sent = self._client.send_goal_async(goal, note, info.goal_id)
-
-        def finish() -> Steps:
-            for _ in range(RETRY_TICKS):
-                if sent.done():
-                    break
-                self._supervise(info, Outcome.STOPPED)
-                yield made
-            ended = yield from self._request_result(wanted, info, lambda: made, Outcome.STOPPED)
-            if ended.status != GoalStatus.STATUS_UNKNOWN:
-                return ended.result
-            if sent.done() and not sent.result().accepted:
-                raise StepError(Outcome.NOT_READY, f'the action {self._name} rejects goals now')
-            raise StepError(
-                Outcome.STOPPED,
-                f'the node that offers the action {self._name} does not know the goal: it was '
-                'started again',
-            )
-
         try:
-            return (yield from finish())
+            return (yield from self._await_result(sent, info, made))
         except CancelledError:
             sent.add_done_callback(_cancel_goal)  # at once where it is answered already
             with suppress(StepError):
-                yield from islice(finish(), CANCEL_TICKS)
+                yield from islice(self._await_result(sent, info, made), CANCEL_TICKS)
             raise
         except (GeneratorExit, StepError):
             sent.add_done_callback(_cancel_goal)
             raise
+
+    def _await_result(self, sent: Future, info: GoalInfo, made: list[float]) -> Steps:
+        """Return the result of a goal that was sent; its progress stands in a list."""
+        for _ in range(RETRY_TICKS):
+            if sent.done():
+                break
+            self._supervise(info, Outcome.STOPPED)
+            yield made[0]
+        wanted = ClientGoalHandle(self._client, info.goal_id, None)
+        ended = yield from self._request_result(wanted, info, lambda: made[0], Outcome.STOPPED)
+        if ended.status != GoalStatus.STATUS_UNKNOWN:
+            return ended.result
+        if sent.done() and not sent.result().accepted:
+            raise StepError(Outcome.NOT_READY, f'the action {self._name} rejects goals now')
+        raise StepError(
+            Outcome.STOPPED,
+            f'the node that offers the action {self._name} does not know the goal: it was '
+            'started again',
+        )
 
     def _request_result(
         self,

@@ -158,10 +158,37 @@ class GraspSequences:
         :raises IsotrussError: why the object is not held.
         """
         self.stage = PICK.PLANNING
-        values = self._node.values
         yield from self._await_inputs()
+        lay = self.measured_pose()
+        grasp = yield from self._plan_grasp(goal, lay)
+        settings = {'mode': 'object', 'squeeze_force': grasp.squeeze, 'grip': ['']}
+        if grasp.module:
+            settings['grip_module'] = grasp.module
+        else:
+            settings['grip'] = list(grasp.members)
+        yield from set_parameters(self._parameters, settings)
+        touch = read_duration(grasp.touch)
+        yield from self._drive(grasp.path, touch, PICK.APPROACHING, PICK.CLOSING)
+        self.stage = PICK.CONFIRMING
+        state = yield from self._confirm(True)
+        note = yield from self._bring_back(lay)
+        if note:
+            state = yield from self._confirm(True)
+        squeeze = float(np.mean(state.squeeze))
+        where = grasp.module or ', '.join(grasp.members)
+        return PickObject.Result(
+            message=f'held at {where} by {squeeze:.3g} N{note}',
+            module=grasp.module,
+            members=state.grasping_members,
+            squeeze=squeeze,
+            slip_margin=state.slip_margin,
+        )
+
+    def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
+        """Let the planner search for the best grasp of the object where it lies; return it."""
+        values = self._node.values
         wanted = PlanGrasp.Goal(
-            object_pose=self.measured_pose(),
+            object_pose=lay,
             friction=values[common.FRICTION],
             module=goal.module,
             members=goal.members,
@@ -178,28 +205,7 @@ class GraspSequences:
         if plan.code != PlanGrasp.Result.FOUND:
             raise _plan_error(plan)
         (grasp,) = plan.grasps
-        settings = {'mode': 'object', 'squeeze_force': grasp.squeeze, 'grip': ['']}
-        if grasp.module:
-            settings['grip_module'] = grasp.module
-        else:
-            settings['grip'] = list(grasp.members)
-        yield from set_parameters(self._parameters, settings)
-        touch = read_duration(grasp.touch)
-        yield from self._drive(grasp.path, touch, PICK.APPROACHING, PICK.CLOSING)
-        self.stage = PICK.CONFIRMING
-        state = yield from self._confirm(True)
-        note = yield from self._bring_back(wanted.object_pose)
-        if note:
-            state = yield from self._confirm(True)
-        squeeze = float(np.mean(state.squeeze))
-        where = grasp.module or ', '.join(grasp.members)
-        return PickObject.Result(
-            message=f'held at {where} by {squeeze:.3g} N{note}',
-            module=grasp.module,
-            members=state.grasping_members,
-            squeeze=squeeze,
-            slip_margin=state.slip_margin,
-        )
+        return grasp
 
     def place(self, goal: PlaceObject.Goal) -> Steps:
         """

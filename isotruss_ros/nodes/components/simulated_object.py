@@ -80,6 +80,7 @@ class StartingObject:
     """
     The object where it begins, for all plants.
 
+    :ivar robot: at home.
     :ivar body: in its place in the robot frame.
     :ivar is_free: nothing holds it at the start.
     :param robot: at home.
@@ -90,7 +91,7 @@ class StartingObject:
     def __init__(self, robot: Robot, values: params.Parameters) -> None:
         module = values[GRIP_MODULE]
         common.check_grip(robot, {GRIP_MODULE.name: module, GRIP.name: values[GRIP]})
-        self._robot, self.is_free = robot, values[OBJECT_IS_FREE]
+        self.robot, self.is_free = robot, values[OBJECT_IS_FREE]
         self._friction, diameter = values[FRICTION], values[OBJECT_DIAMETER]
         self._members = common.select_grip(robot, values[GRIP], module)
         place = (values[OBJECT_X], values[OBJECT_Y])
@@ -117,7 +118,7 @@ class StartingObject:
 
     def held(self) -> SimulatedObject:
         """Return it as the kinematic plant has it in the grip."""
-        home, body = self._robot.home, self.body
+        home, body = self.robot.home, self.body
         return RollingObject(RollingGrip.attach(home, Grip(self._members, body)))
 
     def lying(self, pose: Pose) -> SimulatedObject:
