@@ -13,7 +13,7 @@ from pathlib import Path
 
 from isotruss_ros.nodes import viewer
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.launching import describe_launch
+from isotruss_ros.nodes.components.launching import describe_launch
 from launch import LaunchDescription
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from isotruss_ros.nodes import simulator, viewer
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components import simulated_object
-from isotruss_ros.nodes.launching import describe_launch
+from isotruss_ros.nodes.components.launching import describe_launch
 from launch import LaunchDescription
 
 # The object is held by the tubes at the start: pressed into a corner of 60 degrees, in which it

@@ -168,6 +168,7 @@ class Manipulation(ManagedNode):
         """Start the cycle."""
         self._discard_twist()
         self._trajectory.subscribe()
+        self._commands.subscribe()
         self.cycle = Cycle(
             self,
             self.values[common.RATE],
@@ -180,7 +181,6 @@ class Manipulation(ManagedNode):
     def deactivate(self) -> None:
         """Command zero velocities, and wait until the subscribers have received them."""
         self.cycle = None
-        self._commands.end()
         self._trajectory.abort('the node was deactivated')
         self._commands.stop()
         if not self._wait_for_zero():

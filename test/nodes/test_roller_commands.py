@@ -20,7 +20,7 @@ OWN = [1, 2, 3]
 
 
 class SilentNode:
-    """Has no other publisher beside it."""
+    """Publishes nothing."""
 
     def create_lifecycle_publisher(self, *_arguments):
         """Return what takes messages."""
@@ -28,10 +28,6 @@ class SilentNode:
 
     def publish(self, _message):
         """Forget it."""
-
-    def count_publishers(self, _topic):
-        """Return that there is one."""
-        return 1
 
 
 def find_others(numbers):

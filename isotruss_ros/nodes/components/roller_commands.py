@@ -20,7 +20,6 @@ from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import ACKNOWLEDGE_TIME, NEWEST, RELIABLE
 import numpy as np
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
 TOPIC = 'roller_velocity_controller/commands'
@@ -43,11 +42,22 @@ class RollerCommands:
     def __init__(self, node: ManagedNode, count: int) -> None:
         self._node, self._count = node, count
         self._publisher = node.create_lifecycle_publisher(Float64MultiArray, TOPIC, RELIABLE)
-        #: Of all commands, while there is another publisher: own ones would wake the node.
-        self._subscription: Subscription | None = None
         #: Sequence numbers of the last own message, published and received.
         self._sent = self._received = 0
         self._heard = -math.inf
+
+    def subscribe(self) -> None:
+        """Notice other nodes from now on, until the node is inactive."""
+        self._received, self._heard = self._sent, -math.inf
+        # The type is that of all who command the rollers.
+        self._node.create_subscription(
+            Float64MultiArray,
+            TOPIC,
+            self.note,
+            NEWEST,
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+            raw=True,
+        )
 
     def publish(self, velocities: Array) -> None:
         """
@@ -68,27 +78,9 @@ class RollerCommands:
 
     def find_others(self) -> str | None:
         """Return who else commands the rollers, in words; None if nobody does."""
-        if self._subscription is None and self._node.count_publishers(TOPIC) > 1:
-            self._received, self._heard = self._sent, -math.inf
-            self._subscription = self._node.create_subscription(
-                Float64MultiArray,
-                TOPIC,
-                self.note,
-                NEWEST,
-                event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-                raw=True,
-            )
-        elif self._subscription is not None and self._node.count_publishers(TOPIC) == 1:
-            self.end()
         if time.monotonic() - self._heard > QUIET_TIME:
             return None
         return f'another node publishes on {TOPIC}: end or deactivate it, or this one'
-
-    def end(self) -> None:
-        """Notice other nodes no more."""
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
-            self._subscription = None
 
     def note(self, _message: bytes, info: dict[str, Any]) -> None:
         """
