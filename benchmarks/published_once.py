@@ -35,10 +35,10 @@ from typing import Protocol
 
 from button import MESSAGES
 from isotruss_ros.demo.processes import NodeProcess
+from isotruss_ros.nodes.components.sparse_messages import SilentPublishers
 from isotruss_ros.nodes.components.trajectory_following import TOPIC as TRAJECTORIES
 from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.subscriptions import SilentPublishers
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 import rclpy

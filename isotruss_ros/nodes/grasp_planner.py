@@ -24,6 +24,7 @@ from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.sensors import format_age, subscribe_joint_states
+from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
 from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.plan_messages import (
     read_goal,
@@ -35,7 +36,6 @@ from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
 from rclpy.parameter import Parameter
 
 WORKERS = params.Spec(

@@ -30,6 +30,7 @@ from isotruss_ros.nodes.components.sensors import (
     subscribe_input,
     subscribe_object_pose,
 )
+from isotruss_ros.nodes.components.single_goal import describe_lost_client, Ending, SupervisedGoal
 from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
 from isotruss_ros.nodes.conversions.path_messages import (
     read_object_path,
@@ -42,7 +43,6 @@ from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.single_goal import describe_lost_client, Ending, SupervisedGoal
 import numpy as np
 from rclpy.parameter import Parameter
 from rclpy.time import Time

@@ -30,11 +30,11 @@ from isotruss_ros.nodes.components.sensors import (
     subscribe_joint_states,
     subscribe_object_pose,
 )
+from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
 from rclpy.parameter import Parameter
 
 SPECS = (

@@ -37,6 +37,7 @@ from isotruss_ros.nodes.components.mujoco_object import (
 )
 from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
 from isotruss_ros.nodes.components.simulated_object import StartingObject
+from isotruss_ros.nodes.components.sparse_messages import subscribe_once
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
@@ -50,7 +51,6 @@ from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.subscriptions import subscribe_once
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from sensor_msgs.msg import JointState

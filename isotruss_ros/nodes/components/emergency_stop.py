@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from isotruss_ros.nodes.components.sparse_messages import EveryMessage
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.subscriptions import EveryMessage
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 

@@ -17,9 +17,9 @@ from isotruss_ros.core import IsotrussError, reachable_twists, Robot, TwistServo
 from isotruss_ros.core.control.inputs import StampedInput
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.nodes.components.sparse_messages import EveryMessage
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Value
-from isotruss_ros.nodes.framework.subscriptions import EveryMessage
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 

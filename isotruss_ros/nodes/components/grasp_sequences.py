@@ -58,6 +58,7 @@ from isotruss_ros.nodes.components.action_steps import (
     StepError,
     Steps,
 )
+from isotruss_ros.nodes.components.single_goal import SUPERVISION
 from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.messages import (
     read_pose,
@@ -69,7 +70,6 @@ from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.conversions.trajectory_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
-from isotruss_ros.nodes.framework.single_goal import SUPERVISION
 from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters

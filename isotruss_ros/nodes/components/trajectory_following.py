@@ -27,14 +27,14 @@ from isotruss_ros.core.control.inputs import require_fresh, StampedInput
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.control.twist_servo import Decision
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
+from isotruss_ros.nodes.components.single_goal import describe_lost_client, Ending, SupervisedGoal
+from isotruss_ros.nodes.components.sparse_messages import subscribe_once
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp, stamp_header, to_time
 from isotruss_ros.nodes.conversions.trajectory_messages import (
     fill_feedback,
     read_roller_trajectory,
 )
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.single_goal import describe_lost_client, Ending, SupervisedGoal
-from isotruss_ros.nodes.framework.subscriptions import subscribe_once
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory
 
