@@ -50,7 +50,7 @@ class EmergencyStop:
         self._stopped = False
         #: What else stops the rollers; the first of the reasons is kept.
         self._cause: str | None = None
-        EveryMessage(
+        self._messages = EveryMessage(
             node,
             Bool,
             NAME,

@@ -76,6 +76,9 @@ class Diagnostics:
     """
     The diagnostic status of one node; setting it between two reports costs next to nothing.
 
+    The package `diagnostic_updater` does the same at a fixed period, and has no wheel for a
+    machine without ROS.
+
     :ivar hardware_id: name of the robot, once it is loaded; reported behind the node's namespace,
         since robots side by side may have the same.
     :param node: publishes, from now until it is destroyed.

@@ -7,7 +7,12 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Node parameters: declared once with type, range and description, checked at start and later."""
+"""
+Node parameters: declared once with type, range and description, checked at start and later.
+
+They are rclpy's, with descriptors; `generate_parameter_library` has no wheel for a machine without
+ROS.
+"""
 
 from __future__ import annotations
 
