@@ -26,6 +26,7 @@ from isotruss_ros.nodes.components.object_goals import ObjectGoals
 from isotruss_ros.nodes.components.plant_choice import PlantChoice
 from isotruss_ros.nodes.conversions.messages import (
     name_object_frame,
+    request_parameters,
     stamp_header,
     to_twist_message,
 )
@@ -279,16 +280,13 @@ class Viewer(StoppableNode):
         if not client.service_is_ready():
             self._throttle.warn(node, f'{node} is not there: its parameters are not set')
             return
-        request = SetParameters.Request(
-            parameters=[Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
-        )
 
         def report(future: Future) -> None:
             for result in future.result().results:
                 if not result.successful:
                     self.get_logger().warning(f'{node}: {result.reason}')
 
-        client.call_async(request).add_done_callback(report)
+        client.call_async(request_parameters(values)).add_done_callback(report)
 
 
 def _make_node() -> Viewer:

@@ -25,13 +25,11 @@ from uuid import uuid4
 
 from action_msgs.msg import GoalInfo, GoalStatus
 from isotruss_ros.core import IsotrussError
-from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.srv import SetParameters
+from isotruss_ros.nodes.conversions.messages import request_parameters
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.client import Client
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.task import Future
 
@@ -201,10 +199,7 @@ def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
         if not client.service_is_ready():
             raise StepError(Outcome.NOT_READY, f'no node offers the service {client.srv_name}')
 
-    messages: list[ParameterMessage] = [
-        Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
-    ]
-    request = SetParameters.Request(parameters=messages)
+    request = request_parameters(values)
     answer = yield from _ask(lambda: client.call_async(request), require_service)
     for name, result in zip(values, answer.results, strict=True):
         if not result.successful:

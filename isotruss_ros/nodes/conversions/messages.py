@@ -11,8 +11,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import math
+from typing import Any
 
 from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseStamped, Twist
@@ -21,6 +22,8 @@ from isotruss_ros.core.control.inputs import RollerState
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -100,6 +103,16 @@ def check_frame(what: str, header: Header, frame: str) -> None:
         raise MessageError(
             f'{what} in frame {quote(header.frame_id)}: must be in {frame!r} (or leave it empty)'
         )
+
+
+def request_parameters(values: Mapping[str, Any]) -> SetParameters.Request:
+    """
+    Return the request that sets parameters of another node.
+
+    :param values: by name.
+    """
+    messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+    return SetParameters.Request(parameters=messages)
 
 
 def name_object_frame(frame: str) -> str:

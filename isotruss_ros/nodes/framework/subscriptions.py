@@ -32,6 +32,10 @@ def subscribe_newest(
     :param callback: called with a message.
     """
 
+    def take(message: Any) -> None:
+        # rclpy takes one message in every turn, and would stay behind a quick publisher.
+        callback(take_waiting([message], subscription, 1 + NEWEST.depth)[-1])
+
     def warn_of_type(_event: Any) -> None:
         node.get_logger().warning(
             f'{topic} has a publisher of another type than {kind.__name__}: its messages are '
@@ -42,7 +46,8 @@ def subscribe_newest(
     events = SubscriptionEventCallbacks(
         incompatible_type=warn_of_type, use_default_callbacks=False
     )
-    return node.create_subscription(kind, topic, callback, NEWEST, event_callbacks=events)
+    subscription = node.create_subscription(kind, topic, take, NEWEST, event_callbacks=events)
+    return subscription
 
 
 def discard_waiting(subscription: Subscription) -> None:
