@@ -35,14 +35,14 @@ from typing import Protocol
 
 from button import MESSAGES
 from isotruss_ros.demo.processes import NodeProcess
+from isotruss_ros.nodes.components.sparse_messages import SilentPublishers
 from isotruss_ros.nodes.components.trajectory_following import TOPIC as TRAJECTORIES
 from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
-from isotruss_ros.nodes.framework.silent_publishers import SilentPublishers
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
@@ -163,7 +163,8 @@ def count_received(trials: int, topic: str, kind: str) -> tuple[int, int]:
     listener = LISTENERS[topic]()
     node = listener.node
     set_logger_level(node.get_logger().name, LoggingSeverity.ERROR)
-    executor = PacedExecutor(node)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
     heard = lost = 0
     for trial in range(trials):
         if trial and trial % 100 == 0:

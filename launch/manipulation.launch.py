@@ -12,8 +12,8 @@
 from pathlib import Path
 
 from isotruss_ros.nodes import viewer
-from isotruss_ros.nodes.framework import parameters as params
-from isotruss_ros.nodes.framework.launching import describe_launch
+from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.launching import describe_launch
 from launch import LaunchDescription
 
 
@@ -23,24 +23,19 @@ def generate_launch_description() -> LaunchDescription:
         Path(__file__).parent,
         {
             'manipulation': (
-                params.OBJECT_DIAMETER,
-                params.OBJECT,
-                params.GRIP_MODULE,
-                params.GRIP,
-                params.RATE,
-                params.USE_STAMPED_TWIST,
-                params.REQUIRE_EMERGENCY_STOP,
+                common.OBJECT_DIAMETER,
+                common.OBJECT,
+                common.GRIP_MODULE,
+                common.GRIP,
+                common.RATE,
+                common.USE_STAMPED_TWIST,
+                common.REQUIRE_EMERGENCY_STOP,
             ),
-            'grasp_analysis': (params.OBJECT_DIAMETER, params.OBJECT, params.FRICTION),
-            'path_follower': (params.USE_STAMPED_TWIST,),
-            'grasp_planner': (params.OBJECT,),
-            'pick_and_place': (params.OBJECT_DIAMETER, params.OBJECT, params.FRICTION),
-            'viewer': (
-                params.OBJECT_DIAMETER,
-                params.OBJECT,
-                params.FRICTION,
-                viewer.PORT,
-            ),
+            'grasp_analysis': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION),
+            'path_follower': (common.USE_STAMPED_TWIST,),
+            'grasp_planner': (common.OBJECT,),
+            'pick_and_place': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION),
+            'viewer': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION, viewer.PORT),
         },
-        required=(params.ROBOT, params.OBJECT_DIAMETER, params.GRIP_MODULE),
+        required=(common.ROBOT, common.OBJECT_DIAMETER, common.GRIP_MODULE),
     )

@@ -12,9 +12,9 @@
 from pathlib import Path
 
 from isotruss_ros.nodes import simulator, viewer
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components import simulated_object
-from isotruss_ros.nodes.framework import parameters as params
-from isotruss_ros.nodes.framework.launching import describe_launch
+from isotruss_ros.nodes.components.launching import describe_launch
 from launch import LaunchDescription
 
 # The object is held by the tubes at the start: pressed into a corner of 60 degrees, in which it
@@ -22,7 +22,7 @@ from launch import LaunchDescription
 DEFAULTS = {
     simulator.PLANT: simulator.ELASTIC,
     simulated_object.INDENTATION: 0.01,
-    params.FRICTION: 0.8,
+    common.FRICTION: 0.8,
 }
 
 
@@ -33,30 +33,25 @@ def generate_launch_description() -> LaunchDescription:
         {
             'simulator': simulator.SPECS,
             'manipulation': (
-                params.OBJECT_DIAMETER,
-                params.OBJECT,
-                params.GRIP_MODULE,
-                params.GRIP,
-                params.RATE,
-                params.FRICTION,
-                params.USE_STAMPED_TWIST,
-                params.REQUIRE_EMERGENCY_STOP,
+                common.OBJECT_DIAMETER,
+                common.OBJECT,
+                common.GRIP_MODULE,
+                common.GRIP,
+                common.RATE,
+                common.FRICTION,
+                common.USE_STAMPED_TWIST,
+                common.REQUIRE_EMERGENCY_STOP,
             ),
             'grasp_analysis': (
-                params.OBJECT_DIAMETER,
-                params.OBJECT,
-                params.FRICTION,
-                params.RATE,
+                common.OBJECT_DIAMETER,
+                common.OBJECT,
+                common.FRICTION,
+                common.RATE,
             ),
-            'path_follower': (params.USE_STAMPED_TWIST, params.RATE),
-            'grasp_planner': (params.OBJECT,),
-            'pick_and_place': (params.OBJECT_DIAMETER, params.OBJECT, params.FRICTION),
-            'viewer': (
-                params.OBJECT_DIAMETER,
-                params.OBJECT,
-                params.FRICTION,
-                viewer.PORT,
-            ),
+            'path_follower': (common.USE_STAMPED_TWIST, common.RATE),
+            'grasp_planner': (common.OBJECT,),
+            'pick_and_place': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION),
+            'viewer': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION, viewer.PORT),
         },
         defaults=DEFAULTS,
     )

@@ -16,18 +16,20 @@ from dataclasses import replace
 from functools import partial
 import time
 
-from geometry_msgs.msg import PoseStamped, WrenchStamped
-from isotruss_msgs.msg import Contact, GraspState
+from geometry_msgs.msg import WrenchStamped
+from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import load_robot, read_object
 from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.control.grasp_monitor import GraspMonitor
 from isotruss_ros.core.control.grasp_report import GraspCode, GraspReport
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.sensors import (
     format_age,
     subscribe_input,
     subscribe_joint_states,
+    subscribe_object_pose,
 )
 from isotruss_ros.nodes.components.transforms import TransformBroadcaster
 from isotruss_ros.nodes.conversions.grasp_messages import (
@@ -36,17 +38,11 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
     to_state_message,
 )
 from isotruss_ros.nodes.conversions.markers import GraspMarkers
-from isotruss_ros.nodes.conversions.messages import (
-    name_object_frame,
-    read_object_pose,
-    stamp_header,
-    to_time,
-)
+from isotruss_ros.nodes.conversions.messages import name_object_frame, stamp_header, to_time
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import CycleTimes, Level, WarningThrottle
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 from rclpy.parameter import Parameter
@@ -54,7 +50,7 @@ from rclpy.time import Time
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
-RATE = replace(params.RATE, bounds=(1.0, 1000.0))
+RATE = replace(common.RATE, bounds=(1.0, 1000.0))
 # Not finer: for an object as large as the robot, memory grows with the square of the points.
 SPACING = params.Spec(
     'spacing', 0.005, 'Distance of the points that can touch, along the tubes [m]', (0.002, 0.1)
@@ -66,12 +62,12 @@ FLATTENING = params.Spec(
     'only whether the object is held with flattening',
 )
 SPECS = (
-    params.ROBOT,
-    params.OBJECT_DIAMETER,
-    params.OBJECT,
-    params.FRICTION,
+    common.ROBOT,
+    common.OBJECT_DIAMETER,
+    common.OBJECT,
+    common.FRICTION,
     RATE,
-    params.COMMAND_TIMEOUT,
+    common.COMMAND_TIMEOUT,
     SPACING,
     FLATTENING,
 )
@@ -95,21 +91,20 @@ class GraspAnalysisNode(ManagedNode):
         self._cycle_times = CycleTimes()
         self._monitor: GraspMonitor | None = None
         self._drawn = 0.0
-        self._contacts: list[Contact] = []  # messages of the last cycle
         self.start()
 
     def configure(self) -> None:
         """Load the robot, create publishers and subscriptions."""
         values = self.values
-        self._robot = load_robot(values[params.ROBOT])
+        self._robot = load_robot(values[common.ROBOT])
         values.on_change(lambda _new: None, self._apply)
         self._monitor = GraspMonitor(
             self._robot,
-            values[params.OBJECT_DIAMETER],
-            values[params.FRICTION],
+            values[common.OBJECT_DIAMETER],
+            values[common.FRICTION],
             values[SPACING],
-            values[params.COMMAND_TIMEOUT],
-            read_object(values[params.OBJECT]) if values[params.OBJECT] else None,
+            values[common.COMMAND_TIMEOUT],
+            read_object(values[common.OBJECT]) if values[common.OBJECT] else None,
             values[FLATTENING],
         )
         self._states = self.create_lifecycle_publisher(GraspState, 'grasp/state', RELIABLE)
@@ -119,35 +114,21 @@ class GraspAnalysisNode(ManagedNode):
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
         self._transforms = TransformBroadcaster(self, self._robot)
         self._markers = GraspMarkers(self._robot.frame)
-        self._inputs = PolledGroup()
-        subscribe_joint_states(self, self._robot, self._monitor, self._inputs)
-        subscribe_input(
-            self,
-            PoseStamped,
-            'object_pose',
-            partial(read_object_pose, frame=self._robot.frame),
-            self._monitor,
-            'pose',
-            self._inputs,
-            reuse=True,
-        )
+        subscribe_joint_states(self, self._robot, self._monitor)
+        subscribe_object_pose(self, self._robot, self._monitor)
         subscribe_input(
             self,
             WrenchStamped,
             'external_wrench',
-            self._read_wrench,
+            partial(read_external_wrench, frame=self._robot.frame),
             self._monitor,
             'wrench',
-            self._inputs,
-            reuse=True,
         )
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Start the cycle and offer the service."""
-        self.cycle = Cycle(
-            self, self.values[RATE], self._step, self._inputs.take, self._clear_inputs
-        )
+        self.cycle = Cycle(self, self.values[RATE], self._step, self._clear_inputs)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
     def deactivate(self) -> None:
@@ -176,21 +157,17 @@ class GraspAnalysisNode(ManagedNode):
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""
-        self._monitor.object_diameter = self.values[params.OBJECT_DIAMETER]
-        self._monitor.friction = self.values[params.FRICTION]
+        self._monitor.object_diameter = self.values[common.OBJECT_DIAMETER]
+        self._monitor.friction = self.values[common.FRICTION]
         self._monitor.spacing = self.values[SPACING]
         self._monitor.flattening = self.values[FLATTENING]
-        self._monitor.timeout = self.values[params.COMMAND_TIMEOUT]
+        self._monitor.timeout = self.values[common.COMMAND_TIMEOUT]
         if self.cycle is not None:
             self.cycle.change(self.values[RATE])
-
-    def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:
-        return read_external_wrench(message, self._robot.frame)
 
     def _analyze(
         self, request: AnalyzeGrasp.Request, response: AnalyzeGrasp.Response
     ) -> AnalyzeGrasp.Response:
-        self._inputs.take()
         now = self.now()
         try:
             query = read_query(request, self.values[SPACING], self.values[FLATTENING])
@@ -206,7 +183,7 @@ class GraspAnalysisNode(ManagedNode):
     def _step(self, now: Time) -> None:
         began = time.perf_counter()
         report = self._monitor.report(1e-9 * now.nanoseconds)
-        state = to_state_message(report, self._robot.frame, self._contacts)
+        state = to_state_message(report, self._robot.frame)
         self._states.publish(state)
         held = Bool(data=state.held)
         self._held.publish(held)
@@ -239,10 +216,5 @@ class GraspAnalysisNode(ManagedNode):
             self._drawn = now
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the analysis until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(GraspAnalysisNode, args)
+#: Run the analysis until it is interrupted.
+main = partial(run, GraspAnalysisNode)

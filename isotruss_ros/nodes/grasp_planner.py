@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 import time
 
 from isotruss_msgs.action import PlanGrasp
@@ -21,7 +22,9 @@ from isotruss_ros.core.control.inputs import Input, InputError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.sensors import format_age, subscribe_joint_states
+from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
 from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.plan_messages import (
     read_goal,
@@ -29,21 +32,16 @@ from isotruss_ros.nodes.conversions.plan_messages import (
     to_result_message,
 )
 from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.parameter import Parameter
 
 WORKERS = params.Spec(
-    'workers',
-    0,
-    'Processes that search, one for each core if 0',
-    read_only=True,
+    'workers', 0, 'Processes that search, one for each core if 0', read_only=True
 )
-SPECS = (params.ROBOT, params.OBJECT, params.COMMAND_TIMEOUT, WORKERS)
+SPECS = (common.ROBOT, common.OBJECT, common.COMMAND_TIMEOUT, WORKERS)
 #: Periods at which the node polls a search, and publishes feedback [s].
 PERIOD, FEEDBACK_PERIOD = 0.02, 0.1
 #: How the action ends with each outcome; with all others it is aborted.
@@ -94,12 +92,12 @@ class GraspPlanner(ManagedNode):
                 f'parameter workers: {workers}: must be from 0 (as many as there are cores) '
                 f'to {MAX_WORKERS}'
             )
-        self._robot = load_robot(self.values[params.ROBOT])
-        described = self.values[params.OBJECT]
+        self._robot = load_robot(self.values[common.ROBOT])
+        described = self.values[common.OBJECT]
         self._described = read_object(described) if described else None
         self._searcher = Searcher(workers)
         self._shape = TrackedShape(self._robot)
-        self._inputs = PlannerInputs(self.values[params.COMMAND_TIMEOUT])
+        self._inputs = PlannerInputs(self.values[common.COMMAND_TIMEOUT])
         self.values.on_change(lambda _new: None, self._apply)
         subscribe_joint_states(self, self._robot, self._inputs)
         # There while the node is inactive too, so that a goal that ends then gets its result.
@@ -109,7 +107,6 @@ class GraspPlanner(ManagedNode):
             'plan_grasp',
             ready=lambda: self.active and not self._goal.active,
             begin=self._begin,
-            preempted=lambda: self._abort('a newer goal took over'),
             cancelled=self._searcher.cancel,
         )
         self.diagnostics.hardware_id = self._robot.name
@@ -117,8 +114,7 @@ class GraspPlanner(ManagedNode):
     def activate(self) -> None:
         """Accept goals from now on."""
         self.diagnostics.set_status(Level.OK, 'no search')
-        # Steady clock: a search runs in wall time where time is simulated too.
-        self.create_timer(PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        create_steady_timer(self, PERIOD, self._poll)
 
     def deactivate(self) -> None:
         """End the search and its processes."""
@@ -148,7 +144,7 @@ class GraspPlanner(ManagedNode):
         return details
 
     def _apply(self) -> None:
-        self._inputs.timeout = self.values[params.COMMAND_TIMEOUT]
+        self._inputs.timeout = self.values[common.COMMAND_TIMEOUT]
 
     # -- The action --
 
@@ -191,20 +187,8 @@ class GraspPlanner(ManagedNode):
             ENDINGS.get(answer.outcome, Ending.ABORTED), to_result_message(answer, self._robot)
         )
         text = f'{answer.outcome.name.lower().replace("_", " ")}: {answer.message}'
-        good = answer.outcome in ENDINGS
-        self.diagnostics.set_status(
-            Level.OK if good else Level.WARN, f'no search; last goal {text}'
-        )
-        if good:
-            self.get_logger().info(text)
-        else:
-            self.get_logger().warning(text)
+        self.report_end('no search', text, good=answer.outcome in ENDINGS)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the planner until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(GraspPlanner, args)
+#: Run the planner until it is interrupted.
+main = partial(run, GraspPlanner)

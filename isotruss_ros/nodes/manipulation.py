@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 import time
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -21,6 +22,7 @@ from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.emergency_stop import EmergencyStop
 from isotruss_ros.nodes.components.failed_rollers import (
     check_failed_rollers,
@@ -38,17 +40,12 @@ from isotruss_ros.nodes.components.servo_settings import apply_settings, FAILED_
 from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
 from isotruss_ros.nodes.components.status_report import StatusReport
 from isotruss_ros.nodes.components.trajectory_following import TrajectoryFollowing
-from isotruss_ros.nodes.conversions.messages import (
-    check_frame,
-    MessageError,
-    read_twist,
-)
+from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_twist
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
+from isotruss_ros.nodes.framework.subscriptions import discard_waiting, subscribe_newest
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from std_srvs.srv import SetBool
@@ -91,13 +88,13 @@ MODES = ('object', 'joint')
 #: The type of the publishers of cmd_vel is looked up this often while no twist comes [s].
 TYPE_CHECK_PERIOD = 1.0
 SPECS = (
-    params.ROBOT,
+    common.ROBOT,
     MODE,
     JOINT,
-    params.USE_STAMPED_TWIST,
-    params.REQUIRE_EMERGENCY_STOP,
-    params.OBJECT,
-    params.FRICTION,
+    common.USE_STAMPED_TWIST,
+    common.REQUIRE_EMERGENCY_STOP,
+    common.OBJECT,
+    common.FRICTION,
     SQUEEZE_FORCE,
     MIN_SLIP_MARGIN,
     POSE_GAIN,
@@ -125,7 +122,7 @@ class Manipulation(ManagedNode):
         self._others: str | None = None
         self._stop = EmergencyStop(
             self,
-            lambda: self.values[params.REQUIRE_EMERGENCY_STOP],
+            lambda: self.values[common.REQUIRE_EMERGENCY_STOP],
             self._apply_stop,
             self._wait_for_zero,
         )
@@ -136,20 +133,19 @@ class Manipulation(ManagedNode):
     def configure(self) -> None:
         """Load the robot, create publishers and subscriptions."""
         values = self.values
-        self._robot = load_robot(values[params.ROBOT])
+        self._robot = load_robot(values[common.ROBOT])
         values.on_change(self._check, self._apply)
         self._report = StatusReport(self, self._robot.frame)
         self._servo = TwistServo(
             self._robot,
-            params.select_grip_module(self._robot, values[params.GRIP_MODULE]),
-            values[params.OBJECT_DIAMETER],
-            period=1.0 / values[params.RATE],
-            timeout=values[params.COMMAND_TIMEOUT],
+            common.select_grip_module(self._robot, values[common.GRIP_MODULE]),
+            values[common.OBJECT_DIAMETER],
+            period=1.0 / values[common.RATE],
+            timeout=values[common.COMMAND_TIMEOUT],
         )
-        if values[params.OBJECT]:
-            self._servo.body = read_object(values[params.OBJECT])
-        self._inputs = PolledGroup()
-        self._trajectory = TrajectoryFollowing(self, self._servo, self._inputs)
+        if values[common.OBJECT]:
+            self._servo.body = read_object(values[common.OBJECT])
+        self._trajectory = TrajectoryFollowing(self, self._servo)
         apply_settings(self._servo, values)
         self._apply_mode()
         self._apply_squeeze()
@@ -157,21 +153,14 @@ class Manipulation(ManagedNode):
         self._others = None
         self._apply_failures()
         self._commands = RollerCommands(self, len(self._robot.roller_names))
-        subscribe_joint_states(self, self._robot, self._servo, self._inputs)
-        subscribe_object_pose(self, self._robot, self._servo, self._inputs)
-        if values[params.USE_STAMPED_TWIST]:
-            subscribe_input(
-                self,
-                TwistStamped,
-                'cmd_vel',
-                self._read_stamped_twist,
-                self._servo,
-                'twist',
-                self._inputs,
-                reuse=True,
+        subscribe_joint_states(self, self._robot, self._servo)
+        subscribe_object_pose(self, self._robot, self._servo)
+        if values[common.USE_STAMPED_TWIST]:
+            self._twists = subscribe_input(
+                self, TwistStamped, 'cmd_vel', self._read_stamped_twist, self._servo, 'twist'
             )
         else:
-            subscribe_newest(self, Twist, 'cmd_vel', self._receive_twist, self._inputs, reuse=True)
+            self._twists = subscribe_newest(self, Twist, 'cmd_vel', self._receive_twist)
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
         self.diagnostics.hardware_id = self._robot.name
 
@@ -182,9 +171,8 @@ class Manipulation(ManagedNode):
         self._commands.subscribe()
         self.cycle = Cycle(
             self,
-            self.values[params.RATE],
+            self.values[common.RATE],
             self._step,
-            self._read_inputs,
             jumped_back=self._clear_inputs,
             stopped=self._halt_on_stopped_clock,
             progress_timeout=self._servo.timeout,
@@ -250,13 +238,6 @@ class Manipulation(ManagedNode):
             if self.active:
                 self._commands.stop()
 
-    def _read_inputs(self) -> None:
-        """Read what has come since the last cycle, the stop before all else."""
-        self._stop.read()
-        self._failed_rollers.read()
-        self._check_others()
-        self._inputs.take()
-
     def _check_others(self) -> None:
         """Halt while another node commands the rollers, which do not follow this one then."""
         others = self._commands.find_others()
@@ -267,7 +248,7 @@ class Manipulation(ManagedNode):
 
     def _discard_twist(self) -> None:
         """Forget the last twist and those that wait: only a later one may move the object."""
-        self._inputs.take()
+        discard_waiting(self._twists)
         self._servo.twist = None
 
     def _clear_inputs(self) -> None:
@@ -298,8 +279,7 @@ class Manipulation(ManagedNode):
             self._trajectory.abort(self._servo.stopped[1])
 
     def _check(self, new: dict[str, params.Value]) -> None:
-        params.check_grip_module(self._robot, new)
-        params.check_grip(self._robot, new)
+        common.check_grip(self._robot, new)
         check_failed_rollers(self._robot, new)
         mode, joint = (new.get(spec.name, self.values[spec]) for spec in (MODE, JOINT))
         if mode not in MODES:
@@ -317,7 +297,7 @@ class Manipulation(ManagedNode):
         self._apply_squeeze()
         self._apply_failures()
         if self.cycle is not None:
-            self.cycle.change(self.values[params.RATE], self._servo.timeout)
+            self.cycle.change(self.values[common.RATE], self._servo.timeout)
 
     def _apply_mode(self) -> None:
         """Choose what twists move; where that changes, halt at once until the next twist."""
@@ -343,7 +323,7 @@ class Manipulation(ManagedNode):
     def _apply_squeeze(self) -> None:
         """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""
         values, servo = self.values, self._servo
-        servo.friction = values[params.FRICTION]
+        servo.friction = values[common.FRICTION]
         if servo.body is not None and servo.body.friction is not None:
             servo.friction = servo.body.friction
         if values[SQUEEZE_FORCE] == 0.0:
@@ -375,7 +355,7 @@ class Manipulation(ManagedNode):
         twist, servo = self._servo.twist, self._servo
         if isinstance(twist, StampedInput) and self.now() - twist.time < servo.timeout:
             return
-        stamped = self.values[params.USE_STAMPED_TWIST]
+        stamped = self.values[common.USE_STAMPED_TWIST]
         wrong, right = ('Twist', 'TwistStamped') if stamped else ('TwistStamped', 'Twist')
         found = self.get_publishers_info_by_topic('cmd_vel')
         rejected = RejectedInput(
@@ -389,16 +369,12 @@ class Manipulation(ManagedNode):
 
     def _step(self, now: Time) -> None:
         began = time.perf_counter()
+        self._check_others()
         decision = self._trajectory.decide(1e-9 * now.nanoseconds)
         self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, now)
         self._report.add_cycle_time(time.perf_counter() - began)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the manipulation node until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(Manipulation, args)
+#: Run the manipulation node until it is interrupted.
+main = partial(run, Manipulation)

@@ -13,22 +13,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import IsotrussError, load_robot, Pose
+from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedback
 from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.errors import NoMotionError
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.components.sensors import format_age, subscribe_input
-from isotruss_ros.nodes.conversions.messages import (
-    read_object_pose,
-    stamp_header,
-    to_twist_message,
+from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.sensors import (
+    format_age,
+    subscribe_input,
+    subscribe_object_pose,
 )
+from isotruss_ros.nodes.components.single_goal import describe_lost_client, Ending, SupervisedGoal
+from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
 from isotruss_ros.nodes.conversions.path_messages import (
     read_object_path,
     to_feedback_message,
@@ -38,19 +41,13 @@ from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.single_goal import (
-    describe_lost_client,
-    Ending,
-    SingleGoal,
-)
 import numpy as np
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 
-RATE = replace(params.RATE, bounds=(10.0, 1000.0))
+RATE = replace(common.RATE, bounds=(10.0, 1000.0))
 POSITION_GAIN = params.Spec(
     'position_gain', 2.0, 'Rate at which errors of position decay [1/s]', bounds=(0.0, 20.0)
 )
@@ -70,10 +67,10 @@ SMOOTH_PATH = params.Spec(
     'smooth_path', False, 'Round the corners of paths; straight from pose to pose if not'
 )
 SPECS = (
-    params.ROBOT,
+    common.ROBOT,
     RATE,
-    params.COMMAND_TIMEOUT,
-    params.USE_STAMPED_TWIST,
+    common.COMMAND_TIMEOUT,
+    common.USE_STAMPED_TWIST,
     POSITION_GAIN,
     ANGLE_GAIN,
     RAMP_TIME,
@@ -101,7 +98,7 @@ class PathFollower(ManagedNode):
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('path_follower', SPECS, parameter_overrides)
         self._servo: PathServo | None = None
-        self._goal: SingleGoal | None = None
+        self._goal: SupervisedGoal | None = None
         self.cycles = 0
         self._last: Tracking | None = None
         self.start()
@@ -109,24 +106,14 @@ class PathFollower(ManagedNode):
     def configure(self) -> None:
         """Create publishers and subscriptions, and offer the action."""
         values = self.values
-        self._robot = load_robot(values[params.ROBOT])
-        self._servo = PathServo(1.0 / values[RATE], values[params.COMMAND_TIMEOUT])
+        self._robot = load_robot(values[common.ROBOT])
+        self._servo = PathServo(1.0 / values[RATE], values[common.COMMAND_TIMEOUT])
         values.on_change(lambda _new: None, self._apply)
-        self._stamped = values[params.USE_STAMPED_TWIST]
+        self._stamped = values[common.USE_STAMPED_TWIST]
         self._twists = self.create_lifecycle_publisher(
             TwistStamped if self._stamped else Twist, 'cmd_vel', RELIABLE
         )
-        self._inputs = PolledGroup()
-        subscribe_input(
-            self,
-            PoseStamped,
-            'object_pose',
-            self._read_pose,
-            self._servo,
-            'pose',
-            self._inputs,
-            reuse=True,
-        )
+        subscribe_object_pose(self, self._robot, self._servo)
         subscribe_input(
             self,
             ManipulationStatus,
@@ -134,11 +121,9 @@ class PathFollower(ManagedNode):
             self._read_status,
             self._servo,
             'servo_feedback',
-            self._inputs,
-            reuse=True,
         )
         # There while the node is inactive too, so that a goal that ends then gets its result.
-        self._goal = SingleGoal(
+        self._goal = SupervisedGoal(
             self,
             FollowObjectPath,
             'follow_object_path',
@@ -146,7 +131,6 @@ class PathFollower(ManagedNode):
             begin=self._begin,
             preempted=lambda: self._end(Outcome.PREEMPTED, 'a newer goal took over'),
             cancelled=lambda: self._end(Outcome.CANCELLED, 'cancelled by the client'),
-            supervision=self._inputs,
         )
         self.diagnostics.hardware_id = self._robot.name
 
@@ -157,7 +141,6 @@ class PathFollower(ManagedNode):
             self,
             self.values[RATE],
             self._step,
-            self._inputs.take,
             jumped_back=self._clear_inputs,
             stopped=self._abort_on_stopped_clock,
             progress_timeout=self._servo.timeout,
@@ -189,15 +172,12 @@ class PathFollower(ManagedNode):
 
     # -- Inputs --
 
-    def _read_pose(self, message: PoseStamped) -> Pose:
-        return read_object_pose(message, self._robot.frame)
-
     def _read_status(self, message: ManipulationStatus) -> ServoFeedback:
         return ServoFeedback(message.code, message.scale, message.message)
 
     def _apply(self) -> None:
         """Apply changed parameters; gains and the like from the next goal on."""
-        self._servo.timeout = self.values[params.COMMAND_TIMEOUT]
+        self._servo.timeout = self.values[common.COMMAND_TIMEOUT]
         self._servo.period = 1.0 / self.values[RATE]
         if self.cycle is not None:
             self.cycle.change(self.values[RATE], self._servo.timeout)
@@ -208,7 +188,6 @@ class PathFollower(ManagedNode):
         """Begin to follow a path, or abort the goal with the reason."""
         self.cycles, self._last = 0, None
         values = self.values
-        self._inputs.take()
         try:
             settings = TrackingSettings(
                 goal.position_tolerance,
@@ -246,13 +225,7 @@ class PathFollower(ManagedNode):
         self._goal.end(ENDINGS.get(outcome, Ending.ABORTED), result)
         text = f'{outcome.name.lower().replace("_", " ")}: {message}'
         good = outcome in (Outcome.REACHED, Outcome.CANCELLED, Outcome.PREEMPTED)
-        self.diagnostics.set_status(
-            Level.OK if good else Level.WARN, f'no path to follow; last goal {text}'
-        )
-        if good:
-            self.get_logger().info(text)
-        else:
-            self.get_logger().warning(text)
+        self.report_end('no path to follow', text, good)
 
     # -- The cycle --
 
@@ -290,10 +263,5 @@ class PathFollower(ManagedNode):
         self._twists.publish(message)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the path follower until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(PathFollower, args)
+#: Run the path follower until it is interrupted.
+main = partial(run, PathFollower)

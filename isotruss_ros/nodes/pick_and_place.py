@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 import time
 from typing import Any
 
@@ -20,6 +21,7 @@ from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.action_steps import CancelledError, Outcome, StepError, Steps
 from isotruss_ros.nodes.components.grasp_sequences import GraspSequences
 from isotruss_ros.nodes.components.sensors import (
@@ -28,21 +30,19 @@ from isotruss_ros.nodes.components.sensors import (
     subscribe_joint_states,
     subscribe_object_pose,
 )
-from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.parameter import Parameter
 
 SPECS = (
-    params.ROBOT,
-    params.OBJECT_DIAMETER,
-    params.OBJECT,
-    params.FRICTION,
-    params.COMMAND_TIMEOUT,
+    common.ROBOT,
+    common.OBJECT_DIAMETER,
+    common.OBJECT,
+    common.FRICTION,
+    common.COMMAND_TIMEOUT,
 )
 #: Periods at which a sequence is taken on, and at which feedback is published [s].
 PERIOD, FEEDBACK_PERIOD = 0.02, 0.1
@@ -70,7 +70,7 @@ class PickAndPlace(ManagedNode):
 
     def configure(self) -> None:
         """Load the robot, create clients and subscriptions, and offer the actions."""
-        robot = load_robot(self.values[params.ROBOT])
+        robot = load_robot(self.values[common.ROBOT])
         sequences = self._sequences = GraspSequences(self, robot)
         self.values.on_change(lambda _new: None, self._apply)
         subscribe_joint_states(self, robot, sequences)
@@ -87,8 +87,7 @@ class PickAndPlace(ManagedNode):
     def activate(self) -> None:
         """Accept goals from now on."""
         self.diagnostics.set_status(Level.OK, 'no goal')
-        # Steady clock: what ends a sequence is looked at where simulated time stands still too.
-        self.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        create_steady_timer(self, PERIOD, self._tick)
 
     def deactivate(self) -> None:
         """End the goal; the actions under it are cancelled."""
@@ -121,7 +120,7 @@ class PickAndPlace(ManagedNode):
         return next((action for action in self._actions if action.active), None)
 
     def _apply(self) -> None:
-        self._sequences.timeout = self.values[params.COMMAND_TIMEOUT]
+        self._sequences.timeout = self.values[common.COMMAND_TIMEOUT]
 
     def _offer(self, kind: type, name: str, sequence: Callable[[Any], Steps]) -> SingleGoal:
         def begin(goal: Any) -> None:
@@ -134,7 +133,6 @@ class PickAndPlace(ManagedNode):
             name,
             ready=lambda: self.active and self._goal is None,
             begin=begin,
-            preempted=lambda: self._end(StepError(Outcome.STOPPED, 'a newer goal took over')),
             cancelled=self._request_cancel,
         )
 
@@ -181,12 +179,7 @@ class PickAndPlace(ManagedNode):
             ended.position_error, ended.angle_error = left
         text = f'{goal.kind.__name__}: {outcome.name.lower().replace("_", " ")}: {ended.message}'
         goal.end(ENDINGS.get(outcome, Ending.ABORTED), ended)
-        good = outcome in ENDINGS
-        self.diagnostics.set_status(Level.OK if good else Level.WARN, f'no goal; last {text}')
-        if good:
-            self.get_logger().info(text)
-        else:
-            self.get_logger().warning(text)
+        self.report_end('no goal', text, good=outcome in ENDINGS)
 
 
 def find_outcome(error: IsotrussError) -> Outcome:
@@ -204,10 +197,5 @@ def find_outcome(error: IsotrussError) -> Outcome:
     return Outcome.BAD_GOAL if isinstance(error, GraspError) else Outcome.NO_MOTION_FOUND
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the node until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(PickAndPlace, args)
+#: Run the node until it is interrupted.
+main = partial(run, PickAndPlace)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 import contextlib
+from functools import partial
 import json
 from pathlib import Path
 import time
@@ -25,11 +26,10 @@ from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.components.transforms import TFMessage
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.qos import EVENTS, NEWEST
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
 from isotruss_ros.viewer.names import MissingPackageError
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -88,9 +88,8 @@ class Record(StoppableNode):
                 EVENTS if topic == 'emergency_stop' else NEWEST,
                 raw=True,
             )
-        # Steady clock: it also wakes a node that is stopped by a signal.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(PERIOD, self._flush, clock=steady)
+        # It also wakes a node that is stopped by a signal.
+        create_steady_timer(self, PERIOD, self._flush)
 
     def open_file(self) -> Path:
         """
@@ -197,10 +196,5 @@ def _make_node() -> Record:
     return node
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Record until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(_make_node, args)
+#: Record until it is interrupted.
+main = partial(run, _make_node)

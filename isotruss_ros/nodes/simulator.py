@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.core import (
@@ -26,6 +27,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.recording import PlantRecorder
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.clock_source import CLOCK_SPEED, ClockSource
 from isotruss_ros.nodes.components.mujoco_object import (
     make_driven_robot,
@@ -33,8 +35,9 @@ from isotruss_ros.nodes.components.mujoco_object import (
     MUJOCO_SPECS,
     RECORDING,
 )
-from isotruss_ros.nodes.components.simulated_object import FRICTION, StartingObject
 from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
+from isotruss_ros.nodes.components.simulated_object import StartingObject
+from isotruss_ros.nodes.components.sparse_messages import subscribe_once
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
@@ -45,12 +48,9 @@ from isotruss_ros.nodes.conversions.messages import (
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
-from isotruss_ros.nodes.framework.kept_message import KeptBytes
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
-from isotruss_ros.nodes.framework.subscriptions import subscribe_once
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
@@ -98,12 +98,12 @@ SLIP = params.Spec(
 )
 SEED = params.Spec('seed', 0, 'Seed of the noise and the slip, not negative', read_only=True)
 SPECS = (
-    params.ROBOT,
+    common.ROBOT,
     *OBJECT_SPECS,
     PLANT,
     STIFFNESS_SCALE,
-    params.RATE,
-    params.COMMAND_TIMEOUT,
+    common.RATE,
+    common.COMMAND_TIMEOUT,
     NOISE,
     SPEED_LIMIT,
     STUCK_ROLLER,
@@ -134,40 +134,34 @@ class Simulator(ManagedNode):
 
     def configure(self) -> None:
         """Put the robot at home, with the object grasped or free."""
-        self._robot = load_robot(self.values[params.ROBOT])
+        self._robot = load_robot(self.values[common.ROBOT])
         self._simulated = self._make_robot()
         plant = None if self._driven is None else self._driven.plant
         self._recorder = make_recorder(plant, self.values[RECORDING])
         self.values.on_change(lambda _new: None, self._apply)
         self._joint_states = self.create_lifecycle_publisher(JointState, 'joint_states', RELIABLE)
         self._object_pose = self.create_lifecycle_publisher(PoseStamped, 'object_pose', RELIABLE)
-        # Made once: a message with its parts takes longer to make than to fill in.
-        self._joints = JointState(name=list(self._robot.roller_names))
-        self._pose = PoseStamped()
-        self._joints_bytes, self._pose_bytes = KeptBytes(self._joints), KeptBytes(self._pose)
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
         """Follow commands from now on; none is active yet."""
         speed = self.values[CLOCK_SPEED]
         if speed > 0.0:
-            ClockSource(self, self.values[params.RATE], speed)
+            ClockSource(self, self.values[common.RATE], speed)
         self._time = self._commanded = self.now()
-        inputs = PolledGroup()
         self.create_subscription(
             Float64MultiArray,
             'roller_velocity_controller/commands',
             self._receive_command,
             RELIABLE,
-            callback_group=inputs,
         )
         for kind, topic, receive in (
             (PoseStamped, 'place_object', self._place_object),
             (WrenchStamped, 'external_wrench', self._receive_wrench),
         ):
             subscribe_once(self, kind, topic, receive, self._report_missing)
-        rate = self.values[params.RATE]
-        self.cycle = Cycle(self, rate, self._step, inputs.take, self._stop_on_clock_jump)
+        rate = self.values[common.RATE]
+        self.cycle = Cycle(self, rate, self._step, self._stop_on_clock_jump)
 
     def deactivate(self) -> None:
         """Stop the rollers."""
@@ -194,16 +188,8 @@ class Simulator(ManagedNode):
         self._object = StartingObject(self._robot, values)
         self._elastic = self._driven = None
         if values[PLANT] == MUJOCO:
-            self._driven = make_driven_robot(
-                self._robot,
-                self._object.body,
-                self._object.is_free,
-                values[FRICTION],
-                values,
-                faults,
-                values[SEED],
-                self.get_parameter('use_sim_time').value,
-            )
+            sim_time = self.get_parameter('use_sim_time').value
+            self._driven = make_driven_robot(self._object, values, faults, values[SEED], sim_time)
             return self._driven
         if values[PLANT] == ELASTIC or self._object.is_free:
             simulated = self._put_object(self._object.pose)
@@ -221,7 +207,7 @@ class Simulator(ManagedNode):
 
     def _apply(self) -> None:
         if self.cycle is not None:
-            self.cycle.change(self.values[params.RATE])
+            self.cycle.change(self.values[common.RATE])
 
     def _stop_on_clock_jump(self) -> None:
         """Stop the rollers: after a jump of the clock the age of the command is unknown."""
@@ -267,7 +253,7 @@ class Simulator(ManagedNode):
     def _advance(self, time: Time) -> None:
         """Integrate to a time; a command that is not repeated ends after `command_timeout`."""
         now = 1e-9 * time.nanoseconds
-        expiry = self._commanded + self.values[params.COMMAND_TIMEOUT]
+        expiry = self._commanded + self.values[common.COMMAND_TIMEOUT]
         elapsed = min(now, expiry) - self._time
         try:
             if elapsed > 0.0:  # simulated time advances in steps
@@ -289,14 +275,16 @@ class Simulator(ManagedNode):
             self._report_contact(self._driven)
         if self._recorder is not None:
             self._recorder.record(1e-9 * now.nanoseconds)
-        joints, pose = self._joints, self._pose
-        joints.position = self._simulated.roller_positions.tolist()
-        joints.velocity = self._simulated.roller_velocities.tolist()
+        joints = JointState(
+            name=list(self._robot.roller_names),
+            position=self._simulated.roller_positions.tolist(),
+            velocity=self._simulated.roller_velocities.tolist(),
+        )
         stamp_header(joints.header, now)
-        self._joint_states.publish(self._joints_bytes.pack())
-        to_pose_message(self._simulated.object_pose, pose.pose)
+        self._joint_states.publish(joints)
+        pose = PoseStamped(pose=to_pose_message(self._simulated.object_pose))
         stamp_header(pose.header, now, self._robot.frame)
-        self._object_pose.publish(self._pose_bytes.pack())
+        self._object_pose.publish(pose)
 
     def details(self) -> dict[str, object]:
         """Return how far MuJoCo is behind the clock, by name."""
@@ -331,10 +319,5 @@ class Simulator(ManagedNode):
             self.get_logger().warning(words)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the simulator until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(Simulator, args)
+#: Run the simulator until it is interrupted.
+main = partial(run, Simulator)

@@ -22,12 +22,12 @@ import time
 import tty
 
 from geometry_msgs.msg import Twist, TwistStamped
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
 from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.parameter import Parameter
 
 HELP = """
@@ -74,17 +74,15 @@ class Teleop(StoppableNode):
         super().__init__('teleop', parameter_overrides=list(parameter_overrides))
         rate = params.Spec('rate', 20.0, 'Twists per second [Hz]', bounds=(1.0, 200.0))
         self._values = params.Parameters(
-            self, (rate, SPEED, TURN, KEY_TIMEOUT, params.USE_STAMPED_TWIST, FRAME)
+            self, (rate, SPEED, TURN, KEY_TIMEOUT, common.USE_STAMPED_TWIST, FRAME)
         )
-        self._stamped = self._values[params.USE_STAMPED_TWIST]
+        self._stamped = self._values[common.USE_STAMPED_TWIST]
         kind = TwistStamped if self._stamped else Twist
         self._twists = self.create_publisher(kind, 'cmd_vel', RELIABLE)
         self._direction = KEYS[' ']
         self._pressed = time.monotonic()
         self._gain = 1.0
-        # Steady clock: keys are pressed in wall time, and the system's clock may be set back.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1.0 / self._values[rate], self._cycle, clock=steady)
+        create_steady_timer(self, 1.0 / self._values[rate], self._cycle)
 
     def press(self, key: str) -> None:
         """

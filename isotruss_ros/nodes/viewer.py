@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 import math
 import time
 from typing import TYPE_CHECKING
@@ -20,14 +21,17 @@ from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, read_object
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.object_goals import ObjectGoals
 from isotruss_ros.nodes.components.plant_choice import PlantChoice
 from isotruss_ros.nodes.conversions.messages import (
     name_object_frame,
+    request_parameters,
     stamp_header,
     to_twist_message,
 )
 from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import WarningThrottle
 from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
@@ -47,8 +51,6 @@ from isotruss_ros.viewer.names import (
 )
 from isotruss_ros.viewer.picture import Picture
 from rcl_interfaces.srv import SetParameters
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
@@ -69,10 +71,10 @@ MAX_SPEED = params.Spec(
     'max_speed', 0.05, 'Largest speed of what is dragged [m/s]', bounds=(0.001, 1.0)
 )
 SPECS = (
-    params.ROBOT,
-    params.OBJECT_DIAMETER,
-    params.OBJECT,
-    params.FRICTION,
+    common.ROBOT,
+    common.OBJECT_DIAMETER,
+    common.OBJECT,
+    common.FRICTION,
     HOST,
     PORT,
     RATE,
@@ -100,10 +102,10 @@ class Viewer(StoppableNode):
         super().__init__('viewer', parameter_overrides=list(parameter_overrides))
         self.values = params.Parameters(self, SPECS)
         self.picture = Picture(
-            load_robot(self.values[params.ROBOT]), self.values[params.OBJECT_DIAMETER]
+            load_robot(self.values[common.ROBOT]), self.values[common.OBJECT_DIAMETER]
         )
-        if self.values[params.OBJECT]:
-            self.picture.shape = read_object(self.values[params.OBJECT]).shape
+        if self.values[common.OBJECT]:
+            self.picture.shape = read_object(self.values[common.OBJECT]).shape
         self._throttle = WarningThrottle(self.get_logger())
         self._view: View | None = None
         self._controls: Controls | None = None
@@ -140,11 +142,9 @@ class Viewer(StoppableNode):
                 f'host {host}: whoever reaches this address can watch the robot and command it'
             )
         self._view = View(self.picture, host, self.values[PORT])
-        self._controls = Controls(self._view.server, self.picture, self.values[params.FRICTION])
+        self._controls = Controls(self._view.server, self.picture, self.values[common.FRICTION])
         print(f'viewer: {self._view.address}', flush=True)
-        # Steady clock: a browser is watched in wall time.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1.0 / self.values[RATE], self._step, clock=steady)
+        create_steady_timer(self, 1.0 / self.values[RATE], self._step)
 
     def stop(self) -> None:
         """Publish a zero twist where one was published before, and end the server."""
@@ -280,16 +280,13 @@ class Viewer(StoppableNode):
         if not client.service_is_ready():
             self._throttle.warn(node, f'{node} is not there: its parameters are not set')
             return
-        request = SetParameters.Request(
-            parameters=[Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
-        )
 
         def report(future: Future) -> None:
             for result in future.result().results:
                 if not result.successful:
                     self.get_logger().warning(f'{node}: {result.reason}')
 
-        client.call_async(request).add_done_callback(report)
+        client.call_async(request_parameters(values)).add_done_callback(report)
 
 
 def _make_node() -> Viewer:
@@ -298,10 +295,5 @@ def _make_node() -> Viewer:
     return node
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Serve the view until it is interrupted.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(_make_node, args)
+#: Serve the view until it is interrupted.
+main = partial(run, _make_node)

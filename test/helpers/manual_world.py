@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 import contextlib
+import inspect
 import math
 import time
 from typing import Any
@@ -63,7 +64,10 @@ def match(offered: QoSProfile, requested: QoSProfile) -> bool:
 
 def call_back(subscription: Subscription, message: Any) -> None:
     """Hand a message over in the form in which the subscription takes it."""
-    subscription.callback(serialize_message(message) if subscription.raw else message)
+    given = [serialize_message(message) if subscription.raw else message]
+    if len(inspect.signature(subscription.callback).parameters) == 2:
+        given.append({'publication_sequence_number': None})
+    subscription.callback(*given)
 
 
 class Goal:

@@ -21,6 +21,7 @@ from isotruss_ros.core import ConvexObject, Ellipse, Pose
 from isotruss_ros.core.control.inputs import InputError, StampedInput
 from isotruss_ros.core.control.path_tracking import RETURN
 from isotruss_ros.nodes.components import action_steps, grasp_sequences
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.action_steps import (
     ActionStep,
     CANCEL_TICKS,
@@ -37,7 +38,6 @@ from isotruss_ros.nodes.components.grasp_sequences import (
 )
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
-from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.pick_and_place import find_outcome
 from nav_msgs.msg import Path
 import numpy as np
@@ -463,7 +463,7 @@ class Planner:
 @pytest.mark.parametrize('described', [None, ConvexObject(Ellipse((0.2, 0.1)), mass=2.0)])
 def test_object_and_members_are_those_that_are_planned_with(described):
     sequences, planner = GraspSequences.__new__(GraspSequences), Planner()
-    values = {params.OBJECT_DIAMETER: 0.25, params.FRICTION: 0.6}
+    values = {common.OBJECT_DIAMETER: 0.25, common.FRICTION: 0.6}
     sequences._node = SimpleNamespace(now=lambda: 10.0, values=values)
     sequences._robot, sequences._planner, sequences._described = ROBOT, planner, described
     sequences.timeout = 0.2

@@ -15,9 +15,9 @@ import re
 from geometry_msgs.msg import Pose, PoseStamped, Quaternion, TwistStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Status, tangent_center, TwistServo
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components import servo_settings
 from isotruss_ros.nodes.conversions.messages import read_stamp, stamp_header
-from isotruss_ros.nodes.framework import parameters
 from isotruss_ros.nodes.manipulation import Manipulation
 from manual_world import check_refused, world
 import numpy as np
@@ -358,7 +358,7 @@ def test_parameters_change_at_run_time_or_are_rejected_with_the_reason():
 def test_a_changed_diameter_is_that_of_the_servo():
     servo = TwistServo(ROBOT, MODULE, DIAMETER, 0.005, 0.2)
     values = {spec: spec.default for spec in servo_settings.SPECS}
-    servo_settings.apply_settings(servo, values | {parameters.OBJECT_DIAMETER: 0.21})
+    servo_settings.apply_settings(servo, values | {common.OBJECT_DIAMETER: 0.21})
     assert servo.object_diameter == 0.21
 
 

@@ -16,8 +16,8 @@ import time
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.core.control.roller_trajectory import DEFAULT
+from isotruss_ros.nodes.components import sparse_messages
 from isotruss_ros.nodes.conversions.trajectory_messages import MAX_POINTS
-from isotruss_ros.nodes.framework import silent_publishers
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
@@ -223,7 +223,7 @@ def test_a_publisher_that_left_before_its_trajectory_was_received_ends_the_activ
     events, monkeypatch, capfd
 ):
     """It may have been another one, or the end."""
-    monkeypatch.setattr(silent_publishers, 'MATCH_DELAY', 0.0)
+    monkeypatch.setattr(sparse_messages, 'MATCH_DELAY', 0.0)
     lost = f'a publisher of {TOPIC} left before a message was received'
     with world(node(), simulator()) as w:
         manipulation = w.nodes[1]

@@ -67,9 +67,9 @@ def stand_in(monkeypatch):
         ):
             setattr(module, kind, record(kind))
         monkeypatch.setitem(sys.modules, name, module)
-    monkeypatch.delitem(sys.modules, 'isotruss_ros.nodes.framework.launching', raising=False)
+    monkeypatch.delitem(sys.modules, 'isotruss_ros.nodes.components.launching', raising=False)
     yield
-    sys.modules.pop('isotruss_ros.nodes.framework.launching', None)
+    sys.modules.pop('isotruss_ros.nodes.components.launching', None)
 
 
 def specs_of(executable):

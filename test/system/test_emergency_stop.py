@@ -13,7 +13,7 @@ import subprocess
 import sys
 
 from isotruss_ros.core import Status
-from isotruss_ros.nodes.framework.subscriptions import MAX_BATCH
+from isotruss_ros.nodes.components.sparse_messages import MAX_BATCH
 from isotruss_ros.nodes.manipulation import Manipulation
 from probe import overrides, world
 import pytest

@@ -25,13 +25,11 @@ from uuid import uuid4
 
 from action_msgs.msg import GoalInfo, GoalStatus
 from isotruss_ros.core import IsotrussError
-from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.srv import SetParameters
+from isotruss_ros.nodes.conversions.messages import request_parameters
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.client import Client
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.task import Future
 
@@ -111,43 +109,42 @@ class ActionStep:
         info = GoalInfo()
         info.goal_id.uuid = list(uuid4().bytes)
         unknown = ClientGoalHandle(self._client, GoalInfo().goal_id, None)
-        wanted = ClientGoalHandle(self._client, info.goal_id, None)
         yield from self._request_result(unknown, info)
-        made = 0.0
+        made = [0.0]
 
         def note(message: Any) -> None:
-            nonlocal made
-            made = progress(message.feedback)
+            made[0] = progress(message.feedback)
 
         sent = self._client.send_goal_async(goal, note, info.goal_id)
-
-        def finish() -> Steps:
-            for _ in range(RETRY_TICKS):
-                if sent.done():
-                    break
-                self._supervise(info, Outcome.STOPPED)
-                yield made
-            ended = yield from self._request_result(wanted, info, lambda: made, Outcome.STOPPED)
-            if ended.status != GoalStatus.STATUS_UNKNOWN:
-                return ended.result
-            if sent.done() and not sent.result().accepted:
-                raise StepError(Outcome.NOT_READY, f'the action {self._name} rejects goals now')
-            raise StepError(
-                Outcome.STOPPED,
-                f'the node that offers the action {self._name} does not know the goal: it was '
-                'started again',
-            )
-
         try:
-            return (yield from finish())
+            return (yield from self._await_result(sent, info, made))
         except CancelledError:
             sent.add_done_callback(_cancel_goal)  # at once where it is answered already
             with suppress(StepError):
-                yield from islice(finish(), CANCEL_TICKS)
+                yield from islice(self._await_result(sent, info, made), CANCEL_TICKS)
             raise
         except (GeneratorExit, StepError):
             sent.add_done_callback(_cancel_goal)
             raise
+
+    def _await_result(self, sent: Future, info: GoalInfo, made: list[float]) -> Steps:
+        """Return the result of a goal that was sent; its progress stands in a list."""
+        for _ in range(RETRY_TICKS):
+            if sent.done():
+                break
+            self._supervise(info, Outcome.STOPPED)
+            yield made[0]
+        wanted = ClientGoalHandle(self._client, info.goal_id, None)
+        ended = yield from self._request_result(wanted, info, lambda: made[0], Outcome.STOPPED)
+        if ended.status != GoalStatus.STATUS_UNKNOWN:
+            return ended.result
+        if sent.done() and not sent.result().accepted:
+            raise StepError(Outcome.NOT_READY, f'the action {self._name} rejects goals now')
+        raise StepError(
+            Outcome.STOPPED,
+            f'the node that offers the action {self._name} does not know the goal: it was '
+            'started again',
+        )
 
     def _request_result(
         self,
@@ -202,10 +199,7 @@ def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
         if not client.service_is_ready():
             raise StepError(Outcome.NOT_READY, f'no node offers the service {client.srv_name}')
 
-    messages: list[ParameterMessage] = [
-        Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
-    ]
-    request = SetParameters.Request(parameters=messages)
+    request = request_parameters(values)
     answer = yield from _ask(lambda: client.call_async(request), require_service)
     for name, result in zip(values, answer.results, strict=True):
         if not result.successful:

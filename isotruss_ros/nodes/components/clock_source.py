@@ -12,10 +12,9 @@
 from __future__ import annotations
 
 from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 
@@ -49,8 +48,7 @@ class ClockSource:
         # From where the clock stopped when the node was active before.
         self._now = node.get_clock().now().nanoseconds
         self._publisher = node.create_publisher(ClockMessage, '/clock', RELIABLE)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(1.0 / (rate * speed), self._tick, clock=steady)
+        create_steady_timer(node, 1.0 / (rate * speed), self._tick)
 
     def _tick(self) -> None:
         self._now += self._step

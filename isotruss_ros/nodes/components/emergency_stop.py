@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from isotruss_ros.nodes.components.sparse_messages import EveryMessage
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.subscriptions import EveryMessage
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -74,10 +74,6 @@ class EmergencyStop:
         if self._last is None and self._required():
             return f'no message of {NAME} received yet, and require_emergency_stop is set'
         return None
-
-    def read(self) -> None:
-        """Receive the messages that wait."""
-        self._messages.read()
 
     def _receive(self, messages: list[Bool]) -> None:
         before = self._last, self._stopped

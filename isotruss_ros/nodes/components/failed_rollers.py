@@ -17,9 +17,9 @@ from isotruss_ros.core import IsotrussError, reachable_twists, Robot, TwistServo
 from isotruss_ros.core.control.inputs import StampedInput
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.nodes.components.sparse_messages import EveryMessage
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Value
-from isotruss_ros.nodes.framework.subscriptions import EveryMessage
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -48,7 +48,7 @@ class FailedRollers:
         self._detected: frozenset[str] = frozenset()
         #: Why the rollers that the topic names are not known; None if they are.
         self._unknown: str | None = None
-        self._messages = EveryMessage(node, String, NAME, self._receive, self._report_missing)
+        EveryMessage(node, String, NAME, self._receive, self._report_missing)
         node.create_service(Trigger, SERVICE, self._reset)
 
     def select_named(self, robot: Robot) -> frozenset[str]:
@@ -83,10 +83,6 @@ class FailedRollers:
         """Give a new servo what was detected before, of the rollers that its robot has."""
         servo = self._servo()
         servo.detector.failed = self._detected & frozenset(servo.robot.roller_names)
-
-    def read(self) -> None:
-        """Receive the messages that wait."""
-        self._messages.read()
 
     def _receive(self, messages: list[String]) -> None:
         named = frozenset(part.strip() for part in messages[-1].data.split(',')) - {''}

@@ -49,6 +49,7 @@ from isotruss_ros.core.planning.export import export_violation
 from isotruss_ros.core.planning.grasp_plan import path_times
 from isotruss_ros.core.planning.plan_words import violation_in_words
 from isotruss_ros.core.planning.release import Release
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.action_steps import (
     ActionStep,
     CancelledError,
@@ -57,6 +58,7 @@ from isotruss_ros.nodes.components.action_steps import (
     StepError,
     Steps,
 )
+from isotruss_ros.nodes.components.single_goal import SUPERVISION
 from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.messages import (
     read_pose,
@@ -65,14 +67,9 @@ from isotruss_ros.nodes.conversions.messages import (
     to_time,
 )
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
-from isotruss_ros.nodes.conversions.trajectory_messages import (
-    read_duration,
-    to_trajectory_message,
-)
-from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.conversions.trajectory_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
-from isotruss_ros.nodes.framework.single_goal import SUPERVISION
 from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
@@ -102,11 +99,11 @@ class GraspSequences:
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._node, self._robot = node, robot
         self.stage = 0
-        self.timeout = node.values[params.COMMAND_TIMEOUT]
+        self.timeout = node.values[common.COMMAND_TIMEOUT]
         self.rollers: Input = None
         self.pose: Input = None
         self.grasp: Input = None
-        described = node.values[params.OBJECT]
+        described = node.values[common.OBJECT]
         self._described = read_object(described) if described else None
         self._shape = TrackedShape(robot)
         # Before the actions: who has discovered their clients has discovered it, too.
@@ -161,26 +158,9 @@ class GraspSequences:
         :raises IsotrussError: why the object is not held.
         """
         self.stage = PICK.PLANNING
-        values = self._node.values
         yield from self._await_inputs()
-        wanted = PlanGrasp.Goal(
-            object_pose=self.measured_pose(),
-            friction=values[params.FRICTION],
-            module=goal.module,
-            members=goal.members,
-            squeeze=goal.squeeze,
-            min_slip_margin=goal.min_slip_margin,
-            time_limit=goal.time_limit,
-            count=1,
-        )
-        if self._described is None:
-            wanted.object_diameter = values[params.OBJECT_DIAMETER]
-        else:
-            wanted.object = to_object_message(self._described)
-        plan = yield from self._planner.run(wanted, lambda feedback: feedback.progress)
-        if plan.code != PlanGrasp.Result.FOUND:
-            raise _plan_error(plan)
-        (grasp,) = plan.grasps
+        lay = self.measured_pose()
+        grasp = yield from self._plan_grasp(goal, lay)
         settings = {'mode': 'object', 'squeeze_force': grasp.squeeze, 'grip': ['']}
         if grasp.module:
             settings['grip_module'] = grasp.module
@@ -191,7 +171,7 @@ class GraspSequences:
         yield from self._drive(grasp.path, touch, PICK.APPROACHING, PICK.CLOSING)
         self.stage = PICK.CONFIRMING
         state = yield from self._confirm(True)
-        note = yield from self._bring_back(wanted.object_pose)
+        note = yield from self._bring_back(lay)
         if note:
             state = yield from self._confirm(True)
         squeeze = float(np.mean(state.squeeze))
@@ -203,6 +183,29 @@ class GraspSequences:
             squeeze=squeeze,
             slip_margin=state.slip_margin,
         )
+
+    def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
+        """Let the planner search for the best grasp of the object where it lies; return it."""
+        values = self._node.values
+        wanted = PlanGrasp.Goal(
+            object_pose=lay,
+            friction=values[common.FRICTION],
+            module=goal.module,
+            members=goal.members,
+            squeeze=goal.squeeze,
+            min_slip_margin=goal.min_slip_margin,
+            time_limit=goal.time_limit,
+            count=1,
+        )
+        if self._described is None:
+            wanted.object_diameter = values[common.OBJECT_DIAMETER]
+        else:
+            wanted.object = to_object_message(self._described)
+        plan = yield from self._planner.run(wanted, lambda feedback: feedback.progress)
+        if plan.code != PlanGrasp.Result.FOUND:
+            raise _plan_error(plan)
+        (grasp,) = plan.grasps
+        return grasp
 
     def place(self, goal: PlaceObject.Goal) -> Steps:
         """
@@ -217,7 +220,7 @@ class GraspSequences:
         pose = self.pose.value
         config = self._shape.configuration(self._node.now(), self.timeout, self.rollers)
         check_grip(state.grasping_members)
-        diameter = self._node.values[params.OBJECT_DIAMETER]
+        diameter = self._node.values[common.OBJECT_DIAMETER]
         body = (self._described or ConvexObject(Disc(diameter))).moved_to(pose)
         planned: Future[Release] = self._thread.submit(
             plan_release, config, body, state.grasping_members, goal.clearance

@@ -13,11 +13,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from isotruss_ros.core import ConvexObject, Robot, RollerFaults
+from isotruss_ros.core import RollerFaults
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from isotruss_ros.mujoco_plant.recording import PlantRecorder
+from isotruss_ros.nodes.components.simulated_object import FRICTION, StartingObject
 from isotruss_ros.nodes.framework import parameters as params
 
 #: More than this is not simulated at once where time is the wall's, but reported as lag [s].
@@ -81,34 +82,28 @@ def make_recorder(plant: MujocoPlant | None, path: str) -> PlantRecorder | None:
 
 
 def make_driven_robot(
-    robot: Robot,
-    body: ConvexObject,
-    is_free: bool,
-    friction: float,
+    start: StartingObject,
     values: params.Parameters,
     faults: RollerFaults,
     seed: int,
     sim_time: bool,
 ) -> DrivenRobot:
     """
-    Return a robot in MuJoCo with its object.
+    Return a robot in MuJoCo, at home, with its object.
 
-    :param robot: starts at home.
-    :param body: the object in its place; a mass of its own counts instead of `object_mass`.
-    :param is_free: whether the object is free from the start.
-    :param friction: coefficient between tube and object.
-    :param values: of `MUJOCO_SPECS`.
+    :param start: the object; a mass of its own counts instead of `object_mass`.
+    :param values: of `MUJOCO_SPECS`, and the coefficient of friction.
     :param faults: how the rollers differ from perfect ones.
     :param seed: of the noise and the slip.
     :param sim_time: time is simulated, so that nothing can lag behind it.
     :raises IsotrussError: MuJoCo is not installed, or a value is not usable.
     """
     options = PlantOptions(
-        friction=friction,
+        friction=values[FRICTION],
         object_mass=values[OBJECT_MASS],
         module_mass=values[MODULE_MASS],
         gravity=(values[GRAVITY_X], values[GRAVITY_Y]),
         ground_friction=values[GROUND_FRICTION],
     )
     longest = float('inf') if sim_time else LONGEST_STEP
-    return DrivenRobot(robot, body, is_free, options, faults, seed, longest)
+    return DrivenRobot(start.robot, start.body, start.is_free, options, faults, seed, longest)

@@ -14,11 +14,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from isotruss_ros.nodes.conversions.messages import request_parameters
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 SIMULATOR = 'simulator'
@@ -50,8 +50,7 @@ class PlantChoice:
             self._report(f'plant {plant}: there is no simulator')
             return
         self._wanted = plant
-        parameter = Parameter('plant', value=plant).to_parameter_msg()
-        request = SetParameters.Request(parameters=[parameter])
+        request = request_parameters({'plant': plant})
         # The first two fail where it is inactive or unconfigured already.
         steps: list[tuple[str, Any]] = [
             ('', self._transition(Transition.TRANSITION_DEACTIVATE)),

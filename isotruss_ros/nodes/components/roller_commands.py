@@ -11,17 +11,15 @@
 
 from __future__ import annotations
 
+import math
 import time
+from typing import Any
 
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.conversions.messages import to_command_message
-from isotruss_ros.nodes.framework.kept_message import KeptBytes
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.polling import PolledGroup
 from isotruss_ros.nodes.framework.qos import ACKNOWLEDGE_TIME, NEWEST, RELIABLE
 import numpy as np
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
 TOPIC = 'roller_velocity_controller/commands'
@@ -44,23 +42,19 @@ class RollerCommands:
     def __init__(self, node: ManagedNode, count: int) -> None:
         self._node, self._count = node, count
         self._publisher = node.create_lifecycle_publisher(Float64MultiArray, TOPIC, RELIABLE)
-        self._message = Float64MultiArray()
-        self._bytes = KeptBytes(self._message)
-        self._subscription: Subscription | None = None
         #: Sequence numbers of the last own message, published and received.
         self._sent = self._received = 0
-        self._heard = -np.inf
+        self._heard = -math.inf
 
     def subscribe(self) -> None:
         """Notice other nodes from now on, until the node is inactive."""
-        self._received, self._heard = self._sent, -np.inf
-        # In a group that nobody waits for; the type is that of all who command the rollers.
-        self._subscription = self._node.create_subscription(
+        self._received, self._heard = self._sent, -math.inf
+        # The type is that of all who command the rollers.
+        self._node.create_subscription(
             Float64MultiArray,
             TOPIC,
-            lambda _: None,
+            self.note,
             NEWEST,
-            callback_group=PolledGroup(),
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             raw=True,
         )
@@ -71,8 +65,7 @@ class RollerCommands:
 
         :param velocities: (r,) [m/s].
         """
-        to_command_message(velocities, self._message)
-        self._publisher.publish(self._bytes.pack())
+        self._publisher.publish(Float64MultiArray(data=velocities.tolist()))
         self._sent += 1
 
     def stop(self) -> None:
@@ -85,18 +78,20 @@ class RollerCommands:
 
     def find_others(self) -> str | None:
         """Return who else commands the rollers, in words; None if nobody does."""
-        handle, now = self._subscription.handle, time.monotonic()
-        for _ in range(NEWEST.depth):
-            taken = handle.take_message(Float64MultiArray, True)
-            if taken is None:
-                break
-            number = taken[1]['publication_sequence_number']
-            if number is None:
-                continue
-            if self._received < number <= self._sent:
-                self._received = number
-            else:
-                self._heard = now
-        if now - self._heard > QUIET_TIME:
+        if time.monotonic() - self._heard > QUIET_TIME:
             return None
         return f'another node publishes on {TOPIC}: end or deactivate it, or this one'
+
+    def note(self, _message: bytes, info: dict[str, Any]) -> None:
+        """
+        Take note of a command, own or not.
+
+        :param info: what the middleware tells of the message.
+        """
+        number = info['publication_sequence_number']
+        if number is None:
+            return
+        if self._received < number <= self._sent:
+            self._received = number
+        else:
+            self._heard = time.monotonic()

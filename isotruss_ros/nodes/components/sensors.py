@@ -24,8 +24,8 @@ from isotruss_ros.nodes.conversions.messages import (
     RollerStateReader,
 )
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
-from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 
 
@@ -40,15 +40,8 @@ class InputHolder(Protocol):
 
 
 def subscribe_input(
-    node: Node,
-    kind: type,
-    topic: str,
-    read: Callable[[Any], Any],
-    holder: InputHolder,
-    name: str,
-    group: CallbackGroup | None = None,
-    reuse: bool = False,
-) -> None:
+    node: Node, kind: type, topic: str, read: Callable[[Any], Any], holder: InputHolder, name: str
+) -> Subscription:
     """
     Subscribe to messages with a header and keep the newest value as an input.
 
@@ -58,8 +51,6 @@ def subscribe_input(
     :param read: returns the value of a message; raises MessageError for one that is unusable.
     :param holder: gets a StampedInput, or a RejectedInput with the reason.
     :param name: attribute of `holder`.
-    :param group: of the subscription; that of the node if None.
-    :param reuse: where `read` keeps no message, see `subscribe_newest`.
     """
 
     def receive(message: Any) -> None:
@@ -70,40 +61,34 @@ def subscribe_input(
             return
         setattr(holder, name, select_latest(getattr(holder, name), received, holder.timeout))
 
-    subscribe_newest(node, kind, topic, receive, group, reuse)
+    return subscribe_newest(node, kind, topic, receive)
 
 
-def subscribe_joint_states(
-    node: Node, robot: Robot, holder: InputHolder, group: CallbackGroup | None = None
-) -> None:
+def subscribe_joint_states(node: Node, robot: Robot, holder: InputHolder) -> None:
     """
     Keep the state of the rollers, from `joint_states`, as `holder.rollers`.
 
     :param node: subscribes.
     :param robot: whose rollers are read.
     :param holder: gets a StampedInput of a RollerState, or a RejectedInput.
-    :param group: of the subscription; that of the node if None.
     """
     reader = RollerStateReader(robot.roller_names)
-    subscribe_input(node, JointState, 'joint_states', reader.read, holder, 'rollers', group, True)
+    subscribe_input(node, JointState, 'joint_states', reader.read, holder, 'rollers')
 
 
-def subscribe_object_pose(
-    node: Node, robot: Robot, holder: InputHolder, group: CallbackGroup | None = None
-) -> None:
+def subscribe_object_pose(node: Node, robot: Robot, holder: InputHolder) -> None:
     """
     Keep the measured `Pose` of the object, from `object_pose`, as `holder.pose`.
 
     :param node: subscribes.
     :param robot: in whose frame the pose must be.
     :param holder: gets a StampedInput or a RejectedInput.
-    :param group: of the subscription; that of the node if None.
     """
 
     def read(message: PoseStamped) -> Pose:
         return read_object_pose(message, robot.frame)
 
-    subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'pose', group, True)
+    subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'pose')
 
 
 def select_latest(kept: Input, received: StampedInput, timeout: float) -> Input:

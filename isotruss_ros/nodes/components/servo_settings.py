@@ -17,6 +17,7 @@ import math
 from isotruss_ros.core import ShapeGuard, TwistServo
 from isotruss_ros.core.safety.roller_failure import FailureCriterion, FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.parameters import Spec
 
@@ -48,11 +49,11 @@ FAILURE_TIME = Spec(
     bounds=(0.0, 60.0),
 )
 SPECS = (
-    params.OBJECT_DIAMETER,
-    params.GRIP_MODULE,
-    params.GRIP,
-    params.RATE,
-    params.COMMAND_TIMEOUT,
+    common.OBJECT_DIAMETER,
+    common.GRIP_MODULE,
+    common.GRIP,
+    common.RATE,
+    common.COMMAND_TIMEOUT,
     MIN_RIGIDITY,
     MIN_CLEARANCE,
     MIN_OBJECT_CLEARANCE,
@@ -69,11 +70,11 @@ def apply_settings(servo: TwistServo, values: params.Parameters) -> None:
     :param servo: of the node.
     :param values: parameters of the node.
     """
-    servo.grip_module = params.select_grip_module(servo.robot, values[params.GRIP_MODULE])
-    servo.members = params.named_members(values[params.GRIP])
-    servo.object_diameter = values[params.OBJECT_DIAMETER]
-    servo.period = 1.0 / values[params.RATE]
-    servo.timeout = values[params.COMMAND_TIMEOUT]
+    servo.grip_module = common.select_grip_module(servo.robot, values[common.GRIP_MODULE])
+    servo.members = common.named_members(values[common.GRIP])
+    servo.object_diameter = values[common.OBJECT_DIAMETER]
+    servo.period = 1.0 / values[common.RATE]
+    servo.timeout = values[common.COMMAND_TIMEOUT]
     servo.slide_along_limits = values[SLIDE_ALONG_LIMITS]
     bounds = ShapeBounds(values[MIN_RIGIDITY], values[MIN_CLEARANCE], values[MIN_OBJECT_CLEARANCE])
     servo.guard = ShapeGuard(servo.robot, bounds)

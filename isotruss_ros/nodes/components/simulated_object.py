@@ -28,13 +28,14 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
+from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.framework import parameters as params
 
 # The simulated object is grasped from the start and stays so, or it is free at first.
-GRIP_MODULE = replace(params.GRIP_MODULE, read_only=True)
-GRIP = replace(params.GRIP, read_only=True)
-OBJECT_DIAMETER = replace(params.OBJECT_DIAMETER, read_only=True)
-FRICTION = replace(params.FRICTION, read_only=True)
+GRIP_MODULE = replace(common.GRIP_MODULE, read_only=True)
+GRIP = replace(common.GRIP, read_only=True)
+OBJECT_DIAMETER = replace(common.OBJECT_DIAMETER, read_only=True)
+FRICTION = replace(common.FRICTION, read_only=True)
 INDENTATION = params.Spec(
     'indentation',
     0.0,
@@ -63,7 +64,7 @@ OBJECT_ANGLE = params.Spec(
 )
 SPECS = (
     OBJECT_DIAMETER,
-    params.OBJECT,
+    common.OBJECT,
     GRIP_MODULE,
     GRIP,
     INDENTATION,
@@ -79,6 +80,7 @@ class StartingObject:
     """
     The object where it begins, for all plants.
 
+    :ivar robot: at home.
     :ivar body: in its place in the robot frame.
     :ivar is_free: nothing holds it at the start.
     :param robot: at home.
@@ -88,24 +90,23 @@ class StartingObject:
 
     def __init__(self, robot: Robot, values: params.Parameters) -> None:
         module = values[GRIP_MODULE]
-        params.check_grip_module(robot, {GRIP_MODULE.name: module})
-        params.check_grip(robot, {GRIP.name: values[GRIP]})
-        self._robot, self.is_free = robot, values[OBJECT_IS_FREE]
+        common.check_grip(robot, {GRIP_MODULE.name: module, GRIP.name: values[GRIP]})
+        self.robot, self.is_free = robot, values[OBJECT_IS_FREE]
         self._friction, diameter = values[FRICTION], values[OBJECT_DIAMETER]
-        self._members = params.select_grip(robot, values[GRIP], module)
+        self._members = common.select_grip(robot, values[GRIP], module)
         place = (values[OBJECT_X], values[OBJECT_Y])
         angle, indentation = values[OBJECT_ANGLE], values[INDENTATION]
         body = ConvexObject(Disc(diameter), friction=self._friction)
-        if values[params.OBJECT]:
-            body = read_object(values[params.OBJECT])
+        if values[common.OBJECT]:
+            body = read_object(values[common.OBJECT])
         pose = Pose(*place, angle)
-        if not self.is_free and (values[params.OBJECT] or params.named_members(values[GRIP])):
+        if not self.is_free and (values[common.OBJECT] or common.named_members(values[GRIP])):
             pose = place_between(
                 robot.home, self._members, body.shape, angle, indentation
             ).body.pose
         elif not self.is_free:
             center = tangent_center(
-                robot.home, params.select_grip_module(robot, module), diameter, indentation
+                robot.home, common.select_grip_module(robot, module), diameter, indentation
             )
             pose = Pose(*center, angle)
         self.body = body.moved_to(pose)
@@ -117,7 +118,7 @@ class StartingObject:
 
     def held(self) -> SimulatedObject:
         """Return it as the kinematic plant has it in the grip."""
-        home, body = self._robot.home, self.body
+        home, body = self.robot.home, self.body
         return RollingObject(RollingGrip.attach(home, Grip(self._members, body)))
 
     def lying(self, pose: Pose) -> SimulatedObject:

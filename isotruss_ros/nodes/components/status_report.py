@@ -16,20 +16,13 @@ from isotruss_ros.core import Status
 from isotruss_ros.core.control.twist_servo import Decision
 from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
 from isotruss_ros.nodes.framework.diagnostics import CycleTimes, Level, WarningThrottle
-from isotruss_ros.nodes.framework.kept_message import KeptBytes
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from rclpy.time import Time
 
 #: Statuses that are no warning: no motion is commanded, or all is well.
 NORMAL = frozenset(
-    {
-        Status.OK,
-        Status.IDLE,
-        Status.FOLLOWING_TRAJECTORY,
-        Status.ARRIVED,
-        Status.HALT_NO_TWIST,
-    }
+    {Status.OK, Status.IDLE, Status.FOLLOWING_TRAJECTORY, Status.ARRIVED, Status.HALT_NO_TWIST}
 )
 
 
@@ -49,10 +42,7 @@ class StatusReport:
         self._diagnostics = node.diagnostics
         self._throttle = WarningThrottle(node.get_logger())
         self._cycle_times = CycleTimes()
-        # Created once: a message with its parts costs more to create than to fill in.
-        self._message = ManipulationStatus()
-        self._bytes = KeptBytes(self._message)
-        self._failed: tuple[str, ...] = ()
+        self._last, self._cycle_time = Status.OK, 0.0
 
     def publish(self, decision: Decision, now: Time) -> None:
         """
@@ -61,18 +51,20 @@ class StatusReport:
         :param decision: of this cycle.
         :param now: time of the cycle.
         """
-        command, message = decision.command, self._message
+        command = decision.command
+        self._last = command.status
+        message = ManipulationStatus(
+            code=int(command.status),
+            message=decision.message,
+            commanded=to_twist_message(decision.twist),
+            achieved=to_twist_message(command.achieved_twist),
+            scale=command.scale,
+            reachable_dof=command.reachable_dof,
+            failed_rollers=decision.failed,
+            cycle_time=self._cycle_time,
+        )
         stamp_header(message.header, now, self._frame)
-        message.code = int(command.status)
-        message.message = decision.message
-        to_twist_message(decision.twist, message.commanded)
-        to_twist_message(command.achieved_twist, message.achieved)
-        message.scale = command.scale
-        message.reachable_dof = command.reachable_dof
-        if decision.failed != self._failed:
-            self._failed = decision.failed
-            message.failed_rollers = list(decision.failed)
-        self._publisher.publish(self._bytes.pack())
+        self._publisher.publish(message)
         level = select_level(command.status)
         if decision.message and command.status in (Status.OK, Status.IDLE):
             level = Level.WARN  # such as too small a slip margin
@@ -90,7 +82,7 @@ class StatusReport:
 
         :param duration: computing time [s].
         """
-        self._message.cycle_time = duration
+        self._cycle_time = duration
         self._cycle_times.add(duration)
 
     def summary(self, period: float) -> dict[str, object]:
@@ -99,9 +91,8 @@ class StatusReport:
 
         :param period: from cycle to cycle [s].
         """
-        last = Status(self._message.code)
         cycles = self._cycle_times.summary(period)
-        return {'status': last.name, 'status code': int(last)} | cycles
+        return {'status': self._last.name, 'status code': int(self._last)} | cycles
 
 
 def select_level(status: Status) -> Level:

@@ -27,25 +27,15 @@ from isotruss_ros.core.control.inputs import require_fresh, StampedInput
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.control.twist_servo import Decision
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
-from isotruss_ros.nodes.conversions.messages import (
-    MessageError,
-    read_stamp,
-    stamp_header,
-    to_time,
-)
+from isotruss_ros.nodes.components.single_goal import describe_lost_client, Ending, SupervisedGoal
+from isotruss_ros.nodes.components.sparse_messages import subscribe_once
+from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp, stamp_header, to_time
 from isotruss_ros.nodes.conversions.trajectory_messages import (
     fill_feedback,
     read_roller_trajectory,
 )
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.single_goal import (
-    describe_lost_client,
-    Ending,
-    SingleGoal,
-)
-from isotruss_ros.nodes.framework.subscriptions import subscribe_once
 import numpy as np
-from rclpy.callback_groups import CallbackGroup
 from trajectory_msgs.msg import JointTrajectory
 
 TOPIC = 'joint_trajectory_controller/joint_trajectory'
@@ -66,11 +56,10 @@ class TrajectoryFollowing:
 
     :param node: subscribes while it is active.
     :param servo: of the twists; its roller positions count, and it learns what is commanded.
-    :param group: of the subscription to the clients that supervise their goals.
     """
 
-    def __init__(self, node: ManagedNode, servo: TwistServo, group: CallbackGroup) -> None:
-        self._node, self._servo, self._group = node, servo, group
+    def __init__(self, node: ManagedNode, servo: TwistServo) -> None:
+        self._node, self._servo = node, servo
         self._follower = RollerTrajectoryServo(servo.robot, servo.timeout)
         self._outcome: tuple[Status, str] | None = None
         self._accepted, self._feedback_time = False, -np.inf
@@ -144,7 +133,7 @@ class TrajectoryFollowing:
         if not self.abort(f'{why}: publish again what is to be followed'):
             self._node.get_logger().warning(f'{why}: if it was a trajectory, publish it again')
 
-    def _begin(self, message: JointTrajectory, goal: SingleGoal | None = None) -> None:
+    def _begin(self, message: JointTrajectory, goal: SupervisedGoal | None = None) -> None:
         """Follow a trajectory from now on, or report why not."""
         self._end_goals(Ending.ABORTED, Result.PATH_TOLERANCE_VIOLATED, REPLACED, goal)
         self._accepted = False
@@ -164,9 +153,9 @@ class TrajectoryFollowing:
         self._outcome, self._accepted = None, True
         self._node.get_logger().info(f'following a trajectory of {trajectory.duration:.1f} s')
 
-    def _offer(self, kind: type, name: str) -> SingleGoal:
+    def _offer(self, kind: type, name: str) -> SupervisedGoal:
         """Offer an action; its goals are trajectories like those of the topic."""
-        goal = SingleGoal(
+        goal = SupervisedGoal(
             self._node,
             kind,
             name,
@@ -176,7 +165,6 @@ class TrajectoryFollowing:
                 Ending.ABORTED, Result.PATH_TOLERANCE_VIOLATED, REPLACED
             ),
             cancelled=self._cancel,
-            supervision=self._group,
         )
         return goal
 
@@ -216,7 +204,7 @@ class TrajectoryFollowing:
             self._end_goals(ending, failed, message)
 
     def _end_goals(
-        self, ending: Ending, code: int, text: str, spared: SingleGoal | None = None
+        self, ending: Ending, code: int, text: str, spared: SupervisedGoal | None = None
     ) -> None:
         """End the goal whose trajectory is over, if it came by an action."""
         for goal in self._goals:

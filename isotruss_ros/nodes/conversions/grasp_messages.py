@@ -27,10 +27,7 @@ from isotruss_ros.nodes.conversions.messages import (
     stamp_header,
     to_time,
 )
-from isotruss_ros.nodes.conversions.object_messages import (
-    describes_object,
-    read_object_message,
-)
+from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
 import numpy as np
 
 #: No wrench is larger [N, N m]; what is beyond is a broken sensor, not a load.
@@ -122,15 +119,12 @@ def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
     return read_object_message(request.object, request.object_pose)
 
 
-def to_state_message(
-    report: GraspReport, frame: str, contacts: list[Contact] | None = None
-) -> GraspState:
+def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """
     Return the result of an analysis as a message; without result the figures are the worst.
 
     :param report: of the grasp monitor.
     :param frame: the robot's frame.
-    :param contacts: messages that may be filled in again, see `to_contact_messages`.
     """
     state = GraspState(code=int(report.code), message=report.message)
     stamp_header(state.header, to_time(report.time), frame)
@@ -153,7 +147,7 @@ def to_state_message(
     state.required_friction = analysis.required_friction
     state.closure_margin = analysis.closure_margin
     state.normal_wrench = to_wrench_message(analysis.normal_wrench)
-    state.contacts = to_contact_messages(analysis, contacts)
+    state.contacts = to_contact_messages(analysis)
     state.contact_members = list(analysis.contact_lengths)
     state.contact_lengths = list(analysis.contact_lengths.values())
     state.contact_widths = list(analysis.contact_widths.values())
@@ -169,30 +163,27 @@ def to_state_message(
     return state
 
 
-def to_contact_messages(
-    analysis: GraspAnalysis, contacts: list[Contact] | None = None
-) -> list[Contact]:
+def to_contact_messages(analysis: GraspAnalysis) -> list[Contact]:
     """
     Return the contact points that carry a normal force.
 
     :param analysis: of the grasp.
-    :param contacts: messages of before, which are filled in again, and more appended where they
-        are too few: making one takes longer than filling it in. New ones if None.
     """
     touching = np.flatnonzero(analysis.normal_forces > 0.0)
-    messages = [] if contacts is None else contacts
-    while len(messages) < len(touching):
-        messages.append(Contact())
-    for message, (x, y), (nx, ny), normal, friction, gap in zip(
-        messages,
-        analysis.points[touching].tolist(),
-        analysis.normals[touching].tolist(),
-        analysis.normal_forces[touching].tolist(),
-        analysis.friction_forces[touching].tolist(),
-        analysis.gaps[touching].tolist(),
-        strict=False,
-    ):
-        position, direction = message.position, message.normal
-        position.x, position.y, direction.x, direction.y = x, y, nx, ny
-        message.normal_force, message.friction_force, message.gap = normal, friction, gap
-    return messages[: len(touching)]
+    return [
+        Contact(
+            position=Point(x=x, y=y),
+            normal=Vector3(x=nx, y=ny),
+            normal_force=normal,
+            friction_force=friction,
+            gap=gap,
+        )
+        for (x, y), (nx, ny), normal, friction, gap in zip(
+            analysis.points[touching].tolist(),
+            analysis.normals[touching].tolist(),
+            analysis.normal_forces[touching].tolist(),
+            analysis.friction_forces[touching].tolist(),
+            analysis.gaps[touching].tolist(),
+            strict=True,
+        )
+    ]

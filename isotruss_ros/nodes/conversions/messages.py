@@ -11,8 +11,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import math
+from typing import Any
 
 from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseStamped, Twist
@@ -21,9 +22,11 @@ from isotruss_ros.core.control.inputs import RollerState
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, Header
+from std_msgs.msg import Header
 
 #: No roller is faster [m/s]; what is beyond is a broken sensor, not a motion.
 MAX_SPEED = 10.0
@@ -102,6 +105,16 @@ def check_frame(what: str, header: Header, frame: str) -> None:
         )
 
 
+def request_parameters(values: Mapping[str, Any]) -> SetParameters.Request:
+    """
+    Return the request that sets parameters of another node.
+
+    :param values: by name.
+    """
+    messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+    return SetParameters.Request(parameters=messages)
+
+
 def name_object_frame(frame: str) -> str:
     """
     Return the frame with its origin at the object's centre, parallel to the robot's frame.
@@ -158,44 +171,28 @@ def read_object_pose(message: PoseStamped, frame: str) -> Pose:
     return read_pose('object pose', message.pose)
 
 
-def to_pose_message(pose: Pose, message: PoseMessage | None = None) -> PoseMessage:
+def to_pose_message(pose: Pose) -> PoseMessage:
     """
     Return a planar pose as a message.
 
     :param pose: (x, y, angle) [m, rad].
-    :param message: filled in and returned; a new one where left out.
     """
-    message = PoseMessage() if message is None else message
+    message = PoseMessage()
     message.position.x, message.position.y = pose.x, pose.y
     message.orientation.z = math.sin(0.5 * pose.angle)
     message.orientation.w = math.cos(0.5 * pose.angle)
     return message
 
 
-def to_twist_message(twist: Sequence[float] | Array, message: Twist | None = None) -> Twist:
+def to_twist_message(twist: Sequence[float] | Array) -> Twist:
     """
     Return a twist as a message.
 
     :param twist: (vx, vy, omega) [m/s, rad/s].
-    :param message: filled in and returned; a new one where left out.
     """
-    message = Twist() if message is None else message
+    message = Twist()
     message.linear.x, message.linear.y = float(twist[0]), float(twist[1])
     message.angular.z = float(twist[2])
-    return message
-
-
-def to_command_message(
-    velocities: Array, message: Float64MultiArray | None = None
-) -> Float64MultiArray:
-    """
-    Return roller velocities as a velocity group controller takes them.
-
-    :param velocities: (r,) [m/s].
-    :param message: filled in and returned; a new one where left out.
-    """
-    message = Float64MultiArray() if message is None else message
-    message.data = velocities.tolist()
     return message
 
 

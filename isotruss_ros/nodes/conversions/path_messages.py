@@ -22,7 +22,7 @@ from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     MessageError,
     QUATERNION_TOLERANCE,
-    read_angle,
+    read_pose,
 )
 from nav_msgs.msg import Path
 
@@ -59,14 +59,12 @@ def read_object_path(
                 f'{what}: ({position.x:g}, {position.y:g}) m is {away:g} m from the middle of the '
                 f'robot at home; must be finite, at most {reach:.3g} m'
             )
-        norm, tilt = math.hypot(q.x, q.y, q.z, q.w), math.hypot(q.x, q.y)
-        if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:
-            raise MessageError(f'{what}: the quaternion has norm {norm}; must be 1')
-        if tilt > QUATERNION_TOLERANCE:
+        pose = read_pose(what, stamped.pose)
+        if math.hypot(q.x, q.y) > QUATERNION_TOLERANCE:
             raise MessageError(
                 f'{what}: the quaternion has x {q.x} and y {q.y}: the robot is planar; must be 0'
             )
-        poses.append((position.x, position.y, read_angle(stamped.pose)))
+        poses.append(pose)
     if len(poses) > 1:
         return ObjectPath(poses, speed, turn_rate, smooth)
     return ObjectPath([start, *poses], speed, turn_rate, smooth, first=-1)

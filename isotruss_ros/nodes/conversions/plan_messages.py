@@ -31,10 +31,7 @@ from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_pose,
 )
-from isotruss_ros.nodes.conversions.object_messages import (
-    describes_object,
-    read_object_message,
-)
+from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
 from isotruss_ros.nodes.conversions.trajectory_messages import to_duration, to_trajectory_message
 
 #: Largest number of grasps of a goal.
@@ -77,6 +74,12 @@ def read_goal(
         )
     check_frame('object pose', goal.object_pose.header, robot.frame)
     body = _read_body(goal, described)
+    _check_goal(goal, robot)
+    return SearchGoal(body, _read_requirements(goal, robot), goal.seed, goal.time_limit)
+
+
+def _check_goal(goal: PlanGrasp.Goal, robot: Robot) -> None:
+    """Check the numbers and names that `GraspRequirements` does not check."""
     if not 0.0 <= goal.time_limit < math.inf:
         raise MessageError(
             f'time_limit {goal.time_limit} s: must be a number, not negative; 0 for no limit'
@@ -91,6 +94,9 @@ def read_goal(
     measures = [measure.value for measure in Measure]
     if goal.measure not in measures:
         raise MessageError(f'measure {quote(goal.measure)}: must be one of {", ".join(measures)}')
+
+
+def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
     bounds = {
         name: getattr(goal, name) or math.inf for name in ('max_contact_force', 'max_total_force')
     }
@@ -117,7 +123,7 @@ def read_goal(
     )
     if requirements.members is not None:
         find_members(robot, requirements.members)
-    return SearchGoal(body, requirements, goal.seed, goal.time_limit)
+    return requirements
 
 
 def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexObject:

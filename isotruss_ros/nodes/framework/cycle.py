@@ -12,9 +12,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 import time
 
-from isotruss_ros.nodes.framework.polling import read_clock
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -29,11 +29,9 @@ class Cycle:
     """
     Call back at a rate until it is destroyed with the node's other timers.
 
-    :ivar timer: when a cycle is due.
     :param node: its clock, simulated or not, is the one that times are read from.
-    :param rate: cycles per second of the clock of `timer_clock` [Hz].
+    :param rate: cycles per second of the clock of the timer [Hz].
     :param step: called in every cycle with the time.
-    :param read_inputs: called before each step.
     :param jumped_back: called before the step when the clock reads less than in the step before.
     :param stopped: called repeatedly instead of steps while simulated time does not advance.
     :param progress_timeout: time without a change after which the clock counts as stopped [s].
@@ -44,23 +42,22 @@ class Cycle:
         node: Node,
         rate: float,
         step: Callable[[Time], None],
-        read_inputs: Callable[[], None],
         jumped_back: Callable[[], None],
         stopped: Callable[[Time], None] | None = None,
         progress_timeout: float = 1.0,
     ) -> None:
-        self._node, self._clock = node, node.get_clock()
-        self._step, self._jumped_back, self._stopped = step, jumped_back, stopped
-        self._read_inputs = read_inputs
-        self._progress_timeout = progress_timeout
+        self._clock, self._step, self._jumped_back = node.get_clock(), step, jumped_back
+        self._stopped, self._progress_timeout = stopped, progress_timeout
         self._last = self._read = 0
         self._changed = time.monotonic()
-        self.timer = node.create_timer(1.0 / rate, self._tick, clock=timer_clock(node))
+        simulated = node.get_parameter('use_sim_time').value
+        # Timers of the system's clock would stop for an hour when that is set back by an hour.
+        create_timer = node.create_timer if simulated else partial(create_steady_timer, node)
+        self._timer = create_timer(1.0 / rate, self._tick)
         self._watchdog: Timer | None = None
-        if stopped is not None and node.get_parameter('use_sim_time').value:
-            steady = Clock(clock_type=ClockType.STEADY_TIME)
-            self._watchdog = node.create_timer(
-                _watch_period(progress_timeout), self._check, clock=steady
+        if stopped is not None and simulated:
+            self._watchdog = create_steady_timer(
+                node, _watch_period(progress_timeout), self._check
             )
 
     def change(self, rate: float, progress_timeout: float | None = None) -> None:
@@ -70,31 +67,26 @@ class Cycle:
         :param rate: cycles per second [Hz].
         :param progress_timeout: see above; unchanged where left out [s].
         """
-        self.timer.timer_period_ns = int(1e9 / rate)
+        self._timer.timer_period_ns = int(1e9 / rate)
         if self._watchdog is not None and progress_timeout is not None:
             self._progress_timeout = progress_timeout
             self._watchdog.timer_period_ns = int(1e9 * _watch_period(progress_timeout))
 
-    def is_faster_than(self, period: float) -> bool:
-        """
-        Return whether the cycles follow each other faster than that, by the steady clock.
+    @property
+    def is_steady(self) -> bool:
+        """Return whether the cycles follow each other by the steady clock."""
+        return self._timer.clock.clock_type == ClockType.STEADY_TIME
 
-        :param period: to compare with [s].
-        """
-        steady = self.timer.clock.clock_type == ClockType.STEADY_TIME
-        return steady and self.timer.timer_period_ns < 1e9 * period
+    def time_left(self) -> float:
+        """Return the time until the next cycle is due; negative where it is late [s]."""
+        return 1e-9 * self._timer.time_until_next_call()
 
-    def run_next(self) -> None:
-        """Sleep until the next cycle is due, and run it."""
-        wait = 1e-9 * self.timer.time_until_next_call()
-        if wait > 0.0:
-            time.sleep(wait)
-        self.timer.handle.call_timer()
+    def run(self) -> None:
+        """Run the next cycle without an executor."""
+        self._timer.handle.call_timer()
         self._tick()
 
     def _tick(self) -> None:
-        self._read_inputs()
-        read_clock(self._node)
         now = self._clock.now()
         if now.nanoseconds < self._last:
             self._jumped_back()
@@ -109,17 +101,15 @@ class Cycle:
             self._stopped(now)
 
 
-def timer_clock(node: Node) -> Clock:
+def create_steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
     """
-    Return the clock of a node's timers: simulated time, or else the steady clock.
+    Return a timer that goes on where simulated time stands still, or the system's clock is set.
 
-    Timers of the system's clock would stop for an hour when that is set back by an hour.
-
-    :param node: whose parameter `use_sim_time` decides.
+    :param node: owns the timer.
+    :param period: from callback to callback [s].
+    :param callback: called without arguments.
     """
-    if node.get_parameter('use_sim_time').value:
-        return node.get_clock()
-    return Clock(clock_type=ClockType.STEADY_TIME)
+    return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def _watch_period(progress_timeout: float) -> float:

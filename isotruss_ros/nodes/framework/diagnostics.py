@@ -18,9 +18,8 @@ import enum
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.qos import DIAGNOSTICS
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 
@@ -77,6 +76,9 @@ class Diagnostics:
     """
     The diagnostic status of one node; setting it between two reports costs next to nothing.
 
+    The package `diagnostic_updater` does the same at a fixed period, and has no wheel for a
+    machine without ROS.
+
     :ivar hardware_id: name of the robot, once it is loaded; reported behind the node's namespace,
         since robots side by side may have the same.
     :param node: publishes, from now until it is destroyed.
@@ -90,9 +92,7 @@ class Diagnostics:
         self._level, self._message = Level.OK, ''
         self._sent_level, self._sent = Level.OK, 0.0
         self._reports = node.create_publisher(DiagnosticArray, '/diagnostics', DIAGNOSTICS)
-        # By the steady clock: where simulated time stands still, a report is needed all the more.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(PERIOD, self.report, clock=steady)
+        create_steady_timer(node, PERIOD, self.report)
 
     def set_status(self, level: Level, message: str) -> None:
         """

@@ -13,27 +13,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 import traceback
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Diagnostics, Level
-from lifecycle_msgs.srv import ChangeState
-from rclpy.action import ActionClient, ActionServer
-from rclpy.impl.implementation_singleton import rclpy_implementation
+from isotruss_ros.nodes.framework.entity_scopes import EntityScopes
+from isotruss_ros.nodes.framework.guards import ignore_negative_time, reject_unknown_transitions
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.node import Node
+from rclpy.lifecycle.publisher import LifecyclePublisher
 from rclpy.parameter import Parameter
-from rosgraph_msgs.msg import Clock
 
 SUCCESS = TransitionCallbackReturn.SUCCESS
 FAILURE = TransitionCallbackReturn.FAILURE
 ERROR = TransitionCallbackReturn.ERROR
-
-
-class StartError(IsotrussError, RuntimeError):
-    """A node could not be activated because of an error that is not an IsotrussError."""
+NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 
 
 class ManagedNode(LifecycleNode):
@@ -67,7 +63,7 @@ class ManagedNode(LifecycleNode):
     ) -> None:
         super().__init__(name, parameter_overrides=list(parameter_overrides))
         self.diagnostics = Diagnostics(self, self.details)
-        self._entities = _EntityScopes(self)
+        self._entities = EntityScopes(self)
         self.cycle: Cycle | None = None
         self._running = False
         self._failure: Exception | None = None
@@ -79,7 +75,7 @@ class ManagedNode(LifecycleNode):
             self.destroy_node()
             raise
         ignore_negative_time(self)
-        _reject_unknown_transitions(self)
+        reject_unknown_transitions(self)
 
     # -- The steps, for subclasses to override --
 
@@ -130,7 +126,7 @@ class ManagedNode(LifecycleNode):
                 self.destroy_node()
                 if isinstance(reason, IsotrussError):
                     raise reason
-                raise StartError(f'{type(reason).__name__}: {reason}') from reason
+                raise IsotrussError(f'{type(reason).__name__}: {reason}') from reason
 
     def stop(self) -> None:
         """Shut the node down before the process ends; publishers still work."""
@@ -143,6 +139,16 @@ class ManagedNode(LifecycleNode):
         """Destroy the node and the state machine of rclpy that refers to it."""
         super().destroy_node()
         self._state_machine.destroy_when_not_in_use()
+
+    def create_lifecycle_publisher(self, *arguments: Any, **options: Any) -> LifecyclePublisher:
+        """
+        Create a publisher without the events of rclpy, each of which costs in every cycle.
+
+        :param arguments: as rclpy has them.
+        :param options: likewise.
+        """
+        options.setdefault('event_callbacks', NO_EVENTS)
+        return super().create_lifecycle_publisher(*arguments, **options)
 
     def keep(self, entity: object) -> None:
         """
@@ -172,6 +178,7 @@ class ManagedNode(LifecycleNode):
         :param state: the state before.
         """
         self._failure = None
+        ignore_negative_time(self)  # which may be simulated since it was unconfigured
         self._entities.begin('configured')
         result = self._try_step('configure', self.configure)
         if result == SUCCESS:
@@ -268,6 +275,21 @@ class ManagedNode(LifecycleNode):
         self.get_logger().error(f'could not {what}: {reason}')
         self.diagnostics.set_status(Level.ERROR, f'could not {what}: {reason}')
 
+    def report_end(self, idle: str, text: str, good: bool) -> None:
+        """
+        Report how a goal has ended, in the diagnostics and the log.
+
+        :param idle: what the node does from now on.
+        :param text: how the goal ended.
+        :param good: whether that is no warning.
+        """
+        level = Level.OK if good else Level.WARN
+        self.diagnostics.set_status(level, f'{idle}; last goal {text}')
+        if good:
+            self.get_logger().info(text)
+        else:
+            self.get_logger().warning(text)
+
     def _disable(self, state: LifecycleState) -> None:
         """Destroy what `activate` created and disable the publishers."""
         self._entities.end('active')
@@ -278,92 +300,3 @@ class ManagedNode(LifecycleNode):
         self.values.release()
         self._entities.end('configured')
         self.cleanup()
-
-
-class _EntityScopes:
-    """
-    Destroy what was created since a state began; what was there before stays.
-
-    :param node: creates the entities, by the methods of rclpy.
-    """
-
-    def __init__(self, node: LifecycleNode) -> None:
-        self._node = node
-        self._before: dict[str, dict[int, object]] = {}
-
-    def begin(self, state: str) -> None:
-        """Record what is there before a state begins."""
-        self._before[state] = {id(entity): entity for entity, _ in self._list()}
-
-    def keep(self, entity: object) -> None:
-        """Leave an entity there when the present states end."""
-        for before in self._before.values():
-            before[id(entity)] = entity
-
-    def end(self, state: str) -> None:
-        """Destroy what was created since: timers first and publishers last."""
-        before = self._before.pop(state, None)
-        if before is None:
-            return
-        for entity, destroy in self._list():
-            if id(entity) not in before:
-                destroy(entity)
-        # rclpy keeps a weak reference to everything that ever was in the group: without this, a
-        # node that is configured again and again grows.
-        references = self._node.default_callback_group.entities
-        references -= {reference for reference in references if reference() is None}
-
-    def _list(self) -> list[tuple[object, object]]:
-        """Return every entity and the method that destroys it."""
-        node = self._node
-        actions = [w for w in node.waitables if isinstance(w, ActionServer | ActionClient)]
-        return [
-            *((timer, node.destroy_timer) for timer in node.timers),
-            *((action, lambda action: action.destroy()) for action in actions),
-            *((service, node.destroy_service) for service in node.services),
-            *((client, node.destroy_client) for client in node.clients),
-            *((subscribed, node.destroy_subscription) for subscribed in node.subscriptions),
-            *((publisher, node.destroy_lifecycle_publisher) for publisher in node.publishers),
-        ]
-
-
-def ignore_negative_time(node: Node) -> None:
-    """
-    Drop messages on `/clock` with a time before zero, on which rclpy would raise.
-
-    :param node: a node that may go by simulated time, now or later.
-    """
-    source = node._time_source
-    take = source.clock_callback
-
-    def take_checked(message: Clock) -> None:
-        if message.clock.sec < 0:
-            node.get_logger().warning(
-                f'/clock: {message.clock.sec} s is before zero; the time stays as it is',
-                throttle_duration_sec=1.0,
-            )
-            return
-        take(message)
-
-    source.clock_callback = take_checked
-    if source._clock_sub is not None:
-        source._clock_sub.callback = take_checked
-
-
-def _reject_unknown_transitions(node: LifecycleNode) -> None:
-    """Reject a transition that does not exist in the present state, on which rclpy would raise."""
-    service = node._service_change_state
-    change = service.callback
-
-    def change_checked(
-        request: ChangeState.Request, response: ChangeState.Response
-    ) -> ChangeState.Response:
-        try:
-            return change(request, response)
-        except rclpy_implementation.RCLError as error:
-            transition = request.transition.label or request.transition.id
-            node.get_logger().error(f'no transition {transition!r} from this state: {error}')
-            response.success = False
-            return response
-
-    service.callback = change_checked

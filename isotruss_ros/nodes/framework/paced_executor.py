@@ -7,65 +7,56 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""An executor for nodes with a control cycle: rclpy's wait set does not run in every cycle."""
+"""An executor that waits for the cycle of a node, and not for each message."""
 
 from __future__ import annotations
 
 import time
 
-from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.ready_check import ReadyCheck
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
+from rclpy.node import Node
 
-#: Services, actions, parameters, events and slow timers get their turn this often [s].
-TURN_PERIOD = 0.05
+#: So long before a cycle its inputs are read [s].
+LEAD = 1e-3
+#: All other callbacks wait no longer than this, however slow the cycle is [s].
+LONGEST_WAIT = 0.02
 
 
 class PacedExecutor(SingleThreadedExecutor):
     """
-    Run the cycle of a node by the clock, and all other callbacks in turns between the cycles.
+    Execute what waits once before each cycle, and then the cycle.
 
-    For every wait, rclpy collects all entities of the node anew, in Python: that takes a multiple
-    of the arithmetic of a cycle, which reads its inputs itself. So a turn begins with a check
-    whether there is anything to call back, with entities collected once.
+    rclpy collects all entities of a node anew for each wait, in Python, and would do so for every
+    input as it comes. `SingleThreadedExecutor` in place of this class works too.
 
-    :param node: the only one that is executed.
+    :param node: the only one that is executed; its `cycle` is None or a `Cycle`.
     """
 
-    def __init__(self, node: ManagedNode) -> None:
+    def __init__(self, node: Node) -> None:
         super().__init__()
-        self._check: ReadyCheck | None = None
         self.add_node(node)
         self._node = node
-        self._next_turn = 0.0
-
-    def wake(self) -> None:
-        """Collect entities anew: rclpy calls this when any are made or destroyed."""
-        self._check = None
-        super().wake()
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """
-        Run the next cycle, or a turn of the other callbacks; without a cycle as rclpy does.
+        Wait for the next cycle, or as rclpy does where there is none by the steady clock.
 
         :param timeout_sec: without a cycle, longest wait [s].
         :raises Exception: what a callback has raised.
         """
         cycle = self._node.cycle
-        if cycle is None or not cycle.is_faster_than(TURN_PERIOD):
+        if cycle is None or not cycle.is_steady:
             super().spin_once(timeout_sec)
             return
-        now = time.monotonic()
-        if now < self._next_turn:
-            cycle.run_next()
-        else:
-            self._next_turn = now + TURN_PERIOD
-            self._execute_waiting()
+        time.sleep(max(0.0, min(cycle.time_left() - LEAD, LONGEST_WAIT)))
+        self._execute_waiting()
+        # The callbacks may have ended the cycle.
+        if self._node.cycle is cycle and cycle.time_left() <= LEAD:
+            time.sleep(max(0.0, cycle.time_left()))
+            cycle.run()
 
     def _execute_waiting(self) -> None:
         """Execute the callbacks that are ready, each once."""
-        if not self._finds_any():
-            return
         while True:
             try:
                 handler, _entity, _node = self.wait_for_ready_callbacks(timeout_sec=0.0)
@@ -73,10 +64,3 @@ class PacedExecutor(SingleThreadedExecutor):
                 return
             handler()
             handler.result()  # raises what the callback has raised
-
-    def _finds_any(self) -> bool:
-        """Return whether a callback may be ready."""
-        if self._check is None:
-            self._check = ReadyCheck(self._node, self._node.cycle.timer)
-            return True
-        return not all(task.done() for task, _, _ in self._tasks) or self._check.finds_any()

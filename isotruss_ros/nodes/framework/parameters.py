@@ -7,15 +7,19 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Node parameters: declared once with type, range and description, checked at start and later."""
+"""
+Node parameters: declared once with type, range and description, checked at start and later.
+
+They are rclpy's, with descriptors; `generate_parameter_library` has no wheel for a machine without
+ROS.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from isotruss_ros.core import IsotrussError, Robot
-from isotruss_ros.core.manipulation.grip import FEWEST, members_at, MOST
+from isotruss_ros.core import IsotrussError
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidParameterValueException, ParameterException
 from rclpy.node import Node
@@ -65,41 +69,6 @@ class Spec:
         return descriptor
 
 
-ROBOT = Spec('robot', 'nine_member', 'Preset, or path of a robot file', read_only=True)
-OBJECT_DIAMETER = Spec(
-    'object_diameter', 0.3, "The object's own diameter [m]", bounds=(0.001, 100.0)
-)
-OBJECT = Spec(
-    'object',
-    '',
-    'Object that is no disc: path of a YAML file, or YAML in braces; empty: of object_diameter',
-    read_only=True,
-)
-GRIP_MODULE = Spec(
-    'grip_module',
-    '',
-    'Module t/j whose two sides hold the object; the last one of the robot if empty',
-)
-GRIP = Spec(
-    'grip',
-    [''],
-    "Members t/j-k that hold the object, two or three, instead of the sides of grip_module; [''] "
-    'for none',
-)
-FRICTION = Spec(
-    'friction', 0.5, 'Coefficient of friction between tube and object', bounds=(0.0, 10.0)
-)
-# Not below the rate of MemberLengthLimit, which keeps members in their limits in quicker loops.
-RATE = Spec('rate', 100.0, 'Cycles per second [Hz]', bounds=(10.0, 2000.0))
-COMMAND_TIMEOUT = Spec(
-    'command_timeout', 0.2, 'Inputs older than this are not relied on [s]', bounds=(0.001, 10.0)
-)
-USE_STAMPED_TWIST = Spec(
-    'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist', read_only=True
-)
-REQUIRE_EMERGENCY_STOP = Spec(
-    'require_emergency_stop', False, 'No motion before a message of emergency_stop is received'
-)
 AUTOSTART = Spec(
     'autostart', True, 'Configure and activate the node on its own at start', read_only=True
 )
@@ -116,10 +85,7 @@ class Parameters:
     """
 
     def __init__(
-        self,
-        node: Node,
-        specs: Sequence[Spec],
-        unconfigured: Callable[[], bool] | None = None,
+        self, node: Node, specs: Sequence[Spec], unconfigured: Callable[[], bool] | None = None
     ) -> None:
         self._node = node
         self._fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}
@@ -201,72 +167,3 @@ class Parameters:
     def _apply_change(self, _parameters: list[Parameter]) -> None:
         if self._apply is not None:
             self._apply()
-
-
-def check_grip_module(robot: Robot, values: dict[str, Value]) -> None:
-    """
-    Check that the robot has the grip module.
-
-    :param robot: the robot.
-    :param values: new values of parameters by name; others than `grip_module` are ignored.
-    :raises ParameterError: names the modules there are.
-    """
-    module = values.get(GRIP_MODULE.name)
-    if module and module not in robot.module_names:
-        raise ParameterError(
-            f'parameter grip_module: {module!r}: robot {robot.name} has no such module; '
-            f'must be one of {", ".join(robot.module_names)}'
-        )
-
-
-def select_grip_module(robot: Robot, module: str) -> str:
-    """
-    Return the module that holds the object: the last one of the robot where none is named.
-
-    :param robot: the robot.
-    :param module: value of the parameter `grip_module`.
-    """
-    return module or robot.module_names[-1]
-
-
-def check_grip(robot: Robot, values: dict[str, Value]) -> None:
-    """
-    Check that the robot has the members of the grip.
-
-    :param robot: the robot.
-    :param values: new values of parameters by name; others than `grip` are ignored.
-    :raises ParameterError: not two or three different members; or names those there are.
-    """
-    names = named_members(values.get(GRIP.name, []))
-    if not names:
-        return
-    unknown = [name for name in names if name not in robot.member_names]
-    if unknown:
-        raise ParameterError(
-            f'parameter grip: {", ".join(unknown)}: robot {robot.name} has no such member; must '
-            f'be of {", ".join(robot.member_names)}'
-        )
-    if len(set(names)) != len(names) or not FEWEST <= len(names) <= MOST:
-        raise ParameterError(
-            f'parameter grip: {", ".join(names)}: must be {FEWEST} or {MOST} different members'
-        )
-
-
-def named_members(value: Value) -> tuple[str, ...]:
-    """
-    Return the members that the parameter `grip` names; none where it is [''].
-
-    :param value: of the parameter.
-    """
-    return tuple(name for name in value if name)
-
-
-def select_grip(robot: Robot, value: Value, module: str) -> tuple[str, ...]:
-    """
-    Return the members that hold the object.
-
-    :param robot: the robot.
-    :param value: of the parameter `grip`.
-    :param module: value of the parameter `grip_module`, whose sides they are otherwise.
-    """
-    return named_members(value) or members_at(robot, select_grip_module(robot, module))

@@ -38,8 +38,9 @@ def _last(
     )
 
 
-#: For `subscribe_newest`, which explains why the depth is not 1.
-NEWEST = _last(20, ReliabilityPolicy.BEST_EFFORT)
+#: Not 1: while the only message is being taken the next one has no room, and Fast DDS then loses
+#: the memory of that, some 100 bytes for each message of a flood.
+NEWEST = _last(2, ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = _last(1)
 #: Subscribers have this long to acknowledge the last command.
 ACKNOWLEDGE_TIME = Duration(seconds=0.5)

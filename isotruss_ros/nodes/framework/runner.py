@@ -22,7 +22,6 @@ from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
@@ -36,6 +35,8 @@ USED_LATE = ('scipy.optimize', 'scipy.interpolate')
 
 class StoppableNode(Node):
     """A node, not managed, that has to stop the robot before the process ends."""
+
+    cycle = None
 
     def stop(self) -> None:
         """Leave the robot safe; publishers still work."""
@@ -136,17 +137,9 @@ def _report(what: str, why: str) -> int:
     return 1
 
 
-def _make_executor(node: StoppableNode | ManagedNode) -> SingleThreadedExecutor:
-    if isinstance(node, ManagedNode):
-        return PacedExecutor(node)
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    return executor
-
-
 def _spin(node: StoppableNode | ManagedNode, interruption: Interruption) -> None:
     """Spin until interrupted; an error out of a callback stops the robot, not the process."""
-    executor = _make_executor(node)
+    executor = PacedExecutor(node)
     while not interruption.received:
         try:
             # A signal ends no wait, but every node has a timer. A timeout would create one more

@@ -7,68 +7,34 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""
-Subscriptions to the newest message, to what is published once, and to every message.
-
-rclpy takes one message of a queue in every turn of the executor; these take what is there at once.
-"""
+"""Subscriptions to the newest message."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
-from isotruss_ros.nodes.framework.kept_message import KeptMessage
-from isotruss_ros.nodes.framework.qos import EVERY, EVERY_LATCHED, NEWEST, RELIABLE
-from isotruss_ros.nodes.framework.silent_publishers import SilentPublishers
-from rclpy.callback_groups import CallbackGroup
+from isotruss_ros.nodes.framework.qos import NEWEST
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
-
-if TYPE_CHECKING:
-    from isotruss_ros.nodes.framework.managed import ManagedNode
-
-#: `EveryMessage` takes so many messages at once, within a millisecond; others get their turn.
-MAX_BATCH = 200
-#: So many messages may wait; Fast DDS keeps 5000, and drops more than that without an event.
-MAX_BACKLOG = 1000
 
 
 def subscribe_newest(
-    node: Node,
-    kind: type,
-    topic: str,
-    callback: Callable[[Any], None],
-    group: CallbackGroup | None = None,
-    reuse: bool = False,
-) -> None:
+    node: Node, kind: type, topic: str, callback: Callable[[Any], None]
+) -> Subscription:
     """
-    Call back with the newest message of a topic; older ones that wait are dropped.
-
-    A queue for one message would do the same, but while its only message is being taken the next
-    one has no room, and Fast DDS then loses the memory of that (some 100 bytes for each message of
-    a flood).
+    Call back with the newest messages of a topic; older ones that wait are dropped.
 
     :param node: subscribes, best-effort.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
-    :param callback: called with a message, as the node's other callbacks are.
-    :param group: of the subscription; that of the node if None.
-    :param reuse: call back with one message, filled anew each time: quicker, for callbacks that do
-        not keep it.
+    :param callback: called with a message.
     """
-    kept = KeptMessage(kind) if reuse else None
 
     def take(message: Any) -> None:
-        waiting = _take_waiting([message], subscription, 1 + NEWEST.depth)
-        if kept is None:
-            callback(waiting[-1])
-            return
-        newest = next(filter(None, map(kept.read, reversed(waiting))), None)
-        if newest is not None:  # bytes may be no message
-            callback(newest)
+        # rclpy takes one message in every turn, and would stay behind a quick publisher.
+        callback(take_waiting([message], subscription, 1 + NEWEST.depth)[-1])
 
     def warn_of_type(_event: Any) -> None:
         node.get_logger().warning(
@@ -76,150 +42,24 @@ def subscribe_newest(
             'not received'
         )
 
-    # No quality of service is incompatible with this one. Every event that is waited for costs the
-    # executor some microseconds in every cycle.
+    # No quality of service is incompatible with this one.
     events = SubscriptionEventCallbacks(
         incompatible_type=warn_of_type, use_default_callbacks=False
     )
-    subscription = node.create_subscription(
-        kind,
-        topic,
-        take,
-        NEWEST,
-        callback_group=group,
-        event_callbacks=events,
-        raw=reuse,
-    )
+    subscription = node.create_subscription(kind, topic, take, NEWEST, event_callbacks=events)
+    return subscription
 
 
-def subscribe_once(
-    node: Node,
-    kind: type,
-    topic: str,
-    callback: Callable[[Any], None],
-    missing: Callable[[str], None],
-) -> None:
+def discard_waiting(subscription: Subscription) -> None:
     """
-    Call back with the newest message of what may be published only once, and now.
+    Drop the messages that wait for a callback.
 
-    Nothing is kept for late joiners; of publishers that do not wait for a match, a message that is
-    lost is reported.
-
-    :param node: subscribes, reliable.
-    :param kind: type of the messages.
-    :param topic: relative name of the topic.
-    :param callback: called with a message.
-    :param missing: called with the reason when a message may have been lost.
+    :param subscription: of a node.
     """
-
-    def pass_on(taken: list[Any]) -> None:
-        messages = _take_waiting(taken, subscription, 1 + RELIABLE.depth)
-        if messages:
-            publishers.note_message()
-            callback(messages[-1])
-
-    publishers = SilentPublishers(topic, lambda: pass_on([]), missing)
-    subscription = node.create_subscription(
-        kind,
-        topic,
-        lambda message: pass_on([message]),
-        RELIABLE,
-        event_callbacks=SubscriptionEventCallbacks(matched=publishers.follow),
-    )
+    take_waiting([], subscription, NEWEST.depth)
 
 
-class EveryMessage:
-    """
-    Call back with every message of every reliable publisher, or report that some may be missing.
-
-    A subscription with transient-local durability never matches a volatile publisher, such as
-    `ros2 topic pub` without options, which is then told that no messages will be sent. So the
-    first subscription is volatile, and there is a second one, for what was published before, once
-    there is a latching publisher; from then on its messages are received twice.
-
-    :param node: subscribes, until it is destroyed.
-    :param kind: type of the messages.
-    :param topic: relative name of the topic.
-    :param callback: called with one or more messages, in the order in which they were received.
-    :param missing: called with the reason when messages were lost or may have been, and when a
-        publisher is best-effort.
-    """
-
-    def __init__(
-        self,
-        node: ManagedNode,
-        kind: type,
-        topic: str,
-        callback: Callable[[list[Any]], None],
-        missing: Callable[[str], None],
-    ) -> None:
-        self._node, self._kind, self._topic = node, kind, topic
-        self._callback, self._missing = callback, missing
-        self._publishers = SilentPublishers(topic, self.read, missing)
-        self._subscriptions: list[Subscription] = []
-        #: How many each subscription has received since its queue was empty.
-        self._backlogs: list[int] = []
-        # It matches all publishers that the other one matches, which needs no events of that kind.
-        self._subscribe(
-            EVERY, incompatible_qos=lambda _: self._report_best_effort(), matched=self._follow
-        )
-        self._subscribe_to_latched()
-
-    def _subscribe(self, profile: QoSProfile, **events: Callable[[Any], None]) -> None:
-        index = len(self._subscriptions)
-        subscription = self._node.create_subscription(
-            self._kind,
-            self._topic,
-            lambda first: self._pass_on(index, [first]),
-            profile,
-            event_callbacks=SubscriptionEventCallbacks(
-                message_lost=lambda _: self._report_loss(), use_default_callbacks=False, **events
-            ),
-        )
-        self._node.keep(subscription)
-        self._subscriptions.append(subscription)
-        self._backlogs.append(0)
-
-    def _follow(self, event: Any) -> None:
-        self._publishers.follow(event)
-        self._subscribe_to_latched()
-
-    def _subscribe_to_latched(self) -> None:
-        """Subscribe to what latching publishers hold, if there is one and it was not done yet."""
-        # Discovery lists a publisher before it is matched.
-        found = self._node.get_publishers_info_by_topic(self._topic)
-        latching = any(p.qos_profile.durability == EVERY_LATCHED.durability for p in found)
-        if latching and len(self._subscriptions) == 1:
-            self._subscribe(EVERY_LATCHED)
-
-    def read(self) -> None:
-        """Call back with the messages that wait, without the executor."""
-        for index in range(len(self._subscriptions)):
-            self._pass_on(index, [])
-
-    def _pass_on(self, index: int, taken: list[Any]) -> None:
-        """Call back with messages of a subscription and those that wait behind them."""
-        messages = _take_waiting(taken, self._subscriptions[index], MAX_BATCH)
-        if messages:
-            self._publishers.note_message()
-            self._callback(messages)
-        full = len(messages) == MAX_BATCH
-        self._backlogs[index] = self._backlogs[index] + MAX_BATCH if full else 0
-        if self._backlogs[index] >= MAX_BACKLOG:
-            self._backlogs[index] = 0
-            self._report_loss()
-
-    def _report_loss(self) -> None:
-        self._missing(f'messages of {self._topic} were lost')
-
-    def _report_best_effort(self) -> None:
-        self._missing(
-            f'a publisher of {self._topic} is best-effort, and its messages are not received: it '
-            'must publish with the reliability RELIABLE'
-        )
-
-
-def _take_waiting(taken: list[Any], subscription: Subscription, most: int) -> list[Any]:
+def take_waiting(taken: list[Any], subscription: Subscription, most: int) -> list[Any]:
     """
     Return messages with those that wait behind them, in order.
 

@@ -20,7 +20,6 @@ from action_msgs.msg import GoalInfo
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
-from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -53,10 +52,9 @@ class SingleGoal:
     :param name: relative name of the action.
     :param ready: returns whether goals are accepted.
     :param begin: called with a new goal; may end it at once.
-    :param preempted: called before that if another goal is active; must end it.
     :param cancelled: called when a client cancels the goal; must end it, at once or soon.
-    :param supervision: group of the subscription to `supervised_goal`; None where goals do not
-        end with their client.
+    :param preempted: called before `begin` if another goal is active; must end it. Not needed
+        where goals are accepted one after the other.
     """
 
     def __init__(
@@ -66,9 +64,8 @@ class SingleGoal:
         name: str,
         ready: Callable[[], bool],
         begin: Callable[[Any], None],
-        preempted: Callable[[], None],
         cancelled: Callable[[], None],
-        supervision: CallbackGroup | None = None,
+        preempted: Callable[[], None] | None = None,
     ) -> None:
         self.kind = kind
         self._clock = node.get_clock()
@@ -76,11 +73,6 @@ class SingleGoal:
         self._preempted, self._cancelled = preempted, cancelled
         self._handle: ServerGoalHandle | None = None
         self._ended: dict[bytes, Future] = {}
-        #: The goal that its client supervised last, and when [s].
-        self._supervised = (b'', 0.0)
-        # Before the action: who has discovered that has discovered the subscription, too.
-        if supervision is not None:
-            subscribe_newest(node, GoalInfo, SUPERVISION, self._note_client, supervision)
         ActionServer(
             node,
             kind,
@@ -101,15 +93,6 @@ class SingleGoal:
     def request(self) -> Any:
         """Return the active goal, a message."""
         return self._handle.request
-
-    def has_lost_client(self, timeout: float) -> bool:
-        """
-        Return whether the client that supervised the active goal has fallen silent.
-
-        :param timeout: longest time between its messages, by the steady clock [s].
-        """
-        goal, heard = self._supervised
-        return self.active and goal == _key(self._handle) and time.monotonic() - heard > timeout
 
     def publish_feedback(self, feedback: Any) -> None:
         """
@@ -148,11 +131,6 @@ class SingleGoal:
         self._cancelled()
         return CancelResponse.ACCEPT
 
-    def _note_client(self, message: GoalInfo) -> None:
-        goal = bytes(message.goal_id.uuid)
-        if not self.active or goal == _key(self._handle):
-            self._supervised = (goal, time.monotonic())
-
     async def _wait(self, handle: ServerGoalHandle) -> Any:
         ending, result = await self._ended[_key(handle)]
         del self._ended[_key(handle)]
@@ -163,6 +141,37 @@ class SingleGoal:
         else:
             handle.abort()
         return result
+
+
+class SupervisedGoal(SingleGoal):
+    """
+    A goal that ends with the client that supervises it, if one does.
+
+    :param node: as for `SingleGoal`.
+    :param options: likewise.
+    :param callbacks: likewise.
+    """
+
+    def __init__(self, node: Node, *options: Any, **callbacks: Any) -> None:
+        #: The goal that its client supervised last, and when [s].
+        self._supervised = (b'', 0.0)
+        # Before the action: who has discovered that has discovered the subscription, too.
+        subscribe_newest(node, GoalInfo, SUPERVISION, self._note_client)
+        super().__init__(node, *options, **callbacks)
+
+    def has_lost_client(self, timeout: float) -> bool:
+        """
+        Return whether the client that supervised the active goal has fallen silent.
+
+        :param timeout: longest time between its messages, by the steady clock [s].
+        """
+        goal, heard = self._supervised
+        return self.active and goal == _key(self._handle) and time.monotonic() - heard > timeout
+
+    def _note_client(self, message: GoalInfo) -> None:
+        goal = bytes(message.goal_id.uuid)
+        if not self.active or goal == _key(self._handle):
+            self._supervised = (goal, time.monotonic())
 
 
 def describe_lost_client(timeout: float) -> str:

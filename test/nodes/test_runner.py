@@ -7,21 +7,19 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Cycles that run by the clock: they read their inputs, and other callbacks get their turn."""
+"""Nodes as processes run them: cycles by the clock, other callbacks before each."""
 
 import subprocess
 import sys
 import time
 
 from geometry_msgs.msg import Twist
-from isotruss_ros.nodes.framework import paced_executor
 from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
 from isotruss_ros.nodes.manipulation import Manipulation
 from probe import begin_context, Probe
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
-from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 
 START = """
@@ -95,21 +93,6 @@ def test_cycles_and_services_both_run(nodes):
     until(executor, probe, lambda: not moving(probe), probe.send_all)
 
 
-@pytest.mark.parametrize(
-    ('topic', 'message'),
-    [('emergency_stop', Bool(data=True)), ('failed_rollers', String(data='nobody'))],
-)
-def test_a_cycle_reads_stop_and_failed_rollers_itself(nodes, monkeypatch, topic, message):
-    _node, probe, executor = nodes
-    publisher = probe.create_publisher(type(message), topic, 1)
-    move(executor, probe)
-    until(executor, probe, lambda: publisher.get_subscription_count() > 0)
-    # No turn for the other callbacks: the cycles are on their own.
-    monkeypatch.setattr(executor, '_next_turn', float('inf'))
-    publisher.publish(message)
-    until(executor, probe, lambda: not moving(probe), probe.send_all)
-
-
 def test_a_twist_from_before_the_activation_moves_nothing(nodes):
     node, probe, executor = nodes
     move(executor, probe)
@@ -125,31 +108,14 @@ def test_a_twist_from_before_the_activation_moves_nothing(nodes):
     move(executor, probe)
 
 
-def test_a_slow_cycle_and_none_at_all_wait_as_rclpy_does(nodes):
+def test_services_respond_without_a_cycle(nodes):
     node, probe, executor = nodes
-    assert node.set_parameters([Parameter('rate', value=20.0)])[0].successful
-    assert not node.cycle.is_faster_than(paced_executor.TURN_PERIOD)
-    move(executor, probe)
     node.trigger_deactivate()
     assert node.cycle is None
     client = probe.create_client(Trigger, 'release_emergency_stop')
     until(executor, probe, client.service_is_ready)
     answer = client.call_async(Trigger.Request())
     until(executor, probe, answer.done)
-
-
-def test_what_is_left_of_a_period_is_slept_away(nodes, monkeypatch):
-    node, _probe, executor = nodes
-    slept, sleep = [], time.sleep
-    monkeypatch.setattr(time, 'sleep', lambda pause: (slept.append(pause), sleep(pause)))
-    cycles = []
-    monkeypatch.setattr(node.cycle, '_step', cycles.append)
-    # No turn for the other callbacks, however slowly this goes.
-    monkeypatch.setattr(executor, '_next_turn', float('inf'))
-    for _ in range(10):
-        executor.spin_once()
-    assert len(cycles) == 10
-    assert all(0.0 < pause <= 5e-3 for pause in slept)
 
 
 def test_an_error_of_a_callback_reaches_the_caller(nodes):
@@ -161,42 +127,3 @@ def test_an_error_of_a_callback_reaches_the_caller(nodes):
     node.create_timer(0.001, fail)
     with pytest.raises(ArithmeticError, match='of a timer'):
         until(executor, probe, lambda: False)
-
-
-def test_a_turn_with_nothing_to_call_back_makes_no_wait_set_of_rclpy(nodes, monkeypatch):
-    _node, probe, executor = nodes
-    until(executor, probe, lambda: executor._check is not None and not executor._finds_any())
-    waits, wait = [], executor.wait_for_ready_callbacks
-    monkeypatch.setattr(executor._check, 'finds_any', lambda: False)
-    monkeypatch.setattr(
-        executor, 'wait_for_ready_callbacks', lambda **k: (waits.append(k), wait(**k))[1]
-    )
-    executor._execute_waiting()
-    assert not waits
-    answer = executor.create_task(lambda: 'done')
-    executor._execute_waiting()
-    assert answer.result() == 'done'
-
-
-def test_what_is_made_between_turns_is_called_back_and_what_is_destroyed_is_not(nodes):
-    node, probe, executor = nodes
-
-    def idle():
-        return executor._check is not None and not executor._finds_any()
-
-    until(executor, probe, idle)
-    calls = []
-    timer = node.create_timer(1e-3, lambda: calls.append('timer'))
-    service = node.create_service(
-        Trigger, 'made_late', lambda _request, response: (calls.append('service'), response)[1]
-    )
-    client = probe.create_client(Trigger, 'made_late')
-    until(executor, probe, client.service_is_ready)
-    answer = client.call_async(Trigger.Request())
-    until(executor, probe, lambda: answer.done() and 'timer' in calls)
-    assert 'service' in calls
-    node.destroy_timer(timer)
-    node.destroy_service(service)
-    calls.clear()
-    until(executor, probe, idle)
-    assert not calls
