@@ -28,12 +28,14 @@ class Table:
     :ivar caption: what it shows.
     :ivar headings: of the columns, with units.
     :ivar rows: as many cells each as there are headings.
+    :ivar shown: whether a page shows the rows; the file has them in any case.
     """
 
     name: str
     caption: str
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]
+    shown: bool = True
 
 
 def number(value: float, digits: int = 3) -> str:
