@@ -24,15 +24,12 @@ INTRODUCTION = """\
 # The paper, figure by figure
 
 `make paper` computes and draws this page in less than five minutes, with the functions that the
-package offers its users. [equations.md](equations.md) lists which function computes which
-equation.
+package offers its users ([which computes which equation](equations.md)).
 
-**No measurement of the paper is in this package, and none is drawn.** Of its figures only the
-captions were available, and of its Table I the headings. So the figures below show the model, or
-synthetic points of the model, marked as such; differences are those to the paper's text.
-The stiffness of the tube is theory ([tube_stiffness.md](tube_stiffness.md)) until you measure a
-tube. All forces depend on it. The order of the triangles in Fig. 5 follows from their geometry;
-how much the stiffness in Fig. 6 grows with the diameter depends on pressure and fabric.
+**No measurement of the paper is in this package.** Of its figures only the captions were at hand,
+of Table I the headings. So figures show the model, or points made by it and marked as such, and
+differences are those to the paper's text. The stiffness of the tube is
+[theory](tube_stiffness.md), and all forces depend on it.
 """
 
 
