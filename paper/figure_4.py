@@ -105,7 +105,7 @@ def report(result: TubeFit) -> Report:
     return Report(
         heading='Table I and Fig. 4: stiffness of the tube',
         picture='Above, load against displacement of a member of 50.8 cm in three modes, at three '
-        'pressures; below, stiffness over length; synthetic points, the fitted beam, power laws',
+        'pressures; below, stiffness over length',
         stated='A law of pressure and length is fitted to the measured stiffness of each mode; '
         'Table I lists C, b and R². Its numbers did not reach us.',
         computed='The theory of the default tube at the nine combinations, and the nearest power '
@@ -113,7 +113,7 @@ def report(result: TubeFit) -> Report:
         f'{100 * NOISE:g} % of its largest, an offset), and `fit_tube_stiffness` fitted one beam '
         f'to all modes: {sum(held)} of its {len(held)} constants are inside their 95 % intervals.',
         difference='None can be stated. Power laws of single modes miss the theory by up to '
-        f'{number(100 * _misfit(result), 2)} %, and those across and of turning contradict each '
+        f'{number(100 * _misfit(result), 2)} %, the transverse and rotary ones contradict each '
         f'other {_limit(result)} at {number(1e-3 * PRESSURES[1])} kPa: no beam has both. So a '
         f'robot file gets the constants of a beam. Of {REPEATS} further fits '
         f'{number(100 * result.held)} % of the constants were inside their 95 % intervals.',

@@ -32,8 +32,7 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         picture='Left, the three triangles; right, force over displacement of the top, straight '
         'to where a tube wrinkles, dotted to where it folds',
         stated='A triangle of a 10.2 cm tube at 34.5 kPa was pushed down at its top, on a '
-        'vertical track, until the tubes buckled. The stiffness depends on the shape, and the '
-        'model has the order of the measurements.',
+        'vertical track, until the tubes buckled. Model and measurements have the same order.',
         computed='The stiffness grows with the steepness of the legs, '
         f'{number(stiff.stiffness / soft.stiffness, 2)} times from obtuse to acute. '
         f'{number(100 * min(axial), 2)} to {number(100 * max(axial), 2)} % of the strain energy '
@@ -41,7 +40,7 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         f'{number(100 * (min(bars) - 1), 2)} to {number(100 * (max(bars) - 1), 2)} % stiffer: '
         'modules turn about the joints, which bends the tubes. The line holds up to where a tube '
         f'wrinkles, {number(min(onsets), 2)} to {number(max(onsets), 2)} mm.',
-        difference='The paper’s text has no number, and does not say which shape is the stiffest. '
+        difference='The text does not say which shape is the stiffest. '
         'Up to wrinkling the change of the geometry would soften the line by '
         f'{number(100 * (1 - min(kept)), 2)} % at most.',
         assumption='Edges are tube from pinch to pinch, so all shapes have '

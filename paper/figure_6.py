@@ -112,9 +112,8 @@ def report(result: Interference) -> Report:
     raised = (PRESSURE + ATMOSPHERE) * np.array(DISPLACED) / VOLUME / PRESSURE
     return Report(
         heading='Fig. 6: interference stiffness',
-        picture='Left, stiffness over the position of the cylinder: three curves, the larger the '
-        "cylinder the higher, and far above them, dotted, the paper's model, whose curves are "
-        'one; right, stiffness at the middle over the pressure',
+        picture='Left, stiffness over the position of the cylinder, the larger the higher, and '
+        "far above, dotted, the paper's model; right, stiffness at the middle over the pressure",
         stated='Cylinders of 2.54, 10.2 and 20.3 cm were pressed into a tube (10.2 cm, 76.2 cm '
         'long, 34.5 kPa). The model, with discs of 12.7, 20.3 and 30.5 cm on the centre line, is '
         'good for small cylinders and does not see the diameter, with which measured stiffness '
@@ -127,8 +126,8 @@ def report(result: Interference) -> Report:
         f'elements grow by {number(membrane, 2)} % and as '
         f'p^{number(reference.min(), 2)} to p^{number(reference.max(), 2)}.',
         difference='Reproduced: stiffness grows with the diameter. Not reproduced: the level for '
-        'small cylinders, where the paper finds its model good; flattening halves it. Only a '
-        'measured tube can tell. The gas is not the reason: the tube loses '
+        'small cylinders, where the paper finds its model good; flattening halves it. The gas is '
+        'not the reason: the tube loses '
         f'{number(1e6 * DISPLACED[0])} to {number(1e6 * DISPLACED[1])} cm³ of '
         f'{number(1e6 * VOLUME, 4)} at {1e3 * DEPTH:g} mm, which raises the pressure by '
         f'{number(100 * raised.min(), 1)} %.',

@@ -91,11 +91,10 @@ def report(held: Sequence[Held]) -> Report:
     return Report(
         heading='Fig. 7: three configurations that grasp one object',
         picture='Above, three shapes of the robot around the same disc in the same place; below, '
-        'each grasp magnified: forces on the object, friction included, regions of contact, the '
-        'bent tubes, and dashed where they were',
-        stated='A nine-member robot grasps an object of one size in one place in several '
-        'configurations. Each has its own contact forces, regions, deformation and stiffness, so '
-        'that stiffness can be chosen without moving the object.',
+        'each grasp magnified: forces on the object, friction included, regions of contact, bent '
+        'tubes, and dashed where they were',
+        stated='A nine-member robot grasps one object in one place in several configurations, '
+        'each with its own contact forces, regions, deformation and stiffness.',
         computed=f'An object of {100 * 2.0 * BODY.arm:g} cm at '
         f'({BODY.pose.x:g}, {BODY.pose.y:g}) m, free inside one loop. '
         '`core.plan_grasps` finds two configurations at one and one at the other driven module of '

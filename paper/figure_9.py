@@ -175,7 +175,7 @@ def report(result: Moved) -> Report:
         f'{number(1e3 * fastest.roller_speed, 2)} mm/s of the allowed 100 mm/s.',
         difference='Sizes and durations are ours. The paper states no errors.',
         assumption='The object of 30 cm is held at the top module. As in the paper the robot is '
-        'rigid, and the object rolls without slip. `make demo` runs the same path with the nodes.',
+        'rigid, and the object rolls without slip.',
         tables=(_errors(result),),
     )
 
