@@ -23,13 +23,13 @@ INTRODUCTION = """\
 <!-- Written by `make paper`; change paper/ instead. -->
 # The paper, figure by figure
 
-`make paper` computes and draws this page in less than five minutes with the package's own functions
-([which computes which equation](equations.md)).
+`make paper` computes and draws this page in less than five minutes with the package's own
+functions ([which computes which equation](equations.md)).
 
 **No measurement of the paper is in this package.** Of its figures only captions were at hand, of
-Table I the headings. Figures show the model, or points made by it, and differences are those to the
-paper's text. The stiffness of the tube is
-[theory](tube_stiffness.md), and all forces depend on it.
+Table I the headings. Figures show the model, or points made by it, and differences are those to
+the paper's text. The stiffness of the tube is [theory](tube_stiffness.md), and all
+forces depend on it.
 """
 
 
