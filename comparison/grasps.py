@@ -227,6 +227,7 @@ def _tables(found: Sequence[Compared]) -> tuple[Table, ...]:
                 'utilisation',
             ),
             fast,
+            shown=False,
         ),
         Table(
             'grasps_free',

@@ -103,8 +103,8 @@ def report(held: Sequence[Held]) -> Report:
         f'tubes press with {number(min(forces), 2)} to {number(max(forces), 2)} N in all, evenly '
         f'over {number(min(lengths), 2)} to {number(max(lengths), 2)} mm each. No tube bears more '
         f'than {number(max(used), 2)} of its wrinkling moment.',
-        difference='All that the paper says to differ does; all are closed by friction '
-        f'({FRICTION:g}). Configurations, object and numbers are ours.',
+        difference=f'All that shall differ does; all are closed by friction ({FRICTION:g}). '
+        'Numbers are ours.',
         assumption='Friction and the place of the object are chosen. Where tubes move by '
         'centimetres the forces of the linear model are estimates. The search keeps tubes below '
         '0.8 of their wrinkling moment.',
