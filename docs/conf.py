@@ -7,7 +7,11 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Configuration of the documentation: `make docs`, or rosdoc2 by `rosdoc2.yaml`."""
+"""
+Configuration of the documentation: `make docs`, or rosdoc2 by `rosdoc2.yaml`.
+
+Both need what requirements-docs.txt names.
+"""
 
 from pathlib import Path
 import sys

@@ -55,9 +55,12 @@ def notes(text: str) -> dict[str, str]:
 
 
 def source_file(path: Path) -> str:
-    """Return a file of the repository as a code block."""
+    """Return a file of the repository as a code block, without its licence notice."""
     language = {'.py': 'python', '.yaml': 'yaml'}.get(path.suffix, 'text')
-    return f'```{language}\n{path.read_text(encoding="utf-8").strip()}\n```'
+    text = path.read_text(encoding='utf-8')
+    if text.startswith('# Copyright'):
+        text = text.partition('\n\n')[2]
+    return f'```{language}\n{text.strip()}\n```'
 
 
 def repository_page(path: Path) -> str:

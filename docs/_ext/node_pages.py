@@ -111,18 +111,11 @@ def markdown_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 def _entities(entities: dict[str, Entity], notes: dict[str, str]) -> str:
     """Return one table."""
-    quality = any(entity.qos for entity in entities.values())
-    head = ('name', 'type', 'meaning', *(('quality of service',) if quality else ()))
     rows = (
-        (
-            f'`{name}`',
-            ' or '.join(map(_type, entity.types)),
-            notes[name],
-            *(('; '.join(entity.qos),) if quality else ()),
-        )
+        (f'`{name}`', ' or '.join(map(_type, entity.types)), notes[name])
         for name, entity in sorted(entities.items())
     )
-    return markdown_table(head, rows)
+    return markdown_table(('name', 'type', 'meaning'), rows)
 
 
 def _type(full: str) -> str:
