@@ -43,8 +43,8 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         difference='The text does not say which shape is the stiffest. '
         'Up to wrinkling the change of the geometry would soften the line by '
         f'{number(100 * (1 - min(kept)), 2)} % at most.',
-        assumption='Edges are tube from pinch to pinch, so all shapes have '
-        f'{number(100 * total)} cm of it. The base modules are pinned at A. A tube wrinkles at '
+        assumption='Edges are pinch to pinch, so all shapes have '
+        f'{number(100 * total)} cm of tube. The base modules are pinned at A. A tube wrinkles at '
         'M = (p π r² − N) r/2, M_w = π p r³/2 without the compression N, and folds at twice that '
         '(Comer and Levy, AIAA J. 1 (1963) 1652; Davids and Zhang, Eng. Struct. 30 (2008) 1969). '
         'Compression makes moments grow by 1/(1 − N/N_c) (Fichter, NASA TN D-3466, 1966).',

@@ -117,7 +117,7 @@ def report(result: Interference) -> Report:
         stated='Cylinders of 2.54, 10.2 and 20.3 cm were pressed into a tube (10.2 cm, 76.2 cm '
         'long, 34.5 kPa). The model, with discs of 12.7, 20.3 and 30.5 cm on the centre line, is '
         'good for small cylinders and does not see the diameter, with which measured stiffness '
-        'grows: the gas, it says, is compressed.',
+        'grows: the gas is compressed.',
         computed="In the paper's model the section stays round: "
         f'{number(paper, 1)} % more for the largest cylinder at the middle. Where the section '
         f'flattens, stiffness grows with the diameter by {number(own, 2)} % and with the pressure '

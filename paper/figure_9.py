@@ -174,8 +174,8 @@ def report(result: Moved) -> Report:
         f'{number(1e3 * plain, 2)} mm. The part {fastest.name!r} takes the largest roller speed, '
         f'{number(1e3 * fastest.roller_speed, 2)} mm/s of the allowed 100 mm/s.',
         difference='Sizes and durations are ours.',
-        assumption='The object of 30 cm is held at the top module. As in the paper the robot is '
-        'rigid, and the object rolls without slip.',
+        assumption='The object of 30 cm is held at the top module. The robot is rigid, and the '
+        'object rolls without slip.',
         tables=(_errors(result),),
     )
 
