@@ -112,10 +112,10 @@ def markdown_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 def _entities(entities: dict[str, Entity], notes: dict[str, str]) -> str:
     """Return one table."""
     rows = (
-        (f'`{name}`', ' or '.join(map(_type, entity.types)), notes[name])
+        (f'`{name}`<br>{" or ".join(map(_type, entity.types))}', notes[name])
         for name, entity in sorted(entities.items())
     )
-    return markdown_table(('name', 'type', 'meaning'), rows)
+    return markdown_table(('name and type', 'meaning'), rows)
 
 
 def _type(full: str) -> str:
