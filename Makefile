@@ -86,6 +86,7 @@ plant: venv
 
 docs: venv $(STAMPS)/docs
 	rm -rf docs/_build docs/api
+	$(BIN)/python docs/_ext/committed_pages.py
 	$(BIN)/python -m sphinx -n -W --keep-going -q docs docs/_build/html
 	$(BIN)/python docs/_ext/check_links.py docs/_build/html
 

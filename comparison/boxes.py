@@ -112,14 +112,12 @@ def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> 
     )
     return Section(
         'Boxes between sides that do not meet',
-        'Objects are pressed between the sides `south/P-Q` and `north/R-P` at home, of two '
-        'tubes, that make 60°. Held fast, without friction, the normal forces are those of '
-        f'`analyze_grasp`. Then friction ({FRICTION:g}) comes on and they are let go: they rest '
-        'where `settle_grasp` has the forces; that of the box on a face is left out, whose two '
-        'contacts share the forces by what friction went before. Then a free box is picked up: '
-        'both sides close on it in place, carry it by 85 mm, turn it in place by 17° and go on, '
-        'while two of its corners roll in them, and open. It is carried by the servo of '
-        '`manipulation`, which is to keep the squeeze that it has.',
+        'Objects are pressed between the sides `south/P-Q` and `north/R-P`. Held fast without '
+        'friction, the normal forces are those of `analyze_grasp`. Let go with friction '
+        f'({FRICTION:g}), they are those of `settle_grasp`, but for the box on a face, whose '
+        'contacts share the forces by what friction went before. Then a free box is picked up, '
+        'carried by 85 mm, turned by 17° on two rolling corners and put down by the servo of '
+        '`manipulation`, which keeps the squeeze.',
         checks,
         (_table(found), _picked_table(picked)),
         draw(picked),

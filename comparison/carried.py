@@ -69,11 +69,10 @@ def compare(phases: Sequence[Phase] = figure_9()) -> Section:
     ]
     return Section(
         'Fig. 9 carried',
-        'The object of 0.3 m, in the corner of 60° at home, is carried along the path of '
-        f'Fig. 9, friction {FRICTION:g}. Open loop the rollers follow the paper’s program for '
-        'rigid tubes. With feedback the program gets the measured pose and 1/s of its error. '
-        'With the squeeze regulated it is the servo of `manipulation`, which is to keep the '
-        'squeeze that it has.',
+        f'An object of 0.3 m in the corner of 60° is carried along Fig. 9, friction '
+        f'{FRICTION:g}. Open loop is the paper’s program for rigid tubes. Feedback adds 1/s of '
+        'the error of the pose. Squeeze regulated is the servo of `manipulation`, which keeps '
+        'the squeeze.',
         tuple(checks),
         (
             Table(

@@ -23,19 +23,16 @@ INTRODUCTION = """\
 <!-- Written by `make plant`; change comparison/ instead. -->
 # Our model and MuJoCo's, number by number
 
-`make plant` computes this page in less than ten minutes. [MuJoCo](mujoco.md) is a dynamics engine
-that nobody here wrote: it finds motion, contact, friction, rolling and slip in its own way.
+`make plant` computes this page in less than ten minutes. [MuJoCo](mujoco.md) finds motion,
+contact, friction, rolling and slip in its own way. Nothing here is a measurement of a robot.
 
-**What both share, and what this page can therefore not find:** the robot file with home, lengths
-and modules; bisection (3) as a rule of the modules; the section stiffness EA, EI, GA of the tubes
-and how the pinched ends soften them. An error in these is in both. Nor is anything here a
-measurement of a robot.
+**Both share** the robot file, bisection (3), and the section stiffness EA, EI, GA of the tubes. An
+error in these is in both, and this page cannot find it.
 
-**What is different:** MuJoCo's tubes are chains of rigid pieces with springs between them, and
-bend by large angles; ours are linear beams. MuJoCo integrates masses, drag and losses, which are
-invented, over time; ours is in equilibrium. Its tubes stay round where they are touched: so all
-of ours here are those of a robot file with `local_stiffness: 1e4`, which hardly flatten. Not
-comparable are lengths of contact, and what masses and damping decide.
+**They differ** in the rest. MuJoCo's tubes are chains that bend by large angles; ours are linear
+beams. MuJoCo integrates invented masses, drag and losses; ours is in equilibrium. MuJoCo's tubes
+stay round: so ours here have `local_stiffness: 1e4`, and hardly flatten. Lengths of contact, and
+what masses decide, are not compared.
 """
 
 
@@ -46,8 +43,13 @@ def page(sections: Sequence[Section]) -> str:
     :param sections: in order.
     """
     checks = [check.row() for section in sections for check in section.checks]
+    before = ['', *(why for *_, why in checks)]
+    rows = [
+        (*cells, 'the same' if why and why == other else why)
+        for (*cells, why), other in zip(checks, before, strict=False)
+    ]
     headings = ('compared', 'largest difference', 'bound', 'why it is not zero')
-    summary = Table('bounds', 'All bounds', headings, checks)
+    summary = Table('bounds', 'All bounds', headings, rows)
     parts = [INTRODUCTION, '## Bounds\n', markdown(summary) + '\n']
     return '\n'.join([*parts, *(show(section) for section in sections)])
 
@@ -63,6 +65,6 @@ def show(section: Section) -> str:
         parts.append(f'![{section.picture}]({FOLDER}/{section.tables[0].name}.png)')
     parts.append(section.words)
     for table in section.tables:
-        parts.append(f'{table.caption} ([CSV]({FOLDER}/{table.name}.csv)):')
-        parts.append(markdown(table))
+        caption = f'{table.caption} ([CSV]({FOLDER}/{table.name}.csv))'
+        parts += [f'{caption}:', markdown(table)] if table.shown else [f'{caption}.']
     return '\n\n'.join(parts) + '\n'

@@ -43,8 +43,8 @@ class Check:
 
     def row(self) -> tuple[str, str, str, str]:
         """Return the cells of a table of checks."""
-        found = f'{number(self.found, 2)} {self.unit}'
-        bound = f'{number(self.bound, 2)} {self.unit}'
+        found = f'{number(self.found, 2)} {self.unit}'.strip()
+        bound = f'{number(self.bound, 2)} {self.unit}'.strip()
         return self.what, found if self.kept else f'**{found}**', bound, self.why
 
 

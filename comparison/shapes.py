@@ -79,6 +79,7 @@ def compare(shapes: Mapping[str, Shape] = SHAPES, depths: Sequence[float] = DEPT
                     'N₂ ours',
                 ),
                 rows,
+                shown=False,
             ),
         ),
     )

@@ -52,8 +52,8 @@ def compare(shapes: int = 3) -> Section:
     )
     return Section(
         'Unloaded nodes',
-        f'Rollers travel at random, up to {TRAVEL:g} m; MuJoCo moves the robot there through '
-        'all shapes between, and `core.Configuration` computes it at once.',
+        f'Rollers travel at random, up to {TRAVEL:g} m. MuJoCo moves the robot there; '
+        '`core.Configuration` computes it at once.',
         (check,),
         (
             Table(

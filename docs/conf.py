@@ -7,7 +7,11 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Configuration of the documentation: `make docs`, or rosdoc2 by `rosdoc2.yaml`."""
+"""
+Configuration of the documentation: `make docs`, or rosdoc2 by `rosdoc2.yaml`.
+
+Both need what requirements-docs.txt names.
+"""
 
 from pathlib import Path
 import sys
@@ -25,16 +29,31 @@ author = _manifest.findtext('maintainer')
 copyright = f'{author}; {_manifest.findtext("license")}'
 version = release = _manifest.findtext('version')
 
-extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.viewcode', 'isotruss_site']
+extensions = [
+    'myst_parser',
+    'sphinx.ext.autodoc',
+    'sphinx.ext.viewcode',
+    'sphinx.ext.mathjax',
+    'sphinx-mathjax-offline',  # brings MathJax along: formulas need no network
+    'sphinx_copybutton',
+    'isotruss_site',
+]
 source_suffix = {'.md': 'markdown', '.rst': 'restructuredtext'}
-# All but the first: what rosdoc2 adds; the reference and the pages of this site have it already.
-exclude_patterns = ['_build', 'isotruss_ros*.rst', 'modules.rst', 'standard*', '__*']
+# From the third on: what rosdoc2 adds; the reference and the pages of this site have it already.
+exclude_patterns = ['_build', '_ext', 'isotruss_ros*.rst', 'modules.rst', 'standard*', '__*']
 smartquotes_action = 'D'
-html_theme = 'sphinx_rtd_theme'
-html_theme_options = {'navigation_depth': 3}
+html_theme = 'furo'
+html_title = f'{project} {version}'
+html_theme_options = {
+    'source_edit_link': f'{_manifest.findtext("url")}/edit/main/docs/{{filename}}'
+}
 html_static_path = ['_static']
 html_css_files = ['site.css']
+copybutton_exclude = '.linenos, .gp, .go'
 
+# Formulas as a code host reads them: $x$ in lines, fenced blocks of `math`.
+myst_enable_extensions = ['dollarmath']
+myst_fence_as_directive = ['math']
 myst_heading_anchors = 3
 
 # Docstrings write names in single backticks.

@@ -104,30 +104,21 @@ def report(result: TubeFit) -> Report:
     held = inside(result.analysis)
     return Report(
         heading='Table I and Fig. 4: stiffness of the tube',
-        picture='Above, load against displacement of a member of 50.8 cm in the axial, transverse '
-        'and rotary mode at three pressures, synthetic points and the fitted beam; below, the '
-        'stiffnesses over the length, synthetic points, the beam and power laws',
-        stated='A simple law of pressure and length is fitted to the measured stiffness of each '
-        'deflection mode; Table I lists C, b and R². Fig. 4 shows points and law for some '
-        'combinations. The numbers of the table did not reach us.',
-        computed='The theory of the default tube at the nine combinations, and the power laws '
-        'k = C pᵃ Lᵇ that come nearest to it. The tube, with noise (stiffness '
-        f'{100 * SCATTER:g} % from trial to trial, load {100 * NOISE:g} % of its largest, an '
-        'offset in each trial), made five trials of each combination, and `fit_tube_stiffness` '
-        'fitted one beam to all three modes: '
-        f'{sum(held)} of its {len(held)} constants are inside the 95 % intervals that it prints.',
-        difference='Against the paper, none can be stated: its numbers are not here. Its laws '
-        'have two constants for each mode, C and b; ours have three, with the pressure. A law '
-        f'for each mode on its own misses the theory by up to {number(100 * _misfit(result), 2)} '
-        '% in one corner of the range, and the transverse and rotary laws contradict each other '
-        f'{_limit(result)} at {number(1e-3 * PRESSURES[1])} kPa: no beam has both. So a robot '
-        'file gets the three '
-        f'constants of a beam. Of {REPEATS} further sets of points, {number(100 * result.held)} % '
-        'of the constants were inside their 95 % intervals.',
-        assumption='Default tube: inflatable-beam theory with assumed fabric, so exponents are '
-        "not the paper's. The transverse and rotary points end where theory has the tube "
-        'wrinkle, the axial ones at a tenth of the force of the pressure; both are choices. '
-        'Lengths are pinch to pinch in the axial mode, guide ring to guide ring in the others.',
+        picture='Above, load against displacement of a member of 50.8 cm in three modes, at three '
+        'pressures; below, stiffness over length',
+        stated='A law of pressure and length is fitted to the measured stiffness of each mode; '
+        'Table I lists C, b and R². Its numbers are not here.',
+        computed='The theory of the default tube at the nine combinations, and the nearest power '
+        f'laws. The tube made five noisy trials of each (stiffness {100 * SCATTER:g} %, load '
+        f'{100 * NOISE:g} % of its largest, an offset), and `fit_tube_stiffness` fitted one beam '
+        f'to all modes: {sum(held)} of its {len(held)} constants are inside their 95 % intervals.',
+        difference='None can be stated. Power laws of single modes miss the theory by up to '
+        f'{number(100 * _misfit(result), 2)} %, the transverse and rotary ones contradict each '
+        f'other {_limit(result)} at {number(1e-3 * PRESSURES[1])} kPa: no beam has both. So a '
+        f'robot file gets the constants of a beam. Of {REPEATS} further fits '
+        f'{number(100 * result.held)} % of the constants were inside their 95 % intervals.',
+        assumption='The fabric, so exponents are not the paper’s. Points end where the tube '
+        'wrinkles, axial ones at a tenth of the force of the pressure.',
         tables=(_laws(result), _fits(result)),
     )
 

@@ -29,36 +29,25 @@ def report(shapes: Mapping[str, Shape]) -> Report:
     onsets = [1e3 * shape.onset for shape in shapes.values()]
     return Report(
         heading='Fig. 5: stiffness of a triangle in three shapes',
-        picture='Left, the obtuse, equilateral and acute triangle; right, force over displacement '
-        'of the top for each, straight to where a tube begins to wrinkle, dotted to where it '
-        'folds',
-        stated='A triangle of a 10.2 cm tube at 34.5 kPa in three shapes, its top on a vertical '
-        'track, each base module pinned at one of its nodes, was pushed down until the tubes '
-        'buckled. The stiffness depends on the shape, and the shapes are to each other in the '
-        'model much as they were measured.',
-        computed='The stiffness grows with the steepness of the legs, obtuse < equilateral < '
-        f'acute, {number(stiff.stiffness / soft.stiffness, 2)} times from first to last. '
+        picture='Left, the three triangles; right, force over displacement of the top, straight '
+        'to where a tube wrinkles, dotted to where it folds',
+        stated='A triangle of a 10.2 cm tube at 34.5 kPa was pushed down at its top, on a '
+        'vertical track, until the tubes buckled. Model and measurements have the same order.',
+        computed='The stiffness grows with the steepness of the legs, '
+        f'{number(stiff.stiffness / soft.stiffness, 2)} times from obtuse to acute. '
         f'{number(100 * min(axial), 2)} to {number(100 * max(axial), 2)} % of the strain energy '
-        'is axial. Two bars along the legs with their axial stiffness k, 2 k sin²α, would be '
-        f'{number(100 * (min(bars) - 1), 2)} to {number(100 * (max(bars) - 1), 2)} % stiffer than '
-        'the frame: its modules turn about the joints, which bends the tubes and strains the '
-        'base. A flat leg shortens little as the top sinks, and little of its force points up: '
-        'hence sin²α; that long legs are softer matters less. The model is a straight line, to be '
-        'trusted up to where a tube begins to wrinkle, '
-        f'{number(min(onsets), 2)} to {number(max(onsets), 2)} mm.',
-        difference='The text says that the model has the order of the measurements, but not '
-        'which shape is the stiffest, and gives no number; the curves are not here. Measured '
-        'curves end in buckling, the model goes on straight: the marks say how far to believe '
-        'it. Up to there the change of the geometry alone would soften the line by no more than '
-        f'{number(100 * (1 - min(kept)), 2)} %.',
-        assumption='Edges are lengths of tube from pinch to pinch: so all three shapes have '
-        f'{number(100 * total)} cm of tube, as an isoperimetric robot must. '
-        'The pinned node is the joint A, free to turn. A tube '
-        'wrinkles at M = (p π r² − N) r/2, which is M_w = π p r³/2 without the compression N, '
-        'and folds at twice that (Comer and Levy, AIAA J. 1 (1963) 1652; with N: Davids and '
-        'Zhang, Eng. Struct. 30 (2008) 1969); compression makes moments grow by 1/(1 − N/N_c), '
-        'N_c being the load under which an inflated column buckles (Fichter, NASA TN D-3466, '
-        '1966). All this is an estimate.',
+        'is axial. Two bars with the legs’ axial stiffness k, 2 k sin²α, would be '
+        f'{number(100 * (min(bars) - 1), 2)} to {number(100 * (max(bars) - 1), 2)} % stiffer: '
+        'modules turn about the joints, which bends the tubes. The line holds up to where a tube '
+        f'wrinkles, {number(min(onsets), 2)} to {number(max(onsets), 2)} mm.',
+        difference='The text does not say which shape is the stiffest. '
+        'Up to wrinkling the change of the geometry would soften the line by '
+        f'{number(100 * (1 - min(kept)), 2)} % at most.',
+        assumption='Edges are pinch to pinch, so all shapes have '
+        f'{number(100 * total)} cm of tube. The base modules are pinned at A. A tube wrinkles at '
+        'M = (p π r² − N) r/2, M_w = π p r³/2 without the compression N, and folds at twice that '
+        '(Comer and Levy, AIAA J. 1 (1963) 1652; Davids and Zhang, Eng. Struct. 30 (2008) 1969). '
+        'Compression makes moments grow by 1/(1 − N/N_c) (Fichter, NASA TN D-3466, 1966).',
         tables=(_stiffnesses(shapes), _limits(shapes)),
     )
 

@@ -112,35 +112,31 @@ def report(result: Interference) -> Report:
     raised = (PRESSURE + ATMOSPHERE) * np.array(DISPLACED) / VOLUME / PRESSURE
     return Report(
         heading='Fig. 6: interference stiffness',
-        picture='Left, stiffness over the position of the cylinder: three curves, one for each '
-        "cylinder, the larger the higher, and far above them, dotted, the paper's model, whose "
-        'three curves are one; right, stiffness at the middle over the pressure',
+        picture='Left, stiffness over the position of the cylinder, the larger the higher, and '
+        "far above, dotted, the paper's model; right, stiffness at the middle over the pressure",
         stated='Cylinders of 2.54, 10.2 and 20.3 cm were pressed into a tube (10.2 cm, 76.2 cm '
-        'long, 34.5 kPa) at several positions. The model, with discs of 12.7, 20.3 and 30.5 cm '
-        'on the centre line, is good for small cylinders and does not see the diameter, while '
-        'measured stiffness grows with it: the gas, which the model leaves out, is compressed.',
-        computed="Both models. In the paper's the section of the tube stays round, and the three "
-        f'curves are one: {number(paper, 1)} % more for the largest cylinder at the middle. Where '
-        f'the section flattens, stiffness grows with the diameter by {number(own, 2)} %, '
-        f'and with the pressure as p^{number(flat.min(), 2)} to p^{number(flat.max(), 2)} '
+        'long, 34.5 kPa). The model, with discs of 12.7, 20.3 and 30.5 cm on the centre line, is '
+        'good for small cylinders and does not see the diameter, with which measured stiffness '
+        'grows: the gas is compressed.',
+        computed="In the paper's model the section stays round: "
+        f'{number(paper, 1)} % more for the largest cylinder at the middle. Where the section '
+        f'flattens, stiffness grows with the diameter by {number(own, 2)} % and with the pressure '
+        f'as p^{number(flat.min(), 2)} to p^{number(flat.max(), 2)} '
         f"(the paper's model: p^{number(beam.max(), 1)}). Nothing is fitted. Membrane finite "
-        f'elements of the same tube grow by {number(membrane, 2)} % and as '
+        f'elements grow by {number(membrane, 2)} % and as '
         f'p^{number(reference.min(), 2)} to p^{number(reference.max(), 2)}.',
-        difference='Reproduced: stiffness grows with the diameter, which the model of the paper '
-        'does not show. Not reproduced: the level for small cylinders, where the paper finds its '
-        'model good; a section that gives besides the beam only softens, here to half. Which of '
-        'the two a real tube has, only a measured tube can tell. The gas is not the reason: by '
-        'the membrane elements the tube loses '
+        difference='Reproduced: stiffness grows with the diameter. Not reproduced: the level for '
+        'small cylinders, where the paper finds its model good; flattening halves it. The gas is '
+        'not the reason: the tube loses '
         f'{number(1e6 * DISPLACED[0])} to {number(1e6 * DISPLACED[1])} cm³ of '
-        f'{number(1e6 * VOLUME, 4)} at {1e3 * DEPTH:g} mm, which raises the gauge pressure by '
-        f'{number(100 * raised.min(), 1)} % and the stiffness by less than half of that; it is '
-        'left out.',
-        assumption='Ends clamped, as by guide rings; the text does not say. With ends free to '
-        f'turn the middle has {number(result.pinned, 2)} instead of '
+        f'{number(1e6 * VOLUME, 4)} at {1e3 * DEPTH:g} mm, which raises the pressure by '
+        f'{number(100 * raised.min(), 1)} %.',
+        assumption='Ends clamped; free to turn, the middle has '
+        f'{number(result.pinned, 2)} instead of '
         f'{number(result.middle[at][0].stiffness, 2)} N/m for the smallest cylinder. Stiffness is '
         f'force over depth at {1e3 * DEPTH:g} mm, before the tube wrinkles '
         f'({number(1e3 * result.wrinkling.min(), 2)} to {number(1e3 * result.wrinkling.max(), 2)} '
-        'mm at the middle, M_w = π p r³/2). Default theory of the tube.',
+        'mm at the middle, M_w = π p r³/2).',
         tables=(_middle(result), _positions(result)),
     )
 

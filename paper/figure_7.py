@@ -90,33 +90,23 @@ def report(held: Sequence[Held]) -> Report:
     used = [each.plan.utilisation for each in held]
     return Report(
         heading='Fig. 7: three configurations that grasp one object',
-        picture='Above, three shapes of the nine-member robot around the same disc in the same '
-        'place; below, each grasp magnified: contact forces and regions, the bent tubes, and '
-        'dashed where they were',
-        stated='A nine-member robot can take several configurations to grasp an object of one '
-        'size in one place. Each has its own contact forces, contact regions, deformation and '
-        'grasp stiffness, so that stiffness can be chosen without moving the object. One '
-        'grasp is magnified, with its force and the length of its contact. No numbers are in '
-        'the text.',
+        picture='Above, three shapes of the robot around the same disc in the same place; below, '
+        'each grasp magnified: forces on the object, friction included, regions of contact, bent '
+        'tubes, and dashed where they were',
+        stated='A nine-member robot grasps one object in one place in several configurations, '
+        'each with its own contact forces, regions, deformation and stiffness.',
         computed=f'An object of {100 * 2.0 * BODY.arm:g} cm at '
-        f'({BODY.pose.x:g}, {BODY.pose.y:g}) m, free inside one loop of the robot '
-        'at home. `core.plan_grasps` finds two configurations for a grip at one and one at the '
-        'other of the two driven modules of the loop, which can roll the object; the passive one '
-        'cannot. The grasp stiffness differs by a factor of '
+        f'({BODY.pose.x:g}, {BODY.pose.y:g}) m, free inside one loop. '
+        '`core.plan_grasps` finds two configurations at one and one at the other driven module of '
+        'the loop. Stiffness differs by a factor of '
         f'{number(float(ratios[0]), 2)} along x and {number(float(ratios[1]), 2)} along y; the '
-        f'tubes press with {number(min(forces), 2)} to {number(max(forces), 2)} N in all, over '
-        f'{number(min(lengths), 2)} to {number(max(lengths), 2)} mm each and with little more '
-        'than their gauge pressure, evenly. No tube bears more than '
-        f'{number(max(used), 2)} of the moment at which it wrinkles. The dotted squares are '
-        'magnified below: forces on the object, friction included, regions '
-        'of contact, the bent tubes to scale, and dashed where they were.',
-        difference='All that the paper says to differ does; all are closed by friction '
-        f"({FRICTION:g}). Configurations, object and numbers are ours, since the figure's "
-        'are not in the text.',
-        assumption='The configurations are what the search finds, none is placed by hand; '
-        "friction and the place of the object are chosen. Stiffness is the paper's: object and "
-        'contact points displaced together. The model is linear: where tubes move by centimetres '
-        'its forces are estimates. The search keeps all tubes below '
+        f'tubes press with {number(min(forces), 2)} to {number(max(forces), 2)} N in all, evenly '
+        f'over {number(min(lengths), 2)} to {number(max(lengths), 2)} mm each. No tube bears more '
+        f'than {number(max(used), 2)} of its wrinkling moment.',
+        difference=f'All that shall differ does; all are closed by friction ({FRICTION:g}). '
+        'Numbers are ours.',
+        assumption='Friction and the place of the object are chosen. Where tubes move by '
+        'centimetres the forces of the linear model are estimates. The search keeps tubes below '
         '0.8 of their wrinkling moment.',
         tables=(_grasps(held),),
     )

@@ -162,29 +162,20 @@ def report(result: Moved) -> Report:
     fastest = max(moves, key=lambda part: part.roller_speed)
     return Report(
         heading='Fig. 9: an object carried along a path',
-        picture='Four configurations of the nine-member robot with the object at its top: at the '
-        'start, moved up, turned in place, and moved along a circular arc to which its '
-        'orientation stays normal; the path is drawn in blue',
-        stated='A simulated robot of nine members holds an object, moves it up, turns it in '
-        'place and moves it along a circular arc to which the orientation stays normal. No '
-        'lengths, angles or errors are given.',
-        computed=f'The same three motions: {number(1e2 * up)} cm up, 90° in place, a quarter of a '
+        picture='The robot with the object at its top: at the start, moved up, turned in place, '
+        'moved along an arc; its path in blue',
+        stated='A simulated robot moves an object up, turns it in place and moves it along an '
+        'arc to which the orientation stays normal.',
+        computed=f'{number(1e2 * up)} cm up, 90° in place, a quarter of a '
         f'circle of {number(1e2 * right)} cm radius, {RATE:g} commands per second. The largest '
         f'error is {number(1e6 * worst, 2)} µm in position and '
-        f'{number(math.degrees(turned), 2)}° in orientation. Positions of the nodes follow from '
-        'the roller positions by forward kinematics, not by integration, so the constraints hold '
-        'throughout. Each command is computed for the configuration in the middle of its '
-        'interval; computed for its beginning, the position error is '
-        f'{number(1e3 * plain, 2)} mm. The '
-        f'part {fastest.name!r} takes the largest roller speed, '
+        f'{number(math.degrees(turned), 2)}° in orientation. Each command is computed for the '
+        'middle of its interval; computed for the beginning, the error is '
+        f'{number(1e3 * plain, 2)} mm. The part {fastest.name!r} takes the largest roller speed, '
         f'{number(1e3 * fastest.roller_speed, 2)} mm/s of the allowed 100 mm/s.',
-        difference='The motions are those of the paper; sizes and durations are chosen here. The '
-        'paper states no errors.',
-        assumption='Lengths and angles are chosen so that the robot keeps its limits; the object '
-        'of 30 cm is held at the top module, whose roller turns it. As in the paper, the '
-        'robot is rigid here and the object rolls between the two members of that module without '
-        'slip. Position errors are those of holding each command for its interval; `make demo` '
-        'runs the same path with the real nodes.',
+        difference='Sizes and durations are ours.',
+        assumption='The object of 30 cm is held at the top module. The robot is rigid, and the '
+        'object rolls without slip.',
         tables=(_errors(result),),
     )
 

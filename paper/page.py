@@ -23,16 +23,13 @@ INTRODUCTION = """\
 <!-- Written by `make paper`; change paper/ instead. -->
 # The paper, figure by figure
 
-`make paper` computes and draws this page in less than five minutes, with the functions that the
-package offers its users. [equations.md](equations.md) lists which function computes which
-equation.
+`make paper` computes and draws this page in less than five minutes with the package's own
+functions ([which computes which equation](equations.md)).
 
-**No measurement of the paper is in this package, and none is drawn.** Of its figures only the
-captions were available, and of its Table I the headings. So the figures below show the model, or
-synthetic points of the model, marked as such; differences are those to the paper's text.
-The stiffness of the tube is theory ([tube_stiffness.md](tube_stiffness.md)) until you measure a
-tube. All forces depend on it. The order of the triangles in Fig. 5 follows from their geometry;
-how much the stiffness in Fig. 6 grows with the diameter depends on pressure and fabric.
+**No measurement of the paper is in this package.** Of its figures only captions were at hand, of
+Table I the headings. Figures show the model, or points made by it, and differences are those to
+the paper's text. The stiffness of the tube is [theory](tube_stiffness.md), and all
+forces depend on it.
 """
 
 

@@ -50,15 +50,12 @@ def report(robot: Robot) -> Report:
     return Report(
         heading='Section III-A: parameters',
         picture='',
-        stated='The tests were made on a tube of 10.2 cm, at three pressures and three lengths, '
-        'each combination five times. What was measured and fitted is Table I and Fig. 4.',
-        computed='All parameters of all items below, with their units; the last column says where '
-        'each comes from. Values of the paper are taken as it rounds them.',
-        difference='None in the values. Pressures are steps of 2.5 psi and lengths of 10 in, '
-        'rounded; so the discs of Fig. 6, 5, 8 and 12 in, are the cylinders plus the tube only '
-        'to 1 mm.',
-        assumption='The paper states no dimension and no rigidity of its roller modules; those of '
-        'the presets are taken, and the theory of the tube.',
+        stated='A tube of 10.2 cm was tested at three pressures and three lengths, each '
+        'combination five times.',
+        computed='All parameters of the items below, as the paper rounds them.',
+        difference='None. Pressures are steps of 2.5 psi, lengths of 10 in, discs of Fig. 6 '
+        '5, 8 and 12 in, cylinder plus tube only to 1 mm.',
+        assumption='Sizes and rigidity of the modules, which the paper does not state.',
         tables=(_stated(), _assumed(robot)),
     )
 

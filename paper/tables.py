@@ -28,12 +28,14 @@ class Table:
     :ivar caption: what it shows.
     :ivar headings: of the columns, with units.
     :ivar rows: as many cells each as there are headings.
+    :ivar shown: whether a page shows the rows; the file has them in any case.
     """
 
     name: str
     caption: str
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]
+    shown: bool = True
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -46,10 +48,16 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def markdown(table: Table) -> str:
-    """Return the table as GitHub shows it; all columns but the first to the right."""
-    rule = ['---', *['---:'] * (len(table.headings) - 1)]
+    """Return the table as GitHub shows it, columns of numbers to the right."""
+    columns = zip(*table.rows, strict=True)
+    rule = ['---:' if all(map(_is_number, column)) else '---' for column in columns]
     lines = [table.headings, rule, *table.rows]
     return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
+
+
+def _is_number(cell: str) -> bool:
+    """Return whether a cell is empty or begins with a number."""
+    return cell.lstrip('-*')[:1].isdigit() or not cell
 
 
 def write_csv(table: Table, folder: Path) -> None:

@@ -20,7 +20,19 @@ from pathlib import Path
 import re
 import tokenize
 
+from ruamel.yaml import YAML
+
 EQUATIONS = range(1, 21)
+#: The link of a function to its file.
+LINK = re.compile(r'\[`(core\.[\w.]+)`\]\(\.\./isotruss_ros/[\w/]+\.py\)')
+
+HEAD = """\
+<!-- Written by `make docs` from docs/_ext/paper_equations.yaml and the tags in the sources. -->
+# Equations and functions
+
+The equations of the paper, and the functions that compute each. Tags in the sources mark them:
+`grep -rn "(16)" isotruss_ros/core` finds the same lines. Some are solved in another form than they
+are printed; which, and why: [derivation](derivation.md)."""
 #: Not what follows a name or a bracket: that is a call.
 TAG = re.compile(r'(?<![\w\])}])\((\d{1,2})\)')
 
@@ -36,11 +48,6 @@ class Place:
 
     module: str
     name: str
-
-    @property
-    def public(self) -> bool:
-        """Return whether the API reference shows it."""
-        return not any(part.startswith('_') for part in self.name.split('.'))
 
 
 def equation_map(core: Path) -> dict[int, list[Place]]:
@@ -95,26 +102,45 @@ def _numbers(text: str) -> set[int]:
     return {int(number) for number in TAG.findall(text)} & set(EQUATIONS)
 
 
-def table(core: Path, statements: dict[str, str]) -> str:
+def page(core: Path, statements: Path) -> str:
     """
-    Return the map as a Markdown table.
+    Return the page of equations: what each states, and the functions that compute it.
+
+    Functions link to their files, which is what a code host can show; `link_reference` makes them
+    links to the reference.
 
     :param core: folder of the package.
-    :param statements: what each equation says, by its number in parentheses.
+    :param statements: YAML file with the equations of the paper, by the part that they belong to.
     """
     places = equation_map(core)
-    lines = ['| equation | states | computed in |', '| --- | --- | --- |']
-    for number, statement in statements.items():
-        equation = int(number.strip('()'))
-        cells = ', '.join(map(_link, places.get(equation, ()))) or 'nowhere'
-        lines.append(f'| {number} | {statement} | {cells} |')
-    return '\n'.join(lines)
+    parts = [HEAD]
+    for part, equations in YAML(typ='safe').load(statements).items():
+        parts.append(f'## {part}')
+        for number, equation in equations.items():
+            parts += [
+                f'### ({number}) {equation["states"]}',
+                f'```math\n{equation["latex"]}\n```',
+                '\n'.join(f'- {_link(place)}' for place in places[number]),
+            ]
+    return '\n\n'.join(parts) + '\n'
 
 
 def _link(place: Place) -> str:
-    """Return a link to the reference, or the bare name of what is not in it."""
-    target = f'{place.module}.{place.name}'.rstrip('.')
-    words = target.removeprefix('isotruss_ros.')
-    if not place.public:
-        return f'`{words}`'
-    return f'[`{words}`](#{target})'
+    """Return a link to the file of a place, seen from a page in docs/."""
+    name = f'{place.module}.{place.name}'.rstrip('.').removeprefix('isotruss_ros.')
+    return f'[`{name}`](../{place.module.replace(".", "/")}.py)'
+
+
+def link_reference(text: str) -> str:
+    """
+    Return a page whose links to functions lead to the reference of the site.
+
+    :param text: page with links to files. Private names, which the reference lacks, lose theirs.
+    """
+
+    def link(match: re.Match[str]) -> str:
+        name = match[1]
+        private = any(part.startswith('_') for part in name.split('.'))
+        return f'`{name}`' if private else f'[`{name}`](#isotruss_ros.{name})'
+
+    return LINK.sub(link, text)

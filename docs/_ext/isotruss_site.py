@@ -35,8 +35,6 @@ FENCE = re.compile(r'^```\{([\w-]+)\}(.*)\n((?:(?!```).*\n)*?)```$', re.MULTILIN
 BLOCKS: dict[str, Callable[[str, str], str]] = {
     'node-interface': lambda node, text: node_pages.node_tables(node, notes(text)),
     'quality-of-service': lambda _argument, _text: node_pages.quality_table(),
-    'interface-files': lambda folder, _text: node_pages.interface_files(TOP / folder),
-    'equation-map': lambda folder, text: equations.table(TOP / folder, notes(text)),
     'core-names': lambda _argument, _text: reference.facade_table(),
     'promised-tests': lambda path, _text: promises.appendix(TOP / path, TOP / 'test'),
     'source-file': lambda path, _text: source_file(TOP / path),
@@ -57,9 +55,12 @@ def notes(text: str) -> dict[str, str]:
 
 
 def source_file(path: Path) -> str:
-    """Return a file of the repository as a code block."""
+    """Return a file of the repository as a code block, without its licence notice."""
     language = {'.py': 'python', '.yaml': 'yaml'}.get(path.suffix, 'text')
-    return f'```{language}\n{path.read_text(encoding="utf-8").strip()}\n```'
+    text = path.read_text(encoding='utf-8')
+    if text.startswith('# Copyright'):
+        text = text.partition('\n\n')[2]
+    return f'```{language}\n{text.strip()}\n```'
 
 
 def repository_page(path: Path) -> str:
@@ -85,7 +86,7 @@ def expand(text: str, page: str) -> str:
         except (ValueError, KeyError, OSError) as error:
             raise ExtensionError(f'{page}: {kind} {argument.strip()}: {error}') from error
 
-    return promises.link_roles(FENCE.sub(replace, text))
+    return equations.link_reference(promises.link_roles(FENCE.sub(replace, text)))
 
 
 def _read(_app: Sphinx, page: str, source: list[str]) -> None:

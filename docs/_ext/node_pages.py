@@ -19,6 +19,12 @@ from typing import Any
 
 from interfaces import Entity, Interface, interfaces
 
+INTERFACES_HEAD = """\
+<!-- Written by `make docs` from msg_defs/. -->
+# Messages, services and actions
+
+The interface package `isotruss_msgs`, as in `msg_defs/`."""
+
 #: Headings, and the attributes of an interface that stand under them.
 SECTIONS = {
     'Subscribed topics': 'subscribed',
@@ -82,17 +88,17 @@ def quality_table() -> str:
 
 def interface_files(folder: Path) -> str:
     """
-    Return the definitions of messages, services and actions, a section each.
+    Return the page of messages, services and actions, a section each.
 
     :param folder: of the interface package.
     """
-    parts = []
+    parts = [INTERFACES_HEAD]
     for path in sorted(folder.glob('*/*.*')):
         if path.suffix in ('.msg', '.srv', '.action'):
             text = path.read_text(encoding='utf-8').strip()
             parts += [f'## {path.stem}', f'`isotruss_msgs/{path.parent.name}/{path.stem}`']
             parts.append(f'```text\n{text}\n```')
-    return '\n\n'.join(parts)
+    return '\n\n'.join(parts) + '\n'
 
 
 def markdown_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -105,18 +111,11 @@ def markdown_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 def _entities(entities: dict[str, Entity], notes: dict[str, str]) -> str:
     """Return one table."""
-    quality = any(entity.qos for entity in entities.values())
-    head = ('name', 'type', 'meaning', *(('quality of service',) if quality else ()))
     rows = (
-        (
-            f'`{name}`',
-            ' or '.join(map(_type, entity.types)),
-            notes[name],
-            *(('; '.join(entity.qos),) if quality else ()),
-        )
+        (f'`{name}`<br>{" or ".join(map(_type, entity.types))}', notes[name])
         for name, entity in sorted(entities.items())
     )
-    return markdown_table(head, rows)
+    return markdown_table(('name and type', 'meaning'), rows)
 
 
 def _type(full: str) -> str:

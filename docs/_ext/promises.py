@@ -36,7 +36,7 @@ def load(path: Path) -> dict[str, list[str]]:
 
 def link_roles(page: str) -> str:
     """Return a page whose promises link to their tests in the appendix."""
-    return ROLE.sub(lambda match: f'<sup>[\\[{match[1]}\\]](#tests-{match[1]})</sup>', page)
+    return ROLE.sub(lambda match: f'<sup>[tests](#tests-{match[1]})</sup>', page)
 
 
 def appendix(path: Path, tests: Path) -> str:

@@ -15,6 +15,7 @@ import importlib
 import inspect
 from pathlib import Path
 import pkgutil
+import re
 
 from isotruss_ros import core
 from node_pages import markdown_table
@@ -35,6 +36,11 @@ PACKAGES = (
 )
 
 
+#: The example at the head of each page: a section of this file each.
+EXAMPLES = Path(__file__).with_name('package_examples.md')
+EXAMPLE = re.compile(r'^## (\w+)\n\n```python\n(.*?)\n```', re.MULTILINE | re.DOTALL)
+
+
 def facade_table() -> str:
     """Return the public names of `isotruss_ros.core`, with what each is."""
     rows = []
@@ -48,28 +54,42 @@ def facade_table() -> str:
 
 def write_pages(folder: Path) -> None:
     """
-    Write a page for each package of the core, with all its modules.
+    Write a page for each package of the core: a sentence, an example, all its modules.
 
     :param folder: where the pages go; made if need be. A page that is the same stays untouched.
+    :raises ValueError: packages, pages and examples are not the same.
     """
     folder.mkdir(exist_ok=True)
     found = {info.name for info in pkgutil.iter_modules(core.__path__) if info.ispkg}
     if found != set(PACKAGES):
         raise ValueError(f'packages of the core and of the reference differ: {found}')
-    for name in ('errors', *PACKAGES):
+    examples = dict(EXAMPLE.findall(EXAMPLES.read_text(encoding='utf-8')))
+    if examples.keys() != {'errors', *PACKAGES}:
+        raise ValueError(
+            f'examples and packages differ: {examples.keys() ^ {"errors", *PACKAGES}}'
+        )
+    for name, example in examples.items():
         path = folder / f'{name}.rst'
-        text = _page(f'{core.__name__}.{name}')
+        text = _page(f'{core.__name__}.{name}', example)
         if not path.exists() or path.read_text(encoding='utf-8') != text:
             path.write_text(text, encoding='utf-8')
 
 
-def _page(package: str) -> str:
+def _page(package: str, example: str) -> str:
     """Return the page of a package, or of a single module."""
     module = importlib.import_module(package)
     title = package.removeprefix('isotruss_ros.')
-    parts = [title, '=' * len(title), '', f'.. automodule:: {package}']
-    parts += ['   :show-inheritance:', ''] if title == 'core.errors' else ['']
-    for info in pkgutil.iter_modules(getattr(module, '__path__', ())):
+    code = [
+        '.. code-block:: python',
+        '',
+        *(f'   {line}'.rstrip() for line in example.splitlines()),
+    ]
+    parts = [title, '=' * len(title), '']
+    if not hasattr(module, '__path__'):
+        parts += [*code, '', f'.. automodule:: {package}', '   :show-inheritance:', '']
+        return '\n'.join(parts)
+    parts += [inspect.getdoc(module), '', *code, '', f'.. py:module:: {package}', '']
+    for info in pkgutil.iter_modules(module.__path__):
         parts += [info.name, '-' * len(info.name), '']
         parts += [f'.. automodule:: {package}.{info.name}', '']
     return '\n'.join(parts)

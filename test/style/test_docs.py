@@ -14,6 +14,7 @@ from pathlib import Path
 import pydoc
 import re
 
+import committed_pages
 import equations
 from interfaces import node_classes
 from isotruss_ros import executables
@@ -113,5 +114,20 @@ def test_names_of_the_core_in_pages_are_there(page):
 
 def test_every_equation_of_the_paper_is_computed_somewhere():
     assert list(equations.equation_map(TOP / 'isotruss_ros' / 'core')) == list(equations.EQUATIONS)
-    stated = re.findall(r'^\((\d+)\): ', (DOCS / 'equations.md').read_text(), re.MULTILINE)
+
+
+def test_the_page_of_equations_states_all_of_them():
+    stated = re.findall(r'^### \((\d+)\) ', (DOCS / 'equations.md').read_text('utf-8'), re.M)
     assert list(map(int, stated)) == list(equations.EQUATIONS)
+
+
+def test_links_to_functions_lead_to_the_reference():
+    text = '[`core.a.f`](../isotruss_ros/core/a.py), [`core.a._g`](../isotruss_ros/core/a.py)'
+    linked = equations.link_reference(text)
+    assert linked == '[`core.a.f`](#isotruss_ros.core.a.f), `core.a._g`'
+
+
+def test_committed_pages_are_what_is_generated():
+    # Mended by: python docs/_ext/committed_pages.py
+    for path, text in committed_pages.pages().items():
+        assert path.read_text(encoding='utf-8') == text, path.name

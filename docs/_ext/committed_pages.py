@@ -1,0 +1,37 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+The pages that are generated and committed, so that a code host shows them whole.
+
+`python docs/_ext/committed_pages.py` writes them; a test compares them with what it would write.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import equations
+import node_pages
+
+TOP = Path(__file__).resolve().parents[2]
+
+
+def pages() -> dict[Path, str]:
+    """Return the pages by their files."""
+    statements = Path(__file__).with_name('paper_equations.yaml')
+    return {
+        TOP / 'docs' / 'equations.md': equations.page(TOP / 'isotruss_ros' / 'core', statements),
+        TOP / 'docs' / 'interfaces.md': node_pages.interface_files(TOP / 'msg_defs'),
+    }
+
+
+if __name__ == '__main__':
+    for path, text in pages().items():
+        path.write_text(text, encoding='utf-8')
