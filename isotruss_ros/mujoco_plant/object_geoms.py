@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -32,17 +33,21 @@ def object_geoms(held: ConvexObject) -> list[dict[str, str]]:
 
     :param held: the object, in its place.
     """
-    shape = held.shape
-    if isinstance(shape, Disc):
-        return [_sphere(0.0, 0.5 * shape.diameter)]
-    if isinstance(shape, Ellipse):
-        a, b = shape.semi_axes
-        size = {'type': 'ellipsoid', 'size': f'{a:.9g} {b:.9g} {min(a, b):.9g}'}
-        return [size | {'euler': f'0 0 {held.pose.angle:.12g}'}]
-    return _polygon_geoms(shape, held.turn)
+    return GEOMS[type(held.shape)](held)
 
 
-def _polygon_geoms(shape: Polygon, turn: complex) -> list[dict[str, str]]:
+def _disc_geoms(held: ConvexObject) -> list[dict[str, str]]:
+    return [_sphere(0.0, held.shape.reach)]
+
+
+def _ellipse_geoms(held: ConvexObject) -> list[dict[str, str]]:
+    a, b = held.shape.semi_axes
+    size = {'type': 'ellipsoid', 'size': f'{a:.9g} {b:.9g} {min(a, b):.9g}'}
+    return [size | {'euler': f'0 0 {held.pose.angle:.12g}'}]
+
+
+def _polygon_geoms(held: ConvexObject) -> list[dict[str, str]]:
+    shape, turn = held.shape, held.turn
     blunt = replace(shape, corner_radius=tuple(np.maximum(shape.radii, SHARP).tolist()))
     centers, radii, normals = blunt.arc_centers, blunt.radii, blunt.normals
     radius = float(radii.min())
@@ -59,3 +64,11 @@ def _polygon_geoms(shape: Polygon, turn: complex) -> list[dict[str, str]]:
 def _sphere(center: complex, radius: float) -> dict[str, str]:
     place = f'{complex(center).real:.9g} {complex(center).imag:.9g} 0'
     return {'type': 'sphere', 'pos': place, 'size': f'{radius:.9g}'}
+
+
+#: What makes the geoms of each kind of shape.
+GEOMS: dict[type, Callable[[ConvexObject], list[dict[str, str]]]] = {
+    Disc: _disc_geoms,
+    Ellipse: _ellipse_geoms,
+    Polygon: _polygon_geoms,
+}

@@ -182,11 +182,7 @@ def test_what_is_no_pose_is_refused(pose, words):
 
 
 def test_a_shape_without_a_message_is_refused():
-    class Other(Disc):
-        pass
-
-    assert to_object_message(ConvexObject(Other(0.3))).shape == ObjectMessage.DISC
     body = ConvexObject(Disc(0.3))
     object.__setattr__(body, 'shape', 'round')
-    with pytest.raises(GraspError, match="shape 'round': must be a Disc"):
+    with pytest.raises(GraspError, match="shape 'round': must be one of Disc"):
         to_object_message(body)

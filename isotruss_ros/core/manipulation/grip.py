@@ -44,8 +44,10 @@ class Grip:
 
     def __post_init__(self) -> None:
         """Check the number of members; their names are checked against a robot when used."""
-        if not isinstance(self.body, ConvexObject):
-            raise GraspError(f'object {self.body!r}: must be a ConvexObject')
+        try:
+            own = self.body.friction
+        except AttributeError:
+            raise GraspError(f'object {self.body!r}: must be a ConvexObject') from None
         names = (self.members,) if isinstance(self.members, str) else tuple(self.members)
         fits = all(isinstance(name, str) for name in names) and len(names) == len(set(names))
         if not (fits and FEWEST <= len(names) <= MOST):
@@ -54,7 +56,6 @@ class Grip:
                 'members'
             )
         object.__setattr__(self, 'members', names)
-        own = self.body.friction
         friction = self.friction if own is None else own
         if not 0.0 <= friction < math.inf:
             raise GraspError(f'friction {friction!r}: must be a finite number, not negative')

@@ -31,7 +31,7 @@ class Status(enum.IntEnum):
     SLOWED_SELF_COLLISION = 13  #: along the twist, slower: parts of the robot are near each other
     SLOWED_OBJECT = 14  #: along the twist, slower: the robot is near the object, beside the grip
     SLOWED_UTILISATION = 15  #: along the twist, slower: a tube is near its wrinkling moment
-    SLOWED_BARRIER = 16  #: along the twist, slower: a barrier of the user's own is near its bound
+    SLOWED_BARRIER = 16  #: along the twist, slower: a barrier or limit of the user's own binds
     UNREACHABLE = 20  #: the closest reachable twist, perhaps slower
     SLIDING = 21  #: the closest twist that limits admit, with `slide_along_limits`
     HALT_NO_TWIST = 30  #: no twist yet, or the last one is too old

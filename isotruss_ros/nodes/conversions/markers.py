@@ -22,7 +22,6 @@ from isotruss_ros.core.contact.deformed_shape import (
 )
 from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.control.grasp_report import AnalyzedGrasp, GraspReport
-from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.arrays import Points
 from isotruss_ros.nodes.conversions.messages import stamp_header
 import numpy as np
@@ -152,10 +151,10 @@ def _make_object(grasp: AnalyzedGrasp, color: ColorRGBA) -> Marker:
     body = grasp.body
     # As high as the tubes are.
     height = grasp.config.robot.description.tube_diameter
-    if isinstance(body.shape, Disc):
+    if body.shape.is_round:
         marker = _make_marker('object', 0, Marker.CYLINDER, color)
         marker.pose.position.x, marker.pose.position.y = body.pose[:2]
-        marker.scale.x = marker.scale.y = body.shape.diameter
+        marker.scale.x = marker.scale.y = 2.0 * body.shape.reach
         marker.scale.z = height
         return marker
     marker = _make_marker('object', 0, Marker.TRIANGLE_LIST, color)

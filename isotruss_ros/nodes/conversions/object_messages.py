@@ -11,24 +11,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from geometry_msgs.msg import Point
 from geometry_msgs.msg import Pose as PoseMessage
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.nodes.conversions.messages import MessageError, read_pose
 import numpy as np
 
-#: The name of each shape, and the fields of the message that it has.
-SHAPES: dict[int, tuple[str, tuple[str, ...]]] = {
-    ObjectMessage.DISC: ('a disc', ('diameter',)),
-    ObjectMessage.POLYGON: ('a polygon', ('vertices', 'corner_radii')),
-    ObjectMessage.ELLIPSE: ('an ellipse', ('semi_axes',)),
-}
-#: The fields of the message that only some shapes have.
-FIELDS = tuple(name for _, names in SHAPES.values() for name in names)
 NO_OBJECT = ObjectMessage()
 
 
@@ -52,18 +46,18 @@ def read_object_message(message: ObjectMessage, pose: PoseMessage) -> ConvexObje
     """
     place = read_pose('object_pose', pose)
     if message.shape not in SHAPES:
-        known = ', '.join(f'{number} ({name})' for number, (name, _) in SHAPES.items())
+        known = ', '.join(f'{number} ({kind.name})' for number, kind in SHAPES.items())
         raise MessageError(f'object: shape {message.shape}: must be one of {known}')
-    kind, own = SHAPES[message.shape]
+    kind = SHAPES[message.shape]
     for name in FIELDS:
-        if name not in own and _is_given(getattr(message, name)):
+        if name not in kind.fields and _is_given(getattr(message, name)):
             raise MessageError(
-                f'object: {name}: {kind} has none; must be left out, the fields of {kind} are '
-                + ', '.join(own)
+                f'object: {name}: {kind.name} has none; must be left out, the fields of '
+                f'{kind.name} are {", ".join(kind.fields)}'
             )
     try:
         return ConvexObject(
-            _read_shape(message),
+            kind.read(message),
             place,
             message.mass[0] if message.mass else None,
             _planar(message.center_of_mass[0]) if message.center_of_mass else None,
@@ -80,17 +74,12 @@ def to_object_message(body: ConvexObject) -> ObjectMessage:
     :param body: the object, anywhere.
     """
     message, shape = ObjectMessage(), body.shape
-    if isinstance(shape, Disc):
-        message.shape, message.diameter = ObjectMessage.DISC, shape.diameter
-    elif isinstance(shape, Ellipse):
-        message.shape, message.semi_axes = ObjectMessage.ELLIPSE, shape.semi_axes
-    elif isinstance(shape, Polygon):
-        message.shape = ObjectMessage.POLYGON
-        message.vertices = [Point(x=x, y=y) for x, y in shape.vertices]
-        radii = shape.corner_radius
-        message.corner_radii = radii if isinstance(radii, tuple) else [radii]
-    else:
-        raise GraspError(f'shape {shape!r}: must be a Disc, a Polygon or an Ellipse')
+    if type(shape) not in NUMBERS:
+        known = ', '.join(kind.__name__ for kind in NUMBERS)
+        raise GraspError(f'shape {shape!r}: must be one of {known} in a message')
+    message.shape = NUMBERS[type(shape)]
+    for name, value in SHAPES[message.shape].fields_of(shape).items():
+        setattr(message, name, value)
     if body.mass is not None:
         message.mass = [body.mass]
     if body.center_of_mass is not None:
@@ -101,15 +90,18 @@ def to_object_message(body: ConvexObject) -> ObjectMessage:
     return message
 
 
-def _read_shape(message: ObjectMessage) -> Disc | Ellipse | Polygon:
-    if message.shape == ObjectMessage.DISC:
-        return Disc(message.diameter)
-    if message.shape == ObjectMessage.ELLIPSE:
-        return Ellipse(tuple(message.semi_axes.tolist()))
+def _read_polygon(message: ObjectMessage) -> Polygon:
     radii = tuple(message.corner_radii)
     if len(radii) < 2:
         return Polygon([_planar(v) for v in message.vertices], radii[0] if radii else 0.0)
     return Polygon([_planar(v) for v in message.vertices], radii)
+
+
+def _polygon_fields(shape: Polygon) -> dict[str, Any]:
+    return {
+        'vertices': [Point(x=x, y=y) for x, y in shape.vertices],
+        'corner_radii': np.atleast_1d(shape.corner_radius).tolist(),
+    }
 
 
 def _planar(point: Point) -> tuple[float, float]:
@@ -121,3 +113,38 @@ def _is_given(value: Any) -> bool:
     if isinstance(value, float):
         return value != 0.0
     return bool((value != 0.0).any()) if isinstance(value, np.ndarray) else len(value) > 0
+
+
+class _ShapeMessage(NamedTuple):
+    """How a kind of shape is in a message."""
+
+    name: str
+    shape: type
+    fields: tuple[str, ...]
+    read: Callable[[ObjectMessage], Shape]
+    fields_of: Callable[[Any], dict[str, Any]]
+
+
+#: How each kind of shape is in a message, by its number there.
+SHAPES: dict[int, _ShapeMessage] = {
+    ObjectMessage.DISC: _ShapeMessage(
+        'a disc',
+        Disc,
+        ('diameter',),
+        lambda message: Disc(message.diameter),
+        lambda shape: {'diameter': shape.diameter},
+    ),
+    ObjectMessage.POLYGON: _ShapeMessage(
+        'a polygon', Polygon, ('vertices', 'corner_radii'), _read_polygon, _polygon_fields
+    ),
+    ObjectMessage.ELLIPSE: _ShapeMessage(
+        'an ellipse',
+        Ellipse,
+        ('semi_axes',),
+        lambda message: Ellipse(tuple(message.semi_axes.tolist())),
+        lambda shape: {'semi_axes': shape.semi_axes},
+    ),
+}
+NUMBERS = {kind.shape: number for number, kind in SHAPES.items()}
+#: The fields of the message that only some shapes have.
+FIELDS = tuple(name for kind in SHAPES.values() for name in kind.fields)

@@ -1,0 +1,80 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""A limit of one's own: a supply that no two rollers together exceed."""
+
+import itertools
+
+from grips import disc_grip
+from isotruss_ros.core import load_robot, RollingGrip, solve_twist, Status, TwistServo
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
+from isotruss_ros.core.manipulation.limits import default_limits, Rows
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+GRIP = disc_grip(ROBOT.home, 'north/Z')
+TWIST = np.array([0.02, 0.0, 0.0])
+SPEED = 0.002
+
+
+class SupplyLimit:
+    """
+    No two rollers together are faster than their supply allows.
+
+    :param speed: of any two together [m/s].
+    """
+
+    status = Status.SLOWED_BARRIER
+    can_slide = False
+
+    def __init__(self, speed):
+        self.speed = speed
+
+    def rows(self, config):
+        """Return the sum and the difference of the speeds of each pair."""
+        unit = np.eye(len(config.robot.roller_names))
+        pairs = list(itertools.combinations(unit, 2))
+        matrix = np.array([one + sign * other for one, other in pairs for sign in (1.0, -1.0)])
+        bound = np.full(len(matrix), self.speed)
+        return Rows(matrix, -bound, bound)
+
+    def row_names(self, config):
+        """Return what the rows are."""
+        return ('the supply',) * len(self.rows(config).upper)
+
+
+def fastest_two(velocities):
+    """Return the speed of the two fastest rollers together [m/s]."""
+    return np.sort(np.abs(velocities))[-2:].sum()
+
+
+@pytest.mark.parametrize('slide', [False, True])
+def test_a_twist_is_slowed_and_the_limit_named(slide):
+    limits = (*default_limits(ROBOT), SupplyLimit(SPEED))
+    handling = LimitHandling(slide_along_limits=slide)
+    command = solve_twist(ROBOT.home, GRIP, TWIST, limits=limits, handling=handling)
+    assert command.status is Status.SLOWED_BARRIER
+    assert set(command.limiting) == {'the supply'}
+    assert fastest_two(command.roller_velocities) == pytest.approx(SPEED, rel=1e-6)
+    assert command.achieved_twist == pytest.approx(command.scale * TWIST, abs=1e-9)
+
+
+def test_a_loop_keeps_the_limit_that_it_is_given():
+    servo = TwistServo(ROBOT, 'north/Z', 0.3, 0.01, timeout=1.0)
+    servo.limits = (*servo.limits, SupplyLimit(SPEED))
+    servo.twist = StampedInput(TWIST, 0.0)
+    zeros = np.zeros(len(ROBOT.roller_names))
+    servo.rollers = StampedInput(RollerState(zeros, zeros), 0.0)
+    servo.pose = StampedInput(RollingGrip.attach(ROBOT.home, GRIP).pose, 0.0)
+    decision = servo.decide(0.0)
+    assert decision.command.status is Status.SLOWED_BARRIER
+    assert fastest_two(decision.command.roller_velocities) <= SPEED * (1.0 + 1e-6)
+    assert 'the supply' in decision.message

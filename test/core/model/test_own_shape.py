@@ -1,0 +1,136 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""A shape of one's own: a cam, a circle beside the origin of its frame."""
+
+from dataclasses import dataclass
+
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Grip,
+    load_robot,
+    place_between,
+    read_object,
+    RollingGrip,
+    solve_twist,
+)
+from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.model import object_file
+from isotruss_ros.core.model.shapes import normalize, Shape, SurfacePoints
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+
+
+@dataclass(frozen=True)
+class Cam(Shape):
+    """
+    A circle beside the origin of the object's frame.
+
+    :ivar radius: of the circle [m].
+    :ivar offset: from the origin to its centre along x [m].
+    """
+
+    radius: float
+    offset: float = 0.0
+
+    @property
+    def area(self):
+        """Return the area [m^2]."""
+        return np.pi * self.radius**2
+
+    @property
+    def perimeter(self):
+        """Return the length of the outline [m]."""
+        return 2.0 * np.pi * self.radius
+
+    @property
+    def centroid(self):
+        """Return the centroid [m]."""
+        return complex(self.offset)
+
+    @property
+    def gyration(self):
+        """Return the radius of gyration about the centroid [m]."""
+        return self.radius / np.sqrt(2.0)
+
+    @property
+    def reach(self):
+        """Return the largest distance of the surface from the origin [m]."""
+        return self.radius + abs(self.offset)
+
+    def support(self, normals):
+        """Return the distance of tangents from the origin [m]."""
+        return self.radius + self.offset * normals.real
+
+    def support_points(self, normals):
+        """Return points of the surface on tangents [m]."""
+        return self.offset + self.radius * normals
+
+    def unroll(self, angles, corners):
+        """Return the arcs to points with given normals [m]."""
+        return self.radius * angles
+
+    def nearest(self, points):
+        """Return what is nearest on the surface."""
+        away = points - self.offset
+        gaps = np.abs(away) - self.radius
+        return SurfacePoints(gaps, normalize(away), np.full(len(points), self.radius))
+
+    def outline(self, spacing):
+        """Return points along the surface [m]."""
+        count = max(8, int(np.ceil(self.perimeter / spacing)))
+        return self.support_points(np.exp(2j * np.pi * np.arange(count) / count))
+
+
+CAM = Cam(0.15, 0.05)
+MEMBERS = members_at(ROBOT, 'north/Z')
+
+
+def grips(angle):
+    """Return the grip of the cam, and that of the disc which is the same in space."""
+    cam = place_between(ROBOT.home, MEMBERS, CAM, angle)
+    middle = cam.body.middle
+    return cam, Grip(MEMBERS, ConvexObject(Disc(0.3), (middle.real, middle.imag, angle)))
+
+
+@pytest.mark.parametrize('angle', [-2.0, 0.0, 0.7])
+def test_rollers_move_a_cam_as_the_disc_that_it_is(angle):
+    cam, disc = grips(angle)
+    arm = cam.center - disc.center
+    twist = np.array([0.01, -0.02, 0.1])
+    moved = twist + 0.1 * np.array([-arm.imag, arm.real, 0.0])
+    found, wanted = solve_twist(ROBOT.home, cam, moved), solve_twist(ROBOT.home, disc, twist)
+    assert found.status is wanted.status
+    assert found.roller_velocities == pytest.approx(wanted.roller_velocities, abs=1e-12)
+
+
+def test_a_cam_rolls_as_the_disc_that_it_is():
+    cam, disc = grips(0.4)
+    rollers = solve_twist(ROBOT.home, disc, (0.01, 0.01, 0.5)).roller_velocities
+    there = ROBOT.configuration(rollers)
+    rolled, wanted = (RollingGrip.attach(ROBOT.home, grip).moved_to(there) for grip in (cam, disc))
+    assert rolled.pose.angle == pytest.approx(wanted.pose.angle, abs=1e-9)
+    assert rolled.grip.body.middle == pytest.approx(wanted.grip.center, abs=1e-9)
+
+
+def test_one_line_lets_object_files_have_the_shape(monkeypatch):
+    monkeypatch.setitem(object_file.SHAPES, 'cam', Cam)
+    assert read_object('{shape: cam, radius: 0.15, offset: 0.05}').shape == CAM
+    assert read_object('{shape: cam, radius: 0.15, mass: 2.0}').mass == 2.0
+
+
+def test_what_a_shape_lacks_is_named():
+    class Half(Shape):
+        """A shape that is not finished."""
+
+    with pytest.raises(TypeError, match='area'):
+        Half()
