@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 import traceback
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework import parameters as params
@@ -21,15 +21,12 @@ from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Diagnostics, Level
 from isotruss_ros.nodes.framework.entity_scopes import EntityScopes
 from isotruss_ros.nodes.framework.guards import ignore_negative_time, reject_unknown_transitions
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.lifecycle.publisher import LifecyclePublisher
 from rclpy.parameter import Parameter
 
 SUCCESS = TransitionCallbackReturn.SUCCESS
 FAILURE = TransitionCallbackReturn.FAILURE
 ERROR = TransitionCallbackReturn.ERROR
-NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 
 
 class ManagedNode(LifecycleNode):
@@ -140,16 +137,6 @@ class ManagedNode(LifecycleNode):
         super().destroy_node()
         self._state_machine.destroy_when_not_in_use()
 
-    def create_lifecycle_publisher(self, *arguments: Any, **options: Any) -> LifecyclePublisher:
-        """
-        Create a publisher without the events of rclpy, each of which costs in every cycle.
-
-        :param arguments: as rclpy has them.
-        :param options: likewise.
-        """
-        options.setdefault('event_callbacks', NO_EVENTS)
-        return super().create_lifecycle_publisher(*arguments, **options)
-
     def keep(self, entity: object) -> None:
         """
         Have an entity outlive the present state, as if it had been created with the node.
@@ -168,6 +155,21 @@ class ManagedNode(LifecycleNode):
         self._record_failure('run', error)
         if self._running:
             self.trigger_deactivate()
+
+    def report_end(self, idle: str, text: str, good: bool) -> None:
+        """
+        Report how a goal has ended, in the diagnostics and the log.
+
+        :param idle: what the node does from now on.
+        :param text: how the goal ended.
+        :param good: whether that is no warning.
+        """
+        level = Level.OK if good else Level.WARN
+        self.diagnostics.set_status(level, f'{idle}; last goal {text}')
+        if good:
+            self.get_logger().info(text)
+        else:
+            self.get_logger().warning(text)
 
     # -- Transitions --
 
@@ -274,21 +276,6 @@ class ManagedNode(LifecycleNode):
         reason = str(error) if known else f'{type(error).__name__}: {error}'
         self.get_logger().error(f'could not {what}: {reason}')
         self.diagnostics.set_status(Level.ERROR, f'could not {what}: {reason}')
-
-    def report_end(self, idle: str, text: str, good: bool) -> None:
-        """
-        Report how a goal has ended, in the diagnostics and the log.
-
-        :param idle: what the node does from now on.
-        :param text: how the goal ended.
-        :param good: whether that is no warning.
-        """
-        level = Level.OK if good else Level.WARN
-        self.diagnostics.set_status(level, f'{idle}; last goal {text}')
-        if good:
-            self.get_logger().info(text)
-        else:
-            self.get_logger().warning(text)
 
     def _disable(self, state: LifecycleState) -> None:
         """Destroy what `activate` created and disable the publishers."""

@@ -27,7 +27,8 @@ class PacedExecutor(SingleThreadedExecutor):
     Execute what waits once before each cycle, and then the cycle.
 
     rclpy collects all entities of a node anew for each wait, in Python, and would do so for every
-    input as it comes. `SingleThreadedExecutor` in place of this class works too.
+    input as it comes. `SingleThreadedExecutor` in place of this class works too: `manipulation`
+    then takes 1.25 to 1.6 times the CPU time, three runs in turn at 100 Hz on a busy machine.
 
     :param node: the only one that is executed; its `cycle` is None or a `Cycle`.
     """

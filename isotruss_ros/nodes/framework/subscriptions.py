@@ -64,6 +64,7 @@ def take_waiting(taken: list[Any], subscription: Subscription, most: int) -> lis
     Return messages with those that wait behind them, in order.
 
     :param taken: the message with which the subscription called back, if it did.
+    :param subscription: whose queue is emptied.
     :param most: number of messages to return; a flood has no end.
     """
     messages = list(taken)
