@@ -29,7 +29,7 @@ from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_motion import GAP_TOLERANCE, press
 from isotruss_ros.core.planning.force_balance import find_imbalance, Imbalance
 from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads, GraspLoads
-from isotruss_ros.core.planning.grasp_plan import Violation
+from isotruss_ros.core.planning.grasp_plan import closer_violation, Violation
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
 
@@ -234,6 +234,4 @@ class Squeeze:
         return None, 1.0
 
     def _record(self, violation: Violation) -> None:
-        closest = self.closest_violation
-        if closest is None or violation.distance < closest.distance:
-            self.closest_violation = violation
+        self.closest_violation = closer_violation(self.closest_violation, violation)
