@@ -92,7 +92,7 @@ class ContactForces:
     normals: Points
     jacobian: Array
 
-    @property
+    @functools.cached_property
     def places(self) -> Places:
         """Return where what is among the unknowns."""
         return Places.of(len(self.normals))
@@ -102,17 +102,17 @@ class ContactForces:
         """Return the origin of the object's frame, x + iy [m]."""
         return complex(self.unknowns[0], self.unknowns[1])
 
-    @property
+    @functools.cached_property
     def feet(self) -> Array:
         """Return where along the members the contacts are, (k,) [m]."""
         return self.unknowns[self.places.feet]
 
-    @property
+    @functools.cached_property
     def normal_forces(self) -> Array:
         """Return (k,) [N], positive where object and tube press on each other."""
         return self.unknowns[self.places.normal]
 
-    @property
+    @functools.cached_property
     def friction_forces(self) -> Array:
         """Return (k,) on the tubes, counter-clockwise around the object [N]."""
         return self.unknowns[self.places.friction]

@@ -83,12 +83,12 @@ class ContactStatics:
     sides: Array
     indentation: Callable[[Array], tuple[Array, Array]]
 
-    @property
+    @functools.cached_property
     def places(self) -> Places:
         """Return where what is among the unknowns."""
         return Places.of(len(self.contacts.owners))
 
-    @property
+    @functools.cached_property
     def arm(self) -> float:
         """Return the arm by which moments compare with forces, see `ConvexObject.arm` [m]."""
         return self.body.arm
@@ -121,7 +121,7 @@ class ContactStatics:
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param closure: the remaining equations, of friction or of rolling.
         """
-        places, count, axis = self.places, len(self.contacts.owners), self.compliance.axis
+        places, count, axis = self.places, len(self.sides), self.compliance.axis
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
         feet, turned, normal, friction = unknowns[POSE:].reshape(4, count)
         local = 1j * self.sides * np.exp(1j * turned)  # normals along and across the members

@@ -63,12 +63,12 @@ class HeldGrip:
     tubes: TubeModel
     motion: tuple[Array, Array] | None = None
 
-    @property
+    @functools.cached_property
     def contacts(self) -> PressedContacts:
         """Return the k contacts."""
         return self.statics.contacts
 
-    @property
+    @functools.cached_property
     def pose(self) -> Pose:
         """Return the object's pose; the angle is in (-pi, pi]."""
         x, y, angle = map(float, self.state.unknowns[:3])
@@ -144,6 +144,8 @@ class HeldGrip:
     @property
     def presses(self) -> bool:
         """Tell whether both ends of all faces press."""
+        if not self.contacts.has_faces:
+            return True
         owners = self.contacts.owners
         alone = np.bincount(owners)[owners] == 1
         return bool((alone | (self.state.normal_forces > 0.0)).all())

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -40,7 +41,7 @@ class PressedContacts:
     corners: Indices
     cuts: Array
 
-    @property
+    @cached_property
     def has_faces(self) -> bool:
         """Return whether a face lies on a member."""
         return len(self.owners) > int(self.owners[-1]) + 1
@@ -111,7 +112,12 @@ def find_pressed(config: Configuration, body: ConvexObject, members: Indices) ->
     :param body: the object in its place.
     :param members: (m,) numbers of the members.
     """
-    starts, normals = _lines(config, body, members)
+    if not body.shape.faces_at(0):
+        none = np.zeros(len(members), dtype=np.intp)
+        return PressedContacts(
+            members, np.arange(len(members)), none, np.full((len(members), 2), np.inf)
+        )
+    starts, normals = member_lines(config, body, members)
     own = normals * body.turn.conjugate()
     away = ((starts - body.center) * normals.conj()).real
     radius = 0.5 * config.robot.description.tube_diameter
@@ -144,8 +150,16 @@ def _deeper_face(shape: Shape, corner: int, normal: complex) -> Face | None:
     return max(faces, key=lambda face: (shape.point_at(face.corner, normal) * back).real)
 
 
-def _lines(config: Configuration, body: ConvexObject, members: Indices) -> tuple[Points, Points]:
-    """Return starts and normals (m,) of members, the latter out of the object."""
+def member_lines(
+    config: Configuration, body: ConvexObject, members: Indices
+) -> tuple[Points, Points]:
+    """
+    Return where members start, and their normals out of an object, (m,) each, x + iy [m].
+
+    :param config: configuration of the robot.
+    :param body: the object in its place.
+    :param members: (m,) numbers of the members.
+    """
     topology, points = config.robot.topology, config.points
     starts = points[topology.b[members]]
     spans = points[topology.c[topology.following[members]]] - starts

@@ -42,10 +42,10 @@ class SettledGrasp:
     """
     The equilibrium of a free object between two or three members, friction loading the tubes.
 
-    Where no equilibrium was found the pose is the given one, and there are no forces. What a face
-    that lies on a member went through before is not known, and friction taken to be as little as
-    the balance needs: `held`, `required_friction` and `slip_margin` are the best case there. In
-    MuJoCo such a box needed a coefficient of 0.87 where this tells 0.59.
+    Where no equilibrium was found the pose is the given one, and there are no forces. Where a face
+    lies on a member with unknown contact history, friction is taken to be as little as the balance
+    needs: `held`, `required_friction` and `slip_margin` are the best case there. In MuJoCo such a
+    box needed a coefficient of 0.87 where this tells 0.59.
 
     :ivar hold: whether it is held, and if not, why.
     :ivar reason: the same for a message; empty when it is held.
@@ -100,7 +100,7 @@ def settle_grasp(
     """
     Find the equilibrium of a grasped object near its measured pose.
 
-    The object is free, friction loads the tubes, and nothing is known of how it came there.
+    The object is free, friction loads the tubes, and the contact history is unknown.
     Statics settles the place across the bisector of the two grasping members, and the friction
     forces; the place along the bisector, by which they press, is the measured one. What is known
     of objects that are no discs, and of three members, is in `contact_closures.rest`.

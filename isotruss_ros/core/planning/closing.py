@@ -13,11 +13,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from isotruss_ros.core.holding.pressed_contacts import member_lines
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.settings import DEFAULT, SearchSettings
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
@@ -121,10 +122,7 @@ def outward_normals(config: Configuration, closing: Closing) -> Points:
     :param config: configuration of the robot.
     :param closing: what closes on which object.
     """
-    starts, spans = _spans(config, np.array(closing.members))
-    axes = spans / np.abs(spans)
-    aside = (axes.conj() * (closing.body.middle - starts)).imag
-    return -1j * np.where(aside < 0.0, -axes, axes)
+    return member_lines(config, closing.body, np.array(closing.members))[1]
 
 
 def turning_rows(config: Configuration, members: Sequence[int]) -> Array:
@@ -135,17 +133,10 @@ def turning_rows(config: Configuration, members: Sequence[int]) -> Array:
     :param members: (s,) their numbers.
     :raises ConfigurationError: the configuration is singular.
     """
-    topology, numbers = config.robot.topology, np.array(members)
-    turning = 1j / _spans(config, numbers)[1].conj()
-    rows = np.zeros((len(numbers), len(config.points)), dtype=np.complex128)
+    topology, numbers, points = config.robot.topology, np.array(members), config.points
+    starts, ends = topology.b[numbers], topology.c[topology.following[numbers]]
+    turning = 1j / (points[ends] - points[starts]).conj()
+    rows = np.zeros((len(numbers), len(points)), dtype=np.complex128)
     own = np.arange(len(numbers))
-    rows[own, topology.c[topology.following[numbers]]] = turning
-    rows[own, topology.b[numbers]] = -turning
+    rows[own, ends], rows[own, starts] = turning, -turning
     return config.roller_rows(rows.view(np.float64))
-
-
-def _spans(config: Configuration, members: Indices) -> tuple[Points, Points]:
-    """Return starts and spans of members, (s,) each [m]."""
-    topology, points = config.robot.topology, config.points
-    starts = points[topology.b[members]]
-    return starts, points[topology.c[topology.following[members]]] - starts

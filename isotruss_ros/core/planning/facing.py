@@ -17,11 +17,12 @@ anywhere on it. Three members that enclose the object balance with forces within
 
 from __future__ import annotations
 
+import functools
 import math
 
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.polygon import Polygon
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 import scipy
 
@@ -41,19 +42,26 @@ def contact_ends(body: ConvexObject, normals: Points) -> tuple[Points, Points]:
     :param normals: (s,) unit vectors out of the object into the members, robot frame.
     :return: (s,) each, x + iy from the origin of the object's frame, robot frame [m].
     """
-    own = normals * body.turn.conjugate()
-    shape = body.shape
-    if not isinstance(shape, Polygon):
-        points = body.turn * shape.support_points(own)
-        return points, points
-    seen = shape.arc_centers * own[:, None].conj()
-    heights = seen.real + shape.radii
-    touched = heights >= heights.max(axis=1)[:, None] - SINK
+    facing = (normals * body.turn.conjugate())[:, None]
+    points, _ = body.shape.surface_at(_outline(body.shape)[0], facing)
+    seen = points * facing.conj()
+    touched = seen.real >= seen.real.max(axis=1)[:, None] - SINK
     first = np.where(touched, seen.imag, np.inf).argmin(axis=1)
     last = np.where(touched, seen.imag, -np.inf).argmax(axis=1)
-    ends = (shape.arc_centers[i] + shape.radii[i] * own for i in (first, last))
-    one, other = (body.turn * points for points in ends)
-    return one, other
+    own = np.arange(len(normals))
+    return body.turn * points[own, first], body.turn * points[own, last]
+
+
+@functools.lru_cache(maxsize=16)
+def _outline(shape: Shape) -> tuple[Indices, Points]:
+    """Return the corners of a shape and the normals of its faces, counter-clockwise, (k,) each."""
+    corners, normals = [0], []
+    while faces := shape.faces_at(corners[-1]):
+        normals.append(faces[-1].normal)
+        if faces[-1].corner == 0:
+            break
+        corners.append(faces[-1].corner)
+    return np.array(corners), np.array(normals, dtype=np.complex128)
 
 
 def friction_angles(body: ConvexObject, normals: Points, others: Points) -> Array:
@@ -110,8 +118,7 @@ def find_facing(
     :return: (2,) such directions; None where there are none.
     """
     firsts = np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
-    if isinstance(body.shape, Polygon):
-        firsts = np.concatenate([firsts, body.shape.normals * body.turn])
+    firsts = np.concatenate([firsts, _outline(body.shape)[1] * body.turn])
     firsts, wedges = (grid.ravel() for grid in np.meshgrid(firsts, WEDGES))
     others = -firsts * np.exp(1j * wedges)
     used = friction_angles(body, firsts, others)

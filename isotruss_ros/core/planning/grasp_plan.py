@@ -38,6 +38,16 @@ class Violation:
     distance: float
 
 
+def closer_violation(one: Violation | None, other: Violation) -> Violation:
+    """
+    Return the violation whose value is closer to its bound.
+
+    :param one: the closest so far; None if there is none. It stays where both are as close.
+    :param other: another one.
+    """
+    return other if one is None or other.distance < one.distance else one
+
+
 @dataclass(frozen=True, eq=False)
 class PlannedGrasp:
     """

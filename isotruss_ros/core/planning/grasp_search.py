@@ -27,7 +27,13 @@ from isotruss_ros.core.planning.grasp_candidate import (
     squeeze_candidate,
     Squeezed,
 )
-from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress, Violation
+from isotruss_ros.core.planning.grasp_plan import (
+    closer_violation,
+    GraspPlan,
+    PlannedGrasp,
+    Progress,
+    Violation,
+)
 from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
 from isotruss_ros.core.planning.seeds import explain_no_seeds
 from isotruss_ros.core.planning.settings import SearchSettings
@@ -214,5 +220,4 @@ class GraspSearch:
         return self.stopped
 
     def _record(self, violation: Violation) -> None:
-        if self._closest is None or violation.distance < self._closest.distance:
-            self._closest = violation
+        self._closest = closer_violation(self._closest, violation)

@@ -27,7 +27,7 @@ from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twis
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
-from isotruss_ros.core.planning.grasp_plan import Violation
+from isotruss_ros.core.planning.grasp_plan import closer_violation, Violation
 import numpy as np
 
 #: Newton steps with which a waypoint is brought to its squeeze and place ...
@@ -59,9 +59,7 @@ class MotionInPlace:
 
         :param violation: of a state that is no grasp.
         """
-        closest = self.closest_violation
-        if closest is None or violation.distance < closest.distance:
-            self.closest_violation = violation
+        self.closest_violation = closer_violation(self.closest_violation, violation)
 
     def squeeze(self, grasp: HeldGrip, force: float) -> HeldGrip | None:
         """

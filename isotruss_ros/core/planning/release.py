@@ -47,6 +47,7 @@ LEAST_FORCE = 0.01
 TOUCHING, FIRST_OPENING = 1e-3, 0.015
 #: Waypoints of the members' way from the object.
 OPENING_STEPS = 5
+NOT_HELD = Violation('held', 0.0, 1.0, 10.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,10 +92,9 @@ def plan_release(
     numbers = find_members(config.robot, Grip(tuple(members), body).members).members
     limit = MemberLengthLimit(file.min_length, file.max_length, DEFAULT.bound_share)
     closing = Closing(body, tuple(numbers.tolist()), (limit,), min_rigidity)
-    unloaded = _unload(config, closing)
-    if isinstance(unloaded, Violation):
-        return _fail(config, unloaded)
-    path, closing = unloaded
+    path, closing, violation = _unload(config, closing)
+    if violation is not None:
+        return _fail(config, violation)
     apart = len(path) - 1 if len(path) > 1 else 1
     for gap in np.linspace(0.0, clearance, OPENING_STEPS + 1)[1:]:
         opened = press(path[-1], closing, np.full(len(closing.members), -gap))
@@ -106,32 +106,33 @@ def plan_release(
 
 def _unload(
     config: Configuration, closing: Closing
-) -> tuple[list[Configuration], Closing] | Violation:
+) -> tuple[list[Configuration], Closing, Violation | None]:
     """
     Return the path on which the squeeze falls, only its beginning where nothing presses.
 
-    Also where the object is at its end: a grip of few rollers takes it along a little.
+    Also where the object is at its end, as a grip of few rollers takes it along a little, and what
+    ends the motion early.
     """
     path, diameter = [config], config.robot.description.tube_diameter
     if float(member_depths(config, closing.body).max()) <= TOUCHING * diameter:
-        return path, closing
+        return path, closing, None
     found = attach_grip(config, closing.body, np.array(closing.members))
     if isinstance(found, HoldStatus):
-        return Violation('held', 0.0, 1.0, 10.0)
+        return path, closing, NOT_HELD
     if found.normal_forces.min() <= LEAST_FORCE:
-        return path, closing
+        return path, closing, None
     motion, grasp = MotionInPlace(closing), found
     for share in UNLOADING:
         moved = motion.squeeze(grasp, share * found.squeeze)
         if moved is None:
-            return motion.closest_violation or Violation('held', 0.0, 1.0, 10.0)
+            return path, closing, motion.closest_violation or NOT_HELD
         grasp = moved
         path.append(grasp.config)
     opened = motion.open_grip(grasp, FIRST_OPENING * diameter)
     if opened is None:
-        return motion.closest_violation or Violation('held', 0.0, 1.0, 10.0)
+        return path, closing, motion.closest_violation or NOT_HELD
     path.append(opened)
-    return path, replace(closing, body=grasp.body)
+    return path, replace(closing, body=grasp.body), None
 
 
 def _fail(config: Configuration, violation: Violation | None) -> Release:

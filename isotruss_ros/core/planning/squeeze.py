@@ -30,7 +30,7 @@ from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_motion import GAP_TOLERANCE, press
 from isotruss_ros.core.planning.force_balance import find_imbalance, Imbalance
 from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads, GraspLoads
-from isotruss_ros.core.planning.grasp_plan import Violation
+from isotruss_ros.core.planning.grasp_plan import closer_violation, Violation
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
 
@@ -87,14 +87,13 @@ class Squeeze:
         low, high = (share * diameter for share in settings.depth_range)
         shares = np.ones(len(self._closing.members))
         for _ in range(settings.max_depths):
-            found = self._balance(depth, shares)
-            if isinstance(found, Pressed):
+            found, factor = self._balance(depth, shares)
+            if found is not None:
                 return found
             # Only indentations between one that is too small and one that is too large remain.
-            low, high = (depth, high) if found > 1.0 else (low, depth)
-            depth = float(
-                np.clip(found * depth, low + 0.1 * (high - low), high - 0.1 * (high - low))
-            )
+            low, high = (depth, high) if factor > 1.0 else (low, depth)
+            rest = 0.1 * (high - low)
+            depth = float(np.clip(factor * depth, low + rest, high - rest))
             if high < 1.1 * low:
                 break
         return None
@@ -143,12 +142,12 @@ class Squeeze:
             self._record(pressed.violation)
         return pressed.config
 
-    def _balance(self, depth: float, shares: Array) -> Pressed | float:
+    def _balance(self, depth: float, shares: Array) -> tuple[Pressed | None, float]:
         """
         Balance the members at one mean indentation.
 
         :param shares: (s,) of the mean indentation, by member: where to begin.
-        :return: the grip, or the factor on the mean indentation.
+        :return: the grip, and the factor on the mean indentation where there is none.
         """
         settings = self._closing.settings
         config, factor = self._open, settings.decrease
@@ -159,14 +158,14 @@ class Squeeze:
             depths = depth * shares
             found = self.press(config, depths)
             if found is None:
-                return settings.decrease
+                return None, settings.decrease
             config = found
             analysis, load, missing = self._analyze(config, depths)
             factor = missing[1]
             if missing[0] is None:
                 return self._free(config, analysis, depths)
             if load is None:
-                return settings.increase
+                return None, settings.increase
             here = free.T @ depths
             if slope is None or last is None:
                 slope = load.slope @ free
@@ -180,8 +179,8 @@ class Squeeze:
                 break
             shares = shares + free @ move * min(1.0, 0.5 * depth / size) / depth
             if shares.min() < 1.0 / settings.max_share or shares.max() > settings.max_share:
-                return settings.decrease
-        return factor
+                return None, settings.decrease
+        return None, factor
 
     def _analyze(
         self, config: Configuration, depths: Array
@@ -198,8 +197,8 @@ class Squeeze:
 
     def _free(
         self, config: Configuration, analysis: GraspAnalysis, depths: Array
-    ) -> Pressed | float:
-        """Return a grip that holds an object, unless it wrinkles a tube once it is free."""
+    ) -> tuple[Pressed | None, float]:
+        """Return a grip as `_balance` does, unless it wrinkles a tube once the object is free."""
         needs = self._needs
         settled = settle_grasp(config, self._closing.body, needs.friction, needs.external_wrench)
         loads = grasp_loads(analysis)
@@ -208,9 +207,9 @@ class Squeeze:
             loads = loads._replace(max_utilisation=used)
         over = exceeded_bound(needs, loads)
         if over is None:
-            return Pressed(config, analysis, settled, loads, depths)
+            return Pressed(config, analysis, settled, loads, depths), 1.0
         self._record(over)
-        return 0.95 * over.bound / over.value
+        return None, 0.95 * over.bound / over.value
 
     def _missing(self, analysis: GraspAnalysis) -> tuple[Violation | None, float]:
         """Return the violation of an analysed grip, and the factor on its mean indentation."""
@@ -235,6 +234,4 @@ class Squeeze:
         return None, 1.0
 
     def _record(self, violation: Violation) -> None:
-        closest = self.closest_violation
-        if closest is None or violation.distance < closest.distance:
-            self.closest_violation = violation
+        self.closest_violation = closer_violation(self.closest_violation, violation)

@@ -11,6 +11,7 @@
 
 from isotruss_ros.core import ConvexObject, Disc, load_robot
 from isotruss_ros.core.contact.depths import member_depths
+from isotruss_ros.core.model.segment_gaps import segment_gaps
 import numpy as np
 import pytest
 
@@ -29,3 +30,14 @@ def test_a_disc_is_as_deep_in_members_as_they_are_near(share):
     place = (center.real, center.imag)
     for body in (ConvexObject.disc(place, 0.2), ConvexObject(Disc(0.2), (*place, 1.0))):
         assert member_depths(HOME, body) == pytest.approx(expected, abs=1e-6)
+
+
+def test_the_closed_form_for_discs_is_the_search_for_any_shape():
+    topology, rng = HOME.robot.topology, np.random.default_rng(0)
+    starts = HOME.points[topology.b]
+    ends = HOME.points[topology.c[topology.following]]
+    radius = 0.5 * HOME.robot.description.tube_diameter
+    for _ in range(200):
+        body = ConvexObject.disc(rng.uniform(-1.0, 1.0, 2), rng.uniform(0.05, 0.8))
+        expected = radius - segment_gaps(body, starts, ends).gaps
+        assert member_depths(HOME, body) == pytest.approx(expected, abs=1e-12)

@@ -34,8 +34,9 @@ import pytest
     ],
 )
 def test_ends_of_faces_and_third_members_pull_below_zero(owners, forces, presses, pulling):
+    numbers = np.array(owners)
     grip = SimpleNamespace(
-        contacts=SimpleNamespace(owners=np.array(owners)),
+        contacts=PressedContacts(numbers, numbers, numbers, np.full((len(owners), 2), np.inf)),
         state=SimpleNamespace(normal_forces=np.array(forces)),
     )
     assert HeldGrip.presses.fget(grip) == presses
