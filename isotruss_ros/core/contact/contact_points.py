@@ -17,7 +17,7 @@ from functools import cached_property
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.interior import InteriorPoints
+from isotruss_ros.core.statics.interior import interior_points
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np
 
@@ -194,17 +194,7 @@ def find_contact_points(
     reached, own = length[near], owner[near]
     place = foot[near][member] + spacing * number
     place = np.minimum(np.maximum(place, 0.0), reached[member])
-    pinned = np.empty((len(near), 2), dtype=bool)
-    pinned[:, 0], pinned[:, 1] = frame.members.pinned_start[used], frame.members.pinned_end[used]
-    inside = InteriorPoints(
-        member,
-        place,
-        reached,
-        frame.members.axial[used],
-        frame.members.flexural[used],
-        frame.members.shear[used],
-        pinned,
-    )
+    inside = interior_points(frame, used, member, place)
     along = axis[near][member]
     points = start[near][member] + place * along
     spread = np.zeros((2, len(place), len(near), 6))
