@@ -15,13 +15,17 @@ from collections.abc import Iterable
 from typing import Any, Literal
 
 from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import ContactPoints, find_contact_points
+from isotruss_ros.core.contact.contact_points import (
+    ContactGuess,
+    ContactPoints,
+    ContactState,
+    find_contact_points,
+)
 from isotruss_ros.core.contact.contact_regions import (
     contact_extents,
     contact_regions,
     ContactExtents,
 )
-from isotruss_ros.core.contact.contact_state import ContactGuess, ContactState
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.force_closure import check_force_closure
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis

@@ -7,16 +7,17 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The points of the tubes that an object could touch, and how the whole robot gives there."""
+"""The points of the tubes that an object could touch, how the robot gives there, and contact."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.statics.interior import interior_points
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np
@@ -140,6 +141,39 @@ class ContactPoints:
         return matrix
 
 
+@dataclass(frozen=True, eq=False)
+class ContactState:
+    """
+    Where and how hard the object is touched.
+
+    :ivar forces: (c,) normal forces, not negative [N].
+    :ivar gaps: (c,) distances of the deformed tube from the surface, not negative [m].
+    :ivar normals: (c,) unit normals of the surface, outward, x + iy.
+    :ivar displacements: (c,) of what meets the object, see `ContactPoints.skin`, x + iy [m].
+    :ivar radii: (c,) radius of curvature of the surface at the feet of the points [m].
+    :ivar push: (c,) forces on the tubes, x + iy [N].
+    """
+
+    forces: Array
+    gaps: Array
+    normals: Points
+    displacements: Points
+    radii: Array
+    push: Points
+
+
+class ContactGuess(NamedTuple):
+    """
+    Where a search for the contact begins.
+
+    :ivar forces: (c,) normal forces of a similar problem [N]; points with one are taken to touch.
+    :ivar normals: (c,) unit normals of one, x + iy; None for those of the undeformed tubes.
+    """
+
+    forces: Array
+    normals: Points | None = None
+
+
 def find_contact_points(
     structure: Structure,
     surface: Surface,
@@ -158,74 +192,110 @@ def find_contact_points(
     :param windows: (m, 2) between which points of each member, from its start, points are placed;
         everywhere if None [m].
     """
-    topology, frame, center = structure.config.robot.topology, structure.frame, surface.center
+    topology, frame = structure.config.robot.topology, structure.frame
+    width = 0.0 if flattening is None else flattening.radius
+    tubes = _tube_pieces(structure, surface.center)
+    low, high = _reach(tubes, surface, spacing, width)
+    if windows is not None:
+        bounds = tubes.ahead[:, None] * (windows[tubes.owner] - tubes.base[:, None])
+        low, high = np.maximum(low, bounds.min(axis=1)), np.minimum(high, bounds.max(axis=1))
+    near = np.flatnonzero(high > low)
+    tubes = _TubePieces(*(values[near] for values in tubes))
+    piece, place = _place_points(tubes, low[near], high[near], spacing)
+    at = _TubePieces(*(values[piece] for values in tubes))
+    inside = interior_points(frame, tubes.number, piece, place)
+    spread = np.zeros((2, len(place), len(near), 6))
+    spread[:, np.arange(len(place)), piece] = inside.shapes().swapaxes(0, 1)
+    points = at.start + place * at.axis
+    # All on one line: places along the member, from those along its pieces.
+    in_line = at.base + at.ahead * place
+    skin, dents = points, np.zeros((len(place), len(place)))
+    if flattening is not None:
+        line = at.ahead * at.axis
+        toward = np.where(at.ahead * at.away.imag < 0.0, -1j, 1j) * line
+        skin = points + flattening.radius * toward
+        dents = flattening.compliance(in_line, at.owner, topology.tube[at.owner], spacing)
+        if (tubes.ahead < 0.0).any():
+            dents = dents * np.outer(at.ahead, at.ahead)
+    return ContactPoints(
+        points,
+        skin,
+        at.owner,
+        in_line,
+        tubes.number,
+        piece,
+        spacing,
+        at.axis,
+        inside.compliance(),
+        spread.reshape(2, len(place), 6 * len(near)),
+        frame.compliance(tubes.number),
+        dents,
+    )
+
+
+class _TubePieces(NamedTuple):
+    number: Indices  # (p,) among the members of the frame
+    owner: Indices  # (p,) the member of the robot that each is part of
+    long: Flags  # (p,) whether it is the long one, DE'
+    start: Points  # (p,) [m]
+    axis: Points  # (p,) direction
+    length: Array  # (p,) [m]
+    away: Points  # (p,) the object's centre from the start, along + i across [m]
+    ahead: Array  # (p,) 1 where it runs along its member, -1 where it runs backward
+    base: Array  # (p,) place of its start along its member [m]
+
+
+def _tube_pieces(structure: Structure, center: complex) -> _TubePieces:
+    """Return the pieces of all tubes."""
+    topology, frame = structure.config.robot.topology, structure.frame
     m = topology.n_modules
     pieces = tube_pieces(m).ravel()
     owner = np.concatenate([np.arange(m), topology.previous, np.arange(m)])
     start = frame.points[frame.members.start[pieces]]
     length, axis = frame.length[pieces], frame.axis[pieces]
-    away = (center - start) * axis.conj()
-    foot, aside = away.real, away.imag
-    # A tube that gives elsewhere may come into contact beyond the chord of the object.
-    reach, width = surface.reach + 2.0 * spacing, 0.0 if flattening is None else flattening.radius
-    off = np.abs(aside) - width
-    chord = np.sqrt(np.maximum(0.0, reach**2 - np.maximum(off, 0.0) ** 2))
-    low, high = np.maximum(0.0, foot - chord), np.minimum(length, foot + chord)
-    normals, distances = surface.tangents()
-    if len(normals):
-        first, last = _clip(start - center, axis, normals, distances + 2.0 * spacing, width)
-        low, high = np.maximum(low, first), np.minimum(high, last)
     # All pieces of a member are one line, that of the long piece, whichever way they run.
     line, origin = axis[2 * m + owner], start[2 * m + owner]
     ahead, base = (axis * line.conj()).real, length[owner] + ((start - origin) * line.conj()).real
-    if windows is not None:
-        bounds = ahead[:, None] * (windows[owner] - base[:, None])
-        low, high = np.maximum(low, bounds.min(axis=1)), np.minimum(high, bounds.max(axis=1))
-    near = np.flatnonzero((high > low) & (off < reach))
+    long, away = np.arange(3 * m) >= 2 * m, (center - start) * axis.conj()
+    return _TubePieces(pieces, owner, long, start, axis, length, away, ahead, base)
+
+
+def _reach(
+    tubes: _TubePieces, surface: Surface, spacing: float, width: float
+) -> tuple[Array, Array]:
+    """
+    Return between which distances from their starts pieces come within reach of an object.
+
+    :param width: half of that of the tubes [m].
+    """
+    # A tube that gives elsewhere may come into contact beyond the chord of the object.
+    reach, foot = surface.reach + 2.0 * spacing, tubes.away.real
+    off = np.abs(tubes.away.imag) - width
+    chord = np.sqrt(np.maximum(0.0, reach**2 - np.maximum(off, 0.0) ** 2))
+    low, high = np.maximum(0.0, foot - chord), np.minimum(tubes.length, foot + chord)
+    normals, distances = surface.tangents()
+    if len(normals):
+        start, room = tubes.start - surface.center, distances + 2.0 * spacing
+        first, last = _clip(start, tubes.axis, normals, room, width)
+        low, high = np.maximum(low, first), np.minimum(high, last)
+    return np.where(off < reach, low, np.inf), high
+
+
+def _place_points(
+    tubes: _TubePieces, low: Array, high: Array, spacing: float
+) -> tuple[Indices, Array]:
+    """Return the piece (c,) that each point is on, and where, from its start [m]."""
     # Counted from the foot of the centre, where contact begins: what is symmetric stays so.
     # A guide ring, where two pieces meet, is a point of the long one alone: twice the same point
     # would leave it open which of them takes the force.
-    long = pieces[near] >= pieces[2 * m]
-    first = np.ceil((low - foot)[near] / spacing - SAME * long).astype(int)
-    last = np.floor((high - foot)[near] / spacing + np.where(long, SAME, -SAME)).astype(int)
-    counts, used = last - first + 1, pieces[near]
-    member = np.repeat(np.arange(len(near)), counts)
-    number = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts - first, counts)
-    reached, own = length[near], owner[near]
-    place = foot[near][member] + spacing * number
-    place = np.minimum(np.maximum(place, 0.0), reached[member])
-    inside = interior_points(frame, used, member, place)
-    along = axis[near][member]
-    points = start[near][member] + place * along
-    spread = np.zeros((2, len(place), len(near), 6))
-    spread[:, np.arange(len(place)), member] = inside.shapes().swapaxes(0, 1)
-    on = own[member]
-    # All on one line: places along the member, from those along its pieces.
-    turn = ahead[near]
-    in_line = base[near][member] + turn[member] * place
-    skin, dents = points, np.zeros((len(place), len(place)))
-    if flattening is not None:
-        line = axis[2 * m + own]
-        aside = ((center - start[2 * m + own]) * line.conj()).imag
-        toward = np.where(aside < 0.0, -1j, 1j) * line
-        skin = points + (flattening.radius * toward)[member]
-        dents = flattening.compliance(in_line, on, topology.tube[on], spacing)
-        if (turn < 0.0).any():
-            dents = dents * np.outer(turn[member], turn[member])
-    return ContactPoints(
-        points,
-        skin,
-        on,
-        in_line,
-        used,
-        member,
-        spacing,
-        along,
-        inside.compliance(),
-        spread.reshape(2, len(place), 6 * len(near)),
-        frame.compliance(used),
-        dents,
-    )
+    foot, long = tubes.away.real, tubes.long
+    first = np.ceil((low - foot) / spacing - SAME * long).astype(int)
+    last = np.floor((high - foot) / spacing + np.where(long, SAME, -SAME)).astype(int)
+    counts = last - first + 1
+    piece = np.repeat(np.arange(len(counts)), counts)
+    number = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts - first, counts)
+    place = foot[piece] + spacing * number
+    return piece, np.minimum(np.maximum(place, 0.0), tubes.length[piece])
 
 
 def _clip(

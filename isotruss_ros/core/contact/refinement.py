@@ -22,9 +22,13 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact import estimate_contact
-from isotruss_ros.core.contact.contact_points import ContactPoints, find_contact_points
+from isotruss_ros.core.contact.contact_points import (
+    ContactGuess,
+    ContactPoints,
+    ContactState,
+    find_contact_points,
+)
 from isotruss_ros.core.contact.contact_regions import contact_extents, ContactExtents
-from isotruss_ros.core.contact.contact_state import ContactGuess, ContactState
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.model.shapes import normalize

@@ -21,8 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.contact_state import ContactState
+from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import Grip, MOST
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.model.convex_object import ConvexObject

@@ -23,7 +23,7 @@ from isotruss_ros.core import (
     SimulatedRobot,
     solve_twist_ahead,
 )
-from isotruss_ros.core.contact.depths import member_depths
+from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.simulation import free_object as loose_object
 import numpy as np
 import pytest
