@@ -15,25 +15,21 @@ from collections.abc import Iterable
 from typing import Any, Literal
 
 from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import (
-    ContactGuess,
-    ContactPoints,
-    ContactState,
-    find_contact_points,
-)
+from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints, ContactState
 from isotruss_ros.core.contact.contact_regions import (
     contact_extents,
     contact_regions,
     ContactExtents,
+    find_wrinkling,
 )
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.force_closure import check_force_closure
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.refinement import ContactSolver, PreviousContact, refine_contact
 from isotruss_ros.core.contact.relaxation import relax_contact
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, turn_at_corners
 from isotruss_ros.core.contact.surfaces import surface_of
-from isotruss_ros.core.contact.wrinkling import find_wrinkling
 from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject

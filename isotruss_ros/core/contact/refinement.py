@@ -22,14 +22,10 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact import estimate_contact
-from isotruss_ros.core.contact.contact_points import (
-    ContactGuess,
-    ContactPoints,
-    ContactState,
-    find_contact_points,
-)
+from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints, ContactState
 from isotruss_ros.core.contact.contact_regions import contact_extents, ContactExtents
 from isotruss_ros.core.contact.flattening import Flattening
+from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.model.shapes import normalize
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points

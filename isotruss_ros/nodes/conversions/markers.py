@@ -20,9 +20,9 @@ from isotruss_ros.core.contact.deformed_shape import (
     member_lines,
     region_lines,
 )
-from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.control.grasp_report import AnalyzedGrasp, GraspReport
 from isotruss_ros.core.numerics.arrays import Points
+from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 from isotruss_ros.nodes.conversions.messages import stamp_header
 import numpy as np
 from rclpy.duration import Duration
