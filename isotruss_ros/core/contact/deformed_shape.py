@@ -40,16 +40,6 @@ class TubeLoad(NamedTuple):
     local: Points
 
 
-def member_lines(config: Configuration) -> Points:
-    """
-    Return the undeformed centre lines (m, 2) of the members, pinch to pinch [m].
-
-    :param config: configuration of the robot.
-    """
-    topology, points = config.robot.topology, config.points
-    return np.stack([points[topology.b], points[topology.c[topology.following]]], axis=1)
-
-
 def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     """
     Return the centre lines (m, s) of the members under the contact forces, pinch to pinch [m].

@@ -20,12 +20,11 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.kinematics.depths import member_depths, push_out, TOLERANCE
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.simulation.pushing import push_out, TOLERANCE
 import numpy as np
 from numpy.typing import ArrayLike
 
