@@ -13,8 +13,6 @@ import math
 
 from hypothesis import given, strategies
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot
-from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.force_closure import check_force_closure
 from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.errors import GraspError, IsotrussError
@@ -277,39 +275,6 @@ def test_an_external_wrench_that_undoes_the_normal_forces_closes_without_frictio
 
 
 # The wedge
-
-
-def two_tubes(degrees, deep, place):
-    """Return the required friction of a disc between two clamped tubes, against tan(angle / 2)."""
-    half = np.radians(0.5 * degrees)
-    ends = np.exp(1j * np.array([half, -half]))
-    structure = tubes.bare(0.05 * ends, 1.05 * ends, 1.9e4, 25.0, 1.9e3)
-    center, radius = place / np.cos(half) + 0j, place * np.tan(half) + deep
-    contact = solve_contact(
-        find_contact_points(structure, RoundSurface(center, radius), 0.001),
-        RoundSurface(center, radius),
-    )
-    normals = contact.normals.view(float).reshape(-1, 2)
-    tangents = (1j * contact.normals).view(float).reshape(-1, 2)
-    load = np.append(-contact.forces @ normals, 0.0)
-    return check_force_closure(tangents, contact.forces, load, 0.5).required_friction / np.tan(
-        half
-    )
-
-
-@pytest.mark.parametrize('degrees', [26.0, 45.0, 60.0, 90.0])
-def test_a_wedge_of_two_tubes_needs_the_tangent_of_half_its_angle(degrees):
-    # At midspan a tube stays parallel to itself: whatever the indentation.
-    for deep in (1e-6, 1e-3, 0.015):
-        assert two_tubes(degrees, deep, 0.55) == pytest.approx(1.0, abs=1e-9)
-    # Nearer to the corner the tubes turn outward, which opens the wedge; beyond, they close it.
-    for place, sign in ((0.35, 1.0), (0.75, -1.0)):
-        off = [
-            sign * (two_tubes(degrees, deep, place) - 1.0) for deep in (1e-6, 1e-3, 5e-3, 0.015)
-        ]
-        assert off[0] == pytest.approx(0.0, abs=1e-9)
-        assert 0.0 < off[2] < off[3] < 0.15
-        assert -1e-9 < off[1] < off[2]
 
 
 @pytest.mark.parametrize('degrees', [26.0, 45.0, 60.0])

@@ -143,29 +143,6 @@ def test_margin_is_the_shortest_way_out_of_all_directions(rng, count, friction):
     assert min(reached) == pytest.approx(margin, rel=1e-5, abs=1e-6)
 
 
-def test_margin_of_even_contacts_is_known():
-    # Four unit forces around the disc: a box, a diamond and a prism of friction have the same cut.
-    tangents = tangents_at(np.arange(4) * np.pi / 2.0)
-    closure = check_force_closure(tangents, np.ones(4), np.zeros(3), 0.5)
-    # Facets are planes of neighbours, n = (1, 1, 1) / sqrt(3) in some signs: two of four count,
-    # by 2 / sqrt(3) each; and of opposites, n = x or y: the other two count, by 1 each.
-    assert closure.margin == pytest.approx(0.5 * min(4.0 / np.sqrt(3.0), 2.0), rel=1e-12)
-    assert check_force_closure(tangents, np.ones(4), np.zeros(3), 1.0).margin == pytest.approx(
-        2.0 * closure.margin
-    )
-
-
-@robots.examples(60)
-@given(generators, counts, coefficients, coefficients)
-def test_more_friction_never_hurts(rng, count, one, other):
-    tangents, forces, load = random_contacts(rng, count)
-    less, more = (check_force_closure(tangents, forces, load, mu) for mu in sorted([one, other]))
-    assert more.residual <= less.residual + less.tolerance
-    assert more.margin >= less.margin - 1e-9
-    assert more.required_friction == pytest.approx(less.required_friction)
-    assert more.closed or not less.closed
-
-
 @robots.examples(60)
 @given(generators, counts, coefficients, strategies.floats(1e-3, 1e6))
 def test_turning_and_scaling_change_nothing(rng, count, friction, scale):
@@ -237,21 +214,6 @@ def test_parallel_tangents_act_as_one_contact():
     )
 
 
-def test_opposite_contacts_balance_pulls_along_their_tangents_and_turns():
-    tangents, forces = tangents_at(np.array([0.0, np.pi])), np.array([2.0, 2.0])
-    for load, required in (
-        ([0.0, 2.0, 0.0], 0.5),
-        ([0.0, 0.0, 2.0], 0.5),
-        ([0.0, 1.0, 1.0], 0.5),
-        ([0.0, 0.0, 0.0], 0.0),
-        ([1.0, 0.0, 0.0], np.inf),
-    ):
-        closure = check_force_closure(tangents, forces, np.array(load), 0.6)
-        assert closure.required_friction == pytest.approx(required), load
-        assert closure.closed == (required <= 0.6)
-        assert (closure.margin == 0.0) == closure.closed
-
-
 @pytest.mark.parametrize('degrees', [10.0, 26.0, 45.0, 60.0, 90.0, 120.0])
 def test_a_wedge_needs_the_tangent_of_half_its_angle(degrees):
     half = np.radians(0.5 * degrees)
@@ -320,22 +282,6 @@ def test_shares_are_those_of_the_library(rng, count, friction, far):
     assert left <= others + 1e-10
     # Smaller ones where the library stops too soon.
     assert found @ found <= plain @ plain * (1.0 + 1e-6) + 1e-9
-
-
-@robots.examples(60)
-@given(generators, strategies.integers(2, 15), strategies.floats(0.05, 1.0))
-def test_of_all_forces_that_balance_the_smallest_shares_are_found(rng, count, friction):
-    tangents, forces, _ = random_contacts(rng, count)
-    forces += 0.1
-    segments = wrenches(tangents, forces)
-    # What is at bounds pushes there, the others are a combination of the three wrenches.
-    load = segments.T @ rng.uniform(-friction, friction, count)
-    closure = check_force_closure(tangents, forces, load, friction)
-    shares = closure.friction_forces / forces
-    smallest = -np.linalg.pinv(segments.T) @ load
-    if np.abs(smallest).max() < friction:
-        assert shares == pytest.approx(smallest, abs=1e-6)
-    assert np.linalg.norm(shares) >= np.linalg.norm(smallest) - 1e-6
 
 
 @pytest.mark.parametrize(

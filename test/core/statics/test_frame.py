@@ -186,29 +186,6 @@ def test_cutting_members_changes_nothing_at_their_ends(rng):
 
 @given(generators())
 @examples(30)
-def test_displacements_are_reciprocal(rng):
-    points, found, held, one = random_case(rng)
-    rows = random_rows(rng, points, found, held) if rng.random() < 0.5 else None
-    other = frames.random_loads(rng, found, len(points))
-    frame = frames.frame(points, found, held, rows)
-    first, second = frame.solve(one), frame.solve(other)
-    works = np.sum(one * second.displacements), np.sum(other * first.displacements)
-    size = np.abs(one * second.displacements).max()
-    assert works[0] == pytest.approx(works[1], abs=1e-9 * size)
-
-
-@given(generators())
-@examples(30)
-def test_reactions_balance_the_loads(rng):
-    points, found, held, loads = random_case(rng)
-    state = frames.frame(points, found, held).solve(loads)
-    assert_balanced(points, loads + state.reactions)
-    np.testing.assert_array_equal(state.reactions[~held], 0.0)
-    np.testing.assert_array_equal(state.displacements[held], 0.0)
-
-
-@given(generators())
-@examples(30)
 def test_members_and_nodes_are_in_equilibrium(rng):
     points, found, held, loads = random_case(rng)
     state = frames.frame(points, found, held).solve(loads)
@@ -225,39 +202,6 @@ def test_members_and_nodes_are_in_equilibrium(rng):
             pushed = (force[at] + 1j * force[at + 1]) * span / abs(span)
             rest[node] -= [pushed.real, pushed.imag, force[at + 2]]
     assert np.abs(rest).max() < 1e-9 * size
-
-
-@given(generators())
-@examples(30)
-def test_loads_do_the_work_that_members_store(rng):
-    points, found, held, loads = random_case(rng)
-    rows = random_rows(rng, points, found, held) if rng.random() < 0.5 else None
-    state = frames.frame(points, found, held, rows).solve(loads)
-    # A pinned end does no work by its rotation; supports and constraints do none at all.
-    stored = np.sum(along(points, found, state.displacements) * state.end_forces)
-    assert stored > 0.0
-    assert np.sum(loads * state.displacements) == pytest.approx(stored, rel=1e-9)
-
-
-@given(generators())
-@examples(30)
-def test_solutions_add_and_scale_with_the_loads(rng):
-    points, found, held, one = random_case(rng)
-    other, factor = frames.random_loads(rng, found, len(points)), rng.uniform(-3.0, 3.0)
-    frame = frames.frame(points, found, held)
-    first, second = frame.solve(one), frame.solve(other)
-    expected = tuple(
-        getattr(first, name) + factor * getattr(second, name)
-        for name in ('displacements', 'reactions', 'end_forces')
-    )
-    frames.assert_states_agree(frame.solve(one + factor * other), expected, 1e-9)
-
-
-def test_no_loads_no_response():
-    points, found, held, loads = random_case(np.random.default_rng(1))
-    state = frames.frame(points, found, held).solve(np.zeros_like(loads))
-    for values in (state.displacements, state.reactions, state.end_forces):
-        np.testing.assert_array_equal(values, 0.0)
 
 
 @given(generators())
@@ -308,20 +252,6 @@ def test_frames_turn_with_the_plane(rng):
     other = frames.frame(points * np.exp(1j * angle) + shift, found, held).solve(loads @ turn)
     expected = (state.displacements @ turn, state.reactions @ turn, state.end_forces)
     frames.assert_states_agree(other, expected, 1e-8)
-
-
-@given(generators())
-@examples(30)
-def test_the_order_of_nodes_and_members_does_not_matter(rng):
-    points, found, held, loads = random_case(rng)
-    state = frames.frame(points, found, held).solve(loads)
-    nodes, order = rng.permutation(len(points)), rng.permutation(len(found.start))
-    place = np.argsort(nodes)
-    values = {name: getattr(found, name)[order] for name in found.__dataclass_fields__}
-    values['start'], values['end'] = place[values['start']], place[values['end']]
-    other = frames.frame(points[nodes], type(found)(**values), held[nodes]).solve(loads[nodes])
-    expected = (state.displacements[nodes], state.reactions[nodes], state.end_forces[order])
-    frames.assert_states_agree(other, expected, 1e-9)
 
 
 @given(generators())
@@ -650,14 +580,6 @@ def test_where_all_is_pinned_there_is_no_rotation():
     np.testing.assert_array_equal(state.end_forces[:, 5], 0.0)
 
 
-def test_loads_on_supports_go_straight_into_them():
-    points, found, held, _ = random_case(np.random.default_rng(3))
-    loads = np.where(held, 5.0, 0.0)
-    state = frames.frame(points, found, held).solve(loads)
-    np.testing.assert_array_equal(state.reactions, -loads)
-    np.testing.assert_array_equal(state.displacements, 0.0)
-
-
 def test_solving_changes_no_argument_and_repeats():
     points, found, held, loads = random_case(np.random.default_rng(4))
     before = loads.copy(), held.copy(), points.copy()
@@ -718,10 +640,3 @@ def test_compliance_of_no_members_is_empty():
     points, found, held, _ = random_case(np.random.default_rng(5))
     no_members = np.zeros(0, dtype=np.intp)
     assert frames.frame(points, found, held).compliance(no_members).shape == (0, 0)
-
-
-def test_end_forces_without_loads_inside_are_none():
-    points, found, held, _ = random_case(np.random.default_rng(5))
-    no_members, no_loads = np.zeros(0, dtype=np.intp), np.zeros((0, 6))
-    forces = frames.frame(points, found, held).end_forces(no_members, no_loads)
-    assert np.array_equal(forces, np.zeros((len(found.start), 6)))

@@ -106,41 +106,6 @@ def test_members_give_alike_both_ways_and_apart_not_at_all(rng):
     assert np.linalg.eigvalsh(compliance).min() >= -1e-12 * scale.max()
 
 
-@robots.examples(60)
-@given(generators)
-def test_rigid_motions_of_the_ends_are_those_of_the_points(rng):
-    inside = random_points(rng, 5, 20)
-    length, shapes = inside.length[inside.member], inside.shapes()
-    along, across, turn = rng.normal(size=3)
-    ends = np.zeros((20, 6))
-    ends[:, [0, 3]], ends[:, [1, 4]], ends[:, [2, 5]] = along, across, turn
-    ends[:, 4] += turn * length
-    moved = np.einsum('cai,ci->ca', shapes, ends)
-    assert moved[:, 0] == pytest.approx(np.full(20, along), rel=1e-12)
-    assert moved[:, 1] == pytest.approx(across + turn * inside.place, rel=1e-12, abs=1e-12)
-
-
-@robots.examples(30)
-@given(generators)
-def test_the_ends_themselves_move_as_they_do_and_do_not_give(rng):
-    inside = random_points(rng, 6, 6)
-    for end in (0, 1):
-        at = InteriorPoints(
-            np.arange(6),
-            end * inside.length,
-            inside.length,
-            inside.axial,
-            inside.flexural,
-            inside.shear,
-            inside.pinned,
-        )
-        expected = np.zeros((6, 2, 6))
-        expected[:, 0, 3 * end] = expected[:, 1, 3 * end + 1] = 1.0
-        assert at.shapes() == pytest.approx(expected, abs=1e-12)
-        softest = inside.length**3 / inside.flexural + inside.length / inside.shear
-        assert np.abs(at.compliance()).max() <= 1e-12 * softest.max()
-
-
 def test_midspan_of_clamped_and_propped_beams_is_as_in_the_tables():
     one = np.ones(1)
     length, flexural, shear = 1.7, 25.0, 1.9e3

@@ -96,13 +96,6 @@ def test_a_moment_does_elsewhere_what_the_rotation_of_the_section_does_here(numb
         assert members.at(at).matrix[1, :2, 0, 2] == pytest.approx(section, rel=1e-6, abs=1e-10)
 
 
-def test_forces_are_reciprocal(members):
-    rng = np.random.default_rng(1)
-    for _ in range(20):
-        forces = members.at(places(members, rng)).matrix[:, :2, :, :2]
-        assert forces == pytest.approx(forces.transpose(2, 3, 0, 1), rel=1e-8, abs=1e-12)
-
-
 def test_rates_are_the_derivatives_by_the_places(members):
     rng = np.random.default_rng(2)
     for _ in range(30):

@@ -34,22 +34,6 @@ def end_stiffnesses(rigidities, lengths):
     return matrices[:, 3, 3], matrices[:, 4, 4], matrices[:, 5, 5]
 
 
-def chain(rigidities, length, pieces):
-    """Return the (6, 6) stiffness at the ends of a member that is cut into equal pieces."""
-    size = 3 * (pieces + 1)
-    whole = np.zeros((size, size))
-    piece = local_stiffness(np.full(1, length / pieces), *rigidities)[0]
-    for start in range(0, size - 3, 3):
-        both = np.arange(start, start + 6)
-        whole[np.ix_(both, both)] += piece
-    inner = np.arange(3, size - 3)
-    ends = np.setdiff1d(np.arange(size), inner)
-    coupling = whole[np.ix_(ends, inner)]
-    return whole[np.ix_(ends, ends)] - coupling @ np.linalg.solve(
-        whole[np.ix_(inner, inner)], coupling.T
-    )
-
-
 def model_of(block):
     """Return the model of a robot file with this stiffness block; none if None."""
     document = robots.example()
@@ -95,18 +79,6 @@ def test_inflatable_beam_against_the_formulas_with_a_thickness():
     assert rigidities.shear == pytest.approx([P + 0.5 * G * S0] * 3, rel=1e-12)
 
 
-def test_the_default_coefficients_each_on_its_own():
-    pull = PRESSURE * np.pi * RADIUS**2
-    axial, flexural, shear = InflatableBeam(RADIUS).section_stiffness(LENGTHS, PRESSURE)
-    ends = 2.0 * np.pi / (4.0 - np.pi) * PRESSURE * RADIUS
-    wall = 6.0e4 * 2.0 * np.pi * RADIUS
-    assert axial == pytest.approx(LENGTHS / (LENGTHS / wall + 2.0 / ends), rel=1e-12)
-    assert flexural == pytest.approx(
-        [6.0e4 * np.pi * RADIUS**3 + 0.5 * pull * RADIUS**2] * 3, rel=1e-12
-    )
-    assert shear == pytest.approx([pull + 0.5 * 1.0e4 * 2.0 * np.pi * RADIUS] * 3, rel=1e-12)
-
-
 def test_ends_and_wall_are_springs_in_series():
     model = InflatableBeam(RADIUS, 5e4, 1e4, end_softening=3.0)
     axial, _, _ = end_stiffnesses(model.section_stiffness(LENGTHS, PRESSURE), LENGTHS)
@@ -126,15 +98,6 @@ def test_end_softening_is_the_slope_of_the_pillow():
     assert InflatableBeam(RADIUS).end_softening == pytest.approx(
         1.0 / (slope * PRESSURE * RADIUS), rel=1e-6
     )
-
-
-@robots.examples(50)
-@given(lengths, pressures, strategies.floats(1.01, 3.0))
-def test_inflatable_beam_stiffens_with_pressure(length, pressure, factor):
-    model = InflatableBeam(RADIUS)
-    less = model.section_stiffness([length], pressure)
-    more = model.section_stiffness([length], factor * pressure)
-    assert (np.ravel(more) > np.ravel(less)).all()
 
 
 def test_optional_keys_of_the_inflatable_beam():
@@ -247,17 +210,6 @@ def test_section_at_another_pressure_changes_by_the_pull_of_the_pressure():
     )
 
 
-@pytest.mark.parametrize(('key', 'left'), [('flexural_rigidity', 0.05), ('shear_rigidity', 0.05)])
-def test_section_of_which_too_little_pressure_leaves_little_is_answered(key, left):
-    pull = 0.5 * PRESSURE * np.pi * RADIUS**2
-    lost = {'flexural_rigidity': 0.5 * pull * RADIUS**2, 'shear_rigidity': pull}[key]
-    model = Section(**SECTION | {key: lost + left}, radius=RADIUS, pressure=PRESSURE)
-    found = model.section_stiffness([0.5], 0.5 * PRESSURE)
-    assert {'flexural_rigidity': found.flexural, 'shear_rigidity': found.shear}[
-        key
-    ] == pytest.approx([left], rel=1e-9)
-
-
 def test_section_of_which_too_little_pressure_leaves_nothing_is_refused():
     model = Section(1.9e4, 25.0, 200.0, RADIUS, 34.5e3)
     with pytest.raises(
@@ -283,24 +235,6 @@ def test_transverse_and_rotary_laws_are_those_between_guide_rings():
 def test_fabric_is_that_of_the_theory_alone():
     assert InflatableBeam(RADIUS, 5e4, 9e3).fabric == (5e4, 9e3)
     assert [model.fabric for model in MODELS[1:]] == [None, None]
-
-
-@pytest.mark.parametrize('model', MODELS, ids=lambda model: type(model).__name__)
-@pytest.mark.parametrize('pieces', [2, 7])
-def test_cutting_a_member_changes_nothing_at_its_ends(model, pieces):
-    rigidities = model.section_stiffness([0.508], PRESSURE)
-    whole = local_stiffness(np.array([0.508]), *rigidities)[0]
-    assert chain(rigidities, 0.508, pieces) == pytest.approx(whole, rel=1e-9, abs=1e-9)
-
-
-@pytest.mark.parametrize('model', MODELS, ids=lambda model: type(model).__name__)
-def test_members_at_once_are_members_one_by_one(model):
-    pressure = np.array([17.2e3, 34.5e3, 51.7e3])
-    together = model.section_stiffness(LENGTHS, pressure)
-    for i in range(3):
-        alone = model.section_stiffness(LENGTHS[[i]], float(pressure[i]))
-        assert [value[i] for value in together] == [value[0] for value in alone]
-    assert all(value.shape == (0,) for value in model.section_stiffness([], PRESSURE))
 
 
 @pytest.mark.parametrize('model', MODELS, ids=lambda model: type(model).__name__)
