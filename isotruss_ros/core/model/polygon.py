@@ -19,16 +19,11 @@ import functools
 from functools import cached_property
 import math
 
-from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
+from isotruss_ros.core.model.outline_checks import check_outline, polygon_moments
 from isotruss_ros.core.model.shapes import Face, Shape, SurfacePoints
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: More corners than this are no workpiece but a slip.
-MAX_VERTICES = 1000
-#: The sine of the angle by which the outline turns at a corner is at least this.
-STRAIGHT = 1e-9
 #: At most so many sides bound a shape with many.
 MAX_TANGENTS = 32
 
@@ -51,11 +46,8 @@ class Polygon(Shape):
 
     def __post_init__(self) -> None:
         """Check the numbers, and turn the vertices counter-clockwise."""
-        corners = _validate_vertices(self.vertices)
-        radii = _validate_radii(self.corner_radius, len(corners))
-        area = _check_convex(corners)
-        _check_fit(corners, radii)
-        step = 1 if area > 0.0 else -1
+        corners, radii = check_outline(self.vertices, self.corner_radius)
+        step = 1 if polygon_moments(corners - corners[0])[0] > 0.0 else -1
         vertices = tuple((float(z.real), float(z.imag)) for z in corners[::step])
         object.__setattr__(self, 'vertices', vertices)
         same = not isinstance(self.corner_radius, Sequence)
@@ -98,7 +90,7 @@ class Polygon(Shape):
     @cached_property
     def _moments(self) -> tuple[float, complex, float]:
         """Return the integrals of 1, z and |z|^2 over the area."""
-        parts = [_polygon_moments(self.corners)]
+        parts = [polygon_moments(self.corners)]
         for corner, center, radius, turn in zip(
             self.corners, self.arc_centers, self.radii, self.turns, strict=True
         ):
@@ -108,7 +100,7 @@ class Polygon(Shape):
             out = (corner - center) / abs(corner - center)
             half = 0.5 * turn
             ends = center + radius * out * np.exp(1j * half * np.array([-1.0, 1.0]))
-            kite = _polygon_moments(np.array([corner, ends[1], center, ends[0]]))
+            kite = polygon_moments(np.array([corner, ends[1], center, ends[0]]))
             area = half * radius**2
             mean = center + out * 2.0 * radius * np.sin(half) / (3.0 * half)
             # About the origin by that about the arc's centre.
@@ -160,12 +152,8 @@ class Polygon(Shape):
         angles = np.angle(normals * self.normals[0].conj()) % (2.0 * np.pi)
         return self._directions.searchsorted(angles) % len(self.vertices)
 
-    def corner_at(self, normal: complex) -> int:
-        """
-        Return the vertex in whose normal cone a direction is; of one it is quicker than of many.
-
-        :param normal: unit vector x + iy.
-        """
+    def _corner_at(self, normal: complex) -> int:
+        """Return what `_corner_of` does of one direction, quicker."""
         angle = cmath.phase(normal * self.facing[0]) % (2.0 * math.pi)
         return bisect.bisect_left(self._ordered, angle) % len(self.vertices)
 
@@ -208,7 +196,7 @@ class Polygon(Shape):
         :param normal: outward unit normal toward the line, x + iy.
         :param sine: of the angle by which a line is inclined against such a face at most.
         """
-        corner = self.corner_at(normal)
+        corner = self._corner_at(normal)
         # The faces that end and begin there are the nearest to the line.
         facing = self.facing
         before, after = (normal * facing[corner - 1], normal * facing[corner])
@@ -359,127 +347,3 @@ def _rounded(polygon: Polygon, length: float) -> Polygon:
         found.__dict__[name] = getattr(polygon, name)
     found.__dict__['radii'] = radii
     return found
-
-
-def _validate_vertices(vertices: object) -> Points:
-    """Return vertices as an array (k,) x + iy."""
-    try:
-        count = len(vertices)  # type: ignore[arg-type]
-    except TypeError:
-        raise GraspError(f'vertices {vertices!r}: must be a list of [x, y] [m]') from None
-    if not 3 <= count <= MAX_VERTICES:
-        raise GraspError(
-            f'a polygon of {count} vertices: must have at least 3 and at most {MAX_VERTICES}'
-        )
-    found = np.empty(count, dtype=np.complex128)
-    for i, vertex in enumerate(vertices):  # type: ignore[arg-type]
-        x, y = finite_array(vertex, 2, f'vertex {i + 1} (x, y) [m]', GraspError)
-        if max(abs(x), abs(y)) > MAX_DISTANCE:
-            raise GraspError(f'vertex {i + 1} ({x:g}, {y:g}) m: must be within {MAX_DISTANCE:g} m')
-        found[i] = complex(x, y)
-    return found
-
-
-def _validate_radii(radius: object, count: int) -> Array:
-    """Return the radii at the vertices, (k,)."""
-    if isinstance(radius, Sequence) and not isinstance(radius, str):
-        radii = finite_array(radius, count, 'corner_radius [m], one for each vertex', GraspError)
-    else:
-        radii = np.repeat(finite_array([radius], 1, 'corner_radius [m]', GraspError), count)
-    for value in (radii.min(), radii.max()):
-        if not 0.0 <= value <= MAX_DISTANCE:
-            raise GraspError(
-                f'corner_radius {value:g} m: must not be negative, nor above {MAX_DISTANCE:g} m'
-            )
-    return radii
-
-
-def _name(corner: complex, i: int) -> str:
-    return f'vertex {i + 1} ({corner.real:g}, {corner.imag:g}) m'
-
-
-def _check_convex(corners: Points) -> float:
-    """Return the area between the sides, negative if clockwise; refuse what is not convex."""
-    count = len(corners)
-    sides = np.roll(corners, -1) - corners
-    lengths = np.abs(sides)
-    i = int(lengths.argmin())
-    if lengths[i] < MIN_DIAMETER:
-        raise GraspError(
-            f'{_name(corners[i], i)}: the next vertex is in the same place; must be '
-            f'{MIN_DIAMETER:g} m apart'
-        )
-    turns = np.angle(sides * np.roll(sides, 1).conj())
-    sines = np.sin(turns)
-    i = int(np.abs(sines).argmin())
-    if abs(sines[i]) < STRAIGHT:
-        raise GraspError(
-            f'{_name(corners[i], i)}: on one line with its neighbours; leave it out, or let the '
-            'outline turn there'
-        )
-    area = _polygon_moments(corners - corners[0])[0]
-    sense = 1.0 if turns.sum() > 0.0 else -1.0
-    wrong = np.flatnonzero(sense * turns < 0.0)
-    if len(wrong):
-        crossing = _find_crossing(corners)
-        if crossing is not None:
-            raise GraspError(_tell_crossing(corners, *crossing))
-        i = int(wrong[0])
-        raise GraspError(
-            f'{_name(corners[i], i)}: the polygon is concave there; must be convex: leave this '
-            'vertex out, or divide the object'
-        )
-    # All turn one way; an outline that goes around more than once crosses itself.
-    if abs(turns.sum()) > 3.0 * np.pi:
-        crossing = _find_crossing(corners)
-        raise GraspError(
-            _tell_crossing(corners, *(crossing if crossing is not None else (0, count - 2)))
-        )
-    if abs(area) < MIN_DIAMETER**2:
-        raise GraspError(f'a polygon of area {abs(area):g} m^2: must have an extent')
-    return area
-
-
-def _tell_crossing(corners: Points, i: int, j: int) -> str:
-    return (
-        f'the sides that begin at {_name(corners[i], i)} and {_name(corners[j], j)} cross each '
-        'other; list the vertices in their order around the polygon'
-    )
-
-
-def _find_crossing(corners: Points) -> tuple[int, int] | None:
-    """Return two sides that cross each other, by the vertices where they begin."""
-    ends = np.roll(corners, -1)
-    sides = ends - corners
-
-    def beside(points: Points) -> Array:
-        """Return on which side of each line (k, 1) points (k,) are, (k, k)."""
-        return (sides.conj()[:, None] * (points - corners[:, None])).imag
-
-    apart = beside(corners) * beside(ends) < 0.0
-    found = np.argwhere(np.triu(apart & apart.T))
-    return (int(found[0, 0]), int(found[0, 1])) if len(found) else None
-
-
-def _check_fit(corners: Points, radii: Array) -> None:
-    """Refuse arcs that take more of a side than there is."""
-    sides = np.roll(corners, -1) - corners
-    half = 0.5 * np.abs(np.angle(sides * np.roll(sides, 1).conj()))
-    taken = radii * np.tan(half)
-    left = np.abs(sides) - taken - np.roll(taken, -1)
-    i = int(left.argmin())
-    if left[i] < -STRAIGHT * abs(sides[i]):  # arcs may take all of a side, up to rounding
-        raise GraspError(
-            f'corner_radius {radii[i]:g} m does not fit: the side of {abs(sides[i]):g} m that '
-            f'begins at {_name(corners[i], i)} is shorter than its two arcs take '
-            f'({taken[i]:g} and {np.roll(taken, -1)[i]:g} m)'
-        )
-
-
-def _polygon_moments(corners: Points) -> tuple[float, complex, float]:
-    """Return the integrals of 1, z and |z|^2 over a polygon, positive if counter-clockwise."""
-    following = np.roll(corners, -1)
-    cross = (corners.conj() * following).imag
-    squares = np.abs(corners) ** 2 + np.abs(following) ** 2 + (corners * following.conj()).real
-    first = (cross * (corners + following)).sum() / 6.0
-    return float(0.5 * cross.sum()), complex(first), float((cross * squares).sum() / 12.0)

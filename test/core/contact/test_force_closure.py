@@ -328,7 +328,7 @@ def test_hundreds_of_contacts_are_answered():
 
 
 @robots.examples(80)
-@given(generators, strategies.integers(3, 15), coefficients)
+@given(generators, counts, coefficients)
 def test_levers_of_one_are_those_of_a_cylinder(rng, count, friction):
     tangents, forces, load = random_contacts(rng, count)
     one = check_force_closure(tangents, forces, load, friction)

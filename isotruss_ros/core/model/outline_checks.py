@@ -1,0 +1,167 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+
+"""What makes vertices and radii the outline of a convex polygon."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
+import numpy as np
+
+#: More corners than this are no workpiece but a slip.
+MAX_VERTICES = 1000
+#: The sine of the angle by which the outline turns at a corner is at least this.
+STRAIGHT = 1e-9
+
+
+def check_outline(vertices: object, corner_radius: object) -> tuple[Points, Array]:
+    """
+    Return vertices and the radii of the arcs there as arrays, (k,) x + iy and (k,) [m].
+
+    :param vertices: as given to `Polygon`.
+    :param corner_radius: as given to `Polygon`.
+    :raises GraspError: they are no convex polygon with arcs that fit; names the place.
+    """
+    corners = _validate_vertices(vertices)
+    radii = _validate_radii(corner_radius, len(corners))
+    _check_convex(corners)
+    _check_fit(corners, radii)
+    return corners, radii
+
+
+def polygon_moments(corners: Points) -> tuple[float, complex, float]:
+    """
+    Return the integrals of 1, z and |z|^2 over a polygon, positive if counter-clockwise.
+
+    :param corners: (k,) its vertices, x + iy [m].
+    """
+    following = np.roll(corners, -1)
+    cross = (corners.conj() * following).imag
+    squares = np.abs(corners) ** 2 + np.abs(following) ** 2 + (corners * following.conj()).real
+    first = (cross * (corners + following)).sum() / 6.0
+    return float(0.5 * cross.sum()), complex(first), float((cross * squares).sum() / 12.0)
+
+
+def _validate_vertices(vertices: object) -> Points:
+    """Return vertices as an array (k,) x + iy."""
+    try:
+        count = len(vertices)  # type: ignore[arg-type]
+    except TypeError:
+        raise GraspError(f'vertices {vertices!r}: must be a list of [x, y] [m]') from None
+    if not 3 <= count <= MAX_VERTICES:
+        raise GraspError(
+            f'a polygon of {count} vertices: must have at least 3 and at most {MAX_VERTICES}'
+        )
+    found = np.empty(count, dtype=np.complex128)
+    for i, vertex in enumerate(vertices):  # type: ignore[arg-type]
+        x, y = finite_array(vertex, 2, f'vertex {i + 1} (x, y) [m]', GraspError)
+        if max(abs(x), abs(y)) > MAX_DISTANCE:
+            raise GraspError(f'vertex {i + 1} ({x:g}, {y:g}) m: must be within {MAX_DISTANCE:g} m')
+        found[i] = complex(x, y)
+    return found
+
+
+def _validate_radii(radius: object, count: int) -> Array:
+    """Return the radii at the vertices, (k,)."""
+    if isinstance(radius, Sequence) and not isinstance(radius, str):
+        radii = finite_array(radius, count, 'corner_radius [m], one for each vertex', GraspError)
+    else:
+        radii = np.repeat(finite_array([radius], 1, 'corner_radius [m]', GraspError), count)
+    for value in (radii.min(), radii.max()):
+        if not 0.0 <= value <= MAX_DISTANCE:
+            raise GraspError(
+                f'corner_radius {value:g} m: must not be negative, nor above {MAX_DISTANCE:g} m'
+            )
+    return radii
+
+
+def _name(corner: complex, i: int) -> str:
+    return f'vertex {i + 1} ({corner.real:g}, {corner.imag:g}) m'
+
+
+def _check_convex(corners: Points) -> None:
+    """Refuse what is not convex."""
+    count = len(corners)
+    sides = np.roll(corners, -1) - corners
+    lengths = np.abs(sides)
+    i = int(lengths.argmin())
+    if lengths[i] < MIN_DIAMETER:
+        raise GraspError(
+            f'{_name(corners[i], i)}: the next vertex is in the same place; must be '
+            f'{MIN_DIAMETER:g} m apart'
+        )
+    turns = np.angle(sides * np.roll(sides, 1).conj())
+    sines = np.sin(turns)
+    i = int(np.abs(sines).argmin())
+    if abs(sines[i]) < STRAIGHT:
+        raise GraspError(
+            f'{_name(corners[i], i)}: on one line with its neighbours; leave it out, or let the '
+            'outline turn there'
+        )
+    area = polygon_moments(corners - corners[0])[0]
+    sense = 1.0 if turns.sum() > 0.0 else -1.0
+    wrong = np.flatnonzero(sense * turns < 0.0)
+    if len(wrong):
+        crossing = _find_crossing(corners)
+        if crossing is not None:
+            raise GraspError(_tell_crossing(corners, *crossing))
+        i = int(wrong[0])
+        raise GraspError(
+            f'{_name(corners[i], i)}: the polygon is concave there; must be convex: leave this '
+            'vertex out, or divide the object'
+        )
+    # All turn one way; an outline that goes around more than once crosses itself.
+    if abs(turns.sum()) > 3.0 * np.pi:
+        crossing = _find_crossing(corners)
+        raise GraspError(
+            _tell_crossing(corners, *(crossing if crossing is not None else (0, count - 2)))
+        )
+    if abs(area) < MIN_DIAMETER**2:
+        raise GraspError(f'a polygon of area {abs(area):g} m^2: must have an extent')
+
+
+def _tell_crossing(corners: Points, i: int, j: int) -> str:
+    return (
+        f'the sides that begin at {_name(corners[i], i)} and {_name(corners[j], j)} cross each '
+        'other; list the vertices in their order around the polygon'
+    )
+
+
+def _find_crossing(corners: Points) -> tuple[int, int] | None:
+    """Return two sides that cross each other, by the vertices where they begin."""
+    ends = np.roll(corners, -1)
+    sides = ends - corners
+
+    def beside(points: Points) -> Array:
+        """Return on which side of each line (k, 1) points (k,) are, (k, k)."""
+        return (sides.conj()[:, None] * (points - corners[:, None])).imag
+
+    apart = beside(corners) * beside(ends) < 0.0
+    found = np.argwhere(np.triu(apart & apart.T))
+    return (int(found[0, 0]), int(found[0, 1])) if len(found) else None
+
+
+def _check_fit(corners: Points, radii: Array) -> None:
+    """Refuse arcs that take more of a side than there is."""
+    sides = np.roll(corners, -1) - corners
+    half = 0.5 * np.abs(np.angle(sides * np.roll(sides, 1).conj()))
+    taken = radii * np.tan(half)
+    left = np.abs(sides) - taken - np.roll(taken, -1)
+    i = int(left.argmin())
+    if left[i] < -STRAIGHT * abs(sides[i]):  # arcs may take all of a side, up to rounding
+        raise GraspError(
+            f'corner_radius {radii[i]:g} m does not fit: the side of {abs(sides[i]):g} m that '
+            f'begins at {_name(corners[i], i)} is shorter than its two arcs take '
+            f'({taken[i]:g} and {np.roll(taken, -1)[i]:g} m)'
+        )
