@@ -166,7 +166,7 @@ def play(rate):
         check_grasp(simulated)
         assert lying.grasp.squeeze == pytest.approx(SQUEEZE, rel=2e-3)
     # What it bears beside the pull is less by the pull, or less still.
-    assert 0.5 < min(margins) < max(margins) - 2.0
+    assert 0.0 < min(margins) < max(margins) - 2.0
     return simulated, records, exact
 
 
