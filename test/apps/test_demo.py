@@ -125,7 +125,7 @@ def play(rate):
     home, period = ROBOT.home, 1.0 / rate
     lying = ElasticObject(ConvexObject.disc(OBJECT_CENTER, OBJECT_DIAMETER), FRICTION)
     simulated = SimulatedRobot(home, lying, RollerFaults())
-    # At the nodes' rate: how tubes first touch depends on the steps by some per cent of the squeeze.
+    # At the nodes' rate: the squeeze depends by some per cent on the steps of the first touch.
     now = grip(simulated, 0.01)
     check_grasp(simulated)
     assert lying.grasp.squeeze == pytest.approx(SQUEEZE, rel=0.02)
