@@ -30,9 +30,9 @@ from isotruss_ros.core import (
     ConvexObject,
     Grip,
     load_robot,
+    RigidObject,
     RollerFaults,
     RollingGrip,
-    RollingObject,
     ShapeGuard,
     SimulatedRobot,
     solve_twist,
@@ -119,7 +119,7 @@ def follow(stuck: str | None, known: bool, detect: bool) -> float:
     if detect:
         servo.detector = FailureDetector(ROBOT.roller_names, FailureCriterion())
     faults = RollerFaults(stuck=frozenset() if stuck is None else frozenset([stuck]))
-    robot = SimulatedRobot(ROBOT.home, RollingObject(HELD), faults)
+    robot = SimulatedRobot(ROBOT.home, RigidObject.in_grip(HELD), faults)
     start, error = HELD.grip.center, 0.0
     for k in range(round(LAP / PERIOD)):
         now = k * PERIOD

@@ -33,9 +33,9 @@ from isotruss_ros.core import (
     ObjectPath,
     PathTracker,
     Pose,
+    RigidObject,
     RollerFaults,
     RollingGrip,
-    RollingObject,
     SimulatedRobot,
     tangent_center,
     TwistServo,
@@ -98,7 +98,7 @@ def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> 
     """Follow the path once."""
     roller_noise, position_noise, angle_noise = NOISE if noisy else (0.0, 0.0, 0.0)
     rng = np.random.default_rng([seed, 2])
-    held = RollingObject(RollingGrip.attach(ROBOT.home, GRIP))
+    held = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRIP))
     faults = RollerFaults(noise=roller_noise, slip=slip)
     robot = SimulatedRobot(ROBOT.home, held, faults, seed)
     servo = TwistServo(ROBOT, MODULE, DIAMETER, PERIOD, 0.1)

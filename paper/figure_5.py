@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import math
 
 from isotruss_ros.core import Configuration, deform, load_robot, Robot
-from isotruss_ros.core.contact.deformed_shape import member_lines
+from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.statics.structure import Deformation
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np

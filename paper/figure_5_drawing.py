@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from isotruss_ros.core.contact.deformed_shape import member_lines
+from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.plotting.robot_drawing import MODULE_COLOR, SUPPORT_COLOR
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

@@ -15,9 +15,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
-from isotruss_ros.core.contact.deformed_shape import deformed_lines, member_lines
+from isotruss_ros.core.contact.deformed_shape import deformed_lines
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, Progress
 from isotruss_ros.core.planning.requirements import Measure
 import numpy as np

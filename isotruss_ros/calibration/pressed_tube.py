@@ -97,7 +97,7 @@ def _contact_points(
     """Return points inside one member whose ends turn, if they are pinned, or stand still."""
     only, length = np.zeros(len(places), dtype=np.intp), np.array([tube.length])
     section = tube.stiffness.section_stiffness(length, pressure)
-    inside = InteriorPoints(only, places, length, *section, np.array([[False, False]]))
+    inside = InteriorPoints(only, places, length, *section, np.array([False]))
     ends = np.zeros((6, 6))
     if tube.pinned:
         turns = np.ix_([2, 5], [2, 5])

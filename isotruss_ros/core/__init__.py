@@ -45,8 +45,7 @@ from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
 from isotruss_ros.core.simulation.elastic_object import ElasticObject
-from isotruss_ros.core.simulation.free_object import FreeObject
-from isotruss_ros.core.simulation.rolling_object import RollingObject
+from isotruss_ros.core.simulation.rigid_object import RigidObject
 from isotruss_ros.core.simulation.simulated_robot import RollerFaults, SimulatedRobot
 from isotruss_ros.core.statics.structure import deform
 
@@ -56,7 +55,6 @@ __all__ = [
     'Disc',
     'ElasticObject',
     'Ellipse',
-    'FreeObject',
     'GraspRequirements',
     'Grip',
     'HoldStatus',
@@ -65,10 +63,10 @@ __all__ = [
     'PathTracker',
     'Polygon',
     'Pose',
+    'RigidObject',
     'Robot',
     'RollerFaults',
     'RollingGrip',
-    'RollingObject',
     'ShapeGuard',
     'SimulatedRobot',
     'Status',

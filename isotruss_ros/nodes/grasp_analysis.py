@@ -20,10 +20,10 @@ from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import load_robot, read_object
-from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.control.grasp_monitor import GraspMonitor
 from isotruss_ros.core.control.grasp_report import GraspCode, GraspReport
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.sensors import (
     format_age,

@@ -12,13 +12,9 @@
 from __future__ import annotations
 
 from isotruss_ros.core import Configuration, ConvexObject
-from isotruss_ros.core.contact.deformed_shape import (
-    deformed_lines,
-    force_lines,
-    member_lines,
-    region_lines,
-)
+from isotruss_ros.core.contact.deformed_shape import deformed_lines, force_lines, region_lines
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.plotting.robot_drawing import MODULE_COLOR, OBJECT_COLOR, TUBE_COLORS
 from matplotlib.axes import Axes

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.contact.deformed_shape import member_lines
+from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.viewer.meshes import color_of, prism, tube_faces, tube_vertices
 from isotruss_ros.viewer.picture import DEFORMED, FORCES, Picture, REGIONS

@@ -184,9 +184,9 @@ def simulate(world):
     rng, robot = world.rng, world.robot
     kind = rng.integers(3)
     if kind == 0:
-        body = core.RollingObject(core.RollingGrip.attach(world.config, world.grip))
+        body = core.RigidObject.in_grip(core.RollingGrip.attach(world.config, world.grip))
     elif kind == 1:
-        body = core.FreeObject(world.body, world.number(0.1, 1.0))
+        body = core.RigidObject(world.body, world.number(0.1, 1.0))
     else:
         body = core.ElasticObject(world.body, world.number(0.1, 1.0), world.number(0.5, 2.0))
     faults = core.RollerFaults(0.1, 0.01, frozenset(world.failed), 0.3 * rng.random())

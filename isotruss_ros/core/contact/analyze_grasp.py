@@ -15,21 +15,26 @@ from collections.abc import Iterable
 from typing import Any, Literal
 
 from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import ContactPoints, find_contact_points
+from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints, ContactState
 from isotruss_ros.core.contact.contact_regions import (
     contact_extents,
     contact_regions,
     ContactExtents,
+    find_wrinkling,
 )
-from isotruss_ros.core.contact.contact_state import ContactGuess, ContactState
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.force_closure import check_force_closure
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
-from isotruss_ros.core.contact.refinement import ContactSolver, PreviousContact, refine_contact
+from isotruss_ros.core.contact.place_points import find_contact_points
+from isotruss_ros.core.contact.refinement import (
+    ContactSolver,
+    PreviousContact,
+    refine_contact,
+    SolvedContact,
+)
 from isotruss_ros.core.contact.relaxation import relax_contact
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, turn_at_corners
 from isotruss_ros.core.contact.surfaces import surface_of
-from isotruss_ros.core.contact.wrinkling import find_wrinkling
 from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -86,27 +91,12 @@ def analyze_grasp(
     :raises SolverError: the contact problem was not solved.
     """
     mu, gap, wrench = _checked(body, friction, spacing, external_wrench)
-    sliding = flattening and not body.shape.is_round
-    solver = _solver(method, sliding)
+    solver = _solver(method, flattening and not body.shape.is_round)
     structure = structure_of(config, pressure)
     margin = 0.0 if flattening else 0.5 * config.robot.description.tube_diameter
-    surface = surface_of(body, margin)
-    if flattening:
-        kernel = flattening_of(config.robot, structure.pressures)
-        budget = BUDGET if sliding else None
-        contact_points, contact, extents, kept = refine_contact(
-            structure, surface, gap, kernel, solver, _contact_before(previous), budget
-        )
-        if sliding:
-            contact = turn_at_corners(contact_points, contact, surface)
-    else:
-        contact_points = find_contact_points(structure, surface, gap)
-        start = None
-        if previous is not None and len(previous.normal_forces) == len(contact_points.points):
-            start = ContactGuess(previous.normal_forces)
-        contact = solver(contact_points, surface, start)
-        extents = contact_extents(contact_points, contact, len(config.robot.member_names))
-        kept = np.arange(len(contact_points.points))
+    solve = _solve_flattening if flattening else _solve_round
+    solved = solve(structure, body, gap, margin, solver, previous)
+    contact_points, contact, extents, kept = solved
     normals = as_xy(contact.normals)
     pressed, levers = _pressed(body, contact_points, contact, margin)
     tangents = as_xy(1j * contact.normals)
@@ -130,6 +120,43 @@ def analyze_grasp(
         stiffness=_stiffness(contact_points, contact, body.center),
         **_by_member(structure, contact_points, contact, extents),
     )
+
+
+def _solve_flattening(
+    structure: Structure,
+    body: ConvexObject,
+    spacing: float,
+    margin: float,
+    solver: ContactSolver,
+    previous: GraspAnalysis | None,
+) -> SolvedContact:
+    """Return the contact of tubes that flatten."""
+    surface, round_ = surface_of(body, margin), body.shape.is_round
+    kernel = flattening_of(structure.config.robot, structure.pressures)
+    budget, before = None if round_ else BUDGET, _contact_before(previous)
+    found = refine_contact(structure, surface, spacing, kernel, solver, before, budget)
+    if round_:
+        return found
+    return found._replace(contact=turn_at_corners(found.points, found.contact, surface))
+
+
+def _solve_round(
+    structure: Structure,
+    body: ConvexObject,
+    spacing: float,
+    margin: float,
+    solver: ContactSolver,
+    previous: GraspAnalysis | None,
+) -> SolvedContact:
+    """Return the contact of tubes that stay round."""
+    surface = surface_of(body, margin)
+    points = find_contact_points(structure, surface, spacing)
+    count, start = len(points.points), None
+    if previous is not None and len(previous.normal_forces) == count:
+        start = ContactGuess(previous.normal_forces)
+    contact = solver(points, surface, start)
+    extents = contact_extents(points, contact, len(structure.config.robot.member_names))
+    return SolvedContact(points, contact, extents, np.arange(count))
 
 
 def _checked(

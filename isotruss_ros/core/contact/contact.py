@@ -18,8 +18,7 @@ linear complementarity problem, and the normals follow the deformed points until
 
 from __future__ import annotations
 
-from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.contact_state import ContactGuess, ContactState
+from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints, ContactState
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
@@ -49,23 +48,7 @@ def solve_contact(
     :raises SolverError: the normals do not settle.
     """
     away = contact_points.skin - surface.center
-    # Those of the centre lines: the skin may be beyond the centre of a small object.
-    normals = surface.facing(contact_points.points - surface.center, contact_points.axis)
-    if start is not None:
-        active = start.forces > 0.0
-        if start.normals is not None:
-            normals = start.normals
-    elif len(away) <= MANY:
-        gaps = open_gaps(away, normals, surface)
-        active = guess_contact(contact_points, gaps)
-    else:
-        few = np.arange(0, len(away), 4)
-        coarse = solve_contact(contact_points[few], surface)
-        push = np.zeros_like(away)
-        push[few] = coarse.forces * coarse.normals
-        moved = away + contact_points.displacements(push)
-        found = surface.nearest(moved)
-        normals, active = found.normals, found.gaps < 0.0
+    normals, active = _begin(contact_points, surface, start)
     # Outside of the tangent at a point's foot is outside of the object: what solves the problem
     # for some normals is admissible for the next ones, which can but take less energy. These steps
     # settle therefore, if slowly; following the normals of those in contact makes them few.
@@ -94,6 +77,25 @@ def solve_contact(
     raise SolverError(
         f'the contact did not settle in {MAX_STEPS} steps; the object is pressed in too deeply'
     )
+
+
+def _begin(
+    contact_points: ContactPoints, surface: Surface, start: ContactGuess | None
+) -> tuple[Points, Flags]:
+    """Return the normals (c,) and where there is contact (c,), to begin the search with."""
+    away = contact_points.skin - surface.center
+    # Those of the centre lines: the skin may be beyond the centre of a small object.
+    normals = surface.facing(contact_points.points - surface.center, contact_points.axis)
+    if start is not None:
+        return normals if start.normals is None else start.normals, start.forces > 0.0
+    if len(away) <= MANY:
+        return normals, guess_contact(contact_points, open_gaps(away, normals, surface))
+    few = np.arange(0, len(away), 4)
+    coarse = solve_contact(contact_points[few], surface)
+    push = np.zeros_like(away)
+    push[few] = coarse.forces * coarse.normals
+    found = surface.nearest(away + contact_points.displacements(push))
+    return found.normals, found.gaps < 0.0
 
 
 def estimate_contact(contact_points: ContactPoints, surface: Surface) -> ContactState:

@@ -7,22 +7,16 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The points of the tubes that an object could touch, and how the whole robot gives there."""
+"""Points of the tubes that an object could touch: how the robot gives there, and contact."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
-from isotruss_ros.core.contact.flattening import Flattening
-from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.interior import InteriorPoints
-from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np
-
-#: Points closer than this are one, as a share of the spacing.
-SAME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,120 +134,34 @@ class ContactPoints:
         return matrix
 
 
-def find_contact_points(
-    structure: Structure,
-    surface: Surface,
-    spacing: float,
-    flattening: Flattening | None = None,
-    windows: Array | None = None,
-) -> ContactPoints:
+@dataclass(frozen=True, eq=False)
+class ContactState:
     """
-    Place contact points on every piece of tube that comes within reach of an object.
+    Where and how hard the object is touched.
 
-    :param structure: the frame of the robot.
-    :param surface: what the points meet: the object's own surface, or where the tubes do not
-        flatten that which is farther out by half of the tube's diameter.
-    :param spacing: distance of the points along the tube [m].
-    :param flattening: how the tubes flatten; None for the paper's model, in which they do not.
-    :param windows: (m, 2) between which points of each member, from its start, points are placed;
-        everywhere if None [m].
+    :ivar forces: (c,) normal forces, not negative [N].
+    :ivar gaps: (c,) distances of the deformed tube from the surface, not negative [m].
+    :ivar normals: (c,) unit normals of the surface, outward, x + iy.
+    :ivar displacements: (c,) of what meets the object, see `ContactPoints.skin`, x + iy [m].
+    :ivar radii: (c,) radius of curvature of the surface at the feet of the points [m].
+    :ivar push: (c,) forces on the tubes, x + iy [N].
     """
-    topology, frame, center = structure.config.robot.topology, structure.frame, surface.center
-    m = topology.n_modules
-    pieces = tube_pieces(m).ravel()
-    owner = np.concatenate([np.arange(m), topology.previous, np.arange(m)])
-    start = frame.points[frame.members.start[pieces]]
-    length, axis = frame.length[pieces], frame.axis[pieces]
-    away = (center - start) * axis.conj()
-    foot, aside = away.real, away.imag
-    # A tube that gives elsewhere may come into contact beyond the chord of the object.
-    reach, width = surface.reach + 2.0 * spacing, 0.0 if flattening is None else flattening.radius
-    off = np.abs(aside) - width
-    chord = np.sqrt(np.maximum(0.0, reach**2 - np.maximum(off, 0.0) ** 2))
-    low, high = np.maximum(0.0, foot - chord), np.minimum(length, foot + chord)
-    normals, distances = surface.tangents()
-    if len(normals):
-        first, last = _clip(start - center, axis, normals, distances + 2.0 * spacing, width)
-        low, high = np.maximum(low, first), np.minimum(high, last)
-    # All pieces of a member are one line, that of the long piece, whichever way they run.
-    line, origin = axis[2 * m + owner], start[2 * m + owner]
-    ahead, base = (axis * line.conj()).real, length[owner] + ((start - origin) * line.conj()).real
-    if windows is not None:
-        bounds = ahead[:, None] * (windows[owner] - base[:, None])
-        low, high = np.maximum(low, bounds.min(axis=1)), np.minimum(high, bounds.max(axis=1))
-    near = np.flatnonzero((high > low) & (off < reach))
-    # Counted from the foot of the centre, where contact begins: what is symmetric stays so.
-    # A guide ring, where two pieces meet, is a point of the long one alone: twice the same point
-    # would leave it open which of them takes the force.
-    long = pieces[near] >= pieces[2 * m]
-    first = np.ceil((low - foot)[near] / spacing - SAME * long).astype(int)
-    last = np.floor((high - foot)[near] / spacing + np.where(long, SAME, -SAME)).astype(int)
-    counts, used = last - first + 1, pieces[near]
-    member = np.repeat(np.arange(len(near)), counts)
-    number = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts - first, counts)
-    reached, own = length[near], owner[near]
-    place = foot[near][member] + spacing * number
-    place = np.minimum(np.maximum(place, 0.0), reached[member])
-    pinned = np.empty((len(near), 2), dtype=bool)
-    pinned[:, 0], pinned[:, 1] = frame.members.pinned_start[used], frame.members.pinned_end[used]
-    inside = InteriorPoints(
-        member,
-        place,
-        reached,
-        frame.members.axial[used],
-        frame.members.flexural[used],
-        frame.members.shear[used],
-        pinned,
-    )
-    along = axis[near][member]
-    points = start[near][member] + place * along
-    spread = np.zeros((2, len(place), len(near), 6))
-    spread[:, np.arange(len(place)), member] = inside.shapes().swapaxes(0, 1)
-    on = own[member]
-    # All on one line: places along the member, from those along its pieces.
-    turn = ahead[near]
-    in_line = base[near][member] + turn[member] * place
-    skin, dents = points, np.zeros((len(place), len(place)))
-    if flattening is not None:
-        line = axis[2 * m + own]
-        aside = ((center - start[2 * m + own]) * line.conj()).imag
-        toward = np.where(aside < 0.0, -1j, 1j) * line
-        skin = points + (flattening.radius * toward)[member]
-        dents = flattening.compliance(in_line, on, topology.tube[on], spacing)
-        if (turn < 0.0).any():
-            dents = dents * np.outer(turn[member], turn[member])
-    return ContactPoints(
-        points,
-        skin,
-        on,
-        in_line,
-        used,
-        member,
-        spacing,
-        along,
-        inside.compliance(),
-        spread.reshape(2, len(place), 6 * len(near)),
-        frame.compliance(used),
-        dents,
-    )
+
+    forces: Array
+    gaps: Array
+    normals: Points
+    displacements: Points
+    radii: Array
+    push: Points
 
 
-def _clip(
-    start: Points, axis: Points, normals: Points, distances: Array, width: float
-) -> tuple[Array, Array]:
+class ContactGuess(NamedTuple):
     """
-    Return between which distances from their starts strips (p,) are within all of some tangents.
+    Where a search for the contact begins.
 
-    :param start: (p,) relative to the point that the tangents' distances are measured from [m].
-    :param width: half of that of the strips [m].
+    :ivar forces: (c,) normal forces of a similar problem [N]; points with one are taken to touch.
+    :ivar normals: (c,) unit normals of one, x + iy; None for those of the undeformed tubes.
     """
-    # Of the two edges of a strip, the one that is farther inside.
-    slope = (axis[:, None] * normals.conj()).real
-    lean = np.abs((axis[:, None] * normals.conj()).imag)
-    room = distances - (start[:, None] * normals.conj()).real + width * lean
-    with np.errstate(divide='ignore', invalid='ignore'):
-        place = room / slope
-    low = np.where(slope < 0.0, place, -np.inf).max(axis=1)
-    high = np.where(slope > 0.0, place, np.inf).min(axis=1)
-    apart = ((slope == 0.0) & (room < 0.0)).any(axis=1)
-    return np.where(apart, np.inf, low), high
+
+    forces: Array
+    normals: Points | None = None

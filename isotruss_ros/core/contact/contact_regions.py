@@ -21,9 +21,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.contact_state import ContactState
+from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.structure import Structure
+from isotruss_ros.core.statics.wrinkling import load_sections, SectionPoints
 import numpy as np
 
 
@@ -50,6 +51,23 @@ class ContactRegions:
     area: Array
     pressure: Array
     peak_pressure: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Wrinkling:
+    """
+    How near the tubes are to wrinkling.
+
+    :ivar utilisation: (m,) largest |M| / M_w of each member; infinite where compression alone
+        takes all of the pull.
+    :ivar place: (m,) where along the member that is, from its start [m].
+    :ivar tension: (c,) of the wall along the tube, on the side of the object, at the contact
+        points; not negative [N/m].
+    """
+
+    utilisation: Array
+    place: Array
+    tension: Array
 
 
 class ContactExtents(NamedTuple):
@@ -133,3 +151,38 @@ def contact_extents(
     np.minimum.at(start, member[touching], (place - spacing * before)[touching])
     np.maximum.at(end, member[touching], (place + spacing * after)[touching])
     return ContactExtents(length, start, end)
+
+
+def find_wrinkling(
+    structure: Structure, pressure: Array, contact_points: ContactPoints, contact: ContactState
+) -> Wrinkling:
+    """
+    Return how near the members of a robot are to wrinkling under contact forces.
+
+    :param structure: the frame of the robot.
+    :param pressure: (m,) p in each member, gauge [Pa].
+    :param contact_points: points that the object could touch.
+    :param contact: where it does, and with what force.
+    """
+    frame, topology = structure.frame, structure.config.robot.topology
+    radius = 0.5 * structure.config.robot.description.tube_diameter
+    pieces, touching = contact_points.pieces, np.flatnonzero(contact.forces > 0.0)
+    local = contact.push * contact_points.axis.conj()
+    # What moves the ends of the pieces as the forces inside do, which the pieces carry besides.
+    pushed = local.real @ contact_points.spread[0] + local.imag @ contact_points.spread[1]
+    pushed = pushed.reshape(-1, 6)
+    end_forces = frame.end_forces(pieces, pushed)
+
+    piece = pieces[contact_points.piece[touching]]
+    within = np.abs(contact_points.points[touching] - frame.points[frame.members.start[piece]])
+    member, local = contact_points.member[touching], local[touching]
+    points = SectionPoints(piece, within, member, contact_points.place[touching])
+    couples = np.zeros(len(local))
+    sections = load_sections(structure, pressure, end_forces, points, local, couples)
+
+    # The force points away from the object, which presses the wall together on its own side.
+    tension = (pressure * np.pi * radius**2)[contact_points.member]
+    pressed = 2.0 / radius * sections.moment * np.sign(local.imag)
+    tension[touching] += pressed - sections.compression
+    tension /= 2.0 * np.pi * radius
+    return Wrinkling(*sections.largest(topology.n_modules), np.maximum(tension, 0.0))

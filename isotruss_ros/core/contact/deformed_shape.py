@@ -11,12 +11,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.frame import Frame
-from isotruss_ros.core.statics.loaded_tubes import interior_points, LoadedTubes
+from isotruss_ros.core.statics.interior import interior_points
 from isotruss_ros.core.statics.structure import structure_of, tube_pieces
 import numpy as np
 
@@ -24,14 +26,18 @@ import numpy as np
 SAMPLES = (2, 13, 2)
 
 
-def member_lines(config: Configuration) -> Points:
+class TubeLoad(NamedTuple):
     """
-    Return the undeformed centre lines (m, 2) of the members, pinch to pinch [m].
+    Forces at points inside members of a frame.
 
-    :param config: configuration of the robot.
+    :ivar piece: (c,) number of the member of the frame that each force acts on.
+    :ivar place: (c,) distance from that member's start [m].
+    :ivar local: (c,) the forces along + i across that member [N].
     """
-    topology, points = config.robot.topology, config.points
-    return np.stack([points[topology.b], points[topology.c[topology.following]]], axis=1)
+
+    piece: Indices
+    place: Array
+    local: Points
 
 
 def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
@@ -48,12 +54,13 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     touching = analysis.normal_forces > 0.0
     forces = analysis.normals[touching] @ np.array([1.0, 1.0j]) * analysis.normal_forces[touching]
     loaded, places = _on_pieces(config, analysis.members[touching], analysis.places[touching])
-    tubes = LoadedTubes(frame, loaded, places, forces)
+    load = TubeLoad(loaded, places, forces * frame.axis[loaded].conj())
+    moved = _displacements(frame, load)
     # C' is where the last piece starts, E' where it ends.
     parts = [(first, False), (middle, False), (last[topology.following], True)]
     lines = []
     for (piece, backward), count in zip(parts, SAMPLES, strict=True):
-        line = _line(frame, piece, count, tubes)
+        line = _line(frame, piece, count, load, moved)
         lines.append(line[:, ::-1] if backward else line)
     # Where a piece ends the next begins.
     return np.concatenate([lines[0], lines[1][:, 1:], lines[2][:, 1:]], axis=1)
@@ -118,10 +125,21 @@ def _on_pieces(config: Configuration, member: Indices, place: Array) -> tuple[In
     return pieces, along
 
 
-def _line(frame: Frame, pieces: Indices, count: int, tubes: LoadedTubes) -> Points:
-    """Return points (p, count) of bent pieces [m]."""
+def _displacements(frame: Frame, load: TubeLoad) -> Array:
+    """Return the displacements of the nodes, (n, 3), see `FrameState`."""
+    shapes = interior_points(frame, load.piece, np.arange(len(load.piece)), load.place).shapes()
+    # What moves the ends of the members as the forces do.
+    carried = load.local.real[:, None] * shapes[:, 0] + load.local.imag[:, None] * shapes[:, 1]
+    pushed = np.einsum('cji,cj->ci', frame.to_member_frame(load.piece), carried)
+    loads = np.zeros((len(frame.points), 3))
+    np.add.at(loads, frame.members.start[load.piece], pushed[:, :3])
+    np.add.at(loads, frame.members.end[load.piece], pushed[:, 3:])
+    return frame.solve(loads).displacements
+
+
+def _line(frame: Frame, pieces: Indices, count: int, load: TubeLoad, ends: Array) -> Points:
+    """Return points (p, count) of bent pieces, by displacements (n, 3) of the nodes [m]."""
     start, axis = frame.points[frame.members.start[pieces]], frame.axis[pieces]
-    ends = tubes.displacements
     place = frame.length[pieces, None] * np.linspace(0.0, 1.0, count)
     member = np.repeat(np.arange(len(pieces)), count)
     shapes = (
@@ -133,12 +151,12 @@ def _line(frame: Frame, pieces: Indices, count: int, tubes: LoadedTubes) -> Poin
     )
     local = np.einsum('cie,ce->ci', shapes, moved[member]) @ np.array([1.0, 1.0j])
     local = local.reshape(place.shape)
-    for i in np.flatnonzero(np.isin(pieces, tubes.piece)):
-        here = tubes.piece == pieces[i]
-        both = np.concatenate([place[i], tubes.place[here]])
+    for i in np.flatnonzero(np.isin(pieces, load.piece)):
+        here = load.piece == pieces[i]
+        both = np.concatenate([place[i], load.place[here]])
         alone = np.zeros(len(both), dtype=int)
         along, across = interior_points(frame, pieces[[i]], alone, both).compliance()
-        pull = tubes.local_forces[here]
+        pull = load.local[here]
         bent = along[:count, count:] @ pull.real + 1j * (across[:count, count:] @ pull.imag)
         local[i] += bent
     return start[:, None] + axis[:, None] * (place + local)

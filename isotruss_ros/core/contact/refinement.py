@@ -19,13 +19,14 @@ of the answer lie there alone, and close enough.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact import estimate_contact
-from isotruss_ros.core.contact.contact_points import ContactPoints, find_contact_points
+from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints, ContactState
 from isotruss_ros.core.contact.contact_regions import contact_extents, ContactExtents
-from isotruss_ros.core.contact.contact_state import ContactGuess, ContactState
 from isotruss_ros.core.contact.flattening import Flattening
+from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.model.shapes import normalize
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
@@ -62,6 +63,22 @@ class PreviousContact(NamedTuple):
     normals: Points
 
 
+class SolvedContact(NamedTuple):
+    """
+    Points of the tubes, and the contact there.
+
+    :ivar points: points that the object could touch.
+    :ivar contact: where it does, and with what force.
+    :ivar extents: how far it goes.
+    :ivar kept: which of the points are the answer; the others only served to find it.
+    """
+
+    points: ContactPoints
+    contact: ContactState
+    extents: ContactExtents
+    kept: Indices
+
+
 def refine_contact(
     structure: Structure,
     surface: Surface,
@@ -70,7 +87,7 @@ def refine_contact(
     solver: ContactSolver,
     previous: PreviousContact | None = None,
     budget: int | None = None,
-) -> tuple[ContactPoints, ContactState, ContactExtents, Indices]:
+) -> SolvedContact:
     """
     Solve the contact of tubes that flatten with points where it is.
 
@@ -82,67 +99,100 @@ def refine_contact(
     :param previous: contact of a similar grasp; a search finds one if None.
     :param budget: number of points up to which the spacing is divided in any case; if None it is
         divided where the shortest region needs it.
-    :return: points, the contact there, how far it goes, and which of the points are the answer:
-        those from one spacing before each region of contact to one behind it; without a touch,
-        points of all tubes within reach.
+    :return: the contact, kept from one spacing before each region of contact to one behind it;
+        without a touch, points of all tubes within reach.
     :raises SolverError: the contact problem was not solved.
     """
-    names = structure.config.robot.member_names
-    room = spacing * np.array([-1.0, 1.0])
-
-    def place(distance: float, windows: Array | None = None) -> tuple[ContactPoints, Surface]:
-        """Return points so far apart, and what such points can tell of the surface."""
-        points = find_contact_points(structure, surface, distance, flattening, windows)
-        return points, surface.resolved(distance)
-
-    def solve(
-        regions: Array, around: PreviousContact, limited: bool
-    ) -> tuple[ContactPoints, ContactState, ContactExtents, Array, bool]:
-        """Solve with points around regions, and return whether they are enough."""
-        division = _division(regions, spacing, budget)
-        within = limited & _touched(regions)
-        windows = np.where(within, regions + SEARCH * room, EVERYWHERE)
-        points, seen = place(spacing / division, windows)
-        forces = _within(points, regions).astype(float)
-        contact = solver(points, seen, ContactGuess(forces, _carry_over(around, points)))
-        extents = contact_extents(points, contact, len(names))
-        found = _regions(extents)
-        # A member whose contact has left its window may be touched elsewhere.
-        fits = ((found + room - windows) * room <= 0.0).all() and (_touched(found) >= within).all()
-        divided = budget is not None or division == _division(found, spacing)
-        enough = bool(fits) and divided
-        return points, contact, extents, found, enough
-
-    def solve_everywhere() -> tuple[ContactPoints, ContactState, ContactExtents, Indices]:
-        """Solve with points of all tubes within reach."""
-        points, seen = place(spacing)
-        contact = solver(points, seen, None)
-        extents = contact_extents(points, contact, len(names))
-        return points, contact, extents, np.arange(len(points.points))
-
+    search = _Search(structure, surface, spacing, flattening, solver, budget)
     settled = False
     if previous is not None:
+        names = structure.config.robot.member_names
         before = np.array([previous.spans.get(name, -EVERYWHERE) for name in names])
-        points, contact, extents, regions, fits = solve(before, previous, limited=True)
-        settled = fits and (budget is not None or _is_division_clear(regions, spacing))
+        found, fits = search.solve(before, previous, limited=True)
+        settled = fits and (
+            budget is not None or _is_division_clear(_regions(found.extents), spacing)
+        )
     if not settled:
-        points, seen = place(SEARCH * spacing)
-        contact = estimate_contact(points, seen)
-        regions = _regions(contact_extents(points, contact, len(names)))
-        if not _touched(regions).any():
-            return solve_everywhere()
+        found = search.estimate()
+        if not _touched(_regions(found.extents)).any():
+            return search.solve_everywhere()
     for step in range(MAX_STEPS):
         if settled:
             break
+        around = PreviousContact(
+            {}, found.points.member, found.points.place, found.contact.normals
+        )
         limited = step < MAX_STEPS - 1
-        around = PreviousContact({}, points.member, points.place, contact.normals)
-        points, contact, extents, regions, settled = solve(regions, around, limited)
+        found, settled = search.solve(_regions(found.extents), around, limited)
         # The search goes by tangents, which may be touched where the surface is not.
-        if not len(points.points) or (budget is not None and not _touched(regions).any()):
-            return solve_everywhere()
+        touches = budget is None or _touched(_regions(found.extents)).any()
+        if not len(found.points.points) or not touches:
+            return search.solve_everywhere()
     # Whatever the search began with, the answer is the same.
-    kept = np.flatnonzero(_within(points, regions + room))
-    return points, contact, extents, kept
+    within = _within(found.points, _regions(found.extents) + search.room)
+    return found._replace(kept=np.flatnonzero(within))
+
+
+@dataclass(frozen=True)
+class _Search:
+    """The contact of one object, with points here or there; see `refine_contact`."""
+
+    structure: Structure
+    surface: Surface
+    spacing: float
+    flattening: Flattening
+    solver: ContactSolver
+    budget: int | None
+
+    @property
+    def room(self) -> Array:
+        """Return how far points go beyond a region of contact, (2,) [m]."""
+        return self.spacing * np.array([-1.0, 1.0])
+
+    def estimate(self) -> SolvedContact:
+        """Find regions with few points."""
+        return self._found(SEARCH * self.spacing, None, estimate_contact)
+
+    def solve_everywhere(self) -> SolvedContact:
+        """Solve with points of all tubes within reach."""
+        return self._found(
+            self.spacing, None, lambda points, surface: self.solver(points, surface, None)
+        )
+
+    def solve(
+        self, regions: Array, around: PreviousContact, limited: bool
+    ) -> tuple[SolvedContact, bool]:
+        """Solve with points around regions, and return whether they are enough."""
+
+        def begin(points: ContactPoints, surface: Surface) -> ContactState:
+            forces = _within(points, regions).astype(float)
+            return self.solver(points, surface, ContactGuess(forces, _carry_over(around, points)))
+
+        division = _division(regions, self.spacing, self.budget)
+        within = limited & _touched(regions)
+        windows = np.where(within, regions + SEARCH * self.room, EVERYWHERE)
+        solved = self._found(self.spacing / division, windows, begin)
+        found = _regions(solved.extents)
+        # A member whose contact has left its window may be touched elsewhere.
+        inside = ((found + self.room - windows) * self.room <= 0.0).all()
+        fits = inside and (_touched(found) >= within).all()
+        divided = self.budget is not None or division == _division(found, self.spacing)
+        return solved, bool(fits) and divided
+
+    def _found(
+        self,
+        distance: float,
+        windows: Array | None,
+        solve: Callable[[ContactPoints, Surface], ContactState],
+    ) -> SolvedContact:
+        """Place points so far apart, and solve with what such points can tell of the surface."""
+        points = find_contact_points(
+            self.structure, self.surface, distance, self.flattening, windows
+        )
+        contact = solve(points, self.surface.resolved(distance))
+        count = len(self.structure.config.robot.member_names)
+        extents = contact_extents(points, contact, count)
+        return SolvedContact(points, contact, extents, np.arange(len(points.points)))
 
 
 def _touched(regions: Array) -> Flags:

@@ -11,8 +11,7 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.contact_state import ContactGuess, ContactState
+from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints, ContactState
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array

@@ -24,8 +24,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from isotruss_ros.core.contact.contact import guess_contact, open_gaps
-from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.contact_state import ContactGuess, ContactState
+from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints, ContactState
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points

@@ -21,7 +21,6 @@ from dataclasses import replace
 import time
 
 from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
-from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.control.grasp_report import (
     AnalyzedGrasp,
     GraspCode,
@@ -42,6 +41,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 
 #: The code for each fault of an input; a wrench that was never received is zero.
 FAULTS = {

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import itertools
 
-from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.holding.balance import CENTER, Closure, ContactForces, MAX_STEPS
 from isotruss_ros.core.holding.build_statics import AS_MODELLED, build_statics, start_at
 from isotruss_ros.core.holding.contact_closures import find_anchors, rest
@@ -23,6 +22,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, MOST, scaled_wrench, t
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.holding.pressed_contacts import find_pressed, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np

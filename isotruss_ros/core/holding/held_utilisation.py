@@ -11,10 +11,10 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core.contact.wrinkling import load_sections, SectionLoads, SectionPoints
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads, SectionPoints
 import numpy as np
 
 

@@ -18,13 +18,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.holding.build_statics import build_statics, start_at
 from isotruss_ros.core.holding.contact_closures import find_anchors, stick, unwrapped
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip, MOST, scaled_wrench, travel_into
 from isotruss_ros.core.holding.pressed_contacts import find_pressed, LEAST_FACE, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.segment_gaps import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 import math
 
 from isotruss_ros.core.contact.analyze_grasp import FRICTION
-from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
@@ -24,6 +23,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, MOST
 from isotruss_ros.core.holding.held_utilisation import held_sections
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices

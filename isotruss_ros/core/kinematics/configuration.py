@@ -154,12 +154,9 @@ class Configuration:
         """
         robot = self.robot
         start = self.roller_positions
-        goal = np.array(roller_positions)
-        if goal.dtype != start.dtype or goal.shape != start.shape or not np.isfinite(goal).all():
-            goal = robot.check_rollers(roller_positions, 'roller positions [m]')
-        m = robot.topology.n_modules
+        goal = self._checked(roller_positions)
         goal_targets = _targets(robot, goal)
-        goal_lengths = goal_targets.lengths[:m]
+        goal_lengths = goal_targets.lengths[: robot.topology.n_modules]
         shortest = float(goal_lengths.min())
         if shortest <= 0.0:
             worst = int(goal_lengths.argmin())
@@ -193,6 +190,13 @@ class Configuration:
                     f'beyond {100 * done / change:.6g} % of the way from {start.tolist()} m'
                 )
         return Configuration(robot, goal, points, nearby)
+
+    def _checked(self, roller_positions: ArrayLike) -> Array:
+        """Return a copy of roller travel (r,) as numbers; the check of most is that of a loop."""
+        start, goal = self.roller_positions, np.array(roller_positions)
+        if goal.dtype == start.dtype and goal.shape == start.shape and np.isfinite(goal).all():
+            return goal
+        return self.robot.check_rollers(roller_positions, 'roller positions [m]')
 
     def has_factor_for(self, roller_positions: Array) -> bool:
         """

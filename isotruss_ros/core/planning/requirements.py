@@ -17,10 +17,10 @@ from enum import Enum
 import math
 
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
-from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import FEWEST, MOST
 from isotruss_ros.core.numerics.arrays import finite_array
+from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 import numpy as np
 
 #: Smallest rigidity index along the path, 1 at home.

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
@@ -21,11 +20,11 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.depths import member_depths, push_out, TOLERANCE
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.simulation.pushing import push_out, TOLERANCE
 import numpy as np
 from numpy.typing import ArrayLike
 

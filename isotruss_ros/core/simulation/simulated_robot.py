@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 
 class SimulatedObject(Protocol):
-    """An object in a simulated robot."""
+    """An object in a simulated robot: all that a plant says of it."""
 
     def pose(self, config: Configuration) -> Pose:
         """
@@ -53,7 +53,7 @@ class SimulatedRobot:
     :ivar roller_positions: (r,) travel as the encoders tell it; that of `config` without slip [m].
     :ivar roller_velocities: (r,) speeds during the last step as the encoders tell them [m/s].
     :param config: where it starts.
-    :param simulated: the object: `RollingObject`, `FreeObject` or `ElasticObject`.
+    :param simulated: the object: `RigidObject`, `ElasticObject` or one's own.
     :param faults: how the rollers differ from perfect ones.
     :param seed: of the noise.
     :raises GraspError: a stuck roller that the robot does not have.
@@ -83,7 +83,7 @@ class SimulatedRobot:
         """
         Put another object in place of the present one; the robot stays as it is.
 
-        :param simulated: the object: `RollingObject`, `FreeObject` or `ElasticObject`.
+        :param simulated: the object: `RigidObject`, `ElasticObject` or one's own.
         """
         self._object, self._rests = simulated, False
 

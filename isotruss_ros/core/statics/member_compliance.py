@@ -16,32 +16,30 @@ bends the piece between its ends: `clamped_beam` has both, with derivatives by t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 import functools
 import itertools
+import operator
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.beam_between import beam_between, BeamPiece
-from isotruss_ros.core.statics.clamped_beam import ClampedBeam, VALUES
+from isotruss_ros.core.statics.clamped_beam import ClampedBeam
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np
 
-#: Where the numbers of `ClampedBeam.at` go (those of a zero: -1): in responses by the ends (along,
-#: across, slope), in loads (along, across, moment), in the derivatives of both, and by loads.
-ALONG, STRETCHED = [0, -1, -1, 1, -1, -1], [14, -1, -1, 15, -1, -1]
-ACROSS, SLOPE = [-1, 2, 3, -1, 4, 5], [-1, 6, 7, -1, 8, 9]
-TURNED, BENT = [-1, 10, 11, -1, 12, 13], [-1, 16, 17, -1, 18, 19]
-SHAPES = np.array(
-    [
-        [ALONG, ACROSS, SLOPE],
-        [ALONG, ACROSS, TURNED],
-        [STRETCHED, SLOPE, BENT],
-        [STRETCHED, SLOPE, BENT],
-    ]
-)
-INSIDE = np.array([[20, -1, -1], [-1, 21, 22], [-1, 23, 24]])
-INSIDE_RATES = np.array([[25, -1, -1], [-1, 26, 27], [-1, 28, 29]])
+#: Numbers of one place: shares of both ends along the piece and their derivatives, `shapes`.
+OF_PLACE = 20
+#: Of what these are in responses by the ends (along, across, slope), in loads (along, across,
+#: moment), and in the derivatives of both; -1: zero.
+SHARE, SHARE_RATE = [0, -1, -1, 1, -1, -1], [2, -1, -1, 3, -1, -1]
+ACROSS, SLOPE, ROTATION, BEND = ([-1, i, i + 1, -1, i + 2, i + 3] for i in (4, 8, 12, 16))
+SHAPES = np.array([[SHARE, ACROSS, SLOPE], [SHARE, ACROSS, ROTATION], [SHARE_RATE, SLOPE, BEND]])
+#: Signs of these numbers on a piece that runs backward along its member.
+BACKWARD = [-1.0, -1.0, 1.0, 1.0, *[-1.0] * 4, *[1.0] * 8, *[-1.0] * 4]
+#: Numbers of two places on one piece: see `ClampedBeam.influence`.
+OF_PAIR = 15
+INFLUENCE = np.array([[[i, -1, -1], [-1, i + 1, i + 2], [-1, i + 3, i + 4]] for i in (0, 5, 10)])
+PAIR_BACKWARD = [1.0, 1.0, -1.0, -1.0, 1.0, *[-1.0, -1.0, 1.0, 1.0, -1.0] * 2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,14 +55,12 @@ class ContactCompliance:
     """
 
     matrix: Array
-    _rows_rate: Array  # (3 k, 6 k) responses by the ends
-    _loads_rate: Array
     _loads: Array  # (3 k, 6 k) displacements where loads are by the ends
+    _rate: Array  # (3 k, 6 k) derivative of these and of the responses by the ends
     _by_ends: Array  # (3 k, 6 k) responses to forces on the ends
     _to_ends: Array  # (6 k, 3 k) displacements of the ends under loads
-    _inside_rate: Array  # (3 k, 3 k)
-    #: Places i, j on one piece: derivatives of what loads at j do at i, by both places.
-    _between_rates: tuple[tuple[int, int, Array, Array], ...] = ()
+    _by_response: Array  # (3 k, 3 k) what loads do, ends held, by the place of the response
+    _by_load: Array  # (3 k, 3 k) the same by the place of the load
 
     def respond(self, loads: Array) -> Array:
         """
@@ -106,14 +102,10 @@ class ContactCompliance:
         flat = loads.ravel()
         # Of each contact what its own loads do, as columns.
         each = _columns(count) * flat[:, None]
-        rates = self._by_ends @ (self._loads_rate.T @ each)
-        own = self._rows_rate @ (self._to_ends @ flat) + self._inside_rate @ flat
+        rates = self._by_ends @ (self._rate.T @ each) + self._by_load @ each
+        own = self._rate @ (self._to_ends @ flat) + self._by_response @ flat
         rates += _columns(count) * own[:, None]
-        rates = rates.reshape(count, 3, count)
-        for i, j, by_own, by_other in self._between_rates:
-            rates[i, :, i] += by_own @ loads[j]
-            rates[i, :, j] += by_other @ loads[j]
-        return rates
+        return rates.reshape(count, 3, count)
 
 
 class MemberCompliance:
@@ -151,9 +143,8 @@ class MemberCompliance:
         self._pinned = own.pinned_start[pieces].tolist()
         self._lengths: list[float] = self.length.tolist()
         self._ends_joined: list[list[float]] = self._joints.tolist()
-        self._pairs = [
-            (i, j) for i, j in itertools.permutations(range(count), 2) if used[i] == used[j]
-        ]
+        every = itertools.product(range(count), repeat=2)
+        self._pairs = tuple((i, j) for i, j in every if used[i] == used[j])
         self._pieces_at: dict[tuple[int, int], ClampedBeam] = {}
         self._ends_at: dict[tuple[int, ...], Array] = {}
         self._last: tuple[bytes, ContactCompliance] | None = None
@@ -181,43 +172,48 @@ class MemberCompliance:
 
     def _at(self, places: Array) -> ContactCompliance:
         """Compute what `at` returns."""
-        values, numbers, on_pieces = [], [], []
+        values: list[float] = []
+        numbers, on_pieces = [], []
         for i, place in enumerate(places.tolist()):
             first, second = self._ends_joined[i]
             number = int(place >= first) + int(place >= second)
             x = self._lengths[i] - place if number == 2 else place - (0.0, first)[number]
-            values += self._beam(i, number).at(x)
+            values += self._of_place(i, number, x)
             numbers.append(number)
             on_pieces.append(x)
+        for i, j in self._pairs:
+            values += self._of_pair(i, numbers[i], numbers[j], on_pieces[i], on_pieces[j])
         count = len(numbers)
-        shapes_at, inside_at = _templates(count)
+        shapes_at, inside_at = _templates(count, self._pairs)
         flat = np.array([*values, 0.0])
-        by_ends, loads, rows_rate, loads_rate = flat.take(shapes_at)
-        inside, inside_rate = flat.take(inside_at)
+        responses, loads, rate = flat.take(shapes_at)
+        inside, by_response, by_load = flat.take(inside_at) / self._scale
         ends = self._ends(tuple(numbers))
         to_ends = ends @ loads.T
-        matrix = (by_ends @ to_ends + inside).reshape(count, 3, count, 3)
-        between = tuple(self._between(on_pieces, numbers)) if self._pairs else ()
-        for (i, j, _, _), found in between:
-            matrix[i, :, j] += found
+        matrix = (responses @ to_ends + inside).reshape(count, 3, count, 3)
         return ContactCompliance(
-            matrix,
-            rows_rate,
-            loads_rate,
-            loads,
-            by_ends @ ends,
-            to_ends,
-            inside_rate,
-            tuple(rates for rates, _ in between),
+            matrix, loads, rate, responses @ ends, to_ends, by_response, by_load
         )
+
+    def _of_place(self, i: int, number: int, x: float) -> list[float]:
+        """Return the numbers of a place on a piece of one of the members."""
+        part, rate = x / self._beams[i][number][0], 1.0 / self._beams[i][number][0]
+        shapes = itertools.chain.from_iterable(self._beam(i, number).shapes(x))
+        values = [1.0 - part, part, -rate, rate, *shapes]
+        return values if number < 2 else list(map(operator.mul, BACKWARD, values))
+
+    def _of_pair(self, i: int, number: int, other: int, x: float, y: float) -> list[float]:
+        """Return the numbers of two places on one of the members, zeros if their pieces differ."""
+        if number != other:
+            return [0.0] * OF_PAIR
+        values = self._beam(i, number).influence(x, y)
+        return values if number < 2 else list(map(operator.mul, PAIR_BACKWARD, values))
 
     def _beam(self, i: int, number: int) -> ClampedBeam:
         """Return a piece of one of the members; kept."""
         beam = self._pieces_at.get((i, number))
         if beam is None:
-            sense = -1.0 if number == 2 else 1.0
-            pinned, values = self._pinned[i][number], self._beams[i][number]
-            beam = ClampedBeam(*values, pinned, sense, 1.0 / self._scale)
+            beam = ClampedBeam(*self._beams[i][number], self._pinned[i][number])
             self._pieces_at[i, number] = beam
         return beam
 
@@ -230,42 +226,25 @@ class MemberCompliance:
             self._ends_at[numbers] = found
         return found
 
-    def _between(
-        self, places: Sequence[float], piece: Sequence[int]
-    ) -> Iterator[tuple[tuple[int, int, Array, Array], Array]]:
-        """
-        Yield what loads at other places of the same piece do, with its derivatives.
-
-        :param places: (k,) from the starts of the pieces [m].
-        :param piece: (k,) which of its member's pieces each is on.
-        """
-        for i, j in self._pairs:
-            if piece[i] != piece[j]:
-                continue
-            sense = -1.0 if piece[i] == 2 else 1.0
-            beam = BeamPiece(*self._beams[i][piece[i]], self._pinned[i][piece[i]])
-            turn = np.array([sense, sense, 1.0])
-            turned = np.outer(turn, turn) / self._scale
-            found, by_own, by_other = (
-                turned * matrix for matrix in beam_between(beam, places[i], places[j])
-            )
-            yield (i, j, sense * by_own, sense * by_other), found
-
 
 @functools.lru_cache(maxsize=8)
-def _templates(count: int) -> tuple[Indices, Indices]:
+def _templates(count: int, pairs: tuple[tuple[int, int], ...]) -> tuple[Indices, Indices]:
     """
-    Return where the numbers of k beams go; what is in no place is the zero behind all of them.
+    Return where the numbers of k places go; what is in no place is the zero behind all of them.
 
     :param count: k.
-    :return: (4, 3 k, 6 k) of shape functions and (2, 3 k, 3 k) of what loads do, ends held.
+    :param pairs: those of which there are numbers besides.
+    :return: (3, 3 k, 6 k) of shape functions and (3, 3 k, 3 k) of what loads do, ends held.
     """
-    shapes = np.full((4, count, 3, count, 6), VALUES * count)
-    inside = np.full((2, count, 3, count, 3), VALUES * count)
+    begin = OF_PLACE * count
+    zero = begin + OF_PAIR * len(pairs)
+    shapes = np.full((3, count, 3, count, 6), zero)
+    inside = np.full((3, count, 3, count, 3), zero)
     for i in range(count):
-        for whole, part in ((shapes, SHAPES), (inside, np.stack([INSIDE, INSIDE_RATES]))):
-            whole[:, i, :, i] = np.where(part < 0, VALUES * count, VALUES * i + part)
-    return shapes.reshape(4, 3 * count, -1), inside.reshape(2, 3 * count, -1)
+        shapes[:, i, :, i] = np.where(SHAPES < 0, zero, OF_PLACE * i + SHAPES)
+    for n, (i, j) in enumerate(pairs):
+        inside[:, i, :, j] = np.where(INFLUENCE < 0, zero, begin + OF_PAIR * n + INFLUENCE)
+    return shapes.reshape(3, 3 * count, -1), inside.reshape(3, 3 * count, -1)
 
 
 @functools.lru_cache(maxsize=8)

@@ -11,15 +11,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar, Self
 
 from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.stiffness_law import (
     Law,
     MAX_STIFFNESS,
     MIN_STIFFNESS,
     RATIO_TOLERANCE,
+    read_laws,
 )
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import broadcast_members, SectionStiffness
@@ -108,6 +111,16 @@ class PowerLaw:
         shear = np.full_like(length, np.inf)
         np.divide(12.0 * flexural, phi * between**2, out=shear, where=phi > 0.0)
         return SectionStiffness(axial * length, flexural, shear)
+
+    @classmethod
+    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
+        """
+        Return the laws of a robot file.
+
+        :param block: `stiffness` of the file without the name of the model; of checked form.
+        :param description: all that the file says.
+        """
+        return cls(**read_laws(block), guide_ring_distance=description.module.guide_ring_distance)
 
 
 def _case(length: float, pressure: float) -> str:

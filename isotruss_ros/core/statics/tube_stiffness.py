@@ -17,12 +17,12 @@ member, so that cutting it changes nothing at its ends. See docs/tube_stiffness.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.description import RobotDescription
-from isotruss_ros.core.model.stiffness_law import read_laws
 from isotruss_ros.core.statics.power_law import PowerLaw
 from isotruss_ros.core.statics.section import broadcast_members, SectionStiffness
 import numpy as np
@@ -63,6 +63,15 @@ class TubeStiffness(Protocol):
         :param length: (k,) pinch to pinch [m].
         :param pressure: (k,) or one for all, gauge [Pa].
         :raises StructureError: no stiffness belongs to this length and pressure.
+        """
+
+    @classmethod
+    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
+        """
+        Return the model that a robot file describes.
+
+        :param block: `stiffness` of the file without the name of the model; of checked form.
+        :param description: all that the file says.
         """
 
 
@@ -109,6 +118,18 @@ class Section:
                 f'GA = {shear[at]:.4g} N: must be positive'
             )
         return SectionStiffness(np.full_like(length, self.axial_rigidity), flexural, shear)
+
+    @classmethod
+    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
+        """
+        Return the three numbers of a robot file.
+
+        :param block: see `TubeStiffness.of_block`; without a pressure of their own the numbers
+            hold at that of the file, one for all tubes.
+        :param description: all that the file says.
+        """
+        at = {'pressure': next(iter(description.pressures.values()))}
+        return cls(**_as_floats(at | dict(block)), radius=0.5 * description.tube_diameter)
 
 
 @dataclass(frozen=True)
@@ -163,6 +184,24 @@ class InflatableBeam:
             shear=force + KAPPA * self.membrane_shear_modulus * circumference,
         )
 
+    @classmethod
+    def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
+        """
+        Return the beam of a robot file.
+
+        :param block: see `TubeStiffness.of_block`; what is not given is as assumed above.
+        :param description: all that the file says.
+        """
+        return cls(0.5 * description.tube_diameter, **_as_floats(block))
+
+
+#: The models by their names in robot files.
+MODELS: dict[str, type[TubeStiffness]] = {
+    'inflatable_beam': InflatableBeam,
+    'power_law': PowerLaw,
+    'section': Section,
+}
+
 
 def tube_stiffness(description: RobotDescription) -> TubeStiffness:
     """
@@ -171,14 +210,9 @@ def tube_stiffness(description: RobotDescription) -> TubeStiffness:
     :param description: of the robot; its block `stiffness` was checked when the file was read.
     """
     block = dict(description.stiffness)
-    model, radius = block.pop('model'), 0.5 * description.tube_diameter
-    if model == 'power_law':
-        ring = description.module.guide_ring_distance
-        return PowerLaw(**read_laws(block), guide_ring_distance=ring)
-    # As floats: YAML also has integers, which overflow differently.
-    numbers = {key: float(value) for key, value in block.items()}
-    if model == 'section':
-        # Without a pressure of their own the numbers hold at that of the file, one for all tubes.
-        numbers.setdefault('pressure', next(iter(description.pressures.values())))
-        return Section(**numbers, radius=radius)
-    return InflatableBeam(radius, **numbers)
+    return MODELS[block.pop('model')].of_block(block, description)
+
+
+def _as_floats(block: Mapping[str, Any]) -> dict[str, float]:
+    """Return numbers of a block as floats: YAML also has integers, which overflow differently."""
+    return {key: float(value) for key, value in block.items()}

@@ -17,14 +17,13 @@ from isotruss_ros.core import (
     ConvexObject,
     Disc,
     ElasticObject,
-    FreeObject,
     Grip,
     place_between,
     Pose,
     read_object,
+    RigidObject,
     Robot,
     RollingGrip,
-    RollingObject,
     tangent_center,
 )
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
@@ -119,7 +118,7 @@ class StartingObject:
     def held(self) -> SimulatedObject:
         """Return it as the kinematic plant has it in the grip."""
         home, body = self.robot.home, self.body
-        return RollingObject(RollingGrip.attach(home, Grip(self._members, body)))
+        return RigidObject.in_grip(RollingGrip.attach(home, Grip(self._members, body)))
 
     def lying(self, pose: Pose) -> SimulatedObject:
         """
@@ -127,7 +126,7 @@ class StartingObject:
 
         :param pose: where it is put.
         """
-        return FreeObject(self.body.moved_to(pose), self._friction)
+        return RigidObject(self.body.moved_to(pose), self._friction)
 
     def elastic(self, pose: Pose, stiffness_scale: float) -> ElasticObject:
         """

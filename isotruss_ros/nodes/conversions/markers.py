@@ -14,15 +14,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from geometry_msgs.msg import Point
-from isotruss_ros.core.contact.deformed_shape import (
-    deformed_lines,
-    force_lines,
-    member_lines,
-    region_lines,
-)
-from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
+from isotruss_ros.core.contact.deformed_shape import deformed_lines, force_lines, region_lines
 from isotruss_ros.core.control.grasp_report import AnalyzedGrasp, GraspReport
+from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Points
+from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 from isotruss_ros.nodes.conversions.messages import stamp_header
 import numpy as np
 from rclpy.duration import Duration

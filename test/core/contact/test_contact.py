@@ -16,8 +16,8 @@ from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.contact import relaxation
 from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import ContactPoints, find_contact_points
-from isotruss_ros.core.contact.contact_state import ContactGuess
+from isotruss_ros.core.contact.contact_points import ContactGuess, ContactPoints
+from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.relaxation import relax_contact
 from isotruss_ros.core.contact.surfaces import RoundSurface, surface_of
 from isotruss_ros.core.errors import SolverError

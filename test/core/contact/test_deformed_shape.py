@@ -20,12 +20,8 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.contact import deformed_shape
-from isotruss_ros.core.contact.deformed_shape import (
-    deformed_lines,
-    force_lines,
-    member_lines,
-    region_lines,
-)
+from isotruss_ros.core.contact.deformed_shape import deformed_lines, force_lines, region_lines
+from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np

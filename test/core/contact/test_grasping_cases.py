@@ -21,7 +21,7 @@ from isotruss_ros.core import (
     settle_grasp,
 )
 from isotruss_ros.core.contact.contact import estimate_contact
-from isotruss_ros.core.contact.contact_points import find_contact_points
+from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.holding import grip_response
 from isotruss_ros.core.holding.attach_grip import attach_grip

@@ -13,11 +13,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from hypothesis import given, strategies
-from isotruss_ros.core.contact.contact_points import find_contact_points
-from isotruss_ros.core.contact.contact_state import ContactState
+from isotruss_ros.core.contact.contact_points import ContactState
+from isotruss_ros.core.contact.contact_regions import find_wrinkling
+from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import RoundSurface
-from isotruss_ros.core.contact.wrinkling import find_wrinkling, MAX_UTILISATION
 from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 import numpy as np
 import pytest
 import robots

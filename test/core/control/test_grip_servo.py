@@ -14,9 +14,9 @@ from isotruss_ros.core import (
     place_between,
     Pose,
     read_object,
+    RigidObject,
     RollerFaults,
     RollingGrip,
-    RollingObject,
     SimulatedRobot,
     solve_twist,
     Status,
@@ -90,7 +90,7 @@ def test_halts_where_a_member_does_not_touch(moved, members, words):
 
 def test_follows_a_path_and_returns_with_late_measurements():
     """The box goes and turns as commanded, though poses and joint states come a cycle late."""
-    box = RollingObject(RollingGrip.attach(ROBOT.home, box_between()))
+    box = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, box_between()))
     robot = SimulatedRobot(ROBOT.home, box, RollerFaults())
     start = np.array(robot.object_pose)
     made, now = servo(start), NOW
@@ -117,7 +117,7 @@ def test_follows_a_path_and_returns_with_late_measurements():
 
 def test_keeps_the_robot_clear_of_the_object():
     """Led away from the corner without end, it stops before anything hits the box."""
-    box = RollingObject(RollingGrip.attach(ROBOT.home, box_between()))
+    box = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, box_between()))
     robot = SimulatedRobot(ROBOT.home, box, RollerFaults())
     made, now = servo(robot.object_pose), NOW
     seen = set()

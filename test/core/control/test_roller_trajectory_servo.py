@@ -15,9 +15,9 @@ from isotruss_ros.core import (
     ConvexObject,
     Grip,
     load_robot,
+    RigidObject,
     RollerFaults,
     RollingGrip,
-    RollingObject,
     SimulatedRobot,
     tangent_center,
 )
@@ -65,7 +65,7 @@ class Run:
     def __init__(self, faults=PERFECT, seed=0, late=0, begin=None):
         config = ROBOT.home if begin is None else ROBOT.configuration(begin)
         self.robot = SimulatedRobot(
-            config, RollingObject(RollingGrip.attach(ROBOT.home, GRASP)), faults, seed
+            config, RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRASP)), faults, seed
         )
         self.servo = RollerTrajectoryServo(ROBOT, TIMEOUT)
         self.now, self.commands, self.places = 100.0, [], []

@@ -16,10 +16,10 @@ from isotruss_ros.core import (
     Grip,
     load_robot,
     Pose,
+    RigidObject,
     Robot,
     RollerFaults,
     RollingGrip,
-    RollingObject,
     SimulatedRobot,
     Status,
     tangent_center,
@@ -339,7 +339,9 @@ def simulated(*stuck):
     held = RollingGrip.attach(
         ROBOT.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
     )
-    return SimulatedRobot(ROBOT.home, RollingObject(held), RollerFaults(stuck=frozenset(stuck)))
+    return SimulatedRobot(
+        ROBOT.home, RigidObject.in_grip(held), RollerFaults(stuck=frozenset(stuck))
+    )
 
 
 def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
@@ -385,7 +387,7 @@ def test_twists_are_bent_along_limits_only_where_that_is_asked_for():
         held = RollingGrip.attach(
             robot.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
         )
-        moving = SimulatedRobot(robot.home, RollingObject(held), RollerFaults())
+        moving = SimulatedRobot(robot.home, RigidObject.in_grip(held), RollerFaults())
         decisions = run(made, moving, 4.0, twist=(0.02, 0.05, 0.0))
         assert moving.config.member_lengths.max() <= narrow + 1e-9
         statuses = {decision.command.status for decision in decisions}

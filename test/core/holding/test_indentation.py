@@ -11,8 +11,8 @@
 
 from isotruss_ros.core import Ellipse, load_robot
 from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.flattening import flattening_of
+from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.holding import corner_dents, indentation
 from isotruss_ros.core.holding.indentation import Indentation, skin_indentation

@@ -27,8 +27,8 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.force_closure import check_force_closure
+from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding import attach_grip as attach_grip_module

@@ -23,8 +23,8 @@ from isotruss_ros.core import (
     Polygon,
     settle_grasp,
 )
-from isotruss_ros.core.contact.deformed_shape import member_lines
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.planning.export import export_figures
 from isotruss_ros.core.planning.facing import balances, contact_ends, find_facing, friction_angles
 from isotruss_ros.core.planning.plan_words import plan_in_words

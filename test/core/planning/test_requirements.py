@@ -12,9 +12,9 @@
 from types import SimpleNamespace
 
 from isotruss_ros.core import GraspRequirements
-from isotruss_ros.core.contact.wrinkling import MAX_UTILISATION
 from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads, GraspLoads
 from isotruss_ros.core.planning.requirements import Measure, rate_grasp
+from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 import numpy as np
 import pytest
 

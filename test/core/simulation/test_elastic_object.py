@@ -21,8 +21,8 @@ from isotruss_ros.core import (
     SimulatedRobot,
     solve_twist_ahead,
 )
-from isotruss_ros.core.contact.depths import member_depths
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
 import pytest
 

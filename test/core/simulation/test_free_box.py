@@ -22,7 +22,7 @@ from isotruss_ros.core import (
     solve_twist_ahead,
 )
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
-from isotruss_ros.core.simulation.free_object import FreeObject, pressing_members
+from isotruss_ros.core.simulation.rigid_object import pressing_members, RigidObject
 import numpy as np
 import pytest
 
@@ -38,7 +38,7 @@ def gripped(depth=0.01, shape=BOX):
 
 def lying(body, friction=1.0):
     """Return a robot at home that has come to rest, and its object."""
-    free = FreeObject(body, friction)
+    free = RigidObject(body, friction)
     robot = SimulatedRobot(ROBOT.home, free, RollerFaults())
     robot.advance(0.0)
     return robot, free
@@ -110,6 +110,6 @@ def test_three_members_hold_as_well():
     triangle = load_robot('triangle')
     names = triangle.member_names
     disc = place_between(triangle.home, names, Disc(0.645))
-    free = FreeObject(disc.body, 0.3)
+    free = RigidObject(disc.body, 0.3)
     SimulatedRobot(triangle.home, free, RollerFaults()).advance(0.0)
     assert sorted(free.members) == sorted(names)

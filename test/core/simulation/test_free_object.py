@@ -15,16 +15,16 @@ from grips import backed_off, closed_to, gripped
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
-    FreeObject,
     Grip,
     Pose,
+    RigidObject,
     RollerFaults,
     settle_grasp,
     SimulatedRobot,
     solve_twist_ahead,
 )
-from isotruss_ros.core.contact.depths import member_depths
-from isotruss_ros.core.simulation import free_object as loose_object
+from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.simulation import rigid_object as loose_object
 import numpy as np
 import pytest
 from robots import side_ends
@@ -56,7 +56,7 @@ class Scene:
     """A simulated robot and an object beside it."""
 
     def __init__(self, start=ROBOT.home, friction=FRICTION, **faults):
-        self.object = FreeObject(CYLINDER.moved_to(LIES), friction)
+        self.object = RigidObject(CYLINDER.moved_to(LIES), friction)
         self.robot = SimulatedRobot(start, self.object, RollerFaults(**faults))
 
     @property
@@ -211,7 +211,7 @@ def test_without_friction_nothing_is_gripped(plan):
 
 @pytest.mark.parametrize(('angle', 'kept'), [(0.0, 0.0), (-3.0, -3.0), (4.0, 4.0 - 2.0 * np.pi)])
 def test_angle_is_kept_and_within_half_a_turn(plan, angle, kept):
-    lying = FreeObject(CYLINDER.moved_to((*CYLINDER.pose[:2], angle)), FRICTION)
+    lying = RigidObject(CYLINDER.moved_to((*CYLINDER.pose[:2], angle)), FRICTION)
     assert lying.pose(ROBOT.home) == pytest.approx((*CYLINDER.pose[:2], kept))
     lying.come_to_rest(plan.config)
     assert set(lying.members) == GRASPING
@@ -219,7 +219,7 @@ def test_angle_is_kept_and_within_half_a_turn(plan, angle, kept):
 
 
 def test_is_gripped_from_the_start_where_the_robot_already_holds_it(plan):
-    lying = FreeObject(CYLINDER, FRICTION)
+    lying = RigidObject(CYLINDER, FRICTION)
     assert lying.pose(plan.config) == (*CYLINDER.pose[:2], 0.0)
     robot = SimulatedRobot(plan.config, lying, RollerFaults())
     robot.advance(0.01)
@@ -229,7 +229,7 @@ def test_is_gripped_from_the_start_where_the_robot_already_holds_it(plan):
 def test_three_members_hold_it_where_it_is():
     caught = ConvexObject.disc((0.0, -0.8267), 0.65)
     assert len(analyze_grasp(ROBOT.home, caught, FRICTION).contact_forces) >= 3
-    lying = FreeObject(caught, FRICTION)
+    lying = RigidObject(caught, FRICTION)
     lying.come_to_rest(ROBOT.home)
     assert len(lying.members) == 3
     assert lying.pose(ROBOT.home)[:2] == pytest.approx(caught.pose[:2], abs=5e-3)
@@ -243,11 +243,11 @@ def test_a_tube_that_lies_on_it_does_not_grip_it(monkeypatch):
 
     monkeypatch.setattr(loose_object, 'settle_grasp', never)
     for center, diameter in (((0.99, -0.1), 2.0), ((-0.4, -0.49), 1.0), ((-0.48, 0.52), 10.0)):
-        lying = FreeObject(ConvexObject.disc(center, diameter), FRICTION)
+        lying = RigidObject(ConvexObject.disc(center, diameter), FRICTION)
         lying.come_to_rest(ROBOT.home)
         assert lying.members == ()
     with pytest.raises(AssertionError, match='computed'):
-        FreeObject(CYLINDER, FRICTION).come_to_rest(CLOSED)
+        RigidObject(CYLINDER, FRICTION).come_to_rest(CLOSED)
 
 
 def test_the_robot_looks_once_for_each_rest():

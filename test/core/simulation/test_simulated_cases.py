@@ -14,18 +14,18 @@ from isotruss_ros.core import (
     ConvexObject,
     Disc,
     ElasticObject,
-    FreeObject,
     load_robot,
     place_between,
     Polygon,
     Pose,
+    RigidObject,
     RollerFaults,
     SimulatedRobot,
 )
 from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.kinematics.depths import push_out
 from isotruss_ros.core.model.segment_gaps import segment_gaps
-from isotruss_ros.core.simulation import free_object
-from isotruss_ros.core.simulation.pushing import push_out
+from isotruss_ros.core.simulation import rigid_object
 import numpy as np
 import pytest
 
@@ -50,20 +50,20 @@ def test_a_load_is_kept_until_another_one_comes():
 
 
 def test_forces_that_cannot_be_computed_let_no_disc_go(monkeypatch):
-    held = FreeObject(CYLINDER, 0.5)
+    held = RigidObject(CYLINDER, 0.5)
     held.come_to_rest(CONFIG)
     assert set(held.members) == GRASPING
     pose = held.pose(CONFIG)
-    monkeypatch.setattr(free_object, 'settle_grasp', not_solved)
+    monkeypatch.setattr(rigid_object, 'settle_grasp', not_solved)
     held.come_to_rest(CONFIG)
     assert set(held.members) == GRASPING
     assert held.pose(CONFIG) == pose
 
 
 def test_forces_that_cannot_be_computed_hold_no_box(monkeypatch):
-    simulated = FreeObject(BETWEEN, 1.0)
+    simulated = RigidObject(BETWEEN, 1.0)
     with monkeypatch.context() as patch:
-        patch.setattr(free_object, 'settle_grasp', not_solved)
+        patch.setattr(rigid_object, 'settle_grasp', not_solved)
         simulated.come_to_rest(HOME)
     assert simulated.members == ()
     assert simulated.pose(HOME) == pytest.approx(BETWEEN.pose)
@@ -72,7 +72,7 @@ def test_forces_that_cannot_be_computed_hold_no_box(monkeypatch):
 
 
 def test_a_box_lies_where_it_lost_the_members():
-    simulated = FreeObject(BETWEEN, 1.0)
+    simulated = RigidObject(BETWEEN, 1.0)
     simulated.come_to_rest(HOME)
     there = simulated.pose(HOME)
     far = HOME.moved_to([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])
@@ -98,13 +98,13 @@ def test_an_object_that_fits_nowhere_stays_where_it_was_pushed_last():
 
 
 def test_another_object_takes_the_place_of_the_one_before():
-    robot = SimulatedRobot(CONFIG, FreeObject(CYLINDER, 0.5), RollerFaults())
+    robot = SimulatedRobot(CONFIG, RigidObject(CYLINDER, 0.5), RollerFaults())
     robot.advance(0.1)
-    robot.replace_object(FreeObject(ConvexObject(BOX, Pose(5.0, 4.0, 0.3)), 1.0))
+    robot.replace_object(RigidObject(ConvexObject(BOX, Pose(5.0, 4.0, 0.3)), 1.0))
     assert robot.object_pose == pytest.approx((5.0, 4.0, 0.3))
     robot.advance(0.1)
     # The robot has been at rest, and looks once more for what it holds.
-    again = FreeObject(CYLINDER, 0.5)
+    again = RigidObject(CYLINDER, 0.5)
     robot.replace_object(again)
     assert again.members == ()
     robot.advance(0.1)

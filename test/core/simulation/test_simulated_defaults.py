@@ -16,7 +16,7 @@ from isotruss_ros.core import ElasticObject, Grip, HoldStatus, RollerFaults
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.simulation.free_object import FreeObject
+from isotruss_ros.core.simulation.rigid_object import RigidObject
 import numpy as np
 import pytest
 
@@ -29,7 +29,7 @@ CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
 )
 def test_angles_are_kept_within_half_a_turn(angle, kept):
     body = CYLINDER.moved_to((*CYLINDER.pose[:2], angle))
-    for lying in (FreeObject(body, 0.5), ElasticObject(body, 0.5)):
+    for lying in (RigidObject(body, 0.5), ElasticObject(body, 0.5)):
         assert lying.pose(CONFIG) == pytest.approx((*CYLINDER.pose[:2], kept), abs=1e-12)
 
 

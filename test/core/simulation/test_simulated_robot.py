@@ -13,9 +13,9 @@ from isotruss_ros.core import (
     ConvexObject,
     Grip,
     load_robot,
+    RigidObject,
     RollerFaults,
     RollingGrip,
-    RollingObject,
     SimulatedRobot,
     tangent_center,
 )
@@ -33,7 +33,7 @@ SPEEDS = np.linspace(-0.02, 0.03, N)
 
 def simulated(**faults):
     """Return a robot at home with the object in its grip."""
-    held = RollingObject(RollingGrip.attach(ROBOT.home, GRASP))
+    held = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRASP))
     return SimulatedRobot(ROBOT.home, held, RollerFaults(**faults), seed=3)
 
 
@@ -108,7 +108,7 @@ def test_slip_is_as_large_as_asked_for_over_many_robots():
     way = 0.1
     lost = []
     for seed in range(200):
-        held = RollingObject(RollingGrip.attach(ROBOT.home, GRASP))
+        held = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRASP))
         robot = SimulatedRobot(ROBOT.home, held, RollerFaults(slip=0.06), seed)
         robot.command(np.full(N, way))
         robot.advance(0.01)

@@ -10,7 +10,7 @@
 """How members give at moving places, against the contact points of the analysis."""
 
 from grips import gripped
-from isotruss_ros.core.contact.contact_points import find_contact_points
+from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.structure import structure_of

@@ -7,16 +7,19 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""One piece of a member against two-node beams between its ends and the places on it."""
+"""What loads at places of a beam do there, against two-node beams between places and ends."""
 
+from hypothesis import given, strategies
 from isotruss_ros.core.statics.beam import local_stiffness
-from isotruss_ros.core.statics.beam_between import beam_between, BeamPiece
 from isotruss_ros.core.statics.clamped_beam import ClampedBeam
 import numpy as np
 import pytest
+import robots
 
 LENGTH, AXIAL, FLEXURAL, SHEAR = 0.8, 300.0, 2.0, 40.0
-X, Y = 0.3, 0.5
+STEP = 1e-6
+
+places = strategies.integers(1, 15).map(lambda i: 0.05 * i)
 
 
 def respond(pinned, x, y):
@@ -40,19 +43,37 @@ def respond(pinned, x, y):
     return np.array([own[0], own[1], own[2] + 0.5 * sum(sheared)])
 
 
-@pytest.mark.parametrize('pinned', [False, True])
-def test_a_place_gives_as_the_node_of_two_beams(pinned):
-    beam = ClampedBeam(LENGTH, AXIAL, FLEXURAL, SHEAR, pinned, 1.0, 1.0)
-    for x in (X, Y):
-        along, *across = beam.at(x)[20:25]
-        expected = respond(pinned, x, x)
-        assert along == pytest.approx(expected[0, 0])
-        assert np.reshape(across, (2, 2)) == pytest.approx(expected[1:, 1:])
-
-
-@pytest.mark.parametrize('pinned', [False, True])
-@pytest.mark.parametrize(('x', 'y'), [(X, Y), (Y, X)])
-def test_another_place_gives_as_the_nodes_of_three_beams(pinned, x, y):
-    beam = BeamPiece(LENGTH, AXIAL, FLEXURAL, SHEAR, pinned)
+@robots.examples(100)
+@given(strategies.booleans(), places, places)
+def test_loads_do_what_they_do_at_the_nodes_of_a_cut_beam(pinned, x, y):
+    along, *across = ClampedBeam(LENGTH, AXIAL, FLEXURAL, SHEAR, pinned).influence(x, y)[:5]
     expected = respond(pinned, x, y)
-    assert beam_between(beam, x, y)[0] == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    assert along == pytest.approx(expected[0, 0], rel=1e-9)
+    assert across == pytest.approx(expected[1:, 1:].ravel(), rel=1e-9, abs=1e-12)
+
+
+@robots.examples(100)
+@given(strategies.booleans(), places, places)
+def test_rates_are_those_of_differences(pinned, x, y):
+    beam = ClampedBeam(LENGTH, AXIAL, FLEXURAL, SHEAR, pinned)
+    _, by_x, by_y = np.reshape(beam.influence(x, y), (3, 5))
+    # At one place the slope has a kink, and what both places do together has a derivative.
+    moves = [(1.0, 1.0, by_x + by_y)]
+    moves += [(1.0, 0.0, by_x), (0.0, 1.0, by_y)] if x != y else []
+    for dx, dy, expected in moves:
+        ahead, back = (
+            np.array(beam.influence(x + sign * dx, y + sign * dy)[:5]) for sign in (STEP, -STEP)
+        )
+        assert (ahead - back) / (2.0 * STEP) == pytest.approx(expected, rel=1e-5, abs=1e-8)
+
+
+@robots.examples(50)
+@given(strategies.booleans(), places)
+def test_many_beams_in_arrays_are_as_each_alone(pinned, x):
+    numbers = (LENGTH, AXIAL, FLEXURAL, SHEAR, float(pinned))
+    alone = ClampedBeam(*numbers)
+    many = ClampedBeam(*(np.array([value, value]) for value in numbers))
+    found = many.shapes(np.array([x, 0.5 * x]))
+    for i, place in enumerate((x, 0.5 * x)):
+        one = [[float(np.broadcast_to(value, 2)[i]) for value in row] for row in found]
+        assert one == pytest.approx(np.array(alone.shapes(place)), rel=1e-12)

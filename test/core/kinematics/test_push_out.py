@@ -10,8 +10,8 @@
 """Objects that members push out of their way, without friction: as far as they overlap."""
 
 from isotruss_ros.core import ConvexObject, Disc, load_robot, Polygon
+from isotruss_ros.core.kinematics.depths import push_out
 from isotruss_ros.core.model.segment_gaps import segment_gaps
-from isotruss_ros.core.simulation.pushing import push_out
 import pytest
 
 ROBOT = load_robot('nine_member')

@@ -10,7 +10,7 @@
 """How deep an object is in members, along them and beyond their ends."""
 
 from isotruss_ros.core import ConvexObject, Disc, load_robot
-from isotruss_ros.core.contact.depths import member_depths
+from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.segment_gaps import segment_gaps
 import numpy as np
 import pytest

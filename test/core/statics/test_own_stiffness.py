@@ -1,0 +1,79 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+
+"""A stiffness model of one's own: a tube that is softer in bending the longer it is."""
+
+from dataclasses import dataclass, replace
+
+from isotruss_ros.core import deform, load_robot
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.statics import tube_stiffness
+from isotruss_ros.core.statics.section import broadcast_members, SectionStiffness
+import pytest
+
+ROBOT = load_robot('nine_member')
+
+
+@dataclass(frozen=True)
+class SofterTube:
+    """
+    EI that falls with the length of the member.
+
+    :ivar flexural: EI of one metre [N m^2].
+    :ivar exponent: by which it falls [-].
+    """
+
+    flexural: float
+    exponent: float
+    fabric = None
+
+    def section_stiffness(self, length, pressure):
+        """Return EA, EI and GA of whole members."""
+        length, _ = broadcast_members(length, pressure)
+        falling = self.flexural * length**-self.exponent
+        return SectionStiffness(0.0 * length + 2.0e4, falling, 0.0 * length + 1.5e3)
+
+    @classmethod
+    def of_block(cls, block, description):
+        """Return the model of a robot file."""
+        return cls(**block)
+
+
+def robot_with(**stiffness):
+    """Return the robot as a file with another block `stiffness` describes it."""
+    return Robot(replace(ROBOT.description, stiffness=stiffness))
+
+
+@pytest.fixture
+def listed(monkeypatch):
+    """Add the model by one line."""
+    monkeypatch.setitem(tube_stiffness.MODELS, 'softer', SofterTube)
+
+
+def moved(robot):
+    """Return how the loaded joint moves."""
+    joint = next(iter(robot.topology.joint_names))
+    return deform(robot.home, {joint: (3.0, -8.0)}).state.displacements
+
+
+def test_without_its_exponent_it_is_the_model_of_three_numbers(listed):
+    own = robot_with(model='softer', flexural=30.0, exponent=0.0)
+    numbers = {'axial_rigidity': 2.0e4, 'flexural_rigidity': 30.0, 'shear_rigidity': 1.5e3}
+    section = robot_with(model='section', **numbers)
+    assert moved(own) == pytest.approx(moved(section), rel=1e-12, abs=1e-15)
+
+
+def test_what_it_says_of_a_member_is_what_the_frame_has(listed):
+    robot = robot_with(model='softer', flexural=30.0, exponent=2.0)
+    frame = tube_stiffness.tube_stiffness(robot.description)
+    long, short = frame.section_stiffness([2.0, 1.0], 3.0e4).flexural
+    assert long == pytest.approx(0.25 * short)
+    soft = robot_with(model='softer', flexural=3.0, exponent=2.0)
+    assert abs(moved(soft)).max() > abs(moved(robot)).max()
