@@ -35,7 +35,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.statics.frame import Frame, Members
-from isotruss_ros.core.statics.structure import Structure, structure_of
+from isotruss_ros.core.statics.structure import structure_of
 from large_robots import nested_triangles, SIZES, TOP_JOINT
 from measuring import median_time, print_machine, print_table, timed
 import numpy as np
@@ -159,7 +159,7 @@ def print_growth() -> None:
 
 def all_fixed(config: core.Configuration) -> tuple[Points, Members, Array]:
     """Return nodes, members and supports of a frame that any program knows."""
-    frame = Structure(config).frame
+    frame = structure_of(config).frame
     members = frame.members
     fixed = np.zeros(len(members.start), dtype=bool)
     return (

@@ -34,13 +34,13 @@ from isotruss_ros.core.contact.refinement import (
 )
 from isotruss_ros.core.contact.relaxation import relax_contact
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, turn_at_corners
-from isotruss_ros.core.contact.surfaces import surface_of
+from isotruss_ros.core.contact.surfaces import Surface, surface_of
 from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, as_xy, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.statics.pressures import Pressure
+from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import Structure, structure_of
 import numpy as np
 from numpy.typing import ArrayLike
@@ -91,15 +91,19 @@ def analyze_grasp(
     :raises SolverError: the contact problem was not solved.
     """
     mu, gap, wrench = _checked(body, friction, spacing, external_wrench)
-    solver = _solver(method, flattening and not body.shape.is_round)
+    round_ = body.shape.is_round
+    solver = _solver(method, flattening and not round_)
     structure = structure_of(config, pressure)
     margin = 0.0 if flattening else 0.5 * config.robot.description.tube_diameter
-    solve = _solve_flattening if flattening else _solve_round
-    solved = solve(structure, body, gap, margin, solver, previous)
+    surface = surface_of(body, margin)
+    if flattening:
+        solved = _solve_flattening(structure, surface, gap, solver, previous)
+    else:
+        solved = _solve_straight(structure, surface, gap, solver, previous)
     contact_points, contact, extents, kept = solved
     normals = as_xy(contact.normals)
-    pressed, levers = _pressed(body, contact_points, contact, margin)
-    tangents = as_xy(1j * contact.normals)
+    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
+    pressed, levers = _pressed(body, contact_points, contact, margin, round_)
     load = (pressed + wrench) / np.array([1.0, 1.0, body.arm])
     closure = check_force_closure(tangents, contact.forces, load, mu, levers)
     return GraspAnalysis(
@@ -124,32 +128,29 @@ def analyze_grasp(
 
 def _solve_flattening(
     structure: Structure,
-    body: ConvexObject,
+    surface: Surface,
     spacing: float,
-    margin: float,
     solver: ContactSolver,
     previous: GraspAnalysis | None,
 ) -> SolvedContact:
     """Return the contact of tubes that flatten."""
-    surface, round_ = surface_of(body, margin), body.shape.is_round
+    sliding = solver is solve_sliding_contact
     kernel = flattening_of(structure.config.robot, structure.pressures)
-    budget, before = None if round_ else BUDGET, _contact_before(previous)
+    budget, before = BUDGET if sliding else None, _contact_before(previous)
     found = refine_contact(structure, surface, spacing, kernel, solver, before, budget)
-    if round_:
+    if not sliding:
         return found
     return found._replace(contact=turn_at_corners(found.points, found.contact, surface))
 
 
-def _solve_round(
+def _solve_straight(
     structure: Structure,
-    body: ConvexObject,
+    surface: Surface,
     spacing: float,
-    margin: float,
     solver: ContactSolver,
     previous: GraspAnalysis | None,
 ) -> SolvedContact:
-    """Return the contact of tubes that stay round."""
-    surface = surface_of(body, margin)
+    """Return the contact of tubes whose sections stay round."""
     points = find_contact_points(structure, surface, spacing)
     count, start = len(points.points), None
     if previous is not None and len(previous.normal_forces) == count:
@@ -235,7 +236,11 @@ def _by_member(
 
 
 def _pressed(
-    body: ConvexObject, contact_points: ContactPoints, contact: ContactState, margin: float
+    body: ConvexObject,
+    contact_points: ContactPoints,
+    contact: ContactState,
+    margin: float,
+    round_: bool,
 ) -> tuple[Array, Array | None]:
     """
     Return the wrench (3,) of the tubes on the object, and the levers of friction.
@@ -243,8 +248,9 @@ def _pressed(
     :param margin: how far the surface that the points meet is from the object's own [m].
     :return: levers (k,) of forces along the tangents over half of the mean width; None for a disc.
     """
-    if body.shape.is_round:
-        return np.append(-contact.forces @ as_xy(contact.normals), 0.0), None
+    if round_:
+        force = contact.forces @ contact.normals
+        return np.array([-force.real, -force.imag, 0.0]), None
     # Where the forces act on the object's own surface, from the origin of its frame.
     arms = contact_points.skin + contact.displacements - body.center
     arms = arms - (contact.gaps + margin) * contact.normals

@@ -43,7 +43,7 @@ from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
-from isotruss_ros.core.statics.pressures import Pressure
+from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 
 

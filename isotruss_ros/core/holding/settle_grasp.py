@@ -28,7 +28,7 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.statics.pressures import Pressure
+from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from numpy.typing import ArrayLike
 

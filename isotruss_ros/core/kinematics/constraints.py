@@ -115,17 +115,17 @@ class Constraints:
 
     def spans(self, points: Points) -> Points:
         """
-        Return the (4m, ...) members, AB, AC and BC, each from its start to its end [m].
+        Return the (4m,) members, AB, AC and BC, each from its start to its end [m].
 
-        :param points: (n, ...) nodes, of one shape or of many [m].
+        :param points: (n,) nodes [m].
         """
-        return points.take(self._heads, axis=0) - points.take(self._tails, axis=0)
+        return points.take(self._heads) - points.take(self._tails)
 
     def lengths(self, points: Points) -> Array:
         """
-        Return the (4m, ...) lengths of members, AB, AC and BC [m].
+        Return the (4m,) lengths of members, AB, AC and BC [m].
 
-        :param points: (n, ...) nodes, of one shape or of many [m].
+        :param points: (n,) nodes [m].
         """
         return np.abs(self.spans(points))
 

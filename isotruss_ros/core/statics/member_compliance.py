@@ -11,7 +11,7 @@
 How members give where an object presses on them, at places that may move along them.
 
 A load at a place of a piece moves the ends of the piece, and with them the whole structure, and
-bends the piece between its ends: `clamped_beam` has both, with derivatives by the place.
+bends the piece between its ends: `ClampedBeam` has both, with derivatives by the place.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import itertools
 import operator
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.clamped_beam import ClampedBeam
+from isotruss_ros.core.statics.interior import ClampedBeam
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np
 

@@ -31,7 +31,7 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array, Flags, Indice
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.frame import Frame, FrameState, Members
 from isotruss_ros.core.statics.frame_pattern import FramePattern, LinearRows
-from isotruss_ros.core.statics.pressures import Pressure, tube_pressures
+from isotruss_ros.core.statics.section import Pressure, tube_pressures
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness, TubeStiffness
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,29 +45,28 @@ class Structure:
     the tube pieces BD and CE, and the long tube pieces DE'; m of each.
 
     :param config: where the robot is.
-    :param pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
+    :param pressures: see `tube_pressures` [Pa].
     :ivar tube: how stiff the tube is.
     :ivar pressures: (t,) gauge pressure of each tube, in the order of the robot file [Pa].
-    :raises StructureError: a pressure is not usable, or the stiffness model has no stiffness for a
-        member's length and pressure.
+    :raises StructureError: no stiffness belongs to a member's length and pressure.
     """
 
-    def __init__(self, config: Configuration, pressure: Pressure | None = None) -> None:
+    def __init__(self, config: Configuration, pressures: tuple[float, ...]) -> None:
         self.config = config
         self.tube = tube_stiffness(config.robot.description)
-        self.pressures = tube_pressures(config.robot.description, pressure)
+        self.pressures = pressures
         self._layout = frame_layout(config.robot)
         self.node_names = self._layout.node_names
-        points = frame_points(config.robot, config.points)
+        points = _frame_points(config.robot, config.points)
         lengths, layout = config.member_lengths, self._layout
         members = Members(
             layout.start,
             layout.end,
-            *section_values(config.robot, self.tube, self.pressures, lengths),
+            *_section_values(config.robot, self.tube, pressures, lengths),
             layout.pinned_start,
             layout.pinned_end,
         )
-        rows = layout.bisection._replace(value=bisection_gradients(config.robot, points))
+        rows = layout.bisection._replace(value=_bisection_gradients(config.robot, points))
         self.frame = Frame(points, members, layout.held, self.node_names, rows, layout.pattern)
 
     def node(self, name: str) -> int:
@@ -85,18 +84,12 @@ class Structure:
         return self._layout.places[name]
 
 
-def frame_points(robot: Mechanism, nodes: Points) -> Points:
-    """
-    Return the nodes of a robot's frame.
-
-    :param robot: the robot.
-    :param nodes: (N, ...) nodes as in `Configuration.points`, of one shape or of many [m].
-    :return: (n, ...) x + iy, numbered as in `Structure` [m].
-    """
+def _frame_points(robot: Mechanism, nodes: Points) -> Points:
+    """Return the nodes (n,) of a robot's frame [m], from those of its configuration (N,)."""
     topology, layout = robot.topology, frame_layout(robot)
     side = nodes[topology.c[topology.following]] - nodes[topology.b]
     ahead = robot.description.module.guide_ring_distance * side / np.abs(side)
-    points = np.empty((len(layout.node_names), *nodes.shape[1:]), dtype=np.complex128)
+    points = np.empty(len(layout.node_names), dtype=np.complex128)
     b, joints = layout.b, len(topology.joint_names)
     points[:joints] = nodes[:joints]
     points[b], points[b + 1] = nodes[topology.b], nodes[topology.c]
@@ -105,42 +98,24 @@ def frame_points(robot: Mechanism, nodes: Points) -> Points:
     return points
 
 
-def section_values(
+def _section_values(
     robot: Mechanism, tube: TubeStiffness, pressures: tuple[float, ...], lengths: Array
 ) -> Array:
-    """
-    Return EA [N], EI [N m^2] and GA [N] of the members of a robot's frame.
-
-    :param robot: the robot.
-    :param tube: how stiff the tube is.
-    :param pressures: (t,) gauge, of each tube [Pa].
-    :param lengths: (m, ...) of the members, pinch to pinch, in one shape or in many [m].
-    :return: (3, 6 m, ...).
-    :raises StructureError: the stiffness model has no stiffness for a length and pressure.
-    """
+    """Return EA [N], EI [N m^2] and GA [N] of the members of a robot's frame, (3, 6 m)."""
     topology, module = robot.topology, robot.description.module
     # Section stiffness belongs to whole members, pinch to pinch; their pieces inherit it.
-    pressure = np.array(pressures)[topology.tube]
-    if lengths.ndim > 1:
-        pressure = np.repeat(pressure, lengths.size // len(lengths))
-    of_tubes = tube.section_stiffness(lengths.ravel(), pressure)
+    of_tubes = tube.section_stiffness(lengths, np.array(pressures)[topology.tube])
     # Rows: AB, AC, BC of all modules, then BD, CE and DE'.
-    values = np.empty((3, 6, *lengths.shape))
+    values = np.empty((3, 6, len(lengths)))
     rigid = (module.axial_rigidity, module.flexural_rigidity, np.inf)
     for value, of_module, of_tube in zip(values, rigid, of_tubes, strict=True):
-        value[:3], value[3:] = of_module, of_tube.reshape(lengths.shape)
-        value[4] = value[3][topology.previous]
-    return values.reshape(3, 6 * len(lengths), *lengths.shape[1:])
+        value[:3], value[3:] = of_module, of_tube
+        value[4] = of_tube[topology.previous]
+    return values.reshape(3, -1)
 
 
-def bisection_gradients(robot: Mechanism, points: Points) -> Array:
-    """
-    Return the entries of A(x) of (4): the rod turns half as much as both arms together.
-
-    :param robot: the robot.
-    :param points: (n, ...) nodes of its frame, in one shape or in many [m].
-    :return: (10 m, ...), in the order of the rows of the robot's frame.
-    """
+def _bisection_gradients(robot: Mechanism, points: Points) -> Array:
+    """Return the entries (10 m,) of A(x) of (4): the rod turns half as much as both arms."""
     a, b = robot.topology.joint, frame_layout(robot).b
     c, d, e = b + 1, b + 2, b + 3
     turn = 1j / (0.5 * (points[b] + points[c]) - points[a]).conj()
@@ -227,15 +202,13 @@ def structure_of(config: Configuration, pressure: Pressure | None = None) -> Str
 
     :param config: where the robot is.
     :param pressure: gauge [Pa], see `tube_pressures`; that of the robot file if None.
-    :raises StructureError: see `Structure`.
+    :raises StructureError: see `Structure`, and for a pressure that is not usable.
     """
     return _structure(config, tube_pressures(config.robot.description, pressure))
 
 
-@functools.lru_cache(maxsize=8)
-def _structure(config: Configuration, pressures: tuple[float, ...]) -> Structure:
-    as_in_file = pressures == tube_pressures(config.robot.description)
-    return Structure(config, None if as_in_file else pressures)
+#: Of Configuration and tube pressures.
+_structure = functools.lru_cache(maxsize=8)(Structure)
 
 
 @dataclass(frozen=True, eq=False)

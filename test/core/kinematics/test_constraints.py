@@ -10,7 +10,6 @@
 """The rows of (12): what they measure, and their derivative."""
 
 from hypothesis import given
-from isotruss_ros.core import load_robot
 from isotruss_ros.core.kinematics import constraints as constraints_module
 from isotruss_ros.core.kinematics.constraints import Constraints, Targets
 from isotruss_ros.core.numerics.factorization import DenseFactor, factorize, SparseFactor
@@ -157,12 +156,3 @@ def test_second_derivative_is_that_of_weighted_rows_along_motions(robot, rng):
     found = robot.constraints.second_derivative(points, weights, motions)
     wanted = differences(numbers, points).T
     assert found == pytest.approx(wanted, abs=1e-5 * np.abs(wanted).max())
-
-
-def test_lengths_of_many_shapes_are_those_of_each():
-    robot = load_robot('nine_member')
-    rng = np.random.default_rng(0)
-    shapes = [robots.random_state(robot, rng).points for _ in range(3)]
-    many = robot.constraints.lengths(np.stack(shapes, axis=1))
-    for i, points in enumerate(shapes):
-        np.testing.assert_array_equal(many[:, i], robot.constraints.lengths(points))

@@ -11,7 +11,7 @@
 
 from hypothesis import given, strategies
 from isotruss_ros.core.statics.beam import local_stiffness
-from isotruss_ros.core.statics.clamped_beam import ClampedBeam
+from isotruss_ros.core.statics.interior import ClampedBeam
 import numpy as np
 import pytest
 import robots

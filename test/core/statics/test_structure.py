@@ -17,8 +17,8 @@ from isotruss_ros.core import deform, load_robot, Robot
 from isotruss_ros.core.errors import IsotrussError, StructureError
 from isotruss_ros.core.statics.beam import local_stiffness
 import isotruss_ros.core.statics.frame
-from isotruss_ros.core.statics.pressures import tube_pressures
-from isotruss_ros.core.statics.structure import Structure, structure_of, tube_pieces
+from isotruss_ros.core.statics.section import tube_pressures
+from isotruss_ros.core.statics.structure import structure_of, tube_pieces
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 import numpy as np
 import pytest
@@ -196,7 +196,7 @@ def test_dense_and_sparse_factors_agree(name, monkeypatch):
 
 def test_nodes_are_those_of_the_configuration_with_the_guide_rings():
     config = load_robot('nine_member').configuration(np.zeros(6))
-    structure = Structure(config)
+    structure = structure_of(config)
     expected = places(config)
     assert set(structure.node_names) == set(expected)
     for name, point in zip(structure.node_names, structure.frame.points, strict=True):
@@ -266,7 +266,7 @@ def test_pieces_have_together_the_end_stiffnesses_of_their_member(model):
         robot = equilateral(length, STIFFNESSES[model])
         (pressure,) = robot.description.pressures.values()
         assert robot.home.member_lengths == pytest.approx([length] * 3, rel=1e-9)
-        structure = Structure(robot.home)
+        structure = structure_of(robot.home)
         frame, members = structure.frame, structure.frame.members
         first, last, middle = tube_pieces(3)
         chain = np.array([first[0], middle[0], last[robot.topology.following[0]]])
@@ -298,7 +298,7 @@ def test_guide_rings_leave_the_axial_stiffness_of_a_member_as_it_is(model, lengt
     """A module that moves along a member meets the member's axial stiffness and no more."""
     robot = equilateral(length, STIFFNESSES[model])
     (pressure,) = robot.description.pressures.values()
-    structure = Structure(robot.home)
+    structure = structure_of(robot.home)
     frame, topology = structure.frame, robot.topology
     member, ahead = 1, int(topology.following[1])
     module, next_module = topology.module_names[member], topology.module_names[ahead]
