@@ -12,11 +12,7 @@
 import itertools
 
 from hypothesis import given, strategies
-from isotruss_ros.core.contact.force_closure import (
-    bounded_least_squares,
-    check_force_closure,
-    find_shares,
-)
+from isotruss_ros.core.contact.force_closure import check_force_closure
 import numpy as np
 import pytest
 import robots
@@ -302,24 +298,6 @@ def test_a_load_beyond_all_friction_is_not_balanced():
     closure = check_force_closure(tangents_at(np.arange(5.0)), np.ones(5), np.full(3, 1e300), 0.5)
     assert not closure.closed
     assert np.isfinite(closure.friction_forces).all()
-
-
-@robots.examples(300)
-@given(generators, counts, strategies.floats(0.05, 1.5), strategies.floats(0.1, 10.0))
-def test_shares_are_those_of_the_library(rng, count, friction, far):
-    tangents, forces, _ = random_contacts(rng, count)
-    segments = wrenches(tangents, forces + 0.1, rng.choice([1.0, rng.uniform(-1.0, 1.0)]))
-    segments /= np.abs(segments).max()
-    wanted = far * rng.uniform(-friction, friction, count) @ segments
-    found = find_shares(segments, wanted, friction)
-    if found is None:
-        return
-    plain = bounded_least_squares(segments, wanted, friction)
-    left, others = (np.linalg.norm(shares @ segments - wanted) for shares in (found, plain))
-    assert np.abs(found).max() <= friction * (1.0 + 1e-12)
-    assert left <= others + 1e-10
-    # Smaller ones where the library stops too soon.
-    assert found @ found <= plain @ plain * (1.0 + 1e-6) + 1e-9
 
 
 @robots.examples(60)
