@@ -32,20 +32,23 @@ unexport PYTHONDONTWRITEBYTECODE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test noble demo view paper plant docs colcon bench fuzz soak coverage format clean noble-tests noble-venv FORCE
+.PHONY: help venv test noble nightly demo view paper plant docs colcon bench fuzz calls soak coverage format clean
+.PHONY: noble-venv noble-some noble-all FORCE
 
 help:
 	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation; PLANT=mujoco'
 	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic, kinematic or mujoco'
 	@echo 'make test     style and tests; those of ament run with make colcon'
-	@echo 'make noble    the tests, the demo and the paper with the versions of Ubuntu 24.04, in .noble'
+	@echo 'make noble    the tests of the core and of the nodes with the versions of Ubuntu 24.04, in .noble'
+	@echo 'make nightly  what takes long: all tests, demo and paper as in make noble; soak, calls and plant'
 	@echo 'make paper    compute and draw what the paper shows: docs/paper.md'
 	@echo 'make plant    compare our model with MuJoCo: docs/plant.md'
 	@echo 'make docs     build the documentation site: docs/_build/html/index.html'
 	@echo 'make colcon   build and test both packages as a colcon workspace, in .colcon'
 	@echo 'make bench    run the benchmarks'
 	@echo 'make fuzz     fuzz the readers of files, MINUTES=10 each (x86-64)'
-	@echo 'make soak     run the nodes at 1 kHz for MINUTES=15, WALKS=1000 walks at the edge of the shapes, CALLS=100000 random calls'
+	@echo 'make calls    CALLS=100000 random calls of the core'
+	@echo 'make soak     run the nodes at 1 kHz for MINUTES=15, WALKS=1000 walks at the edge of the shapes'
 	@echo 'make coverage run the tests and list lines and branches of the core that none of them runs'
 	@echo 'make format   format the sources and fix what can be fixed'
 	@echo 'make venv     only set up .venv'
@@ -61,12 +64,23 @@ test: venv
 	$(PYTEST) --dist loadgroup -m system
 
 noble:
-	+$(MAKE) noble-tests $(NOBLE)
+	+$(MAKE) noble-some $(NOBLE)
+
+nightly:
+	+$(MAKE) noble-all $(NOBLE)
+	+$(MAKE) soak
+	+$(MAKE) calls
+	+$(MAKE) plant
 
 noble-venv:
 	+$(MAKE) venv $(NOBLE)
 
-noble-tests: venv
+# What random examples prove does not depend on the versions: a few of them do.
+noble-some: export EXAMPLES_SHARE = 0.02
+noble-some: venv
+	$(PYTEST) -m 'not system' test/core test/nodes
+
+noble-all: venv
 	$(PYTEST) -m 'not system and not linter'
 	$(PYTEST) --dist loadgroup -m system
 	$(BIN)/python -m isotruss_ros.demo --output $(VENV)/demo
@@ -103,6 +117,8 @@ soak: MINUTES = 15
 soak: venv
 	$(BIN)/python test/helpers/soak.py --minutes $(MINUTES)
 	$(BIN)/python test/helpers/walks.py --walks $(WALKS)
+
+calls: venv
 	set -e; first=0; for kind in $(CORETYPES); do \
 		OPENBLAS_CORETYPE=$$kind $(BIN)/python test/helpers/random_calls.py \
 			--first $$first --calls $$(($(CALLS) / $(words $(CORETYPES)))); first=$$((first + $(CALLS))); done

@@ -20,6 +20,7 @@ import argparse
 from collections import Counter
 import dataclasses
 import functools
+import importlib
 import os
 import sys
 import tempfile
@@ -40,6 +41,10 @@ from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 import robots
 import shapes
+
+# What the first call of a process would load.
+for part in ('scipy.interpolate', 'scipy.optimize'):
+    importlib.import_module(part)
 
 #: Robots besides the presets.
 ROBOTS = 12

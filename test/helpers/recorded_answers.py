@@ -13,6 +13,7 @@ Answers of the public calls to recorded questions, each question a plain mapping
 They were recorded before the short forms of the core went; `test_recorded_answers` compares.
 """
 
+import functools
 import gzip
 import json
 from pathlib import Path
@@ -31,11 +32,15 @@ SHAPES = {'disc': Disc, 'ellipse': Ellipse, 'polygon': Polygon}
 def find_robot(question):
     """Return the robot of a question: a preset, or one whose file it holds."""
     given = question['robot']
-    if isinstance(given, str):
-        return load_robot(given)
+    return load_robot(given) if isinstance(given, str) else read_robot(json.dumps(given))
+
+
+@functools.cache
+def read_robot(text):
+    """Return the robot of a file; JSON is YAML."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, 'robot.yaml')
-        path.write_text(json.dumps(given), encoding='utf-8')  # JSON is YAML
+        path.write_text(text, encoding='utf-8')
         return load_robot(str(path))
 
 

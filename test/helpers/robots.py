@@ -35,7 +35,7 @@ _folder = tempfile.TemporaryDirectory(prefix='isotruss_test_')
 atexit.register(_folder.cleanup)
 
 
-#: Share of the random examples that are run; `make test` and `make noble` are content with fewer.
+#: Share of the random examples that are run: `make test` is content with fewer.
 SHARE = float(os.environ.get('EXAMPLES_SHARE', '1'))
 
 

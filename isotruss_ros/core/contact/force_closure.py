@@ -35,8 +35,6 @@ FACET_TOLERANCE = 1e-9
 SMALL = 1e-8
 #: Precision of the shares, and steps of their search for each of them.
 PRECISION, MOST_STEPS = 1e-14, 10
-#: The same of the slope of the dual problem, which tells only what is at bounds; and its steps.
-WEIGHT, NEWTON_STEPS = 1e-10, 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,80 +93,20 @@ def check_force_closure(
 
 def _balance(segments: Array, load: Array, friction: float) -> tuple[Array, float]:
     """Return the shares (k,) in [-mu, mu] of the segments, and what they leave of the load."""
-    if len(segments) == 0 or friction == 0.0:
-        return np.zeros(len(segments)), float(np.linalg.norm(load))
+    k = len(segments)
+    if k == 0 or friction == 0.0:
+        return np.zeros(k), float(np.linalg.norm(load))
     # A load beyond all friction must not overflow in the search either.
     size = max(float(np.abs(segments).max()), 1e-6 * float(np.abs(load).max()))
-    scaled, wanted = segments / size, -load / size
-    shares = find_shares(scaled, wanted, friction)
-    if shares is None:
-        shares = bounded_least_squares(scaled, wanted, friction)
-    return shares, float(np.linalg.norm(segments.T @ shares + load))
-
-
-def find_shares(segments: Array, wanted: Array, friction: float) -> Array | None:
-    """
-    Return what `bounded_least_squares` does, in a tenth of the time, by its dual problem.
-
-    The shares are linear in the position along a slope in the space of wrenches, cut off at their
-    bounds: Newton's method with exact steps finds the slope, three numbers, and with it those
-    that are at their bounds.
-
-    :param segments: (k, 3) the wrenches of the contacts, of size 1.
-    :param wanted: (3,) the wrench.
-    :param friction: mu, largest share.
-    :return: (k,), or None where the steps do not settle.
-    """
-    slope, before = np.zeros(3), None
-    for _ in range(NEWTON_STEPS):
-        steep = segments @ slope
-        shares = np.clip(steep, -friction, friction)
-        bound = np.where(np.abs(steep) < friction, 0.0, np.sign(steep))
-        free = bound == 0.0
-        if before is not None and (bound == before).all():
-            rest = wanted - bound @ segments * friction
-            shares[free] = np.linalg.lstsq(segments[free].T, rest, FACET_TOLERANCE)[0]
-            return shares if np.abs(shares).max() <= friction * (1.0 + PRECISION) else None
-        before = bound
-        hessian = segments[free].T @ segments[free] + WEIGHT * np.eye(3)
-        step = np.linalg.solve(hessian, wanted - shares @ segments - WEIGHT * slope)
-        slope = slope + _exact_step(segments, wanted, friction, slope, step) * step
-    return None
-
-
-def _exact_step(
-    segments: Array, wanted: Array, friction: float, slope: Array, step: Array
-) -> float:
-    """Return the part of a step, up to 1, at which the dual function is smallest along it."""
-    steep, change = segments @ slope, segments @ step
-    moving = change != 0.0
-    bounds = np.array([[-friction], [friction]])
-    kinks = ((bounds - steep[moving]) / change[moving]).ravel()
-    # Between the kinks the derivative along the step is linear, and it only falls.
-    parts = np.sort(np.concatenate([[0.0], kinks[(kinks > 0.0) & (kinks < 1.0)], [1.0]]))
-    shares = np.clip(steep + parts[:, None] * change, -friction, friction)
-    rates = step @ wanted - WEIGHT * (step @ slope + parts * (step @ step)) - shares @ change
-    return float(np.interp(0.0, -rates, parts))
-
-
-def bounded_least_squares(segments: Array, wanted: Array, friction: float) -> Array:
-    """
-    Return the shares that come closest to a wrench, of these those of the least sum of squares.
-
-    :param segments: (k, 3) the wrenches of the contacts.
-    :param wanted: (3,) the wrench.
-    :param friction: mu, largest share.
-    :return: (k,).
-    """
-    k = len(segments)
-    return scipy.optimize.lsq_linear(
-        np.concatenate([segments.T, SMALL * np.eye(k)]),
-        np.concatenate([wanted, np.zeros(k)]),
+    found = scipy.optimize.lsq_linear(
+        np.concatenate([segments.T / size, SMALL * np.eye(k)]),
+        np.concatenate([-load / size, np.zeros(k)]),
         (-friction, friction),
         method='bvls',
         tol=PRECISION,
         max_iter=MOST_STEPS * k,
     ).x
+    return found, float(np.linalg.norm(segments.T @ found + load))
 
 
 def _extremes(

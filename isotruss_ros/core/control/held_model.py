@@ -49,7 +49,7 @@ def attach_model(config: Configuration, grip: Grip) -> HeldGrip | HoldStatus:
     :raises StructureError: see `structure_of`.
     """
     members = find_members(config.robot, grip.members).members
-    return attach_grip(config, grip.body, members)
+    return attach_grip(config, grip.body, members, quick=True)
 
 
 def sensitivity(grasp: HeldGrip, friction: float) -> Sensitivity | None:

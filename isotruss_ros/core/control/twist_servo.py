@@ -163,8 +163,9 @@ class TwistServo:
         self._regulated: float | None = None  # the time of the last cycle of the squeeze control
         self._detected: float | None = None  # the time of the rollers that were compared last
         self._tracker = ConfigurationTracker(robot.home)
-        # SciPy loads its solver when that is first used: not in the cycle in which a limit binds.
-        importlib.import_module('scipy.optimize')
+        # SciPy loads its parts when they are first used: not in a cycle.
+        for part in ('scipy.interpolate', 'scipy.optimize'):
+            importlib.import_module(part)
 
     @property
     def failed(self) -> frozenset[str]:

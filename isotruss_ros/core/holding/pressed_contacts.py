@@ -21,7 +21,7 @@ from isotruss_ros.core.model.shapes import Face, Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: A shorter face than this many tube radii is touched in one place: its ends share one dent.
+#: Ends of a face that are nearer than this many tube radii along the tube share one dent.
 LEAST_FACE = 1.0
 
 
@@ -125,12 +125,7 @@ def find_pressed(config: Configuration, body: ConvexObject, members: Indices) ->
     for owner, (normal, distance) in enumerate(zip(own.tolist(), away.tolist(), strict=True)):
         corner = body.shape.corners_at(normal, 0.0)[0]
         face = _deeper_face(body.shape, corner, normal)
-        if face is None or face.length < LEAST_FACE * radius:
-            found.append((owner, corner, np.inf, np.inf))
-            continue
-        # How deep its other end is in the tube.
-        height = (body.shape.point_at(face.corner, normal) * normal.conjugate()).real
-        if height - distance + radius <= 0.0:
+        if face is None or not _is_laid(body.shape, corner, face, normal, distance, radius):
             found.append((owner, corner, np.inf, np.inf))
             continue
         one, other = (corner, face.corner)[:: face.step]
@@ -139,6 +134,16 @@ def find_pressed(config: Configuration, body: ConvexObject, members: Indices) ->
     owners = np.array([row[0] for row in found])
     corners = np.array([row[1] for row in found])
     return PressedContacts(members[owners], owners, corners, np.array([row[2:] for row in found]))
+
+
+def _is_laid(
+    shape: Shape, corner: int, face: Face, normal: complex, distance: float, radius: float
+) -> bool:
+    """Return whether the other end of a face is in the tube too, and not in the same dent."""
+    back, end = normal.conjugate(), shape.point_at(face.corner, normal)
+    apart = face.step * ((end - shape.point_at(corner, normal)) * back).imag
+    deep = (end * back).real - distance + radius
+    return apart >= LEAST_FACE * radius and deep > 0.0
 
 
 def _deeper_face(shape: Shape, corner: int, normal: complex) -> Face | None:

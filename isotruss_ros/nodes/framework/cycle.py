@@ -15,6 +15,7 @@ from collections.abc import Callable
 from functools import partial
 import time
 
+from isotruss_ros.nodes.framework.subscriptions import take_waiting
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -51,6 +52,7 @@ class Cycle:
         self._last = self._read = 0
         self._changed = time.monotonic()
         simulated = node.get_parameter('use_sim_time').value
+        self._times = [each for each in node.subscriptions if each.topic_name == '/clock']
         # Timers of the system's clock would stop for an hour when that is set back by an hour.
         create_timer = node.create_timer if simulated else partial(create_steady_timer, node)
         self._timer = create_timer(1.0 / rate, self._tick)
@@ -87,6 +89,10 @@ class Cycle:
         self._tick()
 
     def _tick(self) -> None:
+        # After a long callback the inputs may be newer than the time that was taken before it.
+        for subscription in self._times:
+            for message in take_waiting([], subscription, 1):
+                subscription.callback(message)
         now = self._clock.now()
         if now.nanoseconds < self._last:
             self._jumped_back()

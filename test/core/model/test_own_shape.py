@@ -75,6 +75,10 @@ class Cam(Shape):
         """Return points of the surface on tangents [m]."""
         return self.offset + self.radius * normals
 
+    def surface_at(self, corners, normals):
+        """Return points of the surface with given normals, and radii of curvature [m]."""
+        return self.support_points(normals), np.full(len(normals), self.radius)
+
     def unroll(self, angles, corners):
         """Return the arcs to points with given normals [m]."""
         return self.radius * angles

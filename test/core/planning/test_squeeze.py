@@ -459,23 +459,6 @@ def test_depths_stay_within_bounds_and_so_do_shares(monkeypatch):
     assert all(0.1 <= depth / depths.mean() <= 10.0 for depths in tried for depth in depths)
 
 
-@pytest.mark.parametrize(('factor', 'last'), [(1e9, 0.8), (0.0, 0.03)])
-def test_nine_tenths_of_what_remains_are_tried_at_most(factor, last, monkeypatch):
-    tried, tube = [], load_robot('triangle').description.tube_diameter
-
-    def balance(search, depth, shares):
-        tried.append(depth)
-        return factor
-
-    monkeypatch.setattr(Squeeze, '_balance', balance)
-    start, closing = opened('top')
-    closing = dataclasses.replace(closing, settings=SearchSettings(max_depths=3))
-    assert Squeeze(start, closing, NEEDS).search() is None
-    left = (0.33 - last) * 0.1 ** np.arange(len(tried))
-    assert np.array(tried) == pytest.approx((last + left) * tube)
-    assert len(tried) >= 2
-
-
 def symmetric():
     """Return a triangle that is its own mirror image, and so are its supports."""
     document = robots.example()
