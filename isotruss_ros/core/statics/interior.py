@@ -34,6 +34,18 @@ Number = Any
 #: Rows of what a place does across the beam: deflection, slope of the line, rotation of the
 #: section, and the change of both angles along the beam.
 DEFLECTION, SLOPE, ROTATION, BEND = range(4)
+#: Rows of responses and of what loads work on: of deflection and slope by force and moment, and of
+#: their derivatives by the place of the response and by that of the load.
+INFLUENCES = tuple(
+    (row, column)
+    for rows, columns in (
+        ((DEFLECTION, SLOPE), (DEFLECTION, ROTATION)),
+        ((SLOPE, BEND), (DEFLECTION, ROTATION)),
+        ((DEFLECTION, SLOPE), (SLOPE, BEND)),
+    )
+    for row in rows
+    for column in columns
+)
 
 
 class ClampedBeam:
@@ -92,7 +104,9 @@ class ClampedBeam:
         found[DEFLECTION][0] += 1.0
         return found
 
-    def held_back(self, x: Number, rows: int = 4) -> list[tuple[tuple[Number, ...], ...]]:
+    def held_back(
+        self, x: Number, rows: int = 4
+    ) -> tuple[list[tuple[Number, ...]], list[tuple[Number, ...]]]:
         """
         Return what the held end takes off a cantilever from the start, and a pin adds.
 
@@ -103,11 +117,12 @@ class ClampedBeam:
             with the latter's second one.
         """
         (p, q, r), (force, moment), pin = self._tip, self._by_turn, self._pin
-        found = []
+        first, second = [], []
         for a, b, lever in self._by_tip(x)[:rows]:
             turned = a * force + b * moment + lever
-            found.append(((a * p + b * q, a * q + b * r, -pin * turned), (a, b, turned)))
-        return found
+            first.append((a * p + b * q, a * q + b * r, -pin * turned))
+            second.append((a, b, turned))
+        return first, second
 
     def cantilever(self, near: Number, far: Number) -> Number:
         """
@@ -143,29 +158,21 @@ class ClampedBeam:
         ei, ga, stretch = self._ei, self._ga, self._stretch
         slope, sag = near * (y - 0.5 * near) * ei + before * ga, near * (x - 0.5 * near) * ei
         bow = near * ei
-        own = (
-            (
-                (DEFLECTION, SLOPE),
-                (DEFLECTION, ROTATION),
-                (self.cantilever(near, far), sag, slope, bow),
-            ),
-            ((SLOPE, BEND), (DEFLECTION, ROTATION), (slope, bow, (y - near) * ei, before * ei)),
-            (
-                (DEFLECTION, SLOPE),
-                (SLOPE, BEND),
-                (sag + behind * ga, (x - near) * ei, bow, behind * ei),
-            ),
+        cantilever = (
+            *(self.cantilever(near, far), sag, slope, bow),
+            *(slope, bow, (y - near) * ei, before * ei),
+            *(sag + behind * ga, (x - near) * ei, bow, behind * ei),
         )
-        pulls = near * rest, before * rest - behind * near, behind * rest - before * near
-        here, there = self.held_back(x), self.held_back(y)
-        found = []
-        for pull, (rows, columns, values) in zip(pulls, own, strict=True):
-            found.append(pull * stretch)
-            places = ((row, column) for row in rows for column in columns)
-            for (row, column), value in zip(places, values, strict=True):
-                (a, b, c), (d, e, f) = here[row][0], there[column][1]
-                found.append(value - (a * d + b * e + c * f))
-        return found
+        first, second = self.held_back(x)
+        if x != y:
+            second = self.held_back(y)[1]
+        across = []
+        for value, (row, column) in zip(cantilever, INFLUENCES, strict=True):
+            (a, b, c), (d, e, f) = first[row], second[column]
+            across.append(value - (a * d + b * e + c * f))
+        along = stretch * near * rest
+        by_x, by_y = before * rest - behind * near, behind * rest - before * near
+        return [along, *across[:4], stretch * by_x, *across[4:8], stretch * by_y, *across[8:]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +222,7 @@ class InteriorPoints:
         """
         place, same = self.place, self.member[:, None] == self.member
         near, far = np.minimum(place[:, None], place), np.maximum(place[:, None], place)
-        left, right = self._beam.held_back(place, 1)[DEFLECTION]
+        (left,), (right,) = self._beam.held_back(place, 1)
         found = np.empty((2, *near.shape))
         found[0] = self._beam.along(near, far)
         found[1] = self._beam.cantilever(near, far)
