@@ -73,9 +73,12 @@ class ClampedBeam:
         # The moment at the start by these four: a pinned one turns until there is none.
         pin = [-length * f - m for f, m in zip(force, moment, strict=True)]
         free = [pinned * value / pin[1] for value in pin]
-        self._force = [f - by_turn[0] * z for f, z in zip(force, free, strict=True)]
-        self._moment = [m - by_turn[1] * z for m, z in zip(moment, free, strict=True)]
-        self._turns = [-free[0], 1.0 - free[1], -free[2], -free[3]]
+        turns = [-free[0], 1.0 - free[1], -free[2], -free[3]]
+        # Force and moment at the tip, and turn of the start, by what both ends do.
+        self._by_ends = [
+            (f - by_turn[0] * z, m - by_turn[1] * z, t)
+            for f, m, z, t in zip(force, moment, free, turns, strict=True)
+        ]
         self._tip, self._by_turn, self._pin = (p, q, r), by_turn, pinned / pin[1]
         self._length, self._ei, self._ga = length, ei, ga
         self._stretch = 1.0 / (axial * length)
@@ -97,9 +100,9 @@ class ClampedBeam:
         :param rows: how many of the rows from `DEFLECTION` to `BEND` are returned.
         :return: rows by deflection and rotation of the start and of the end.
         """
-        by_ends = list(zip(self._force, self._moment, self._turns, strict=True))
         found = [
-            [a * f + b * m + c * t for f, m, t in by_ends] for a, b, c in self._by_tip(x)[:rows]
+            [a * f + b * m + c * t for f, m, t in self._by_ends]
+            for a, b, c in self._by_tip(x)[:rows]
         ]
         found[DEFLECTION][0] += 1.0
         return found
