@@ -377,3 +377,14 @@ def test_members_turn_to_where_friction_holds_to_spare():
     assert missing_turn(state, tight) == pytest.approx(
         np.abs(np.angle(closing.facing * normals.conj())).sum()
     )
+
+
+def test_members_with_nothing_to_turn_to_are_off_by_half_a_turn():
+    body = ConvexObject.disc((0.6, 0.3), 0.3)
+    names = HOME.robot.member_names
+    apart = tuple(names.index(name) for name in ('north/P-Z', 'north/Z-R'))
+    closing = Closing(body, apart, (), 0.1, 0.01)
+    assert closing.facing is None
+    state = evaluate_state(HOME, body)
+    assert missing_turn(state, closing) == np.pi
+    assert missing_turn(state, replace(closing, friction_angle=3.0)) == 0.0

@@ -75,3 +75,10 @@ def test_without_friction_members_are_to_lie_on_faces(angle):
         normals = own * body.turn * np.array([1.0, -1.0]) * np.exp([0.1j, -0.05j])
         found = find_facing(body, normals, 1e-3, TURNING)
         assert found == pytest.approx(own * body.turn * np.array([1.0, -1.0]), abs=1e-9)
+
+
+def test_an_ellipse_askew_is_held_from_no_direction_without_friction():
+    body = ConvexObject(Ellipse((0.2, 0.1)), (0.0, 0.0, 0.1234))
+    normals = np.array([1.0, -1.0 + 0j])
+    assert find_facing(body, normals, 0.0, 0.5) is None
+    assert find_facing(body, normals, 0.3, 0.5) is not None

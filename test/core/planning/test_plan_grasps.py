@@ -9,7 +9,7 @@
 
 """The search for grasps: what it returns holds, by analyses and geometry of their own."""
 
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import replace
 import itertools
 import multiprocessing
@@ -424,3 +424,37 @@ def test_a_module_or_a_seed_that_cannot_be_is_refused():
     for seed in (-1, 0.5, True):
         with pytest.raises(GraspError, match='seed'):
             plan_grasps(ROBOT.home, OBJECTS['north'], NEEDS, seed=seed)
+
+
+class Never:
+    """An executor that never comes to what it has been given."""
+
+    def __init__(self):
+        self.futures = []
+
+    def submit(self, *_):
+        self.futures.append(Future())
+        return self.futures[-1]
+
+
+def test_a_search_that_waits_for_others_stops_when_it_is_told_to():
+    executor, asked = Never(), []
+
+    def should_stop():
+        asked.append(len(executor.futures))
+        # Waits twice.
+        return asked.count(asked[-1]) > 2 and asked[-1] > 0
+
+    settings = replace(DEFAULT, poll_interval=1e-3)
+    plan = plan_grasps(
+        ROBOT.home,
+        OBJECTS['north'],
+        NEEDS,
+        executor=executor,
+        should_stop=should_stop,
+        settings=settings,
+    )
+    assert not plan.complete
+    assert plan.grasps == ()
+    assert executor.futures
+    assert all(future.cancelled() for future in executor.futures)

@@ -139,3 +139,11 @@ def test_a_clearance_is_positive(clearance):
     held = grasped(0.2)
     with pytest.raises(GraspError, match=f'clearance {clearance}'):
         plan_release(held.config, ConvexObject.disc(CENTER, 0.2), MEMBERS, clearance)
+
+
+def test_members_that_cannot_open_so_far_do_not_let_go():
+    body = ConvexObject.disc(CENTER, 0.3)
+    near, far = (plan_release(HOME, body, MEMBERS, away) for away in (0.03, 3.0))
+    assert near.violation is None
+    assert far.violation is not None
+    assert len(far.path) == 0
