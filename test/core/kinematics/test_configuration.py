@@ -325,6 +325,9 @@ def test_rows_on_node_velocities_become_rows_on_rollers(robot, rng):
     found = config.module_rows(rows)[:, robot.topology.driven]
     expected = rows @ config.node_jacobian
     np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        config.roller_rows(rows), expected, atol=1e-8 * np.abs(expected).max()
+    )
 
 
 def test_no_travel_predicts_the_configuration_itself():
