@@ -33,5 +33,13 @@ settings.load_profile('any load')
 @pytest.fixture(autouse=True)
 def own_domain(request, monkeypatch):
     """Give tests of processes a domain each: one that was killed leaves its traces in its own."""
-    if request.node.get_closest_marker('system'):
+    if request.node.get_closest_marker('system') and 'shared_domain' not in request.fixturenames:
         monkeypatch.setenv('ROS_DOMAIN_ID', str(next(_domains)))
+
+
+@pytest.fixture(scope='module')
+def shared_domain():
+    """Give the tests of a file that share their processes one domain."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('ROS_DOMAIN_ID', str(next(_domains)))
+        yield

@@ -173,7 +173,7 @@ def play(rate):
 @pytest.fixture(scope='module')
 def played():
     """Play the path once; half of the nodes' rate is cheaper, and exact enough."""
-    return play(50.0)
+    return play(25.0)
 
 
 def test_object_ends_where_the_commands_put_it(played):
@@ -210,7 +210,7 @@ def test_pictures_are_written(played, tmp_path):
                 assert quarter.std() > 10.0
     animate(ROBOT, OBJECT_DIAMETER, records[:1], tmp_path / 'demo.gif')
     with Image.open(tmp_path / 'demo.gif') as animation:
-        assert animation.n_frames == 28
+        assert animation.n_frames == 18
 
 
 def test_the_picture_shows_the_robot_that_runs(monkeypatch, tmp_path):

@@ -9,7 +9,6 @@
 
 """The items of the paper: what must hold in each, and that the page in docs/ shows them."""
 
-import importlib
 import math
 from pathlib import Path
 import re
@@ -58,21 +57,6 @@ def results():
 
 
 # -- The pages --
-
-
-def named_objects(text):
-    return sorted(set(re.findall(r'`(core(?:\.\w+)+)', text)))
-
-
-@pytest.mark.parametrize('path', sorted(DOCS.glob('*.md')), ids=lambda path: path.name)
-def test_functions_named_in_the_docs_exist(path):
-    for name in named_objects(path.read_text(encoding='utf-8')):
-        found, walked = importlib.import_module('isotruss_ros'), 'isotruss_ros'
-        for part in name.split('.'):
-            walked = f'{walked}.{part}'
-            if not hasattr(found, part):
-                importlib.import_module(walked)
-            found = getattr(found, part)
 
 
 def test_page_is_what_the_items_report(results):

@@ -12,6 +12,7 @@
 import contextlib
 import importlib.util
 import io
+import re
 import shutil
 import threading
 import time
@@ -33,7 +34,7 @@ CHROMIUM = shutil.which('chromium')
 PACKAGES = all(map(importlib.util.find_spec, ('viser', 'playwright')))
 pytestmark = [
     pytest.mark.system,
-    pytest.mark.xdist_group('many nodes'),
+    pytest.mark.xdist_group('browser'),
     pytest.mark.skipif(not PACKAGES, reason='pip install viser playwright'),
     pytest.mark.skipif(CHROMIUM is None, reason='apt-get install chromium'),
     pytest.mark.timeout(900),
@@ -44,6 +45,12 @@ DEADLINE = 240.0
 #: The server; the next port that is free where this is taken.
 PORT = 8431
 VIEWPORT = {'width': 900, 'height': 800}
+#: What is drawn in software takes the processors from the nodes.
+SLOWLY = """
+const draw = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = (show) => setTimeout(() => draw(show), 100);
+window.cancelAnimationFrame = clearTimeout;
+"""
 #: So slow that no drag arrives during a test [m/s].
 SPEED = 0.002
 #: Of the browser's own client: it is no fault of the page.
@@ -127,6 +134,18 @@ def launch(playwright, program):
     )
 
 
+def open_page(browser, scale):
+    """
+    Return a page that draws at most ten times a second.
+
+    :param scale: pixels drawn for one of the viewport, each way.
+    """
+    page = browser.new_page(viewport=VIEWPORT, device_scale_factor=scale)
+    page.add_init_script(SLOWLY)
+    page.set_default_timeout(1e3 * DEADLINE)
+    return page
+
+
 def read_address(process):
     """Return the address that a viewer prints, once it does."""
     end = time.monotonic() + DEADLINE
@@ -152,15 +171,11 @@ def grab(page, until):
 
 
 class Follower:
-    """
-    An object that moves as the twists say, each for 50 ms.
+    """An object that moves as the twists say, each for 50 ms, or that does not."""
 
-    :param moves: whether it does.
-    """
-
-    def __init__(self, moves=True):
+    def __init__(self):
         begin_context()
-        self._moves, self._center, self.twists = moves, np.zeros(2), []
+        self.begin()
         self._node = rclpy.create_node('follower')
         self._poses = self._node.create_publisher(PoseStamped, 'object_pose', 1)
         self._node.create_subscription(Twist, 'cmd_vel', self._follow, 100)
@@ -169,6 +184,10 @@ class Follower:
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._executor.spin)
         self._thread.start()
+
+    def begin(self, moves=True):
+        """Forget all twists, and go back to where it began."""
+        self._moves, self._center, self.twists = moves, np.zeros(2), []
 
     def _follow(self, twist):
         self.twists.append((twist.linear.x, twist.linear.y))
@@ -186,7 +205,7 @@ class Follower:
         end = time.monotonic() + DEADLINE
         while not what():
             assert time.monotonic() < end, f'not within {DEADLINE} s'
-            time.sleep(0.05)
+            time.sleep(0.2)
 
     def is_commanded(self):
         """Return whether the last twist moves."""
@@ -202,72 +221,6 @@ class Follower:
         self._thread.join()
         self._node.destroy_node()
         rclpy.shutdown()
-
-
-@contextlib.contextmanager
-def open_pages(folder, count, moves=True):
-    """Yield a follower and pages of a viewer that runs beside nothing else."""
-    from playwright.sync_api import sync_playwright
-
-    viewer = ('viewer', {'max_speed': SPEED, 'port': PORT})
-    with running_nodes([viewer], folder) as processes, sync_playwright() as playwright:
-        browser, pages = launch(playwright, CHROMIUM), []
-        for number in range(count):
-            page = browser.new_page(viewport=VIEWPORT, device_scale_factor=0.3)
-            page.set_default_timeout(1e3 * DEADLINE)
-            page.goto(read_address(processes[0]))
-            page.get_by_text(f'browser {number}: nobody has control').wait_for()
-            pages.append(page)
-        with contextlib.closing(Follower(moves)) as follower:
-            yield follower, pages
-        browser.close()
-
-
-@pytest.mark.parametrize('leave', ['close', 'reload'])
-def test_a_browser_that_leaves_in_mid_drag_commands_nothing_more(tmp_path, leave):
-    with open_pages(tmp_path, 2) as (follower, (page, other)):
-        switch_control(page)
-        other.get_by_text('browser 1: browser 0 has control').wait_for()
-        grab(page, follower.until)
-        follower.until(follower.is_commanded)
-        getattr(page, leave)()
-        follower.until(lambda: not follower.is_commanded())
-        other.get_by_text('browser 1: nobody has control').wait_for()
-        assert not other.locator('input[type=checkbox]').last.is_checked()
-        # The target was neither reached nor given up.
-        assert follower.speeds()[-1] == pytest.approx(SPEED)
-        assert 'given up' not in (tmp_path / 'viewer.log').read_text()
-        if leave == 'reload':
-            page.get_by_text('browser 2: nobody has control').wait_for()
-            assert not page.locator('input[type=checkbox]').last.is_checked()
-
-
-def test_a_second_browser_has_no_control_until_the_first_lets_go(tmp_path):
-    with open_pages(tmp_path, 2) as (follower, (page, other)):
-        switch_control(page)
-        other.get_by_text('browser 1: browser 0 has control').wait_for()
-        assert other.locator('input[type=checkbox]').last.is_disabled()
-        assert other.get_by_role('button', name='pick', exact=True).count() == 0
-        grab(other, follower.until)
-        switch_control(page)
-        other.get_by_text('browser 1: nobody has control').wait_for()
-        assert not follower.is_commanded()
-        switch_control(other)
-        page.get_by_text('browser 0: browser 1 has control').wait_for()
-
-
-def test_a_drag_without_progress_is_given_up_with_the_reason(tmp_path):
-    with open_pages(tmp_path, 1, moves=False) as (follower, (page,)):
-        switch_control(page)
-        grab(page, follower.until)
-        page.get_by_text('drag given up: object: no progress for 2 s').wait_for()
-        follower.until(lambda: follower.twists and not follower.is_commanded())
-        # It comes back with a new drag only, not with the end of this one.
-        before = len(follower.speeds())
-        page.mouse.up()
-        page.get_by_role('button', name='stop', exact=True).click()
-        page.get_by_text('browser 0: nobody has control').wait_for()
-        assert len(follower.speeds()) == before
 
 
 def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
@@ -291,8 +244,7 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         observer.until(lambda: 'object_pose' in observer.seen)
         browser = launch(playwright, polite_browser(tmp_path))
         # A quarter of the pixels: what draws in software takes the processors from the nodes.
-        page = browser.new_page(viewport=VIEWPORT, device_scale_factor=0.5)
-        page.set_default_timeout(1e3 * DEADLINE)
+        page = open_page(browser, 0.5)
         page.on('pageerror', lambda error: errors.append(str(error)))
         page.on('console', lambda m: errors.append(m.text) if m.type == 'error' else None)
         page.goto(address)
@@ -333,3 +285,108 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         browser.close()
         observer.close()
     assert [error for error in errors if HARMLESS not in error] == []
+
+
+class View:
+    """
+    A viewer that runs beside nothing but a follower, and a browser.
+
+    :param log: what the viewer prints.
+    """
+
+    def __init__(self, browser, address, follower, log):
+        self._browser, self._address = browser, address
+        self.follower, self.log = follower, log
+
+    def open_pages(self, count):
+        """Return pages with their numbers; none of them has control."""
+        pages = []
+        for _ in range(count):
+            page = open_page(self._browser, 0.3)
+            page.goto(self._address)
+            pages.append((page, number_of(page)))
+        return pages
+
+    def close_pages(self):
+        """Close all pages."""
+        for context in self._browser.contexts:
+            context.close()
+        self.follower.until(lambda: not self.follower.is_commanded())
+
+
+def number_of(page):
+    """Return the number by which the viewer knows a page, once nobody has control."""
+    told = page.get_by_text(re.compile(r'browser \d+: nobody has control'))
+    return int(re.search(r'browser (\d+)', told.text_content())[1])
+
+
+@pytest.fixture(scope='module')
+def opened(shared_domain, tmp_path_factory):
+    """Return a view for all tests of this file."""
+    from playwright.sync_api import sync_playwright
+
+    folder = tmp_path_factory.mktemp('view')
+    viewer = ('viewer', {'max_speed': SPEED, 'port': PORT})
+    with running_nodes([viewer], folder) as processes, sync_playwright() as playwright:
+        browser = launch(playwright, CHROMIUM)
+        with contextlib.closing(Follower()) as follower:
+            yield View(browser, read_address(processes[0]), follower, processes[0].log)
+        browser.close()
+
+
+@pytest.fixture
+def view(opened):
+    """Return the view without pages, beside an object that moves."""
+    opened.follower.begin()
+    yield opened
+    opened.close_pages()
+
+
+@pytest.mark.parametrize('leave', ['close', 'reload'])
+def test_a_browser_that_leaves_in_mid_drag_commands_nothing_more(view, leave):
+    (page, number), (other, other_number) = view.open_pages(2)
+    follower = view.follower
+    switch_control(page)
+    other.get_by_text(f'browser {other_number}: browser {number} has control').wait_for()
+    grab(page, follower.until)
+    follower.until(follower.is_commanded)
+    getattr(page, leave)()
+    follower.until(lambda: not follower.is_commanded())
+    other.get_by_text(f'browser {other_number}: nobody has control').wait_for()
+    assert not other.locator('input[type=checkbox]').last.is_checked()
+    # The target was neither reached nor given up.
+    assert follower.speeds()[-1] == pytest.approx(SPEED)
+    assert 'given up' not in view.log.read_text()
+    if leave == 'reload':
+        assert number_of(page) > other_number
+        assert not page.locator('input[type=checkbox]').last.is_checked()
+
+
+def test_a_second_browser_has_no_control_until_the_first_lets_go(view):
+    (page, number), (other, other_number) = view.open_pages(2)
+    switch_control(page)
+    other.get_by_text(f'browser {other_number}: browser {number} has control').wait_for()
+    assert other.locator('input[type=checkbox]').last.is_disabled()
+    assert other.get_by_role('button', name='pick', exact=True).count() == 0
+    grab(other, view.follower.until)
+    switch_control(page)
+    other.get_by_text(f'browser {other_number}: nobody has control').wait_for()
+    assert not view.follower.is_commanded()
+    switch_control(other)
+    page.get_by_text(f'browser {number}: browser {other_number} has control').wait_for()
+
+
+def test_a_drag_without_progress_is_given_up_with_the_reason(view):
+    ((page, number),) = view.open_pages(1)
+    follower = view.follower
+    follower.begin(moves=False)
+    switch_control(page)
+    grab(page, follower.until)
+    page.get_by_text('drag given up: object: no progress for 2 s').wait_for()
+    follower.until(lambda: follower.twists and not follower.is_commanded())
+    # It comes back with a new drag only, not with the end of this one.
+    before = len(follower.speeds())
+    page.mouse.up()
+    page.get_by_role('button', name='stop', exact=True).click()
+    page.get_by_text(f'browser {number}: nobody has control').wait_for()
+    assert len(follower.speeds()) == before

@@ -17,9 +17,7 @@ from isotruss_ros.core import (
     Disc,
     HoldStatus,
     load_robot,
-    ObjectPath,
     place_between,
-    Pose,
     settle_grasp,
     solve_twist,
     Status,
@@ -30,11 +28,7 @@ from isotruss_ros.core.control.grasp_monitor import GraspMonitor
 from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.core.control.held_model import sensitivity
 from isotruss_ros.core.control.inputs import RejectedInput, RollerState, StampedInput
-from isotruss_ros.core.control.path_servo import PathServo, ServoFeedback
-from isotruss_ros.core.control.path_tracking import TrackingSettings
-from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
-from isotruss_ros.core.errors import PathError
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 import numpy as np
 import pytest
@@ -90,29 +84,6 @@ def test_an_indifferent_equilibrium_is_not_held(monkeypatch):
     assert control.grasp is None
     with pytest.raises(ValueError, match='follow comes before solve'):
         control.solve(np.zeros(3), PERIOD, solve_twist)
-
-
-def test_settings_of_a_path_in_a_wrong_order_are_refused():
-    TrackingSettings(free_share=0.3, standing_share=1.0)
-    for free, standing in ((0.5, 0.5), (0.6, 0.5), (0.5, 1.01)):
-        with pytest.raises(PathError, match=f'free_share {free} and standing_share {standing}'):
-            TrackingSettings(free_share=free, standing_share=standing)
-
-
-def test_the_rate_of_a_path_may_change_before_it_begins_and_on_it():
-    servo = PathServo(0.01, TIMEOUT)
-    servo.period = 0.02
-    servo.pose = StampedInput(Pose(0.0, 0.0, 0.0), NOW)
-    servo.servo_feedback = StampedInput(ServoFeedback(Status.OK, 1.0, ''), NOW)
-    path = ObjectPath([(0.0, 0.0, 0.0), (0.05, 0.0, 0.0)], 0.05, 0.2)
-    servo.begin(path, TrackingSettings(), NOW)
-    assert servo.period == servo.tracker.period == 0.02
-    servo.period = 0.005
-    assert servo.period == servo.tracker.period == 0.005
-
-
-def test_without_a_trajectory_rollers_are_wanted_nowhere():
-    assert RollerTrajectoryServo(ROBOT, PERIOD, TIMEOUT).wanted is None
 
 
 def test_a_direction_that_limits_bend_ends_the_reference():

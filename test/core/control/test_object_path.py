@@ -285,3 +285,9 @@ def test_any_numbers_make_a_path_or_are_refused(poses, speed, turn_rate, smooth)
     assert 0.0 < path.duration < math.inf
     for time in np.linspace(0.0, path.duration, 9):
         assert np.isfinite(path.pose(time)).all()
+
+
+def test_smooth_paths_are_cut_into_pieces_of_half_a_centimetre_and_a_fiftieth_of_a_radian():
+    for end in ((0.0999, 0.0, 0.0), (0.0, 0.0, 0.3999)):
+        path = ObjectPath([(0.0, 0.0, 0.0), end], 0.1, 0.1, smooth=True)
+        assert len(path.poses) == 21

@@ -233,7 +233,7 @@ def test_rollers_that_have_arrived_rest_while_the_others_come():
 def test_rollers_that_pass_by_the_end_have_not_arrived():
     """As it is measured late, they are elsewhere by the time they seem to be there."""
     quick = RollerTrajectory(ROBOT, [[0.0] * N, [0.04] * N], [0.0, 0.04 / MAX_SPEED])
-    for late in range(8):
+    for late in (0, 1, 3, 7):
         # Such that the measurement is at the end to the micrometre while they go on.
         for ahead in np.linspace(0.0, MAX_SPEED * PERIOD, 9):
             run = Run(late=late, begin=np.full(N, -ahead))

@@ -14,8 +14,8 @@ import re
 from hypothesis import given, strategies
 from isotruss_ros.core import Configuration, load_robot
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.kinematics import configuration, constraints
-from isotruss_ros.core.kinematics.configuration import ConfigurationTracker, follow_branch
+from isotruss_ros.core.kinematics import constraints
+from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 import numpy as np
 import pytest
 import robots
@@ -325,6 +325,9 @@ def test_rows_on_node_velocities_become_rows_on_rollers(robot, rng):
     found = config.module_rows(rows)[:, robot.topology.driven]
     expected = rows @ config.node_jacobian
     np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        config.roller_rows(rows), expected, atol=1e-8 * np.abs(expected).max()
+    )
 
 
 def test_no_travel_predicts_the_configuration_itself():
@@ -375,40 +378,6 @@ def test_tracker_follows_by_the_factor_of_the_shape_that_was_expected(robot, rng
     close, wanted = found.predict(travel), exact.moved_to(exact.roller_positions + travel)
     assert np.abs(close.points - wanted.points).max() < 0.05 * np.abs(travel).max()
     assert 'factor' not in found.__dict__
-
-
-def test_tracker_does_not_begin_from_a_shape_far_ahead(monkeypatch):
-    robot = load_robot('triangle')
-    tracker = ConfigurationTracker(robot.home)
-    tracker.ahead = robot.configuration([0.01, 0.0])
-    tracker.ahead.factor  # noqa: B018 - as a cycle that has solved for it
-    monkeypatch.setattr(tracker.ahead, 'moved_to', lambda *_: pytest.fail('begins far ahead'))
-    found = tracker.configuration(np.array([0.006, 0.0]))
-    np.testing.assert_allclose(found.points, robot.configuration([0.006, 0.0]).points, atol=1e-11)
-
-
-@pytest.mark.parametrize(
-    ('name', 'travel'),
-    [
-        ('triangle', (-0.42376568, 0.5962088)),
-        ('triangle', (0.9, 0.9)),
-        ('nine_member', (0.7692, -0.2912, 0.1981, -0.3432, -0.9288, -0.3265)),
-    ],
-)
-def test_a_loop_searches_for_a_shape_in_a_bounded_number_of_steps(name, travel, monkeypatch):
-    robot, steps = load_robot(name), []
-
-    def counted(*args):
-        steps.append(args)
-        return follow_branch(*args)
-
-    monkeypatch.setattr(configuration, 'follow_branch', counted)
-    tracker = ConfigurationTracker(robot.home)
-    tracker.configuration(np.full(len(travel), 0.01))
-    steps.clear()
-    with pytest.raises(ConfigurationError, match=r'beyond .* % of the way'):
-        tracker.configuration(np.array(travel))
-    assert len(steps) <= 2 * 50
 
 
 def test_a_way_next_to_a_singular_shape_is_refused_with_the_reason():

@@ -343,3 +343,28 @@ def test_robot_keeps_what_it_was_made_of():
     for array in (robot.home.points, robot.home.nodes, robot.home.roller_positions):
         with pytest.raises(ValueError, match='read-only'):
             array[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ('change', 'message'),
+    [
+        ((0.999, None), r'is .* m long at home, pinch to pinch; must be from min_length'),
+        ((1.001, None), None),
+        ((None, 1.001), r'must hold two of them; must be less than'),
+        ((None, 0.999), None),
+    ],
+)
+def test_members_are_as_long_as_they_may_be_and_hold_two_rings(change, message):
+    """Against the longest member by its bound, and the shortest by the rings that it holds."""
+    document = robots.example()
+    lengths = robots.load(document).home.member_lengths
+    longest, ring = change
+    if longest is not None:
+        document['members']['max_length'] = longest * float(lengths.max())
+    if ring is not None:
+        document['module']['guide_ring_distance'] = ring * 0.5 * float(lengths.min())
+    if message is None:
+        robots.load(document)
+        return
+    with pytest.raises(RobotFileError, match=message):
+        robots.load(document)

@@ -54,3 +54,16 @@ def test_two_members_push_out_of_their_wedge():
     found = push_out(HOME, ConvexObject(Disc(SIZE), (center.real, center.imag, 0.0)))
     assert segment_gaps(found, BEGIN, END).gaps.min() - TUBE > -2e-9
     assert 0.0 < ((found.center - center) * inward.conjugate()).real < 0.5
+
+
+def test_an_object_that_fits_nowhere_stays_where_it_was_pushed_last():
+    """Three members enclose a disc that is too large for them."""
+    triangle = load_robot('triangle').home
+    topology = triangle.robot.topology
+    begin, end = triangle.points[topology.b], triangle.points[topology.c[topology.following]]
+    center, diameter = begin.mean(), 0.9
+    body = ConvexObject(Disc(diameter), (center.real, center.imag, 0.2))
+    pushed = push_out(triangle, body)
+    assert pushed.pose.angle == 0.2
+    assert segment_gaps(pushed, begin, end).gaps.min() < 0.0
+    assert abs(pushed.center - center) < diameter

@@ -9,12 +9,10 @@
 
 """Discs, ellipses and rounded polygons against formulas of handbooks."""
 
-from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.description import RobotDescription
 import numpy as np
 import pytest
-import robots
 
 TURN = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 13))
 
@@ -135,10 +133,14 @@ def test_an_object_is_at_the_origin_and_of_any_positive_mass():
     assert ConvexObject(Disc(0.2), mass=0.05, friction=0.05).mass == 0.05
 
 
-@pytest.mark.parametrize('name', robots.PRESETS)
-def test_tubes_flatten_by_theory_where_nothing_else_is_said(name):
-    described = load_robot(name).description
-    assert described.local_stiffness == 1.0
-    stated = dict(vars(described))
-    del stated['local_stiffness']
-    assert RobotDescription(**stated) == described
+@pytest.mark.parametrize('shape', [Disc(0.3), Ellipse((0.3, 0.1))])
+def test_what_has_no_corners_is_not_rounded(shape):
+    assert shape.rounded(0.05) is shape
+
+
+def test_arcs_of_a_rounded_square_are_about_its_inner_corners():
+    square = Polygon([(0.0, 0.0), (0.4, 0.0), (0.4, 0.4), (0.0, 0.4)], (0.0, 0.05, 0.05, 0.1))
+    assert [radius for _, radius in square.arcs] == pytest.approx([0.0, 0.05, 0.05, 0.1])
+    centers = np.array([center for center, _ in square.arcs])
+    wanted = np.array([0.0, 0.35 + 0.05j, 0.35 + 0.35j, 0.1 + 0.3j])
+    assert centers == pytest.approx(wanted, abs=1e-12)

@@ -12,7 +12,6 @@
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model import ellipse as ellipse_module
 import numpy as np
 import pytest
 import robots
@@ -335,12 +334,3 @@ def test_a_cylinder_is_a_disc_in_its_place():
     assert held.arm == 0.125
     assert held is held
     assert ConvexObject(Ellipse((0.125, 0.125))).arm == pytest.approx(0.125)
-
-
-def test_feet_on_an_ellipse_are_near_after_few_steps(monkeypatch):
-    ellipse, points = Ellipse((0.25, 0.1)), directions(np.random.default_rng(0)) * 0.3
-    exact = ellipse.nearest(points)
-    monkeypatch.setattr(ellipse_module, 'MAX_STEPS', 3)
-    found = ellipse.nearest(points)
-    assert found.gaps == pytest.approx(exact.gaps, abs=1e-3)
-    assert found.normals == pytest.approx(exact.normals, abs=1e-2)

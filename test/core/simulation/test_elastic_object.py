@@ -23,6 +23,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 import numpy as np
 import pytest
 
@@ -236,6 +237,7 @@ def test_it_is_carried_by_a_simulated_robot():
         ({'friction': -0.1}, 'must not be negative'),
         ({'friction': np.inf}, 'friction'),
         ({'friction': 0.5, 'stiffness_scale': 0.0}, 'stiffness'),
+        ({'friction': 0.5, 'stiffness_scale': -0.1}, 'stiffness'),
     ],
 )
 def test_bad_arguments_are_refused(arguments, words):
@@ -280,3 +282,22 @@ def test_a_lying_box_is_pushed_without_being_turned():
     assert box.grasp is None
     assert member_depths(ROBOT.home, lying.moved_to(robot.object_pose)).max() < 1e-6
     assert robot.object_pose.angle == pytest.approx(angle)
+
+
+def test_in_one_long_step_an_object_slips_where_it_does_in_many():
+    rows = grip_jacobian(CONFIG, Grip.at_module(CONFIG.robot, 'north/Z', CYLINDER))
+    travel = np.linalg.pinv(rows) @ [-0.0155, 0.0401, -0.1125, 0.0749]
+    angles = []
+    for steps in (1, 64):
+        simulated = ElasticObject(CYLINDER, 0.4)
+        simulated.follow(CONFIG)
+        for part in range(1, steps + 1):
+            there = CONFIG.moved_to(CONFIG.roller_positions + part / steps * travel)
+            simulated.follow(there)
+            if simulated.grasp is None:
+                break
+        assert simulated.dropped is HoldStatus.SLIPS
+        # Members push what slips, and do not turn it.
+        angles.append(simulated.pose(there).angle)
+    assert angles[1] == pytest.approx(-0.057, abs=1e-3)
+    assert angles[0] == pytest.approx(angles[1], abs=2e-3)

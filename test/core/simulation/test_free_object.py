@@ -23,6 +23,7 @@ from isotruss_ros.core import (
     SimulatedRobot,
     solve_twist_ahead,
 )
+from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.simulation import rigid_object as loose_object
 import numpy as np
@@ -267,3 +268,45 @@ def test_the_robot_looks_once_for_each_rest():
             robot.advance(0.0)
         assert len(rests) == count + 1
         assert rests[-1] is robot.config
+
+
+def not_solved(*arguments, **options):
+    """Solve nothing."""
+    raise SolverError('not solved')
+
+
+def test_forces_that_cannot_be_computed_let_no_disc_go(monkeypatch):
+    held = RigidObject(CYLINDER, 0.5)
+    held.come_to_rest(CLOSED)
+    assert set(held.members) == GRASPING
+    pose = held.pose(CLOSED)
+    monkeypatch.setattr(loose_object, 'settle_grasp', not_solved)
+    held.come_to_rest(CLOSED)
+    assert set(held.members) == GRASPING
+    assert held.pose(CLOSED) == pose
+
+
+def test_forces_that_cannot_be_computed_grip_nothing(monkeypatch):
+    lying = RigidObject(CYLINDER, FRICTION)
+    with monkeypatch.context() as patch:
+        patch.setattr(loose_object, 'settle_grasp', not_solved)
+        lying.come_to_rest(CLOSED)
+    assert lying.members == ()
+    assert lying.pose(CLOSED) == pytest.approx(CYLINDER.pose)
+    lying.come_to_rest(CLOSED)
+    assert set(lying.members) == GRASPING
+
+
+def test_another_object_takes_the_place_of_the_one_before():
+    robot = SimulatedRobot(CLOSED, RigidObject(CYLINDER, 0.5), RollerFaults())
+    robot.advance(0.1)
+    robot.replace_object(RigidObject(ConvexObject.disc((5.0, 4.0), 0.3), 1.0))
+    assert robot.object_pose == pytest.approx((5.0, 4.0, 0.0))
+    robot.advance(0.1)
+    # The robot has been at rest, and looks once more for what it holds.
+    again = RigidObject(CYLINDER, 0.5)
+    robot.replace_object(again)
+    assert again.members == ()
+    robot.advance(0.1)
+    assert set(again.members) == GRASPING
+    assert robot.config is CLOSED
