@@ -99,8 +99,7 @@ class Viewer(StoppableNode):
     """
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('viewer', parameter_overrides=list(parameter_overrides))
-        self.values = params.Parameters(self, SPECS)
+        super().__init__('viewer', SPECS, parameter_overrides)
         self.picture = Picture(
             load_robot(self.values[common.ROBOT]), self.values[common.OBJECT_DIAMETER]
         )
