@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import load_robot, read_object
+from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.object_goals import ObjectGoals
@@ -103,8 +103,9 @@ class Viewer(StoppableNode):
         self.picture = Picture(
             load_robot(self.values[common.ROBOT]), self.values[common.OBJECT_DIAMETER]
         )
-        if self.values[common.OBJECT]:
-            self.picture.shape = read_object(self.values[common.OBJECT]).shape
+        described = common.read_described(self.values)
+        if described is not None:
+            self.picture.shape = described.shape
         self._throttle = WarningThrottle(self.get_logger())
         self._view: View | None = None
         self._controls: Controls | None = None

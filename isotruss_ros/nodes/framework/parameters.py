@@ -121,13 +121,15 @@ class Parameters:
         return self._node.get_parameter(spec.name).value
 
     def on_change(
-        self, check: Callable[[dict[str, Value]], None], apply: Callable[[], None]
+        self,
+        apply: Callable[[], None],
+        check: Callable[[dict[str, Value]], None] = lambda _new: None,
     ) -> None:
         """
         Check values now and before every change, and apply every change.
 
-        :param check: called with new values by name; raises IsotrussError for an unusable one.
         :param apply: called when values have changed.
+        :param check: called with new values by name; raises IsotrussError for an unusable one.
         :raises IsotrussError: a value at start is unusable.
         """
         present = self._node.get_parameters_by_prefix('')
