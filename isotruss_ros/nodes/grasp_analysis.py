@@ -19,14 +19,14 @@ import time
 from geometry_msgs.msg import WrenchStamped
 from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
-from isotruss_ros.core import load_robot, read_object
+from isotruss_ros.core import load_robot
 from isotruss_ros.core.control.grasp_monitor import GraspMonitor
 from isotruss_ros.core.control.grasp_report import GraspCode, GraspReport
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.sensors import (
-    format_age,
+    describe_ages,
     subscribe_input,
     subscribe_joint_states,
     subscribe_object_pose,
@@ -97,14 +97,14 @@ class GraspAnalysisNode(ManagedNode):
         """Load the robot, create publishers and subscriptions."""
         values = self.values
         self._robot = load_robot(values[common.ROBOT])
-        values.on_change(lambda _new: None, self._apply)
+        values.on_change(self._apply)
         self._monitor = GraspMonitor(
             self._robot,
             values[common.OBJECT_DIAMETER],
             values[common.FRICTION],
             values[SPACING],
             values[common.COMMAND_TIMEOUT],
-            read_object(values[common.OBJECT]) if values[common.OBJECT] else None,
+            common.read_described(values),
             values[FLATTENING],
         )
         self._states = self.create_lifecycle_publisher(GraspState, 'grasp/state', RELIABLE)
@@ -144,12 +144,13 @@ class GraspAnalysisNode(ManagedNode):
         monitor = self._monitor
         if monitor is None:
             return {}
-        now = self.now()
-        return {
-            'age of joint states [s]': format_age(monitor.rollers, now),
-            'age of object pose [s]': format_age(monitor.pose, now),
-            'age of external wrench [s]': format_age(monitor.wrench, now),
-        } | self._cycle_times.summary(1.0 / self.values[RATE])
+        ages = describe_ages(
+            self.now(),
+            joint_states=monitor.rollers,
+            object_pose=monitor.pose,
+            external_wrench=monitor.wrench,
+        )
+        return ages | self._cycle_times.summary(1.0 / self.values[RATE])
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""

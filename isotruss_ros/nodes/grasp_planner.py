@@ -17,13 +17,13 @@ from functools import partial
 import time
 
 from isotruss_msgs.action import PlanGrasp
-from isotruss_ros.core import ConvexObject, IsotrussError, load_robot, read_object
+from isotruss_ros.core import ConvexObject, IsotrussError, load_robot
 from isotruss_ros.core.control.inputs import Input, InputError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.sensors import format_age, subscribe_joint_states
+from isotruss_ros.nodes.components.sensors import describe_ages, subscribe_joint_states
 from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
 from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.plan_messages import (
@@ -93,12 +93,11 @@ class GraspPlanner(ManagedNode):
                 f'to {MAX_WORKERS}'
             )
         self._robot = load_robot(self.values[common.ROBOT])
-        described = self.values[common.OBJECT]
-        self._described = read_object(described) if described else None
+        self._described = common.read_described(self.values)
         self._searcher = Searcher(workers)
         self._shape = TrackedShape(self._robot)
         self._inputs = PlannerInputs(self.values[common.COMMAND_TIMEOUT])
-        self.values.on_change(lambda _new: None, self._apply)
+        self.values.on_change(self._apply)
         subscribe_joint_states(self, self._robot, self._inputs)
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
@@ -134,10 +133,9 @@ class GraspPlanner(ManagedNode):
         """Return the progress of the search and the age of the joint states."""
         if self._goal is None:
             return {}
-        details: dict[str, object] = {
-            'searching': self._goal.active,
-            'age of joint states [s]': format_age(self._inputs.rollers, self.now()),
-        }
+        details: dict[str, object] = {'searching': self._goal.active} | describe_ages(
+            self.now(), joint_states=self._inputs.rollers
+        )
         progress = self._searcher.progress()
         if progress is not None:
             details |= {'evaluations': progress.evaluations, 'grasps found': progress.found}

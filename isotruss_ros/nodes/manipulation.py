@@ -16,7 +16,7 @@ from functools import partial
 import time
 
 from geometry_msgs.msg import Twist, TwistStamped
-from isotruss_ros.core import load_robot, read_object, Status, TwistServo
+from isotruss_ros.core import load_robot, Status, TwistServo
 from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
@@ -31,7 +31,7 @@ from isotruss_ros.nodes.components.failed_rollers import (
 )
 from isotruss_ros.nodes.components.roller_commands import RollerCommands
 from isotruss_ros.nodes.components.sensors import (
-    format_age,
+    describe_ages,
     subscribe_input,
     subscribe_joint_states,
     subscribe_object_pose,
@@ -134,7 +134,7 @@ class Manipulation(ManagedNode):
         """Load the robot, create publishers and subscriptions."""
         values = self.values
         self._robot = load_robot(values[common.ROBOT])
-        values.on_change(self._check, self._apply)
+        values.on_change(self._apply, self._check)
         self._report = StatusReport(self, self._robot.frame)
         self._servo = TwistServo(
             self._robot,
@@ -143,8 +143,7 @@ class Manipulation(ManagedNode):
             period=1.0 / values[common.RATE],
             timeout=values[common.COMMAND_TIMEOUT],
         )
-        if values[common.OBJECT]:
-            self._servo.body = read_object(values[common.OBJECT])
+        self._servo.body = common.read_described(values)
         self._trajectory = TrajectoryFollowing(self, self._servo)
         apply_settings(self._servo, values)
         self._apply_mode()
@@ -205,9 +204,9 @@ class Manipulation(ManagedNode):
             details['grip'] = ', '.join(servo.members)
         else:
             details['grip module'] = servo.grip_module
-        now = self.now()
-        inputs = {'twist': servo.twist, 'joint states': servo.rollers, 'object pose': servo.pose}
-        details |= {f'age of {name} [s]': format_age(given, now) for name, given in inputs.items()}
+        details |= describe_ages(
+            self.now(), twist=servo.twist, joint_states=servo.rollers, object_pose=servo.pose
+        )
         if servo.failed:
             details['failed rollers'] = ', '.join(sorted(servo.failed))
             details['reachable twists'] = describe_reachable_twists(servo)

@@ -26,7 +26,7 @@ from isotruss_ros.core.errors import NoMotionError
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.sensors import (
-    format_age,
+    describe_ages,
     subscribe_input,
     subscribe_object_pose,
 )
@@ -108,7 +108,7 @@ class PathFollower(ManagedNode):
         values = self.values
         self._robot = load_robot(values[common.ROBOT])
         self._servo = PathServo(1.0 / values[RATE], values[common.COMMAND_TIMEOUT])
-        values.on_change(lambda _new: None, self._apply)
+        values.on_change(self._apply)
         self._stamped = values[common.USE_STAMPED_TWIST]
         self._twists = self.create_lifecycle_publisher(
             TwistStamped if self._stamped else Twist, 'cmd_vel', RELIABLE
@@ -159,12 +159,9 @@ class PathFollower(ManagedNode):
         """Return the state of the goal and ages of the inputs."""
         if self._servo is None:
             return {}
-        now = self.now()
-        details: dict[str, object] = {
-            'following': self._goal.active,
-            'age of object pose [s]': format_age(self._servo.pose, now),
-            'age of status [s]': format_age(self._servo.servo_feedback, now),
-        }
+        details: dict[str, object] = {'following': self._goal.active} | describe_ages(
+            self.now(), object_pose=self._servo.pose, status=self._servo.servo_feedback
+        )
         if self._goal.active and self._last is not None:
             details |= {'phase': self._last.phase.name, 'progress': f'{self._last.progress:.3f}'}
             details |= {'position error [m]': f'{self._last.position_error:.6f}'}

@@ -25,7 +25,7 @@ from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.action_steps import CancelledError, Outcome, StepError, Steps
 from isotruss_ros.nodes.components.grasp_sequences import GraspSequences
 from isotruss_ros.nodes.components.sensors import (
-    format_age,
+    describe_ages,
     subscribe_input,
     subscribe_joint_states,
     subscribe_object_pose,
@@ -72,7 +72,7 @@ class PickAndPlace(ManagedNode):
         """Load the robot, create clients and subscriptions, and offer the actions."""
         robot = load_robot(self.values[common.ROBOT])
         sequences = self._sequences = GraspSequences(self, robot)
-        self.values.on_change(lambda _new: None, self._apply)
+        self.values.on_change(self._apply)
         subscribe_joint_states(self, robot, sequences)
         subscribe_object_pose(self, robot, sequences)
         subscribe_input(self, GraspState, 'grasp/state', lambda state: state, sequences, 'grasp')
@@ -105,13 +105,12 @@ class PickAndPlace(ManagedNode):
         sequences = self._sequences
         if sequences is None:
             return {}
-        now = self.now()
-        inputs = {
-            'joint states': sequences.rollers,
-            'object pose': sequences.pose,
-            'grasp state': sequences.grasp,
-        }
-        ages = {f'age of {name} [s]': format_age(given, now) for name, given in inputs.items()}
+        ages = describe_ages(
+            self.now(),
+            joint_states=sequences.rollers,
+            object_pose=sequences.pose,
+            grasp_state=sequences.grasp,
+        )
         goal = self._goal
         return {'executing': 'nothing' if goal is None else goal.kind.__name__} | ages
 

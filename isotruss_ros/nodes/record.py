@@ -74,8 +74,7 @@ class Record(StoppableNode):
     """
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('record', parameter_overrides=list(parameter_overrides))
-        self._values = params.Parameters(self, (FILE,))
+        super().__init__('record', (FILE,), parameter_overrides)
         self._writer: Writer | None = None
         self._channels: dict[str, int] = {}
         self.count = 0
@@ -102,7 +101,7 @@ class Record(StoppableNode):
             from mcap.writer import Writer
         except ModuleNotFoundError as error:
             raise MissingPackageError(error) from error
-        name = self._values[FILE] or time.strftime('isotruss_%Y-%m-%d_%H-%M-%S.mcap')
+        name = self.values[FILE] or time.strftime('isotruss_%Y-%m-%d_%H-%M-%S.mcap')
         try:
             self._stream = Path(name).open('xb')  # noqa: SIM115 - open until `stop`
         except OSError as error:

@@ -138,7 +138,7 @@ class Simulator(ManagedNode):
         self._simulated = self._make_robot()
         plant = None if self._driven is None else self._driven.plant
         self._recorder = make_recorder(plant, self.values[RECORDING])
-        self.values.on_change(lambda _new: None, self._apply)
+        self.values.on_change(self._apply)
         self._joint_states = self.create_lifecycle_publisher(JointState, 'joint_states', RELIABLE)
         self._object_pose = self.create_lifecycle_publisher(PoseStamped, 'object_pose', RELIABLE)
         self.diagnostics.hardware_id = self._robot.name

@@ -52,6 +52,7 @@ KEYS = {
 }
 FASTER = {'+': 1.25, '-': 0.8}
 
+RATE = params.Spec('rate', 20.0, 'Twists per second [Hz]', bounds=(1.0, 200.0))
 SPEED = params.Spec('speed', 0.03, 'Speed of translation [m/s]', bounds=(0.0, 1.0))
 TURN = params.Spec('turn', 0.2, 'Speed of rotation [rad/s]', bounds=(0.0, 10.0))
 KEY_TIMEOUT = params.Spec(
@@ -61,6 +62,7 @@ KEY_TIMEOUT = params.Spec(
     bounds=(0.01, 5.0),
 )
 FRAME = params.Spec('frame_id', '', 'Frame of a TwistStamped', read_only=True)
+SPECS = (RATE, SPEED, TURN, KEY_TIMEOUT, common.USE_STAMPED_TWIST, FRAME)
 
 
 class Teleop(StoppableNode):
@@ -71,18 +73,14 @@ class Teleop(StoppableNode):
     """
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('teleop', parameter_overrides=list(parameter_overrides))
-        rate = params.Spec('rate', 20.0, 'Twists per second [Hz]', bounds=(1.0, 200.0))
-        self._values = params.Parameters(
-            self, (rate, SPEED, TURN, KEY_TIMEOUT, common.USE_STAMPED_TWIST, FRAME)
-        )
-        self._stamped = self._values[common.USE_STAMPED_TWIST]
+        super().__init__('teleop', SPECS, parameter_overrides)
+        self._stamped = self.values[common.USE_STAMPED_TWIST]
         kind = TwistStamped if self._stamped else Twist
         self._twists = self.create_publisher(kind, 'cmd_vel', RELIABLE)
         self._direction = KEYS[' ']
         self._pressed = time.monotonic()
         self._gain = 1.0
-        create_steady_timer(self, 1.0 / self._values[rate], self._cycle)
+        create_steady_timer(self, 1.0 / self.values[RATE], self._cycle)
 
     def press(self, key: str) -> None:
         """
@@ -101,14 +99,14 @@ class Teleop(StoppableNode):
 
     def _cycle(self) -> None:
         held = time.monotonic() - self._pressed
-        self._publish_twist(self._direction if held < self._values[KEY_TIMEOUT] else KEYS[' '])
+        self._publish_twist(self._direction if held < self.values[KEY_TIMEOUT] else KEYS[' '])
 
     def _publish_twist(self, direction: Sequence[float]) -> None:
-        speed, turn = self._gain * self._values[SPEED], self._gain * self._values[TURN]
+        speed, turn = self._gain * self.values[SPEED], self._gain * self.values[TURN]
         twist = to_twist_message([speed * direction[0], speed * direction[1], turn * direction[2]])
         if self._stamped:
             message = TwistStamped(twist=twist)
-            stamp_header(message.header, self.get_clock().now(), self._values[FRAME])
+            stamp_header(message.header, self.get_clock().now(), self.values[FRAME])
             self._twists.publish(message)
         else:
             self._twists.publish(twist)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import load_robot, read_object
+from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.object_goals import ObjectGoals
@@ -99,13 +99,13 @@ class Viewer(StoppableNode):
     """
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
-        super().__init__('viewer', parameter_overrides=list(parameter_overrides))
-        self.values = params.Parameters(self, SPECS)
+        super().__init__('viewer', SPECS, parameter_overrides)
         self.picture = Picture(
             load_robot(self.values[common.ROBOT]), self.values[common.OBJECT_DIAMETER]
         )
-        if self.values[common.OBJECT]:
-            self.picture.shape = read_object(self.values[common.OBJECT]).shape
+        described = common.read_described(self.values)
+        if described is not None:
+            self.picture.shape = described.shape
         self._throttle = WarningThrottle(self.get_logger())
         self._view: View | None = None
         self._controls: Controls | None = None

@@ -57,7 +57,7 @@ class Toy(ManagedNode):
         self.asked = self.create_service(Trigger, 'asked', lambda request, response: response)
         self.server = ActionServer(self, FollowObjectPath, 'act', lambda goal: None)
         self.place = self.values[PLACE]
-        self.values.on_change(self._check, lambda: self.steps.append('changed'))
+        self.values.on_change(lambda: self.steps.append('changed'), self._check)
         self._step('configure')
 
     def _check(self, new):

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from isotruss_ros.core import Robot
+from isotruss_ros.core import ConvexObject, read_object, Robot
 from isotruss_ros.core.manipulation.grip import FEWEST, members_at, MOST
-from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
+from isotruss_ros.nodes.framework.parameters import ParameterError, Parameters, Spec, Value
 
 ROBOT = Spec('robot', 'nine_member', 'Preset, or path of a robot file', read_only=True)
 OBJECT_DIAMETER = Spec(
@@ -52,6 +52,16 @@ USE_STAMPED_TWIST = Spec(
 REQUIRE_EMERGENCY_STOP = Spec(
     'require_emergency_stop', False, 'No motion before a message of emergency_stop is received'
 )
+
+
+def read_described(values: Parameters) -> ConvexObject | None:
+    """
+    Return the object that the parameter `object` describes; None for a disc of `object_diameter`.
+
+    :param values: of a node.
+    :raises IsotrussError: the description is unusable.
+    """
+    return read_object(values[OBJECT]) if values[OBJECT] else None
 
 
 def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:

@@ -34,7 +34,6 @@ from isotruss_ros.core import (
     IsotrussError,
     plan_release,
     Pose,
-    read_object,
     Robot,
 )
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh, StampedInput
@@ -103,8 +102,7 @@ class GraspSequences:
         self.rollers: Input = None
         self.pose: Input = None
         self.grasp: Input = None
-        described = node.values[common.OBJECT]
-        self._described = read_object(described) if described else None
+        self._described = common.read_described(node.values)
         self._shape = TrackedShape(robot)
         # Before the actions: who has discovered their clients has discovered it, too.
         alive = node.create_lifecycle_publisher(GoalInfo, SUPERVISION, RELIABLE)

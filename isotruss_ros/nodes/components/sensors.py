@@ -107,13 +107,20 @@ def select_latest(kept: Input, received: StampedInput, timeout: float) -> Input:
     return received
 
 
-def format_age(given: Input, now: float) -> str:
+def describe_ages(now: float, **inputs: Input) -> dict[str, object]:
     """
-    Return the age of an input [s], or why it has none, for the diagnostics.
+    Return the ages of inputs [s], or why they have none, for the diagnostics.
 
-    :param given: the input.
-    :param now: time on the clock of its stamp [s].
+    :param now: time on the clock of their stamps [s].
+    :param inputs: by name, with underscores for the spaces in the diagnostics.
     """
+    return {
+        f'age of {name.replace("_", " ")} [s]': _format_age(given, now)
+        for name, given in inputs.items()
+    }
+
+
+def _format_age(given: Input, now: float) -> str:
     if given is None:
         return 'none received'
     return given.reason if isinstance(given, RejectedInput) else f'{now - given.time:.4f}'

@@ -20,7 +20,6 @@ from isotruss_ros.core import (
     Grip,
     place_between,
     Pose,
-    read_object,
     RigidObject,
     Robot,
     RollingGrip,
@@ -95,11 +94,10 @@ class StartingObject:
         self._members = common.select_grip(robot, values[GRIP], module)
         place = (values[OBJECT_X], values[OBJECT_Y])
         angle, indentation = values[OBJECT_ANGLE], values[INDENTATION]
-        body = ConvexObject(Disc(diameter), friction=self._friction)
-        if values[common.OBJECT]:
-            body = read_object(values[common.OBJECT])
+        described = common.read_described(values)
+        body = described or ConvexObject(Disc(diameter), friction=self._friction)
         pose = Pose(*place, angle)
-        if not self.is_free and (values[common.OBJECT] or common.named_members(values[GRIP])):
+        if not self.is_free and (described or common.named_members(values[GRIP])):
             pose = place_between(
                 robot.home, self._members, body.shape, angle, indentation
             ).body.pose

@@ -18,6 +18,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
+from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 
@@ -49,14 +50,25 @@ def _check_times(subscription: Subscription, logger: RcutilsLogger) -> None:
     subscription.callback = take_checked
 
 
+def find_service(node: Node, name: str) -> Service:
+    """
+    Return a service that a node offers.
+
+    :param node: offers it.
+    :param name: relative to the node.
+    """
+    full = node.resolve_service_name(name)
+    (service,) = (service for service in node.services if service.service_name == full)
+    return service
+
+
 def reject_unknown_transitions(node: LifecycleNode) -> None:
     """
     Reject a transition that does not exist in the present state, on which rclpy would raise.
 
     :param node: whose service is asked for transitions.
     """
-    name = node.resolve_service_name('~/change_state')
-    (service,) = (service for service in node.services if service.service_name == name)
+    service = find_service(node, '~/change_state')
     change = service.callback
 
     def change_checked(

@@ -20,7 +20,12 @@ from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Diagnostics, Level
 from isotruss_ros.nodes.framework.entity_scopes import EntityScopes
-from isotruss_ros.nodes.framework.guards import ignore_negative_time, reject_unknown_transitions
+from isotruss_ros.nodes.framework.guards import (
+    find_service,
+    ignore_negative_time,
+    reject_unknown_transitions,
+)
+from lifecycle_msgs.srv import GetState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
@@ -58,9 +63,14 @@ class ManagedNode(LifecycleNode):
         specs: Sequence[params.Spec],
         parameter_overrides: Sequence[Parameter] = (),
     ) -> None:
-        super().__init__(name, parameter_overrides=list(parameter_overrides))
+        super().__init__(
+            name,
+            parameter_overrides=list(parameter_overrides),
+            automatically_declare_parameters_from_overrides=True,
+        )
         self.diagnostics = Diagnostics(self, self.details)
         self._entities = EntityScopes(self)
+        self._get_state = find_service(self, '~/get_state').callback
         self.cycle: Cycle | None = None
         self._running = False
         self._failure: Exception | None = None
@@ -97,7 +107,8 @@ class ManagedNode(LifecycleNode):
     @property
     def state(self) -> str:
         """Return the label of the state, such as `inactive`."""
-        return self._state_machine.current_state[1]
+        answer = self._get_state(GetState.Request(), GetState.Response())
+        return answer.current_state.label
 
     @property
     def active(self) -> bool:

@@ -27,6 +27,8 @@ from rclpy.parameter import Parameter
 
 Value = bool | int | float | str | list[str]
 
+#: How the names of parameters begin that rclpy itself declares.
+OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
 UNCONFIGURED_ONLY = 'read-only unless the node is unconfigured'
 
 
@@ -78,7 +80,8 @@ class Parameters:
     """
     The parameters of one node.
 
-    :param node: declares them.
+    :param node: declares them; must be one that declares what is given to it on its own
+        (`automatically_declare_parameters_from_overrides`), as rclpy does not tell it otherwise.
     :param specs: their declarations.
     :param unconfigured: returns whether a managed node is; None for a node that is not managed.
     :raises ParameterError: an override is of another type, out of range, or unusable.
@@ -94,23 +97,17 @@ class Parameters:
         self._apply: Callable[[], None] | None = None
         self._real = {spec.name for spec in specs if isinstance(spec.default, float)}
         managed = unconfigured is not None
-        # What the command line gives to a node is in no public attribute of rclpy.
-        given = node._parameter_overrides
-        given |= {p.name: p for p in self._read_whole_numbers([*given.values()])}
+        given = {
+            name: parameter
+            for name, parameter in node.get_parameters_by_prefix('').items()
+            if not name.startswith(OF_RCLPY)
+        }
+        for name in given:
+            node.undeclare_parameter(name)
         for spec in specs:
-            try:
-                node.declare_parameter(spec.name, spec.default, spec.descriptor(managed))
-            except InvalidParameterValueException as error:
-                low, high = spec.bounds
-                raise ParameterError(
-                    f'parameter {spec.name}: {given[spec.name].value}: out of range; must be from '
-                    f'{low:g} to {high:g}'
-                ) from error
-            except ParameterException as error:
-                raise ParameterError(f'parameter {spec.name}: {error}') from error
+            self._declare(spec, managed, given.pop(spec.name, None))
         for name in sorted(given):
-            if not node.has_parameter(name):
-                node.get_logger().warning(f'parameter {name}: unknown, and not used')
+            node.get_logger().warning(f'parameter {name}: unknown, and not used')
         node.add_pre_set_parameters_callback(self._read_whole_numbers)
         node.add_on_set_parameters_callback(self._check_change)
         node.add_post_set_parameters_callback(self._apply_change)
@@ -124,13 +121,15 @@ class Parameters:
         return self._node.get_parameter(spec.name).value
 
     def on_change(
-        self, check: Callable[[dict[str, Value]], None], apply: Callable[[], None]
+        self,
+        apply: Callable[[], None],
+        check: Callable[[dict[str, Value]], None] = lambda _new: None,
     ) -> None:
         """
         Check values now and before every change, and apply every change.
 
-        :param check: called with new values by name; raises IsotrussError for an unusable one.
         :param apply: called when values have changed.
+        :param check: called with new values by name; raises IsotrussError for an unusable one.
         :raises IsotrussError: a value at start is unusable.
         """
         present = self._node.get_parameters_by_prefix('')
@@ -140,6 +139,24 @@ class Parameters:
     def release(self) -> None:
         """Remove the functions of `on_change`: the node is no longer configured."""
         self._check = self._apply = None
+
+    def _declare(self, spec: Spec, managed: bool, given: Parameter | None) -> None:
+        """Declare a parameter, with the value that is given to the node if there is one."""
+        default, whole = spec.default, False
+        if given is not None:
+            (read,) = self._read_whole_numbers([given])
+            if whole := read is not given:
+                default = read.value
+        try:
+            self._node.declare_parameter(spec.name, default, spec.descriptor(managed), whole)
+        except InvalidParameterValueException as error:
+            low, high = spec.bounds
+            raise ParameterError(
+                f'parameter {spec.name}: {given.value}: out of range; must be from {low:g} to '
+                f'{high:g}'
+            ) from error
+        except ParameterException as error:
+            raise ParameterError(f'parameter {spec.name}: {error}') from error
 
     def _read_whole_numbers(self, parameters: list[Parameter]) -> list[Parameter]:
         """Return parameters with whole numbers, such as 100, made real where they must be."""

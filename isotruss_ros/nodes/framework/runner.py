@@ -21,10 +21,12 @@ from types import FrameType
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
+from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 #: Ctrl-C, `kill`, and a terminal that is closed.
@@ -34,9 +36,27 @@ USED_LATE = ('scipy.optimize', 'scipy.interpolate')
 
 
 class StoppableNode(Node):
-    """A node, not managed, that has to stop the robot before the process ends."""
+    """
+    A node, not managed, that has to stop the robot before the process ends.
+
+    :ivar values: of the parameters, as `values[spec]`.
+    :param name: name of the node.
+    :param specs: its parameters.
+    :param parameter_overrides: values of parameters other than the defaults.
+    :raises ParameterError: a parameter is of another type or out of range.
+    """
 
     cycle = None
+
+    def __init__(
+        self, name: str, specs: Sequence[Spec], parameter_overrides: Sequence[Parameter] = ()
+    ) -> None:
+        super().__init__(
+            name,
+            parameter_overrides=list(parameter_overrides),
+            automatically_declare_parameters_from_overrides=True,
+        )
+        self.values = Parameters(self, specs)
 
     def stop(self) -> None:
         """Leave the robot safe; publishers still work."""
