@@ -34,7 +34,7 @@ CHROMIUM = shutil.which('chromium')
 PACKAGES = all(map(importlib.util.find_spec, ('viser', 'playwright')))
 pytestmark = [
     pytest.mark.system,
-    pytest.mark.xdist_group('browser'),
+    pytest.mark.xdist_group('many nodes'),
     pytest.mark.skipif(not PACKAGES, reason='pip install viser playwright'),
     pytest.mark.skipif(CHROMIUM is None, reason='apt-get install chromium'),
     pytest.mark.timeout(900),
