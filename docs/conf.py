@@ -61,6 +61,8 @@ default_role = 'code'
 autodoc_default_options = {'members': True}
 autodoc_member_order = 'bysource'
 autodoc_preserve_defaults = True
+# A source page links back to where a name is documented, not to a constant of its type elsewhere.
+viewcode_follow_imported_members = False
 autodoc_typehints_format = 'short'
 autodoc_type_aliases = {name: name for name in ('Array', 'ArrayLike', 'Flags', 'Indices')}
 add_module_names = False
