@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 import os
 from pathlib import Path
 import platform
@@ -19,7 +20,6 @@ import time
 from typing import Any
 
 import numpy as np
-import qpsolvers
 import scipy
 
 #: The solver that peers of the quadratic programs use, and its options.
@@ -68,5 +68,5 @@ def print_machine() -> None:
         f'{names[0] if names else platform.machine()}, one core '
         f'(OPENBLAS_NUM_THREADS={os.environ.get("OPENBLAS_NUM_THREADS")}); '
         f'Python {platform.python_version()}, NumPy {np.__version__}, SciPy {scipy.__version__}, '
-        f'peers: qpsolvers {qpsolvers.__version__} with {PEER}\n'
+        f'peers: qpsolvers {version("qpsolvers")} with {PEER}\n'
     )
