@@ -28,7 +28,7 @@ from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.held_utilisation import held_utilisation
 from isotruss_ros.core.holding.hold_status import HoldStatus
-from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -241,7 +241,9 @@ class SqueezeControl:
         offset = _difference(np.array(measured), np.array(found.pose))
         # At once: so that the object is wanted where it is, and not where the model has it.
         self.load.update(offset, given.pose, found.arm, math.inf, 1.0)
-        loaded = roll_grip(found, found.config, self._wrench(found))
+        # At the same contacts: the next cycle finds which of them change.
+        contacts, wrench = found.contacts, self.load.wrench
+        loaded = roll_contacts(found, found.config, contacts, found.anchors, found.angles, wrench)
         if loaded is None or loaded.hold(self.settings.friction) is not HoldStatus.HELD:
             self.load.wrench, self.load.bias = np.zeros(3), offset
             return found

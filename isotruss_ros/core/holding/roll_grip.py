@@ -36,6 +36,8 @@ import numpy as np
 NEAR = 0.25
 #: Corners may change so often in one motion.
 MAX_CHANGES = 4
+#: A motion is short: an equilibrium that is not found in so many states is not near.
+STEPS = 12
 #: No contacts.
 NOTHING = np.zeros(0, dtype=np.intp)
 NOTHING.flags.writeable = False
@@ -97,9 +99,9 @@ def roll_contacts(
         start = kept = start_at(statics, grip.body)
     travel = travel_into(config, contacts.members)
     closure = stick(statics, anchors, travel, angles, fresh)
-    state = statics.solve(start, wrench, closure)
+    state = statics.solve(start, wrench, closure, STEPS)
     if state is None and start is not kept:
-        state = statics.solve(kept, wrench, closure)
+        state = statics.solve(kept, wrench, closure, STEPS)
     if state is None:
         return None
     if len(fresh):

@@ -80,15 +80,20 @@ def plan_release(
     :param config: configuration of the robot.
     :param body: the object, where it was measured.
     :param members: names `t/j-k` of the two members, or three, that hold it.
-    :param clearance: gap of each of these at the end, positive [m].
+    :param clearance: gap of each of these at the end, positive, at most as long as all tubes
+        together [m].
     :param min_rigidity: smallest rigidity index along the path, 1 at home.
-    :raises GraspError: no such members, or a clearance that is not positive.
+    :raises GraspError: no such members, or a clearance out of range.
     :raises SolverError: a quadratic program was not solved.
     :raises StructureError: see `structure_of`.
     """
-    if not 0.0 < clearance < np.inf:
-        raise GraspError(f'clearance {clearance} m: must be positive')
     file = config.robot.description
+    longest = float(config.member_lengths.sum())
+    if not 0.0 < clearance <= longest:
+        raise GraspError(
+            f'clearance {clearance:.6g} m: must be positive, at most {longest:.6g} m, as long as '
+            'all tubes together'
+        )
     numbers = find_members(config.robot, Grip(tuple(members), body).members).members
     limit = MemberLengthLimit(file.min_length, file.max_length, DEFAULT.bound_share)
     closing = Closing(body, tuple(numbers.tolist()), (limit,), min_rigidity)

@@ -220,7 +220,8 @@ class Frame:
         Return displacements, reactions and member forces under loads, by (4).
 
         :param loads: (n, 3) fx, fy [N], m [N m] on the nodes.
-        :raises StructureError: the frame is a mechanism; names the nodes that move.
+        :raises StructureError: the frame is a mechanism; names the nodes that move; or the loads
+            are beyond what numbers can carry.
         """
         pattern, flat = self._pattern, loads.ravel()
         factor, scale = self._system
@@ -229,7 +230,13 @@ class Frame:
         solution = scale * factor.solve(scale[:, None] * right)[:, 0]
         displacements, multipliers = np.zeros(len(flat)), solution[free:]
         displacements[pattern.solved] = solution[:free]
-        end_forces = self._end_forces(displacements[pattern.places])
+        with np.errstate(over='ignore', invalid='ignore'):
+            end_forces = self._end_forces(displacements[pattern.places])
+        if not np.isfinite(end_forces).all():
+            raise StructureError(
+                f'loads up to {np.abs(loads).max():.3g} N: what they do is beyond all numbers; '
+                'must be smaller'
+            )
         pull = np.einsum('kji,kj->ki', self._turn, end_forces)
         carried = np.bincount(pattern.places.ravel(), pull.ravel(), minlength=len(flat))
         if self._rows.count:

@@ -11,6 +11,7 @@
 
 import functools
 import itertools
+import re
 
 from isotruss_ros.core import (
     ConvexObject,
@@ -134,10 +135,10 @@ def test_other_members_do_not_hold_it():
     assert len(release.path) == 0
 
 
-@pytest.mark.parametrize('clearance', [0.0, -1.0, np.inf, np.nan])
-def test_a_clearance_is_positive(clearance):
+@pytest.mark.parametrize('clearance', [0.0, -1.0, np.inf, np.nan, 1e160])
+def test_a_clearance_is_positive_and_within_the_robot(clearance):
     held = grasped(0.2)
-    with pytest.raises(GraspError, match=f'clearance {clearance}'):
+    with pytest.raises(GraspError, match=re.escape(f'clearance {clearance:.6g} m')):
         plan_release(held.config, ConvexObject.disc(CENTER, 0.2), MEMBERS, clearance)
 
 

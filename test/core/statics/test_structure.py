@@ -540,6 +540,12 @@ def test_loads_that_are_no_two_finite_numbers_are_refused_with_their_joint(force
         deform(config, {'T': force})
 
 
+def test_loads_whose_effect_is_beyond_all_numbers_are_refused():
+    config = load_robot('triangle').configuration(np.zeros(2))
+    with pytest.raises(StructureError, match=r'loads up to 1e\+307 N'):
+        deform(config, {'T': (1e307, 0.0)})
+
+
 @pytest.mark.parametrize('node', ['W', '', 'main/T', 'main/T/A', 'T/B', 'main/T/b', 3, None])
 def test_displacements_of_what_is_no_node_are_refused_by_name(node):
     config = load_robot('triangle').configuration(np.zeros(2))
