@@ -171,7 +171,7 @@ def _play(
                     module=GRIP_MODULE,
                     friction=FRICTION,
                     squeeze=SQUEEZE,
-                    count=1,
+                    count=3,
                 )
                 grasp, plan = gripper.plan(goal, bar('plan a grasp'))
                 if simulated:

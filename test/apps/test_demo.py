@@ -89,7 +89,7 @@ def test_phases_begin_and_end_at_rest(phase):
 def grip(simulated, period):
     """Plan a grasp of the free object and move there; return the time of arrival."""
     cylinder = ConvexObject.disc(OBJECT_CENTER, OBJECT_DIAMETER)
-    needs = GraspRequirements(friction=FRICTION, module=GRIP_MODULE, squeeze=SQUEEZE, count=1)
+    needs = GraspRequirements(friction=FRICTION, module=GRIP_MODULE, squeeze=SQUEEZE, count=3)
     grasp = plan_grasps(ROBOT.home, cylinder, needs).grasps[0]
     ways = np.abs(np.diff(grasp.path, axis=0)).max(axis=1)
     times = np.append(0.0, np.cumsum(np.maximum(ways / ROBOT.description.max_speed, 1e-3)))
