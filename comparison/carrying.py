@@ -27,16 +27,14 @@ from isotruss_ros.core import (
     TwistServo,
 )
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
-from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Phase
-from isotruss_ros.mujoco_plant.options import LOAD_TIME, POSE_GAIN
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
 #: Commands per second.
-RATE = 50.0
+RATE = 100.0
 #: An object farther than this from where it should be was lost [m].
 LOST = 0.1
 
@@ -111,10 +109,7 @@ class Regulated:
     """
 
     def __init__(self, config: Configuration, grip: Grip, squeeze: float) -> None:
-        load = LoadSettings(time=LOAD_TIME)
-        self.control = SqueezeControl(
-            SqueezeSettings(squeeze, grip.friction, pose_gain=POSE_GAIN, load=load)
-        )
+        self.control = SqueezeControl(SqueezeSettings(squeeze, grip.friction))
         self.statuses: set[Status] = set()
         self.messages: set[str] = set()
         # Module and diameter are the short form, for which the grip stands.

@@ -28,7 +28,7 @@ from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
-from isotruss_ros.mujoco_plant.options import GAINS, ROUND
+from isotruss_ros.mujoco_plant.options import ROUND
 from isotruss_ros.mujoco_plant.rendering import require_egl
 from isotruss_ros.viewer.names import ELASTIC, MUJOCO
 import numpy as np
@@ -58,7 +58,8 @@ GROUND_FRICTION = 0.5
 #: File with the states of MuJoCo, from which the animation is drawn.
 RECORDING = 'plant.recording'
 #: What pulls at the object in the middle of the arc, out of the grip [N, N m].
-PULL = (0.0, -5.0, 0.0)
+LOAD, OBJECT_MASS = 5.0, 0.5
+PULL = (0.0, -LOAD, 0.0)
 #: Longer than the default [s], for a machine that is busy otherwise.
 COMMAND_TIMEOUT = 1.0
 #: Largest error of the final pose, against the integral of the twists that limits left, of nodes
@@ -132,9 +133,8 @@ def _play(
     gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
     x, y = OBJECT_CENTER
     lying = {'plant': plant, 'object_is_free': True, 'object_x': x, 'object_y': y}
-    regulated: dict[str, object] = {'squeeze_force': SQUEEZE}
+    regulated = {'squeeze_force': SQUEEZE, 'expected_load': LOAD, 'object_mass': OBJECT_MASS}
     if simulated:
-        regulated |= GAINS
         lying |= {'ground_friction': GROUND_FRICTION, 'clock_speed': options.clock_speed}
         lying['recording'] = str(output.resolve() / RECORDING)
     started = [

@@ -21,8 +21,7 @@ import time
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
-from isotruss_ros.mujoco_plant.options import GAINS
-from isotruss_ros.viewer.names import ELASTIC, MUJOCO, PLANTS
+from isotruss_ros.viewer.names import ELASTIC, PLANTS
 
 DIAMETER = 0.3
 #: By so much the tubes are indented at first, so that the object is squeezed [m].
@@ -48,10 +47,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     domain = keep_to_this_machine()
     shown = {'object_diameter': DIAMETER, 'friction': FRICTION}
     common = shown | {'rate': RATE, 'command_timeout': 1.0}
-    gains = GAINS if options.plant == MUJOCO else {}
     nodes = [
         ('simulator', common | {'plant': options.plant, 'indentation': INDENTATION}),
-        ('manipulation', common | gains),
+        ('manipulation', common | {'object_mass': 0.5}),
         ('grasp_analysis', {**common, 'rate': 20.0}),
         ('path_follower', {'command_timeout': 1.0}),
         ('grasp_planner', {'command_timeout': 1.0}),

@@ -19,11 +19,6 @@ import numpy as np
 #: Value of `local_stiffness` in the file of a robot whose tubes stay round where they are touched,
 #: as they do in MuJoCo: dents stay below a micrometre.
 ROUND = 1e4
-#: With these gains of the squeeze control a robot with MuJoCo's masses does not swing: `pose_gain`
-#: of `SqueezeSettings` [1/s] and `time` of `LoadSettings` [s].
-POSE_GAIN, LOAD_TIME = 4.0, 0.1
-#: The same as parameters of `manipulation`.
-GAINS = {'pose_gain': POSE_GAIN, 'load_time': LOAD_TIME}
 #: Largest number of segments of a member; finer ones only cost time.
 MAX_SEGMENTS = 64
 

@@ -57,26 +57,34 @@ SQUEEZE_FORCE = params.Spec(
     'grip [N]',
     bounds=(0.0, 1000.0),
 )
-MIN_SLIP_MARGIN = params.Spec(
-    'min_slip_margin',
-    1.0,
-    'With squeeze_force: below this slip margin the status warns [N]',
+OBJECT_MASS = params.Spec(
+    'object_mass',
+    0.0,
+    'Mass of the object; 0: that of its description. Unknown, the loop takes its slow gains [kg]',
     bounds=(0.0, 1000.0),
 )
 POSE_GAIN = params.Spec(
     'pose_gain',
-    20.0,
-    "With squeeze_force: share of the object's error in the model that is corrected in a second; "
-    'robots whose masses count need less, such as 4 [1/s]',
+    0.0,
+    'With squeeze_force: gain of the pose, from which the others follow; 0: by the lowest '
+    'frequency of the held object [1/s]',
     bounds=(0.0, 100.0),
 )
-LOAD_TIME = params.Spec(
-    'load_time',
-    0.02,
-    'With squeeze_force: time after which a change of the load is in its estimate; robots whose '
-    'masses count need more, such as 0.1 [s]',
-    bounds=(0.0, 10.0),
-    read_only=True,
+FORCE_GAIN = params.Spec(
+    'force_gain', False, 'Accept a pose_gain beyond what that frequency allows'
+)
+FREQUENCY = params.Spec(
+    'frequency',
+    0.0,
+    'Lowest frequency of the held object, measured; 0: computed from the masses [rad/s]',
+    bounds=(0.0, 1000.0),
+)
+EXPECTED_LOAD = params.Spec(
+    'expected_load',
+    0.0,
+    'With squeeze_force: size of the loads on the object that are expected; 0: none, and what '
+    'moves it by 5 mm for 2 s counts as a slip [N]',
+    bounds=(0.0, 1000.0),
 )
 MODE = params.Spec(
     'mode',
@@ -96,9 +104,11 @@ SPECS = (
     common.OBJECT,
     common.FRICTION,
     SQUEEZE_FORCE,
-    MIN_SLIP_MARGIN,
+    OBJECT_MASS,
     POSE_GAIN,
-    LOAD_TIME,
+    FORCE_GAIN,
+    FREQUENCY,
+    EXPECTED_LOAD,
     *SERVO_SPECS,
 )
 
@@ -322,6 +332,7 @@ class Manipulation(ManagedNode):
     def _apply_squeeze(self) -> None:
         """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""
         values, servo = self.values, self._servo
+        servo.object_mass = values[OBJECT_MASS] or None
         servo.friction = values[common.FRICTION]
         if servo.body is not None and servo.body.friction is not None:
             servo.friction = servo.body.friction
@@ -331,11 +342,12 @@ class Manipulation(ManagedNode):
         settings = SqueezeSettings(
             values[SQUEEZE_FORCE],
             servo.friction,
-            min_slip_margin=values[MIN_SLIP_MARGIN],
-            pose_gain=values[POSE_GAIN],
-            load=LoadSettings(time=values[LOAD_TIME]),
+            pose_gain=values[POSE_GAIN] or None,
+            force_gain=values[FORCE_GAIN],
+            frequency=values[FREQUENCY] or None,
+            load=LoadSettings(values[EXPECTED_LOAD]),
         )
-        if servo.squeeze is None:
+        if servo.squeeze is None or servo.squeeze.fault is not None:
             servo.squeeze = SqueezeControl(settings)
         servo.squeeze.settings = settings
 

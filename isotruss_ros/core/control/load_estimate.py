@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+from isotruss_ros.core.control.loop_gains import LoopGains
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -25,33 +26,33 @@ class LoadSettings:
 
     The estimate is the most probable wrench for a pose that the tubes give by and that model and
     measurement miss: where the grasp is soft it follows the pose, where it is stiff it is small.
+    Where no load is expected, errors of the model do not become one.
 
-    :ivar size: of the wrench, moments over the object's radius [N].
+    :ivar size: of the wrench, moments over the object's radius; 0 where none is expected [N].
     :ivar pose_error: of measurement and model together, turns times the radius [m].
-    :ivar time: after which a change of the load is in the estimate [s].
     """
 
-    size: float = 5.0
+    size: float = 0.0
     pose_error: float = 3e-4
-    time: float = 0.02
 
 
 class LoadEstimate:
     """
     The external wrench on an object, and what it does not explain of the measured pose.
 
-    :ivar wrench: (fx, fy, m / radius) [N].
+    :ivar offset: (x, y, angle) by which the object is off the model without a load, behind the
+        first low-pass [m, rad].
+    :ivar wrench: (fx, fy, m / radius) behind the second one [N].
     :ivar bias: (x, y, angle) by which the object is off its model, the wrench included [m, rad].
     :param settings: what is expected.
     """
 
     def __init__(self, settings: LoadSettings) -> None:
         self.settings = settings
-        self.wrench = np.zeros(3)
-        self.bias = np.zeros(3)
+        self.offset, self.wrench, self.bias = np.zeros(3), np.zeros(3), np.zeros(3)
 
     def update(
-        self, offset: Array, compliance: Array, radius: float, period: float, bias_gain: float
+        self, offset: Array, compliance: Array, radius: float, period: float, gains: LoopGains
     ) -> Array:
         """
         Take a measurement in.
@@ -59,17 +60,18 @@ class LoadEstimate:
         :param offset: (3,) measured minus modelled pose, the wrench so far included [m, rad].
         :param compliance: (3, 3) pose by wrench, see `WrenchResponse` [m/N, rad/N].
         :param radius: of the object [m].
-        :param period: since the last measurement [s].
-        :param bias_gain: share of the bias that is taken over in a second [1/s].
+        :param period: since the last measurement; infinite to take all of it over at once [s].
+        :param gains: how quickly.
         :return: (3,) by which the wrench changed [N].
         """
         settings, even = self.settings, np.array([1.0, 1.0, radius])
+        passed = -math.expm1(-period / gains.filter_time)
+        self.offset = self.offset + passed * (offset + compliance @ self.wrench - self.offset)
         give = even[:, None] * compliance
-        missing = even * offset + give @ self.wrench
-        weight = (settings.pose_error / settings.size) ** 2
-        probable = np.linalg.solve(give.T @ give + weight * np.eye(3), give.T @ missing)
-        change = -math.expm1(-period / settings.time) * (probable - self.wrench)
+        variance = settings.size**2 * give @ give.T + settings.pose_error**2 * np.eye(3)
+        probable = settings.size**2 * give.T @ np.linalg.solve(variance, even * self.offset)
+        change = passed * (probable - self.wrench)
         self.wrench = self.wrench + change
-        left = offset - compliance @ change
-        self.bias += -math.expm1(-period * bias_gain) * (left - self.bias)
+        left = self.offset - compliance @ self.wrench
+        self.bias = self.bias - math.expm1(-period * gains.bias) * (left - self.bias)
         return change

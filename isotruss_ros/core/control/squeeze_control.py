@@ -14,7 +14,8 @@ The squeeze and the opening of the grip are one thing: each millimetre less pres
 newtons more. The fourth row of (19), which keeps the grip, gets a right-hand side, and what the
 elastic tubes do to the object's pose is corrected. The model is evaluated in each cycle, in the
 configuration of the robot and under the estimated load; what it did beyond the rows of (19) over
-the last cycle is expected of the next one as well.
+the last cycle is expected of the next one as well. The gains follow from the lowest natural
+frequency of the held object, see `loop_gains`.
 """
 
 from __future__ import annotations
@@ -23,11 +24,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 import math
 
+from isotruss_ros.core.control.grip_watch import GripFault, GripWatch, PoseComparison
 from isotruss_ros.core.control.held_model import attach_model, Sensitivity, sensitivity
 from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
+from isotruss_ros.core.control.loop_gains import choose_gain, gains_of, LoopGains, SLOW
+from isotruss_ros.core.control.travel_trend import TravelTrend
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.held_utilisation import held_utilisation
 from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.natural_frequency import lowest_frequency
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
@@ -38,10 +43,23 @@ from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Travel of the rollers in a cycle that tells of the utilisation; shorter ones tell less [m].
-TELLING = 1e-4
 #: At this utilisation a tube has folded: more is not told apart.
 FOLDED = 2.0
+#: This share of the squeeze is left of the slip margin where the object stands [-].
+LEFT_MARGIN = 0.04
+#: Share of the slip margin beyond that which a path uses in a second [1/s].
+MARGIN_RATE = 2.0
+#: After an oscillation the rollers stand still for as long as this [s], and the gain is halved.
+REST_TIME = 1.0
+#: The status in each fault.
+HALTS = {
+    GripFault.SLIPPED: Status.HALT_SLIPPED,
+    GripFault.NOT_HELD: Status.HALT_NOT_HELD,
+    GripFault.POSE_DISAGREES: Status.HALT_POSE_DISAGREES,
+    GripFault.OSCILLATES: Status.HALT_OSCILLATES,
+}
+#: Faults in which the rollers stand still; in the others the squeeze is regulated on.
+STILL = frozenset({GripFault.POSE_DISAGREES, GripFault.OSCILLATES})
 
 #: Solves the program for a twist (3,) and a rate of the grip's opening [m/s].
 Solve = Callable[[Array, float], RollerCommand]
@@ -54,13 +72,12 @@ class SqueezeSettings:
 
     :ivar force: mean normal force of the grasping members, positive [N].
     :ivar friction: coefficient between tube and object.
-    :ivar gain: share of the missing force that is made up for in a second [1/s].
+    :ivar pose_gain: the user's own gain of the pose, from which the others follow; None for that
+        of the frequency, see `choose_gain` [1/s].
+    :ivar force_gain: accept a gain beyond the limit.
+    :ivar frequency: lowest natural frequency of the held object, measured; None to compute it from
+        the masses [rad/s].
     :ivar max_force_rate: the squeeze changes no quicker than this [N/s].
-    :ivar pose_gain: share of the object's error in the model that is corrected in a second [1/s].
-        The default, as that of `load`, is for robots whose masses do not count; others swing.
-    :ivar bias_gain: share of what the model does not explain of the measured pose that is
-        corrected in a second [1/s].
-    :ivar min_slip_margin: below this margin a message warns [N].
     :ivar max_utilisation: of the moment at which tubes wrinkle; commands that lead toward it are
         slowed, and beyond it only those that lead away are carried out [-].
     :ivar utilisation_rate: share of what is left to that bound that is used in a second [1/s].
@@ -69,11 +86,10 @@ class SqueezeSettings:
 
     force: float
     friction: float
-    gain: float = 5.0
+    pose_gain: float | None = None
+    force_gain: bool = False
+    frequency: float | None = None
     max_force_rate: float = 10.0
-    pose_gain: float = 20.0
-    bias_gain: float = 2.0
-    min_slip_margin: float = 0.0
     max_utilisation: float = 1.0
     utilisation_rate: float = 5.0
     load: LoadSettings = field(default_factory=LoadSettings)
@@ -88,11 +104,20 @@ class SqueezeControl:
     :ivar reference: (x, y, angle) where the object is to be [m, rad]: where it was at first, moved
         by the twists carried out since; None before the first one.
     :ivar slip_margin: of the object under the estimated load [N].
+    :ivar frequency: lowest natural frequency of the held object; None if not known [rad/s].
+    :ivar gains: what follows from it; those of an unknown frequency before `follow`.
+    :ivar fault: what is wrong with the grip; stays until `acknowledge`, but for oscillations.
     :param settings: what the squeeze is to be.
     """
 
     def __init__(self, settings: SqueezeSettings) -> None:
         self.settings = settings
+        self.acknowledge()
+
+    def acknowledge(self) -> None:
+        """Clear the fault and forget how and where the object is held: a client has acted."""
+        self.fault: GripFault | None = None
+        self._softening = 1.0
         self.reset()
 
     def reset(self) -> None:
@@ -101,17 +126,20 @@ class SqueezeControl:
         self.load = LoadEstimate(self.settings.load)
         self.reference: Array | None = None
         self.slip_margin = 0.0
-        self._velocity, self._elapsed = np.zeros(3), 0.0
+        self.frequency: float | None = None
+        self.gains: LoopGains = gains_of(SLOW)
+        self._watch, self._rest = GripWatch(), 0.0
+        self._velocity, self._asked, self._elapsed = np.zeros(3), np.zeros(3), 0.0
         self._pose, self._squeeze, self._slope = np.zeros(3), 0.0, 0.0
-        self._used = self._used_by_travel = np.zeros(0)
         self._rows, self._drift = np.zeros((4, 0)), np.zeros(4)
 
-    def warning(self) -> str:
+    def note(self) -> str:
         """Return what is wrong with how the object is held; empty where nothing is."""
-        margin, least = self.slip_margin, self.settings.min_slip_margin
-        if self.grasp is None or margin >= least:
-            return ''
-        return f'the slip margin of {margin:.3g} N is below {least:.3g} N'
+        if self.fault is GripFault.OSCILLATES:
+            return f'the object oscillates: the gain is softened to {self.gains.pose:.3g} 1/s'
+        if self.fault is not None:
+            return f'{self.fault.value}: open the grip, or set squeeze_force again to go on'
+        return ''
 
     def follow(self, config: Configuration, grip: Grip, elapsed: float) -> HoldStatus:
         """
@@ -124,6 +152,7 @@ class SqueezeControl:
         :param grip: how it holds the object, which is where it was measured.
         :param elapsed: since the cycle before, for which its command held [s].
         :return: whether the object is held in the model; if not, why.
+        :raises GainError: see `choose_gain`.
         :raises GraspError: see `find_contacts`.
         :raises ConfigurationError: the configuration is singular.
         :raises StructureError: see `structure_of`.
@@ -132,19 +161,27 @@ class SqueezeControl:
         if self.reference is not None:
             self.reference = self.reference + elapsed * self._velocity
         grasp = None if before is None else roll_grip(before, config, self._wrench(before))
-        if before is not None and grasp is not None and grasp.hold(friction) is HoldStatus.HELD:
+        hold = HoldStatus.NO_BALANCE if grasp is None else grasp.hold(friction)
+        if before is not None and grasp is not None and hold is HoldStatus.HELD:
             found = sensitivity(grasp, friction)
             if found is not None:
-                self._learn_drift(before, grasp, found, elapsed)
-                self._learn_utilisation(before, grasp)
+                self._learn(before, grasp, found, elapsed)
                 self._rows = grip_jacobian(config, grip)
                 self._observe(grasp, found, grip.body.pose, elapsed)
                 return HoldStatus.HELD
-        return self._start(config, grip)
+        again = self._start(config, grip)
+        if before is not None and self.fault is None:
+            if hold is HoldStatus.SLIPS:
+                self.fault = GripFault.SLIPPED
+            elif again is not HoldStatus.HELD:
+                self.fault = GripFault.NOT_HELD
+        return again
 
     def solve(self, twist: Array, period: float, solve: Solve) -> RollerCommand:
         """
         Return the command that moves the object as asked and brings the squeeze to its target.
+
+        In a fault the object is not moved, and the squeeze is regulated on; or the rollers stand.
 
         :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
         :param period: for which the command holds, positive [s].
@@ -152,17 +189,27 @@ class SqueezeControl:
         """
         if self.grasp is None:
             raise ValueError('follow comes before solve')
-        settings = self.settings
-        if self.reference is None:
-            self.reference = self._pose + self.load.bias
-        error = _difference(self.reference, self._pose + self.load.bias)
-        # A command that holds for longer than the period must not correct too much.
-        longest = max(period, self._elapsed)
-        wanted = twist + min(settings.pose_gain, 0.5 / longest) * error
-        missing = settings.gain * (settings.force - self._squeeze)
-        rate = max(-settings.max_force_rate, min(missing, settings.max_force_rate))
-        wanted, rate = wanted - self._drift[:3], rate - self._drift[3]
-        return self._limit_utilisation(solve(wanted, rate / self._slope), period)
+        if self.fault in STILL:
+            still = np.zeros(len(self.grasp.config.roller_positions))
+            return RollerCommand(still, np.zeros(3), 0.0, HALTS[self.fault])
+        missing = self.gains.squeeze * (self.settings.force - self._squeeze)
+        most = self.settings.max_force_rate
+        opening = (max(-most, min(missing, most)) - self._drift[3]) / self._slope
+        if self.fault is not None:
+            held = solve(np.zeros(3), opening)
+            return replace(held, scale=0.0, status=HALTS[self.fault])
+        twist, correction = np.asarray(twist), self._correction(period)
+        command = _solve_within_limits(twist + correction, opening, solve)
+        share = self._margin_share(command, period) if twist.any() else 1.0
+        if share < 1.0:
+            slowed = _solve_within_limits(share * twist + correction, opening, solve)
+            command = replace(
+                slowed,
+                scale=share * slowed.scale,
+                status=Status.SLOWED_SLIP_MARGIN,
+                limiting=(*slowed.limiting, 'the slip margin'),
+            )
+        return self._limit_utilisation(command, period)
 
     def advance(self, twist: Array, command: RollerCommand) -> None:
         """
@@ -174,12 +221,25 @@ class SqueezeControl:
         """
         if command.status in (Status.UNREACHABLE, Status.SLIDING):
             self.reference = None
-        self._velocity = command.scale * np.asarray(twist)
+        self._asked = np.asarray(twist)
+        self._velocity = command.scale * self._asked
 
-    def _learn_drift(
+    def _correction(self, period: float) -> Array:
+        """Return the twist (3,) that takes pose errors and what the rows of (19) miss away."""
+        if self.reference is None:
+            self.reference = self._pose + self.load.bias
+        # A command that holds for longer than the period must not correct too much.
+        gain = min(self.gains.pose, 0.5 / max(period, self._elapsed))
+        return gain * self._error() - self._drift[:3]
+
+    def _error(self) -> Array:
+        """Return by how much the object is off its reference (3,) [m, rad]."""
+        return _difference(self.reference, self._pose + self.load.bias)
+
+    def _learn(
         self, before: HeldGrip, grasp: HeldGrip, given: Sensitivity, elapsed: float
     ) -> None:
-        """Take in how pose and squeeze changed in a second beyond the rows of (19), and loads."""
+        """Take in what the last travel did beyond the rows of (19) and loads, and to the tubes."""
         travel = grasp.config.roller_positions - before.config.roller_positions
         moved, opened = self._rows[:3] @ travel, self._rows[3] @ travel
         loaded = grasp.wrench - before.wrench
@@ -187,25 +247,36 @@ class SqueezeControl:
         pressed = grasp.squeeze - before.squeeze - self._slope * opened - given.squeeze @ loaded
         beyond = np.append(change - moved - given.pose @ loaded, pressed)
         self._drift = beyond / elapsed if elapsed > 0.0 else np.zeros(4)
+        used = self._used
+        self._take_utilisation(grasp)
+        self._used_ahead.learn(self._used - used, travel)
+        # A load that changed the margin is not to be taken for what the travel did.
+        margin = given.slip_margin - before.slip_margin(self.settings.friction, loaded)
+        self._margin_ahead.learn(margin, travel)
 
-    def _learn_utilisation(self, before: HeldGrip, grasp: HeldGrip) -> None:
-        """Take in by how much the last travel changed the utilisation (least mean squares)."""
-        travel = grasp.config.roller_positions - before.config.roller_positions
-        used = np.minimum(held_utilisation(grasp), FOLDED)
-        missed = float(used.max() - self._used.max() - self._used_by_travel @ travel)
-        known = missed / float(travel @ travel + TELLING**2)
-        self._used, self._used_by_travel = used, self._used_by_travel + known * travel
+    def _take_utilisation(self, grasp: HeldGrip) -> None:
+        """Take in which member is nearest to its wrinkling moment, and how near."""
+        used = held_utilisation(grasp)
+        self._member = int(used.argmax())
+        self._used = min(float(used.max()), FOLDED)
+
+    def _margin_share(self, command: RollerCommand, period: float) -> float:
+        """Return the part of a command's twist that leaves enough of the slip margin, 0 to 1."""
+        fall = -self._margin_ahead.ahead(period * command.roller_velocities)
+        free = self.slip_margin - LEFT_MARGIN * self._squeeze
+        left = max(period * MARGIN_RATE * free, 0.0)
+        return 1.0 if fall <= left else left / fall
 
     def _limit_utilisation(self, command: RollerCommand, period: float) -> RollerCommand:
         """Return a command, slowed where it would use too much of what is left of the tubes."""
-        settings, member = self.settings, int(self._used.argmax())
-        more = period * float(self._used_by_travel @ command.roller_velocities)
-        free = settings.max_utilisation - float(self._used[member])
+        settings = self.settings
+        more = self._used_ahead.ahead(period * command.roller_velocities)
+        free = settings.max_utilisation - self._used
         left = max(period * settings.utilisation_rate * free, 0.0)
         if more <= left:
             return command
         share = left / more
-        name = f'member {self.grasp.config.robot.member_names[member]}'
+        name = f'member {self.grasp.config.robot.member_names[self._member]}'
         return replace(
             command,
             roller_velocities=share * command.roller_velocities,
@@ -222,16 +293,28 @@ class SqueezeControl:
         if isinstance(found, HoldStatus):
             self.grasp = None
             return found
+        self._choose_gains(found)
         grasp = self._explain(found, grip.body.pose)
         given = sensitivity(grasp, self.settings.friction)
         if given is None:
             self.grasp = None
             return HoldStatus.UNSTABLE
         self._take(grasp, given, np.zeros(3))
-        self._used = np.minimum(held_utilisation(grasp), FOLDED)
-        self._used_by_travel = np.zeros(len(config.roller_positions))
+        self._watch = GripWatch(self.frequency)
+        self._take_utilisation(grasp)
+        rollers = len(config.roller_positions)
+        self._used_ahead, self._margin_ahead = TravelTrend(rollers), TravelTrend(rollers)
         self._rows, self._drift = grip_jacobian(config, grip), np.zeros(4)
         return found.hold(self.settings.friction)
+
+    def _choose_gains(self, grasp: HeldGrip) -> None:
+        """Let the gains follow from the frequency."""
+        settings, description = self.settings, grasp.config.robot.description
+        self.frequency = settings.frequency or lowest_frequency(grasp)
+        gain = choose_gain(
+            self.frequency, description.damping_ratio, settings.pose_gain, settings.force_gain
+        )
+        self.gains = gains_of(self._softening * gain)
 
     def _explain(self, found: HeldGrip, measured: Pose) -> HeldGrip:
         """Return the equilibrium under the load that explains where the object was measured."""
@@ -240,7 +323,7 @@ class SqueezeControl:
             return found
         offset = _difference(np.array(measured), np.array(found.pose))
         # At once: so that the object is wanted where it is, and not where the model has it.
-        self.load.update(offset, given.pose, found.arm, math.inf, 1.0)
+        self.load.update(offset, given.pose, found.arm, math.inf, self.gains)
         # At the same contacts: the next cycle finds which of them change.
         contacts, wrench = found.contacts, self.load.wrench
         loaded = roll_contacts(found, found.config, contacts, found.anchors, found.angles, wrench)
@@ -252,10 +335,33 @@ class SqueezeControl:
     def _observe(
         self, grasp: HeldGrip, given: Sensitivity, measured: Pose, elapsed: float
     ) -> None:
-        """Take the load from where the object was measured and where the model has it."""
+        """Take in where the object was measured and where the model has it."""
+        self._choose_gains(grasp)
         offset = _difference(np.array(measured), np.array(grasp.pose))
-        gain = self.settings.bias_gain
-        self._take(grasp, given, self.load.update(offset, given.pose, grasp.arm, elapsed, gain))
+        moved = given.pose @ self.load.wrench
+        loaded = self.load.update(offset, given.pose, grasp.arm, elapsed, self.gains)
+        self._take(grasp, given, loaded)
+        even = np.array([1.0, 1.0, grasp.arm])
+        self._look_for_faults(
+            PoseComparison(
+                even * (offset + moved),
+                even * offset,
+                np.zeros(3) if self.reference is None else even * self._error(),
+                elapsed * even * self._asked,
+            ),
+            elapsed,
+        )
+
+    def _look_for_faults(self, poses: PoseComparison, elapsed: float) -> None:
+        """Watch the grip; after an oscillation stand still for a while, and go on more softly."""
+        self._rest = max(self._rest - elapsed, 0.0)
+        if self.fault is GripFault.OSCILLATES and self._rest == 0.0:
+            self.fault, self._watch = None, GripWatch(self.frequency)
+        if self.fault is not None:
+            return
+        self.fault = self._watch.update(poses, elapsed)
+        if self.fault is GripFault.OSCILLATES:
+            self._rest, self._softening = REST_TIME, 0.5 * self._softening
 
     def _take(self, grasp: HeldGrip, given: Sensitivity, loaded: Array) -> None:
         """Go on with an evaluated model, and a load (3,) that came since [N]."""
@@ -266,6 +372,18 @@ class SqueezeControl:
     def _wrench(self, grasp: HeldGrip) -> Array:
         """Return the estimated wrench (fx, fy, m) [N, N m]."""
         return self.load.wrench * (1.0, 1.0, grasp.arm)
+
+
+def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerCommand:
+    """Return the command for a twist and a rate of opening; limits slow the twist first."""
+    command = solve(wanted, opening)
+    if not Status.SLOWED_ROLLER_SPEED <= command.status <= Status.SLOWED_BARRIER:
+        return command
+    for scale in (command.scale, 0.0):
+        found = solve(scale * wanted, opening)
+        if found.scale >= 1.0:
+            break
+    return replace(found, scale=scale, status=command.status, limiting=command.limiting)
 
 
 def _difference(pose: Array, other: Array) -> Array:

@@ -20,7 +20,7 @@ before the measurement do not count, so motion resumes from any state of robot a
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import functools
 import importlib
 
@@ -35,7 +35,7 @@ from isotruss_ros.core.control.inputs import (
     StampedInput,
 )
 from isotruss_ros.core.control.squeeze_control import Solve, SqueezeControl
-from isotruss_ros.core.errors import GraspError, IsotrussError
+from isotruss_ros.core.errors import GainError, GraspError, IsotrussError
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
@@ -70,12 +70,16 @@ class Decision:
         there is none.
     :ivar message: what is wrong and what would be right; empty when nothing is wrong.
     :ivar failed: names of the rollers that are held at zero because they have failed.
+    :ivar frequency: lowest natural frequency of the held object; 0 if not known [rad/s].
+    :ivar pose_gain: with which its pose is regulated; 0 if it is not [1/s].
     """
 
     command: RollerCommand
     twist: Array
     message: str
     failed: tuple[str, ...] = ()
+    frequency: float = 0.0
+    pose_gain: float = 0.0
 
 
 class HaltError(IsotrussError):
@@ -116,6 +120,7 @@ class TwistServo:
     :ivar body: the held object, wherever; None for a disc of `object_diameter`.
     :ivar members: names of the members that hold it, two or three, in place of those that meet at
         `grip_module`; none for these.
+    :ivar object_mass: in place of that of the object; None for that [kg].
     :ivar friction: coefficient between tubes and object, by which polygons roll over corners.
     :ivar clock_skew: stamps may be this far in the future [s].
     :ivar stopped: status and reason of a halt that does not depend on inputs; None without one.
@@ -146,6 +151,7 @@ class TwistServo:
         self.timeout = timeout
         self.body: ConvexObject | None = None
         self.members: tuple[str, ...] = ()
+        self.object_mass: float | None = None
         self.friction = 0.5
         self.clock_skew = CLOCK_SKEW
         self.twist: Input = None
@@ -202,7 +208,7 @@ class TwistServo:
             check_joint(self.robot, name)
         self._joint, self.twist = name, None
         if self.squeeze is not None:
-            self.squeeze.reset()
+            self.squeeze.acknowledge()
 
     def grip_at(self, pose: Pose) -> Grip:
         """
@@ -212,7 +218,8 @@ class TwistServo:
         :raises GraspError: the robot has no such members or module; or the pose is out of range.
         """
         module, diameter = self.grip_module, self.object_diameter
-        grip = _make_grip(self.robot, self.members, module, self.body, diameter, self.friction)
+        mass, body, friction = self.object_mass, self.body, self.friction
+        grip = _make_grip(self.robot, self.members, module, body, diameter, mass, friction)
         return grip.moved_to(pose)
 
     @single_threaded
@@ -240,8 +247,8 @@ class TwistServo:
             twist = np.asarray(given.value)
             command = self._solve(rollers, pose[0] if pose else None, twist, now, failed)
             keeps_contacts = self._joint is None
-            warning = self.squeeze.warning() if self.squeeze else ''
-            notes = (_describe(command, keeps_contacts), warning)
+            note = self.squeeze.note() if self.squeeze else ''
+            notes = (_describe(command, keeps_contacts), note)
             message = '; '.join(note for note in notes if note)
         except (InputError, HaltError) as error:
             if isinstance(error, HaltError):
@@ -256,7 +263,10 @@ class TwistServo:
             command, message = RollerCommand(stopped, np.zeros(3), 0.0, status), str(error)
         self._history.record(now, command.roller_velocities)
         names = tuple(name for name in self.robot.roller_names if name in failed) if failed else ()
-        return Decision(command, twist, message, names)
+        regulated = self.squeeze if self.squeeze and self.squeeze.grasp else None
+        frequency = (regulated.frequency or 0.0) if regulated else 0.0
+        gain = regulated.gains.pose if regulated else 0.0
+        return Decision(command, twist, message, names, frequency, gain)
 
     def note_command(self, velocities: Array, now: float) -> None:
         """
@@ -271,7 +281,7 @@ class TwistServo:
         self._detect()
         self._history.record(now, velocities)
         if self.squeeze is not None:
-            self.squeeze.reset()
+            self.squeeze.acknowledge()
 
     def _detect(self) -> None:
         """Compare the commanded roller travel with the measured one."""
@@ -325,6 +335,8 @@ class TwistServo:
             return command if watch is None else watch.keep(command, last, self.period)
         except HaltError:
             raise
+        except GainError as error:
+            raise HaltError(Status.HALT_GAIN, str(error)) from error
         except GraspError as error:
             raise HaltError(Status.HALT_NO_GRASP, str(error)) from error
         except IsotrussError as error:
@@ -369,8 +381,9 @@ class TwistServo:
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, self.timeout)
         hold = squeeze.follow(config, grip, elapsed)
-        if hold is not HoldStatus.HELD:
-            raise HaltError(Status.HALT_NOT_HELD, f'the object is not held: {hold.value}')
+        if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
+            why = f'the object is not held: {hold.value}'
+            raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))
         command = squeeze.solve(twist, self.period, solve)
         squeeze.advance(twist, command)
         return command
@@ -407,11 +420,13 @@ def _make_grip(
     module: str,
     body: ConvexObject | None,
     diameter: float,
+    mass: float | None,
     friction: float,
 ) -> Grip:
     """Return the grip of these settings with the object anywhere; the last few are kept."""
     names = members or members_at(robot, module)
-    return Grip(names, body or ConvexObject(Disc(diameter)), friction)
+    body = body or ConvexObject(Disc(diameter))
+    return Grip(names, body if mass is None else replace(body, mass=mass), friction)
 
 
 def _describe(command: RollerCommand, keeps_contacts: bool) -> str:

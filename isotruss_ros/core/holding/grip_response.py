@@ -115,7 +115,9 @@ def solve_change(jacobian: Array, right: Array) -> Array | None:
     return None if singular or lapack.dgetrf(change[:3, :3])[2] else change
 
 
-def slip_margin(state: ContactForces, response: GripResponse, friction: float) -> float:
+def slip_margin(
+    state: ContactForces, response: GripResponse, friction: float, more: Array | None = None
+) -> float:
     """
     Return the smallest wrench at which a member slips or a contact lets go [N].
 
@@ -127,9 +129,12 @@ def slip_margin(state: ContactForces, response: GripResponse, friction: float) -
     :param state: the equilibrium.
     :param response: how its forces change with the wrench.
     :param friction: coefficient mu.
+    :param more: (3,) wrench (fx, fy, m / arm) that is added to that of the equilibrium [N].
     :return: negative where a member slips or a contact pulls already.
     """
     reserve, slope = _conditions(state, response, friction)
+    if more is not None:
+        reserve = reserve + slope @ more
     return float((reserve / _sizes(slope)).min())
 
 

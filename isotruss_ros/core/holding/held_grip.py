@@ -125,15 +125,16 @@ class HeldGrip:
             return HoldStatus.OFF_MEMBER
         return HoldStatus.SLIPS if self.required_friction > friction else HoldStatus.HELD
 
-    def slip_margin(self, friction: float) -> float:
+    def slip_margin(self, friction: float, more: Array | None = None) -> float:
         """
         Return the smallest extra wrench at which a contact slips or lets go, see `slip_margin`.
 
         :param friction: coefficient between tube and object.
+        :param more: (3,) wrench (fx, fy, m / arm) that is added to `wrench` [N].
         :return: [N], moments over the arm; zero where the equilibrium is indifferent.
         """
         response = self.response
-        return 0.0 if response is None else slip_margin(self.state, response, friction)
+        return 0.0 if response is None else slip_margin(self.state, response, friction, more)
 
     @functools.cached_property
     def members(self) -> Indices:

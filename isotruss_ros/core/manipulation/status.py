@@ -18,7 +18,8 @@ class Status(enum.IntEnum):
     """
     Codes of a command, the same as in isotruss_msgs/ManipulationStatus.
 
-    Below 30 the rollers do what the command says; from 30 on they are stopped.
+    Below 30 the rollers do what the command says; from 30 on they are stopped, but for the squeeze
+    of an object that has slipped.
     """
 
     OK = 0  #: the twist is carried out
@@ -32,6 +33,7 @@ class Status(enum.IntEnum):
     SLOWED_OBJECT = 14  #: along the twist, slower: the robot is near the object, beside the grip
     SLOWED_UTILISATION = 15  #: along the twist, slower: a tube is near its wrinkling moment
     SLOWED_BARRIER = 16  #: along the twist, slower: a barrier or limit of the user's own binds
+    SLOWED_SLIP_MARGIN = 17  #: along the twist, slower: the slip margin ends
     UNREACHABLE = 20  #: the closest reachable twist, perhaps slower
     SLIDING = 21  #: the closest twist that limits admit, with `slide_along_limits`
     HALT_NO_TWIST = 30  #: no twist yet, or the last one is too old
@@ -47,9 +49,13 @@ class Status(enum.IntEnum):
     HALT_EMERGENCY_STOP = 40
     HALT_CLOCK = 41  #: simulated time is stopped
     HALT_INVALID_FAILED_ROLLERS = 42
-    HALT_NOT_HELD = 43  #: the squeeze is regulated, and no equilibrium holds the object
+    HALT_NOT_HELD = 43  #: no equilibrium holds the object that is squeezed
     HALT_TRAJECTORY = 44  #: a trajectory was rejected or aborted; no twist came since
     HALT_OTHER_COMMANDS = 45  #: another node commands the rollers, too
+    HALT_SLIPPED = 46  #: the object has slipped: it is not moved, and the squeeze is regulated on
+    HALT_POSE_DISAGREES = 47  #: the measured pose does not go with the members that carry it
+    HALT_OSCILLATES = 48  #: the object swings more and more: the rollers rest
+    HALT_GAIN = 49  #: the user's gain is beyond what the frequency of the held object allows
 
     def __str__(self) -> str:
         """Return the name in words."""

@@ -19,13 +19,14 @@ from typing import Any
 @dataclass(frozen=True)
 class Module:
     """
-    Dimensions [m] and rigidities of the roller modules (see docs/robot_file.md).
+    Dimensions [m], rigidities and mass of the roller modules (see docs/robot_file.md).
 
     :ivar pinch_separation: distance s of the pinch points B and C [m].
     :ivar rod_length: length h of the rod from the joint to the middle of BC [m].
     :ivar guide_ring_distance: distance g of the guide rings from the pinch points [m].
     :ivar axial_rigidity: EA of the rigid parts [N].
     :ivar flexural_rigidity: EI of the rigid parts [N m^2].
+    :ivar mass: of a module with its joint; None where it is not known [kg].
     """
 
     pinch_separation: float
@@ -33,6 +34,7 @@ class Module:
     guide_ring_distance: float
     axial_rigidity: float
     flexural_rigidity: float
+    mass: float | None = None
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,8 @@ class RobotDescription:
     :ivar tube_diameter: outer diameter of the tubes [m].
     :ivar pressures: gauge pressures, in the order of the tubes [Pa].
     :ivar local_stiffness: of the section against flattening, as a factor on the theory [-].
+    :ivar tube_mass: of the tubes by their length [kg/m].
+    :ivar damping_ratio: of the slowest oscillation, against the critical damping [-].
     :ivar stiffness: block `stiffness` of the robot file.
     :ivar supports: grounded axes by joint, of x and y.
     :ivar max_speed: largest speed of a roller [m/s].
@@ -88,3 +92,5 @@ class RobotDescription:
     min_length: float
     max_length: float
     local_stiffness: float = 1.0
+    tube_mass: float = 0.1
+    damping_ratio: float = 0.1

@@ -23,6 +23,12 @@ from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.stiffness_law import find_contradictions, read_laws
 
 DEFAULT_FRAME = 'truss'
+#: Optional numbers of the block `tube`, and their names in the description.
+TUBE_NUMBERS = {
+    'local_stiffness': 'local_stiffness',
+    'mass_per_length': 'tube_mass',
+    'damping_ratio': 'damping_ratio',
+}
 
 
 def read_robot_file(name_or_path: str | Path) -> RobotDescription:
@@ -72,11 +78,15 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
         module=module,
         tube_diameter=float(content['tube']['diameter']),
         pressures=pressures,
-        local_stiffness=float(content['tube'].get('local_stiffness', 1.0)),
         stiffness=stiffness,
         supports=supports,
         max_speed=float(content['rollers']['max_speed']),
         **limits,
+        **{
+            name: float(content['tube'][key])
+            for key, name in TUBE_NUMBERS.items()
+            if key in content['tube']
+        },
     )
 
 

@@ -245,6 +245,18 @@ class Frame:
         reactions = np.where(self._held, carried - flat, 0.0)
         return FrameState(displacements.reshape(-1, 3), reactions.reshape(-1, 3), end_forces)
 
+    def displacements(self, members: Indices, loads: Array) -> Array:
+        """
+        Return the displacements of all nodes where members carry loads inside, (n, 3, c).
+
+        :param members: (p,) which of them do.
+        :param loads: (6 p, c) on their ends, in their frames, that move these as the loads do, for
+            each of c cases [N], [N m].
+        :raises StructureError: see `solve`.
+        """
+        moved = self._under_end_loads(members)[0] @ loads
+        return moved[self._pattern.unknowns].reshape(-1, 3, loads.shape[1])
+
     def end_forces(self, members: Indices, loads: Array) -> Array:
         """
         Return the forces of the nodes on all members, some of which carry loads inside.

@@ -40,7 +40,8 @@ class StatusReport:
         )
         self._frame = frame
         self._diagnostics = node.diagnostics
-        self._throttle = WarningThrottle(node.get_logger())
+        self._logger, self._gain = node.get_logger(), 0.0
+        self._throttle = WarningThrottle(self._logger)
         self._cycle_times = CycleTimes()
         self._last, self._cycle_time = Status.OK, 0.0
 
@@ -62,12 +63,13 @@ class StatusReport:
             reachable_dof=command.reachable_dof,
             failed_rollers=decision.failed,
             cycle_time=self._cycle_time,
+            frequency=decision.frequency,
+            pose_gain=decision.pose_gain,
         )
         stamp_header(message.header, now, self._frame)
         self._publisher.publish(message)
         level = select_level(command.status)
-        if decision.message and command.status in (Status.OK, Status.IDLE):
-            level = Level.WARN  # such as too small a slip margin
+        self._log_gain(decision)
         text = decision.message or command.status.name
         if decision.failed:
             level = max(level, Level.WARN)
@@ -75,6 +77,15 @@ class StatusReport:
         self._diagnostics.set_status(level, text)
         if level is not Level.OK:
             self._throttle.warn(command.status.name, f'{command.status}: {text}')
+
+    def _log_gain(self, decision: Decision) -> None:
+        """Log the gain, and the frequency from which it follows, when an object is taken."""
+        before, self._gain = self._gain, decision.pose_gain
+        if decision.pose_gain and not before:
+            known = f'{decision.frequency:.3g} rad/s' if decision.frequency else 'not known'
+            self._logger.info(
+                f'lowest frequency of the held object: {known}; pose gain {self._gain:.3g} 1/s'
+            )
 
     def add_cycle_time(self, duration: float) -> None:
         """

@@ -10,27 +10,43 @@
 """The load on a held object, against least squares and in closed form."""
 
 from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
+from isotruss_ros.core.control.loop_gains import LoopGains
 import numpy as np
 import pytest
 
-RADIUS, PERIOD, GAIN = 0.2, 0.01, 2.0
+RADIUS, PERIOD = 0.2, 0.01
+GAINS = LoopGains(pose=50.0, squeeze=5.0, bias=2.0, filter_time=0.02)
 
 
 def test_the_wrench_is_the_most_probable_one():
     """Errors of the pose count against 0.3 mm, turns at the radius, and the wrench against 5 N."""
     rng = np.random.default_rng(0)
-    load = LoadEstimate(LoadSettings())
+    load = LoadEstimate(LoadSettings(size=5.0))
     even = np.array([1.0, 1.0, RADIUS])
+    passed = 1.0 - np.exp(-0.5)  # in 10 ms of 20 ms
     for _ in range(4):
         compliance = 1e-3 * rng.normal(size=(3, 3))
-        offset, wrench, bias = 1e-3 * rng.normal(size=3), load.wrench, load.bias.copy()
-        # The offset is what is left with the wrench so far.
+        measured, wrench, bias, before = (
+            1e-3 * rng.normal(size=3),
+            load.wrench,
+            load.bias,
+            load.offset,
+        )
+        # What is measured has the wrench so far in the model.
+        change = load.update(measured - compliance @ wrench, compliance, RADIUS, PERIOD, GAINS)
+        offset = before + passed * (measured - before)
         rows = np.vstack([even[:, None] * compliance / 3e-4, np.eye(3) / 5.0])
-        right = np.append(even * (offset + compliance @ wrench) / 3e-4, np.zeros(3))
+        right = np.append(even * offset / 3e-4, np.zeros(3))
         probable = np.linalg.lstsq(rows, right, rcond=None)[0]
-        change = load.update(offset, compliance, RADIUS, PERIOD, GAIN)
-        # In 10 ms of 20 ms.
-        assert change == pytest.approx((1.0 - np.exp(-0.5)) * (probable - wrench))
+        assert load.offset == pytest.approx(offset)
+        assert change == pytest.approx(passed * (probable - wrench))
         assert load.wrench == pytest.approx(wrench + change)
-        left = offset - compliance @ change
+        left = offset - compliance @ load.wrench
         assert load.bias == pytest.approx(bias + (1.0 - np.exp(-0.02)) * (left - bias))
+
+
+def test_where_no_load_is_expected_errors_of_the_model_do_not_become_one():
+    load = LoadEstimate(LoadSettings())
+    load.update(np.array([0.01, 0.0, 0.0]), 5e-3 * np.eye(3), RADIUS, np.inf, GAINS)
+    assert not load.wrench.any()
+    assert load.bias == pytest.approx([0.01, 0.0, 0.0])

@@ -13,7 +13,7 @@ from dataclasses import replace
 import math
 
 from comparison.wedge import opening
-from grips import gripped
+from grips import gripped, MASSLESS
 from isotruss_ros.core import (
     ElasticObject,
     Grip,
@@ -26,14 +26,12 @@ from isotruss_ros.core import (
     TwistServo,
 )
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
-from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_utilisation import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
-from isotruss_ros.mujoco_plant.options import LOAD_TIME, POSE_GAIN
 import numpy as np
 import pytest
 
@@ -66,7 +64,9 @@ class Loop:
         model = attach_grip(CONFIG, CYLINDER)
         self.target = model.squeeze if force is None else force
         self.control = SqueezeControl(
-            SqueezeSettings(self.target, FRICTION, max_utilisation=max_utilisation, **gains)
+            SqueezeSettings(
+                self.target, FRICTION, max_utilisation=max_utilisation, **MASSLESS | gains
+            )
         )
         self.regulated = regulated
         self.noise, self.rng, self.statuses = noise, np.random.default_rng(0), []
@@ -176,11 +176,7 @@ def test_an_object_that_is_loaded_from_the_start_is_wanted_where_it_is():
     assert max(loop.errors) < 5e-4
 
 
-# The others are those for robots with masses: MuJoCo's swings with the defaults.
-@pytest.mark.parametrize(
-    ('gains', 'bound'),
-    [({}, 1.5e-3), ({'pose_gain': POSE_GAIN, 'load': LoadSettings(time=LOAD_TIME)}, 5e-3)],
-)
+@pytest.mark.parametrize(('gains', 'bound'), [({}, 2.5e-3), ({'pose_gain': 4.0}, 9e-3)])
 def test_an_unknown_rotating_load_moves_the_object_little(gains, bound):
     loop = Loop(**gains)
     for k in range(100):
@@ -233,8 +229,8 @@ def still(rollers, asked):
 
 @pytest.mark.parametrize('wrench', [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.5, -0.5, 0.1)])
 def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
-    force, gain, asked = 30.0, 2.0, []
-    settings = SqueezeSettings(force, FRICTION, gain, max_force_rate=math.inf)
+    force, gain, asked = 30.0, 5.0, []
+    settings = SqueezeSettings(force, FRICTION, max_force_rate=math.inf, **MASSLESS)
     control, model = SqueezeControl(settings), attach_grip(CONFIG, CYLINDER)
     for measured in (model.pose, roll_grip(model, CONFIG, np.array(wrench)).pose):
         # After so long the load that is most probable is the estimated one.
@@ -248,7 +244,7 @@ def test_the_squeeze_that_is_regulated_is_that_under_the_estimated_load(wrench):
 def close_near_the_bound(model, bound, rate, scale=1.0):
     """Return what is commanded, and where, in the cycles in which a grip closes near a bound."""
     control = SqueezeControl(
-        SqueezeSettings(100.0, FRICTION, max_utilisation=bound, utilisation_rate=rate)
+        SqueezeSettings(100.0, FRICTION, max_utilisation=bound, utilisation_rate=rate, **MASSLESS)
     )
     config, object_of_plant, found = CONFIG, ElasticObject(CYLINDER, FRICTION), []
     for _ in range(3):
@@ -323,7 +319,7 @@ def servo_on_plant(twist, cycles, force, rate=25.0, friction=FRICTION, late=1, *
     plant.advance(0.0)
     servo = TwistServo(CONFIG.robot, MODULE, CYLINDER.shape.diameter, 1.0 / rate, timeout=0.2)
     servo.guard = None
-    settings = {'max_utilisation': math.inf} | settings
+    settings = {'max_utilisation': math.inf} | MASSLESS | settings
     servo.squeeze = SqueezeControl(SqueezeSettings(force, friction, **settings))
     codes = []
     for number in range(cycles):
@@ -354,10 +350,7 @@ def test_the_servo_closes_in_place_and_carries():
     assert plant.object_pose[:2] == pytest.approx((x + 0.04, y - 0.02), abs=1e-3)
 
 
-def test_the_servo_warns_of_a_small_margin_and_halts_what_is_not_held():
-    _, _, decision, codes = servo_on_plant((0.0, 0.0, 0.0), 2, 24.0, min_slip_margin=50.0)
-    assert codes[-1] is Status.OK
-    assert 'slip margin' in decision.message
+def test_the_servo_halts_what_is_not_held():
     _, plant, decision, codes = servo_on_plant((0.01, 0.0, 0.0), 2, 24.0, friction=0.2)
     assert set(codes) == {Status.HALT_NOT_HELD}
     assert 'friction' in decision.message

@@ -11,6 +11,7 @@
 
 import math
 
+from grips import MASSLESS
 from isotruss_ros.core import (
     Disc,
     ElasticObject,
@@ -52,7 +53,7 @@ class Loop:
         self.plant = SimulatedRobot(config, self.object, RollerFaults())
         self.plant.advance(0.0)
         self.target = more * self.object.grasp.squeeze
-        self.control = SqueezeControl(SqueezeSettings(self.target, FRICTION))
+        self.control = SqueezeControl(SqueezeSettings(self.target, FRICTION, **MASSLESS))
         self.reference = np.array(self.plant.object_pose)
         self.errors = []
 

@@ -1,0 +1,164 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+What tells that the grip of a regulated object is not as the model has it.
+
+All lengths count turns of the object times its arm.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+import enum
+import math
+from typing import NamedTuple
+
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+#: An object that is off its model by more than this [m] for as long as this [s] has slipped.
+SLIP, SLIP_TIME = 0.005, 2.0
+#: A pose that departs from the model evenly, as the members carry the object, by as much [m].
+LIE = 0.006
+#: That is compared over these steps of the way that twists ask for, as many at most [m].
+STEP, STEPS = 0.0025, 30
+#: A load moves the object by more than this many times a step.
+EVEN = 2.0
+#: Half-swings of the pose error from this size on count [m] ...
+SWING = 0.003
+#: ... where they take less than so many times pi / omega, or this time if that is not known [s].
+SLOWEST, SWING_TIME = 2.0, 0.5
+#: So many half-swings, each at least so large against the one before it, do not decay.
+SWINGS, NO_DECAY = 3, 0.95
+#: Low-pass on what is measured [s].
+FILTER_TIME = 0.02
+
+
+class GripFault(enum.Enum):
+    """What is wrong with the grip."""
+
+    SLIPPED = 'slipped'
+    NOT_HELD = 'not held'
+    POSE_DISAGREES = 'the pose disagrees'
+    OSCILLATES = 'oscillates'
+
+
+class PoseComparison(NamedTuple):
+    """
+    The measured pose of an object against its model in one cycle, (3,) each [m].
+
+    :ivar apart: measured pose minus that of the model without a load.
+    :ivar unexplained: what the expected load leaves of it.
+    :ivar error: what is missing to the reference.
+    :ivar asked: motion that the twist of the last cycle asked for.
+    """
+
+    apart: Array
+    unexplained: Array
+    error: Array
+    asked: Array
+
+
+class GripWatch:
+    """
+    Compares the measured pose of a held object with the model, and looks for oscillations.
+
+    - An object that slipped stays off the model; a short load does not.
+    - A pose that lies departs from the model evenly on its way: it stands still, or goes as twists
+      ask for, and the members do not. A load moves the object at once.
+    - An oscillation that grows, or does not decay, has half-swings that do not.
+
+    :param frequency: lowest natural frequency of the held object; None if not known [rad/s].
+    """
+
+    def __init__(self, frequency: float | None = None) -> None:
+        self._first: PoseComparison | None = None
+        self._apart, self._unexplained, self._error = np.zeros((3, 3))
+        self._slipped_for = 0.0
+        self._begun, self._travelled = np.zeros(3), 0.0
+        self._departures: deque[Array] = deque(maxlen=STEPS)
+        longest = SLOWEST * math.pi / frequency if frequency else SWING_TIME
+        self._swings = tuple(_Swings(longest) for _ in range(3))
+
+    def update(self, poses: PoseComparison, elapsed: float) -> GripFault | None:
+        """
+        Take one cycle in.
+
+        :param poses: of this cycle.
+        :param elapsed: since the cycle before [s].
+        """
+        if self._first is None:
+            self._first, self._error = poses, poses.error
+        passed = -math.expm1(-elapsed / FILTER_TIME)
+        self._apart = self._apart + passed * (poses.apart - self._first.apart - self._apart)
+        left = poses.unexplained - self._first.unexplained
+        self._unexplained = self._unexplained + passed * (left - self._unexplained)
+        self._error = self._error + passed * (poses.error - self._error)
+        away = math.hypot(*self._unexplained)
+        self._slipped_for = self._slipped_for + elapsed if away > SLIP else 0.0
+        if self._departs(poses):
+            return GripFault.POSE_DISAGREES
+        if self._slipped_for > SLIP_TIME:
+            return GripFault.SLIPPED
+        grown = [
+            swings.update(value, elapsed)
+            for swings, value in zip(self._swings, self._error.tolist(), strict=True)
+        ]
+        return GripFault.OSCILLATES if any(grown) else None
+
+    def _departs(self, poses: PoseComparison) -> bool:
+        """Return whether the pose departs from the model evenly, as the object is moved."""
+        self._travelled += math.hypot(*poses.asked)
+        if self._travelled < STEP:
+            return False
+        self._departures.append(self._apart - self._begun)
+        longest = EVEN * self._travelled
+        self._begun, self._travelled = self._apart, 0.0
+        departed = np.zeros(3)
+        for each in reversed(self._departures):
+            if math.hypot(*each) > longest or each @ self._departures[-1] <= 0.0:
+                return False
+            departed = departed + each
+            if math.hypot(*departed) > LIE:
+                return True
+        return False
+
+
+class _Swings:
+    """
+    Turning points of one number, and how far apart they are.
+
+    :param longest: time from one to the next in a swing [s].
+    """
+
+    def __init__(self, longest: float) -> None:
+        self._longest = longest
+        self._extreme = self._turned = math.nan
+        self._rising, self._age = True, 0.0
+        self._sizes: list[float] = []
+
+    def update(self, value: float, elapsed: float) -> bool:
+        """Return whether the last half-swings do not decay; the number (m) is of this cycle."""
+        if math.isnan(self._extreme):
+            self._extreme = self._turned = value
+        self._age += elapsed
+        sign = 1.0 if self._rising else -1.0
+        if sign * (value - self._extreme) >= 0.0:
+            self._extreme = value
+        elif sign * (self._extreme - value) > SWING:
+            if self._age > self._longest:
+                self._sizes.clear()
+            self._sizes.append(abs(self._extreme - self._turned))
+            self._turned, self._extreme = self._extreme, value
+            self._rising, self._age = not self._rising, 0.0
+            last = self._sizes[-SWINGS:]
+            pairs = zip(last[1:], last, strict=False)
+            return len(last) == SWINGS and all(size >= NO_DECAY * old for size, old in pairs)
+        return False

@@ -1,0 +1,87 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+The lowest natural frequency of a robot that holds an object (Rayleigh and Ritz).
+
+A wrench on the object moves it, and the modules with it. The oscillation is looked for among the
+three motions that three independent wrenches cause:
+
+    omega^2 = min over w of  w^T C w / (w^T M w),
+
+C the compliance of the held object and M the masses times the squares of what a unit wrench moves
+them by. The true frequency is not above it by more than what other motions of the modules would
+lower it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.structure import frame_layout, structure_of
+import numpy as np
+import scipy.linalg
+
+
+def lowest_frequency(grip: HeldGrip) -> float | None:
+    """
+    Return the lowest natural frequency of an object held in equilibrium, undamped [rad/s].
+
+    Contacts stick. The masses are those of the robot file and of the object: a module's in the
+    middle of its pinch points, half of a member's tube at each of its ends.
+
+    :param grip: how the object is held.
+    :return: None where the mass of modules or object is not known, or the equilibrium indifferent.
+    :raises StructureError: see `structure_of`.
+    """
+    body, response = grip.body, grip.response
+    if grip.config.robot.description.module.mass is None or body.mass is None or response is None:
+        return None
+    arm = grip.arm
+    moved = response.pose
+    own = body.shape.centroid if body.center_of_mass is None else complex(*body.center_of_mass)
+    lever = own * complex(math.cos(grip.pose.angle), math.sin(grip.pose.angle))
+    of_middle = moved[0] + 1j * moved[1] + 1j * lever * moved[2]
+    inertia = body.mass * (
+        np.outer(of_middle.conj(), of_middle).real
+        + body.shape.gyration**2 * np.outer(moved[2], moved[2])
+    )
+    compliance = moved * np.array([[1.0], [1.0], [arm]])
+    inertia += _inertia_of_robot(grip)
+    squares = scipy.linalg.eigh(
+        0.5 * (compliance + compliance.T), inertia, eigvals_only=True, check_finite=False
+    )
+    return math.sqrt(squares[0]) if squares[0] > 0.0 else None
+
+
+def _inertia_of_robot(grip: HeldGrip) -> Array:
+    """Return what the masses of modules and tubes are under each pair of unit wrenches (3, 3)."""
+    description, topology = grip.config.robot.description, grip.config.robot.topology
+    structure = structure_of(grip.config, grip.tubes.pressure)
+    statics, state, response = grip.statics, grip.state, grip.response
+    compliance = statics.compliance
+    local = compliance.axis.conj() * state.normals
+    forces = (response.normal + 1j * response.friction) * local[:, None]
+    couples = -statics.tube_radius * response.friction
+    loads = np.array([forces.real, forces.imag, couples]).transpose(2, 1, 0)
+    at_feet, (piece, _) = compliance.at(state.feet), compliance.locate(state.feet)
+    carried = np.column_stack([at_feet.carried(each).ravel() for each in loads])
+    moved = structure.frame.displacements(piece, carried) / grip.tubes.stiffness_scale
+    nodes, first = moved[:, 0] + 1j * moved[:, 1], frame_layout(grip.config.robot).b
+    b, c = nodes[first], nodes[first + 1]
+    middle = 0.5 * (b + c)
+    half = 0.5 * description.tube_mass * grip.config.member_lengths
+    at_c = half[topology.previous]
+    return (
+        description.module.mass * (middle.conj().T @ middle)
+        + b.conj().T @ (half[:, None] * b)
+        + c.conj().T @ (at_c[:, None] * c)
+    ).real
