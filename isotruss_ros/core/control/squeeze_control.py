@@ -230,11 +230,8 @@ class SqueezeControl:
             self.reference = self._pose + self.load.bias
         # A command that holds for longer than the period must not correct too much.
         gain = min(self.gains.pose, 0.5 / max(period, self._elapsed))
-        return gain * self._error() - self._drift[:3]
-
-    def _error(self) -> Array:
-        """Return by how much the object is off its reference (3,) [m, rad]."""
-        return _difference(self.reference, self._pose + self.load.bias)
+        error = _difference(self.reference, self._pose + self.load.bias)
+        return gain * error - self._drift[:3]
 
     def _learn(
         self, before: HeldGrip, grasp: HeldGrip, given: Sensitivity, elapsed: float
@@ -341,16 +338,12 @@ class SqueezeControl:
         moved = given.pose @ self.load.wrench
         loaded = self.load.update(offset, given.pose, grasp.arm, elapsed, self.gains)
         self._take(grasp, given, loaded)
-        even = np.array([1.0, 1.0, grasp.arm])
-        self._look_for_faults(
-            PoseComparison(
-                even * (offset + moved),
-                even * offset,
-                np.zeros(3) if self.reference is None else even * self._error(),
-                elapsed * even * self._asked,
-            ),
-            elapsed,
-        )
+        even, error = np.array([1.0, 1.0, grasp.arm]), np.zeros(3)
+        if self.reference is not None:
+            error = _difference(self.reference, np.array(measured))
+        asked = elapsed * self._asked
+        poses = PoseComparison(*(even * each for each in (offset + moved, offset, error, asked)))
+        self._look_for_faults(poses, elapsed)
 
     def _look_for_faults(self, poses: PoseComparison, elapsed: float) -> None:
         """Watch the grip; after an oscillation stand still for a while, and go on more softly."""

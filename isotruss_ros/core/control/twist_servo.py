@@ -431,7 +431,9 @@ def _make_grip(
 
 def _describe(command: RollerCommand, keeps_contacts: bool) -> str:
     """Return how a command differs from the twist; empty where it does not."""
-    parts = []
+    parts: list[str] = []
+    if command.status >= Status.HALT_NO_TWIST:
+        return ''
     why, which = 'is unreachable', 'reachable one'
     if keeps_contacts:
         why, which = 'is unreachable or would leave the contacts', 'one that keeps them'

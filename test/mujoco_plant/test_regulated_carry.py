@@ -1,0 +1,142 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+The squeeze control carries in MuJoCo, which has masses of its own.
+
+Grasps, masses, errors of the model, delays and noise are those of the table in docs/safety.md.
+"""
+
+from carries import Carry, GRASPS
+from isotruss_ros.core import Status
+from isotruss_ros.core.control.grip_watch import GripFault
+from isotruss_ros.core.control.load_estimate import LoadSettings
+import numpy as np
+import pytest
+
+pytest.importorskip('mujoco')
+
+#: Masses of module and object [kg], those of the model over them, stiffness of plant over model.
+ROBOTS = [
+    ((0.3, 0.2), 3.0, 0.6),
+    ((0.3, 5.0), 1.0, 1.5),
+    ((1.0, 0.5), 1.0, 1.0),
+    ((3.0, 0.5), 1.0 / 3.0, 1.5),
+    ((5.0, 0.2), 3.0, 0.6),
+    ((5.0, 5.0), 1.0 / 3.0, 1.5),
+]
+PUSH, NOISE = (1.0, 0.0, 0.0), (1e-3, np.radians(0.5))
+
+
+@pytest.mark.parametrize('grasp', GRASPS)
+@pytest.mark.parametrize('robot', [ROBOTS[0], ROBOTS[5]])
+def test_a_push_decays(grasp, robot):
+    masses, told, stiffness = robot
+    carry = Carry(grasp, masses, told, stiffness, late=3)
+    carry.run(1.0)
+    carry.push(PUSH)
+    carry.run(6.0)
+    first, *_, last = carry.swings(6)
+    assert last < 0.2 * first
+    assert max(carry.statuses) < Status.HALT_NO_TWIST
+
+
+@pytest.mark.parametrize('robot', ROBOTS[1:5])
+def test_a_push_of_any_robot_decays(robot):
+    masses, told, stiffness = robot
+    carry = Carry('disc 0.2 m', masses, told, stiffness, late=3)
+    carry.run(1.0)
+    carry.push(PUSH)
+    carry.run(6.0)
+    first, *_, last = carry.swings(6)
+    assert last < 0.2 * first
+
+
+def test_a_gain_beyond_the_limit_is_refused_with_frequency_and_limit():
+    carry = Carry('disc 0.3 m', (3.0, 0.5), pose_gain=20.0)
+    carry.run(0.1)
+    assert set(carry.statuses) == {Status.HALT_GAIN}
+    (message,) = carry.messages
+    assert 'gain 20 1/s: the lowest frequency of the held object is 11.8 rad/s' in message
+    assert not carry.plant.travel.any()
+
+
+@pytest.mark.parametrize(
+    ('grasp', 'gain', 'masses'),
+    [
+        ('disc 0.3 m', 12.0, (3.0, 0.5)),
+        ('disc 0.1 m', 12.0, (3.0, 0.5)),
+        ('disc 0.2 m', 10.0, (5.0, 0.5)),
+    ],
+)
+def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(grasp, gain, masses):
+    carry = Carry(grasp, masses, pose_gain=gain, force_gain=True, load=LoadSettings(5.0))
+    carry.run(1.0)
+    carry.push(PUSH)
+    carry.run(7.0)
+    assert Status.HALT_OSCILLATES in carry.statuses
+    assert f'the gain is softened to {0.5 * gain:g} 1/s' in ' '.join(carry.messages)
+    assert carry.statuses[-1] is Status.OK
+    assert np.abs(carry.errors[-1]).max() < 2e-3
+
+
+@pytest.mark.parametrize('seed', range(2))
+def test_noise_raises_no_alarm_on_a_path(seed):
+    carry, rng = Carry('disc 0.3 m', noise=NOISE, seed=seed), np.random.default_rng(seed)
+    for _ in range(2):
+        carry.run(6.0, rng.uniform(-1.0, 1.0, 3) * (0.025, 0.025, 0.1))
+    carry.run(1.0)
+    assert set(carry.statuses) == {Status.OK}
+    assert np.abs(carry.errors).max() < 8e-3
+
+
+@pytest.mark.parametrize('grasp', ['disc 0.3 m', 'disc 0.1 m', 'box', 'brick'])
+def test_a_frozen_pose_is_told_within_ten_millimetres(grasp):
+    carry = Carry(grasp)
+    carry.run(1.0)
+    frozen, twist = np.array(carry.plant.object_pose()), (0.03, 0.02, 0.0)
+    while carry.control.fault is None and len(carry.statuses) < 300:
+        carry.step(twist, frozen)
+    assert carry.control.fault is GripFault.POSE_DISAGREES
+    assert np.hypot(*(np.array(carry.plant.object_pose()) - frozen)[:2]) < 0.01
+    stood = carry.plant.travel.copy()
+    carry.step(twist)
+    assert (carry.plant.travel == stood).all()
+    assert carry.statuses[-1] is Status.HALT_POSE_DISAGREES
+
+
+def test_a_pose_made_of_the_commanded_path_is_told_where_the_object_stays_behind():
+    carry = Carry('box')
+    carry.run(1.0)
+    told, twist = np.array(carry.plant.object_pose()), np.array([0.03, 0.02, 0.0])
+    while carry.control.fault is None and len(carry.statuses) < 1000:
+        told = told + twist / 100.0
+        carry.step(twist, told)
+    assert carry.control.fault is GripFault.POSE_DISAGREES
+    assert np.hypot(*(np.array(carry.plant.object_pose()) - told)[:2]) < 0.01
+
+
+def test_a_load_is_not_taken_for_a_pose_that_lies():
+    carry = Carry('disc 0.3 m')
+    carry.run(1.0)
+    for pull in ((1.5, 0.0, 0.0), (0.0, -1.5, 0.0)):
+        carry.plant.pull(pull)
+        carry.run(1.5, (0.02, 0.0, 0.0))
+        carry.plant.pull((0.0, 0.0, 0.0))
+        carry.run(1.5, (0.0, 0.02, 0.0))
+    assert max(carry.statuses) < Status.HALT_NO_TWIST
+
+
+def test_a_path_on_which_the_margin_ends_stands_before_the_object_slips():
+    carry = Carry('box')
+    carry.run(14.0, (0.03, 0.02, 0.0))
+    assert Status.SLOWED_SLIP_MARGIN in carry.statuses
+    assert carry.control.slip_margin > 0.0
+    assert carry.control.fault is None
+    assert np.abs(carry.errors).max() < 5e-3
