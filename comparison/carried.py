@@ -35,7 +35,7 @@ BOUNDS = {OPEN: (12.0, 1.5), FEEDBACK: (4.0, 0.5), REGULATED: (2.0, 0.3)}
 REASONS = {
     OPEN: 'the tubes are elastic, and the program is for rigid ones',
     FEEDBACK: 'the same: the gain is 1/s',
-    REGULATED: 'the robot lags: drag, and the model in the loop has no masses',
+    REGULATED: 'the robot lags: drag, and masses that the gains give time',
 }
 
 

@@ -30,6 +30,7 @@ from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Phase
+from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
@@ -115,7 +116,10 @@ class Regulated:
         # Module and diameter are the short form, for which the grip stands.
         self._servo = TwistServo(config.robot, '', 1.0, 1.0 / RATE, 0.5)
         self._servo.members, self._servo.friction = grip.members, grip.friction
-        self._servo.body = grip.body
+        body = grip.body
+        if body.mass is None:
+            body = replace(body, mass=PlantOptions().object_mass)
+        self._servo.body = body
         self._servo.squeeze = self.control
 
     def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:

@@ -132,6 +132,6 @@ class DrivenRobot:
         self.plant.advance(simulated, self._drive.grip * speeds)
         # From the plant, which advances by whole steps: so the encoders agree with it.
         self.roller_positions = self.plant.travel / self._drive.grip
-        self.roller_velocities = speeds
+        self.roller_velocities = self.plant.speeds / self._drive.grip
         if blocked is not None:
             raise blocked

@@ -19,6 +19,7 @@ tendon a module, linear in the angles of the joints.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 import xml.etree.ElementTree as ET
 
 from isotruss_ros.core.kinematics.robot import Robot
@@ -48,6 +49,8 @@ INERTIA, HINGE_DRAG = 1e-3, 0.05
 ARMATURE = 10.0
 #: Damping of contacts against the critical one: with 1, objects crept by 0.7 mm/s.
 CONTACT_DAMPING = 2.0
+#: Friction of the floor under a module as firm as this hardly creeps (MuJoCo's `solimpfriction`).
+FIRM = '0.9999 0.9999'
 #: Arm of the friction under a disc that weighs evenly, as a share of its radius.
 EVEN_DISC = 2.0 / 3.0
 
@@ -166,7 +169,14 @@ def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[
         ET.SubElement(body, 'geom', type='sphere', size=f'{BALL:g}', rgba=MODULE_COLOR)
         for axis, letter in enumerate('xy'):
             if 2 * node + axis not in held:
-                _slide(body, f'{name}:{letter}', axis, damping=options.joint_drag)
+                _slide(
+                    body,
+                    f'{name}:{letter}',
+                    axis,
+                    damping=options.joint_drag,
+                    frictionloss=options.module_friction,
+                    solimpfriction=FIRM,
+                )
         bodies.append(body)
     modules = []
     for i, name in enumerate(topology.module_names):
@@ -316,7 +326,7 @@ def _inertial(
     )
 
 
-def _slide(body: ET.Element, name: str, axis: int, **values: float) -> None:
+def _slide(body: ET.Element, name: str, axis: int, **values: float | str) -> None:
     direction = '1 0 0' if axis == 0 else '0 1 0'
     _joint(body, name, 'slide', direction, values)
 
@@ -325,8 +335,8 @@ def _hinge(body: ET.Element, name: str, **values: float) -> None:
     _joint(body, name, 'hinge', '0 0 1', values)
 
 
-def _joint(body: ET.Element, name: str, kind: str, axis: str, values: dict[str, float]) -> None:
-    numbers = {key: f'{value:.9g}' for key, value in values.items()}
+def _joint(body: ET.Element, name: str, kind: str, axis: str, values: dict[str, Any]) -> None:
+    numbers = {key: v if isinstance(v, str) else f'{v:.9g}' for key, v in values.items()}
     ET.SubElement(body, 'joint', name=name, type=kind, axis=axis, **numbers)
 
 

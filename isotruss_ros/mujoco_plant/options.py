@@ -30,7 +30,7 @@ class PlantError(IsotrussError, ValueError):
 @dataclass(frozen=True)
 class PlantOptions:
     """
-    Settings of the MuJoCo model. Masses and damping are invented: the plant is quasi-static.
+    Settings of the MuJoCo model.
 
     :ivar friction: coefficient between tube and object.
     :ivar object_mass: of each object [kg].
@@ -44,6 +44,10 @@ class PlantOptions:
         losses, had it no mass [s].
     :ivar object_drag: resistance of the ground against an object's speed [N s/m].
     :ivar ground_friction: force along x or y at which an object begins to slide on the ground [N].
+    :ivar module_friction: the same for each joint of the robot with its modules [N].
+    :ivar roller_lag: time constant of the rollers' speeds behind their commands [s].
+    :ivar roller_force: largest force along the tube of a roller, its torque over its radius; it
+        stands where the members it feeds pull harder against its motion [N].
     :raises PlantError: a value is not usable.
     """
 
@@ -58,6 +62,9 @@ class PlantOptions:
     tube_relaxation: float = 0.1
     object_drag: float = 0.5
     ground_friction: float = 0.0
+    module_friction: float = 0.0
+    roller_lag: float = 0.0
+    roller_force: float = float('inf')
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -68,6 +75,8 @@ class PlantOptions:
             self.object_drag,
             self.tube_relaxation,
             self.ground_friction,
+            self.module_friction,
+            self.roller_lag,
         )
         values = np.array([*positive, *not_negative, *self.gravity], dtype=float)
         if not np.isfinite(values).all() or min(positive) <= 0.0 or min(not_negative) < 0.0:
@@ -75,6 +84,8 @@ class PlantOptions:
                 'MuJoCo plant: masses and time step must be positive numbers, friction, '
                 f'drag and relaxation not negative, gravity finite: {self}'
             )
+        if not self.roller_force > 0.0:
+            raise PlantError(f'roller_force {self.roller_force!r} N: must be positive')
         if not 1 <= min(self.segments, self.contact_segments) <= MAX_SEGMENTS or (
             max(self.segments, self.contact_segments) > MAX_SEGMENTS
         ):

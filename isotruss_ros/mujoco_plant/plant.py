@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.robot import Robot
@@ -61,7 +62,9 @@ class Part(NamedTuple):
 
 class MujocoPlant:
     """
-    A robot with objects that MuJoCo moves; the rollers travel as they are commanded.
+    A robot with objects that MuJoCo moves.
+
+    The rollers travel as they are commanded, but for their lag and their largest force.
 
     :ivar travel: (r,) travel of the tube through each roller since home [m].
     :ivar text: of MuJoCo's model at home (MJCF).
@@ -105,7 +108,7 @@ class MujocoPlant:
 
     @property
     def speeds(self) -> Array:
-        """Return the (r,) speeds of the tube through the rollers, commanded last [m/s]."""
+        """Return the (r,) speeds of the tube through the rollers in the last step [m/s]."""
         return self._speeds
 
     @property
@@ -191,14 +194,15 @@ class MujocoPlant:
         :raises ConfigurationError: not one finite speed a roller.
         :raises StructureError: a member has no length left.
         """
-        self._speeds = self.robot.check_rollers(speeds, 'roller velocities [m/s]')
+        commanded = self.robot.check_rollers(speeds, 'roller velocities [m/s]')
         self._due += duration
         steps = int(self._due / self.options.time_step + 1e-6)
         self._due -= steps * self.options.time_step
-        moving = bool(self._speeds.any())
-        self._move_surface()
         for _ in range(steps):
-            if moving:
+            before, self._speeds = self._speeds, self._driven_speeds(commanded)
+            if (before != self._speeds).any():
+                self._move_surface()
+            if self._speeds.any():
                 self.travel = self.travel + self.options.time_step * self._speeds
                 self._set_rest_lengths()
                 if self._since_refresh >= REFRESH:
@@ -296,6 +300,8 @@ class MujocoPlant:
             pieces.append((model.geom(f'{name}#E').id, i, 0.0, 1.0))
         joints, self._slide_member = np.array(slides).T
         self._slide_qpos, self._slide_rest = model.jnt_qposadr[joints], np.array(rest)
+        self._first_joint = np.array([model.joint(f'{name}:x1').id for name in names])
+        self._first_slide = model.jnt_qposadr[self._first_joint]
         self._spring_joint, self._spring_member, self._spring_kind = np.array(kinds).T
         self._spring_dof = model.jnt_dofadr[self._spring_joint]
         geoms, members, whole, share = np.array(pieces).T
@@ -327,6 +333,20 @@ class MujocoPlant:
 
     def _body(self, name: str) -> int:
         return int(self.model.body(name).id)
+
+    def _driven_speeds(self, commanded: Array) -> Array:
+        """Return the speeds (r,) of the rollers, which lag and are not of any strength [m/s]."""
+        options, speeds = self.options, commanded
+        if options.roller_lag > 0.0:
+            passed = -math.expm1(-options.time_step / options.roller_lag)
+            speeds = self._speeds + passed * (commanded - self._speeds)
+        if options.roller_force < math.inf:
+            give = self.data.qpos[self._first_slide] - self.model.qpos_spring[self._first_slide]
+            tension = self.model.jnt_stiffness[self._first_joint] * give
+            # What the tension of the members does to the tube at a roller, in the sense of travel.
+            pulled = self.robot.topology.incidence.T @ tension
+            speeds = np.where(-np.sign(speeds) * pulled > options.roller_force, 0.0, speeds)
+        return speeds
 
     def _set_rest_lengths(self) -> None:
         change = (self.robot.topology.incidence @ self.travel) / self._counts

@@ -170,7 +170,7 @@ class PathFollower(ManagedNode):
     # -- Inputs --
 
     def _read_status(self, message: ManipulationStatus) -> ServoFeedback:
-        return ServoFeedback(message.code, message.scale, message.message)
+        return ServoFeedback(message.code, message.scale, message.message, message.frequency)
 
     def _apply(self) -> None:
         """Apply changed parameters; gains and the like from the next goal on."""

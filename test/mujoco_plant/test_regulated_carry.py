@@ -15,6 +15,7 @@ Grasps, masses, errors of the model, delays and noise are those of the table in 
 
 from carries import Carry, GRASPS
 from isotruss_ros.core import Status
+from isotruss_ros.core.control.fit_oscillation import fit_oscillation
 from isotruss_ros.core.control.grip_watch import GripFault
 from isotruss_ros.core.control.load_estimate import LoadSettings
 import numpy as np
@@ -56,6 +57,26 @@ def test_a_push_of_any_robot_decays(robot):
     carry.run(6.0)
     first, *_, last = carry.swings(6)
     assert last < 0.2 * first
+
+
+@pytest.mark.parametrize('masses', [(0.3, 5.0), (5.0, 0.5)])
+@pytest.mark.parametrize('grasp', ['disc 0.2 m', 'brick', 'three members'])
+def test_the_frequency_is_that_of_a_plucked_object(grasp, masses):
+    carry = Carry(grasp, masses)
+    carry.run(0.1)
+    expected, still = carry.control.frequency, np.zeros(len(carry.plant.travel))
+    poses = []
+    softest = np.linalg.svd(carry.even[:, None] * carry.control.grasp.response.pose)[2][0]
+    carry.plant.pull(0.3 * softest * carry.even)
+    carry.plant.advance(2.0, still)
+    carry.plant.pull((0.0, 0.0, 0.0))
+    for _ in range(300):
+        carry.plant.advance(0.005, still)
+        poses.append(np.array(carry.plant.object_pose()))
+
+    found = fit_oscillation(0.005 * np.arange(300), poses, carry.even[2])
+    assert 0.9 * found.frequency < expected < 1.3 * found.frequency
+    assert 0.02 < found.damping_ratio < 0.6
 
 
 def test_a_gain_beyond_the_limit_is_refused_with_frequency_and_limit():

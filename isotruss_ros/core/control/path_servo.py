@@ -55,11 +55,13 @@ class ServoFeedback(NamedTuple):
     :ivar code: number of the `Status`.
     :ivar scale: part of the twist that was carried out, 0 to 1.
     :ivar message: the reason in words.
+    :ivar frequency: lowest natural frequency of the held object; 0 if not known [rad/s].
     """
 
     code: int
     scale: float
     message: str
+    frequency: float = 0.0
 
 
 class Step(NamedTuple):
@@ -160,22 +162,25 @@ class PathServo:
             (pose,) = require_fresh(now, self.timeout, object_pose=self.pose)
         except InputError as error:
             return Step(np.zeros(3), Outcome.STOPPED, str(error), None)
-        held, scale, why = self._servo_feedback(now)
-        tracking = self.tracker.update(pose.value, now - pose.time, elapsed, scale, held)
+        held, feedback = self._servo_feedback(now)
+        self.tracker.allow_for_inertia(feedback.frequency)
+        tracking = self.tracker.update(pose.value, now - pose.time, elapsed, feedback.scale, held)
         if tracking.phase not in FINISHED:
             return Step(tracking.twist, None, '', tracking)
         outcome, message = OUTCOMES[tracking.phase], tracking.message
-        if why:
-            message = f'{message}; manipulation: {why}'
+        if feedback.message:
+            message = f'{message}; manipulation: {feedback.message}'
         return Step(tracking.twist, outcome, message, tracking)
 
-    def _servo_feedback(self, now: float) -> tuple[bool, float, str]:
-        """Return whether the robot is stopped, the scale of the last twist, and why."""
+    def _servo_feedback(self, now: float) -> tuple[bool, ServoFeedback]:
+        """Return whether the robot is stopped, and how it carried out the last twist."""
+        unknown = ServoFeedback(0, 0.0, '')
         try:
             (given,) = require_fresh(now, self.timeout, status=self.servo_feedback)
         except InputError as error:
-            return True, 0.0, str(error)
+            return True, unknown._replace(message=str(error))
         feedback: ServoFeedback = given.value
         if not 0.0 <= feedback.scale <= 1.0:
-            return True, 0.0, f'status: scale {feedback.scale}: must be from 0 to 1'
-        return feedback.code >= Status.HALT_NO_TWIST, feedback.scale, feedback.message
+            words = f'status: scale {feedback.scale}: must be from 0 to 1'
+            return True, unknown._replace(message=words)
+        return feedback.code >= Status.HALT_NO_TWIST, feedback

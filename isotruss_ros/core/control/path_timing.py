@@ -25,6 +25,7 @@ class PathClock:
 
     :ivar time: path time [s].
     :ivar rate: path time by time.
+    :ivar ramp_time: from rest to rate 1 and back [s].
     :ivar waited: time since the last progress [s].
     :param duration: of the path [s].
     :param ramp_time: from rest to rate 1 and back [s].
@@ -45,7 +46,7 @@ class PathClock:
         standstill_rate: float = 0.05,
     ) -> None:
         self.time = self.rate = self.waited = 0.0
-        self._duration, self._ramp = duration, ramp_time
+        self._duration, self.ramp_time = duration, ramp_time
         self._min_rate = min_rate
         self._least_progress = standstill_rate * progress_timeout
         self._mark = self._now = 0.0
@@ -72,9 +73,9 @@ class PathClock:
     def time_left(self) -> float:
         """Return how long the rest takes if nothing slows: up the ramp, on, down the ramp [s]."""
         left = self._duration - self.time
-        peak = min(1.0, math.sqrt(left / self._ramp + 0.5 * self.rate**2))
-        cruise = left - (peak**2 - 0.5 * self.rate**2) * self._ramp
-        return (2.0 * peak - self.rate) * self._ramp + max(cruise, 0.0)
+        peak = min(1.0, math.sqrt(left / self.ramp_time + 0.5 * self.rate**2))
+        cruise = left - (peak**2 - 0.5 * self.rate**2) * self.ramp_time
+        return (2.0 * peak - self.rate) * self.ramp_time + max(cruise, 0.0)
 
     def time_then(self, elapsed: float, age: float) -> float:
         """
@@ -116,10 +117,10 @@ class PathClock:
             self._known.append((self._now, self.time))
         step = self.step(elapsed)
         wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, self._min_rate)
-        most = step / self._ramp
+        most = step / self.ramp_time
         rate = min(max(wanted, self.rate - most), self.rate + most)
         left = self._duration - self.time
-        self.rate = 0.0 if held else min(rate, room, math.sqrt(2.0 * left / self._ramp))
+        self.rate = 0.0 if held else min(rate, room, math.sqrt(2.0 * left / self.ramp_time))
         self.time = min(self.time + self.rate * step, self._duration)
         due = self._now + self._period
         if due < self._known[-1][0]:

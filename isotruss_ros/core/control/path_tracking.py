@@ -35,6 +35,9 @@ import numpy as np
 #: K times the delay of the loop is at most this. An integrator under feedback with a delay that
 #: varies up to T is stable while K T < 3/2 (Yorke 1970); half of that is the margin.
 MAX_GAIN_TIMES_DELAY = 0.75
+#: An object held at the frequency omega is off its path by about this times a / omega^2 where it
+#: is accelerated by a: twice for a step of a, and more with the lag of the loop.
+INERTIA = 2.5
 #: Zero divided by this is zero.
 TINY = 1e-12
 
@@ -174,6 +177,21 @@ class PathTracker:
     @period.setter
     def period(self, period: float) -> None:
         self.clock.period = period
+
+    def allow_for_inertia(self, frequency: float) -> None:
+        """
+        Take so long from rest to speed that the object keeps within its free share of the path.
+
+        :param frequency: lowest natural frequency of the held object; 0 if not known [rad/s].
+        """
+        if frequency > 0.0:
+            settings, path = self.settings, self.path
+            shares = (
+                path.speed / settings.position_tolerance,
+                path.turn_rate / settings.angle_tolerance,
+            )
+            needed = INERTIA * max(shares) / (settings.free_share * frequency**2)
+            self.clock.ramp_time = max(settings.ramp_time, needed)
 
     @property
     def rms_position_error(self) -> float:

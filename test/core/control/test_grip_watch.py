@@ -1,0 +1,91 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""What the watch over a grip tells apart: slips, loads, poses that lie, and oscillations."""
+
+from isotruss_ros.core.control.grip_watch import GripFault, GripWatch, PoseComparison
+import numpy as np
+import pytest
+
+PERIOD, NOTHING = 0.01, np.zeros(3)
+
+
+def watch(
+    off=lambda t: 0.0, error=lambda t: 0.0, asked=0.0, duration=5.0, explained=0.0, noise=0.0
+):
+    """Return the first fault and when it comes; lengths in m, of the object that is off."""
+    grip, rng = GripWatch(12.0), np.random.default_rng(0)
+    for k in range(round(duration / PERIOD)):
+        t = k * PERIOD
+        apart = np.array([off(t), 0.0, 0.0]) + noise * rng.normal(size=3)
+        away = np.array([0.0, error(t), 0.0]) + noise * rng.normal(size=3)
+        poses = PoseComparison(
+            apart, (1.0 - explained) * apart, away, np.array([0.0, PERIOD * asked, 0.0])
+        )
+        fault = grip.update(poses, PERIOD)
+        if fault is not None:
+            return fault, t
+    return None, duration
+
+
+def test_an_object_that_stays_off_the_model_has_slipped_after_two_seconds():
+    fault, time = watch(lambda t: 0.006 if t > 1.0 else 0.0)
+    assert fault is GripFault.SLIPPED
+    assert time == pytest.approx(3.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    'off', [lambda t: 0.0045 * (t > 1.0), lambda t: 0.03 * (1.0 < t < 2.9), lambda t: 0.02]
+)
+def test_a_small_a_short_and_an_old_difference_are_no_slip(off):
+    assert watch(off)[0] is None
+
+
+def test_a_load_that_is_expected_is_no_slip():
+    assert watch(lambda t: 0.02 * (t > 1.0), explained=0.9)[0] is None
+
+
+@pytest.mark.parametrize('share', [0.15, 0.5, 1.0])
+def test_a_pose_that_departs_as_the_object_is_carried_lies(share):
+    """Frozen it departs as far as the twist asks for."""
+    speed = 0.03
+    fault, time = watch(lambda t: share * speed * t, asked=speed)
+    assert fault is GripFault.POSE_DISAGREES
+    assert share * speed * time < 0.01
+
+
+@pytest.mark.parametrize('asked', [0.0, 0.02])
+def test_a_load_that_comes_on_the_way_is_no_lie(asked):
+    fault, _ = watch(
+        lambda t: 0.02 * np.clip(5.0 * (t - 1.0), 0.0, 1.0), asked=asked, duration=2.9
+    )
+    assert fault is None
+
+
+@pytest.mark.parametrize('rate', [0.0, 0.5])
+def test_swings_that_do_not_decay_are_an_oscillation(rate):
+    fault, time = watch(error=lambda t: 0.004 * np.exp(rate * t) * np.sin(10.0 * t))
+    assert fault is GripFault.OSCILLATES
+    assert time < 1.6
+
+
+@pytest.mark.parametrize(
+    'error',
+    [
+        lambda t: 0.02 * np.exp(-2.0 * t) * np.sin(10.0 * t),
+        lambda t: 0.0014 * np.sin(10.0 * t),
+        lambda t: 0.02 * np.sin(2.0 * t),
+    ],
+)
+def test_decaying_small_and_slow_swings_are_none(error):
+    assert watch(error=error)[0] is None
+
+
+def test_noise_raises_no_alarm():
+    assert watch(asked=0.03, noise=1e-3, duration=300.0)[0] is None
