@@ -13,6 +13,7 @@ from pathlib import Path
 
 from isotruss_ros.nodes import viewer
 from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components import path_foresight
 from isotruss_ros.nodes.components.launching import describe_launch
 from launch import LaunchDescription
 
@@ -32,7 +33,10 @@ def generate_launch_description() -> LaunchDescription:
                 common.REQUIRE_EMERGENCY_STOP,
             ),
             'grasp_analysis': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION),
-            'path_follower': (common.USE_STAMPED_TWIST,),
+            'path_follower': (
+                *path_foresight.SPECS,
+                common.USE_STAMPED_TWIST,
+            ),
             'grasp_planner': (common.OBJECT,),
             'pick_and_place': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION),
             'viewer': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION, viewer.PORT),

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from isotruss_ros.nodes import simulator, viewer
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components import simulated_object
+from isotruss_ros.nodes.components import path_foresight, simulated_object
 from isotruss_ros.nodes.components.launching import describe_launch
 from launch import LaunchDescription
 
@@ -48,7 +48,7 @@ def generate_launch_description() -> LaunchDescription:
                 common.FRICTION,
                 common.RATE,
             ),
-            'path_follower': (common.USE_STAMPED_TWIST, common.RATE),
+            'path_follower': (*path_foresight.SPECS, common.USE_STAMPED_TWIST, common.RATE),
             'grasp_planner': (common.OBJECT,),
             'pick_and_place': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION),
             'viewer': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION, viewer.PORT),

@@ -25,9 +25,12 @@ from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.errors import NoMotionError
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.path_foresight import check_path
+from isotruss_ros.nodes.components.path_foresight import SPECS as FORESIGHT_SPECS
 from isotruss_ros.nodes.components.sensors import (
     describe_ages,
     subscribe_input,
+    subscribe_joint_states,
     subscribe_object_pose,
 )
 from isotruss_ros.nodes.components.single_goal import describe_lost_client, Ending, SupervisedGoal
@@ -76,6 +79,7 @@ SPECS = (
     RAMP_TIME,
     PROGRESS_TIMEOUT,
     SMOOTH_PATH,
+    *FORESIGHT_SPECS,
 )
 #: Feedback is published this often [Hz].
 FEEDBACK_RATE = 10.0
@@ -114,6 +118,7 @@ class PathFollower(ManagedNode):
             TwistStamped if self._stamped else Twist, 'cmd_vel', RELIABLE
         )
         subscribe_object_pose(self, self._robot, self._servo)
+        subscribe_joint_states(self, self._robot, self._servo)
         subscribe_input(
             self,
             ManipulationStatus,
@@ -202,6 +207,7 @@ class PathFollower(ManagedNode):
                 values[SMOOTH_PATH],
                 self._servo.measured(self.now()),
             )
+            check_path(self._robot, values, self._servo.rollers, path, self.now())
             self._servo.begin(path, settings, self.now())
         except InputError as error:
             self._end(Outcome.STOPPED, str(error))
@@ -245,7 +251,7 @@ class PathFollower(ManagedNode):
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
-        self._servo.pose = self._servo.servo_feedback = None
+        self._servo.pose = self._servo.servo_feedback = self._servo.rollers = None
 
     def _abort_on_stopped_clock(self, now: Time) -> None:
         """Abort the goal: while the clock is stopped, old inputs do not age."""

@@ -94,6 +94,7 @@ class PathServo:
 
     :ivar pose: input of the measured `Pose` of the object, robot frame.
     :ivar servo_feedback: input of the `ServoFeedback` of the manipulation.
+    :ivar rollers: input of the measured `RollerState`, by which paths are foreseen.
     :ivar tracker: of the present path, or of the last one; None before the first.
     :param period: time from cycle to cycle [s].
     :param timeout: inputs older than this are not relied on [s].
@@ -104,6 +105,7 @@ class PathServo:
         self.timeout = timeout
         self.pose: Input = None
         self.servo_feedback: Input = None
+        self.rollers: Input = None
         self.tracker: PathTracker | None = None
         self._before = 0.0
 

@@ -1,0 +1,113 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Where on its path a held object would slip, before it moves."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.solve_twist import solve_twist
+from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
+import numpy as np
+
+#: Steps along the path, longer ones where they would be too many; turns count at the arm [m].
+STEP, MOST_STEPS = 0.005, 400
+#: A step that limits slow to less than this ends the path [-].
+LEAST_SCALE = 0.5
+#: An object that is farther off is not carried along the path [m].
+OFF_PATH = 4.0 * STEP
+
+
+class Foresight(NamedTuple):
+    """
+    How far the model of a held object follows a path.
+
+    :ivar pose: the last one that it comes to.
+    :ivar share: of the path up to there, 0 to 1.
+    :ivar slip_margin: the least on the way [N].
+    :ivar why: it ends there; empty at the end of the path.
+    """
+
+    pose: Pose
+    share: float
+    slip_margin: float
+    why: str
+
+
+@single_threaded
+def foresee_path(
+    held: HeldGrip, friction: float, force: float, poses: Array, least_margin: float = 0.0
+) -> Foresight:
+    """
+    Carry an object along a path in the model, from rest to rest, with the squeeze regulated.
+
+    Contacts stick and roll. Nothing pulls at the object, and barriers do not count.
+
+    :param held: how the object is held at the first pose.
+    :param friction: coefficient between tubes and object.
+    :param force: mean normal force of the members that is regulated [N].
+    :param poses: (n, 3) x, y [m] and angle [rad] of the object, without jumps by full turns.
+    :param least_margin: where the slip margin is less the object stands [N].
+    :raises StructureError: see `structure_of`.
+    """
+    goals = _divide(poses, held.arm)
+    # The equilibrium need not be quite where the path begins.
+    goals = goals - goals[0] + np.array(held.pose)
+    pose, least = np.array(held.pose), held.slip_margin(friction)
+    for number, goal in enumerate(goals[1:], 1):
+        try:
+            found, why = _take_step(held, friction, force, goal - pose)
+        except (ConfigurationError, GraspError, SolverError) as error:
+            found, why = None, str(error)
+        if found is not None:
+            margin = found.slip_margin(friction)
+            if margin < least_margin:
+                why = f'the slip margin is {margin:.3g} N, and must be {least_margin:.3g} N'
+            off = math.hypot(goal[0] - found.pose.x, goal[1] - found.pose.y)
+            if off > OFF_PATH:
+                why = f'the robot cannot move the object along the path, {1e3 * off:.0f} mm off it'
+        if found is None or why:
+            return Foresight(held.pose, (number - 1) / (len(goals) - 1), least, why)
+        turned = math.remainder(found.pose.angle - pose[2], 2.0 * math.pi)
+        pose = np.array([found.pose.x, found.pose.y, pose[2] + turned])
+        held, least = found, min(least, margin)
+    return Foresight(held.pose, 1.0, least, '')
+
+
+def _take_step(
+    held: HeldGrip, friction: float, force: float, displacement: Array
+) -> tuple[HeldGrip | None, str]:
+    """Return the grip after a displacement (3,) [m, rad], or why there is none."""
+    grip = Grip(held.member_names, held.body.moved_to(held.pose), friction)
+    opening = (force - held.squeeze) / held.squeeze_stiffness()
+    command = solve_twist(held.config, grip, displacement, opening_rate=opening)
+    if command.scale < LEAST_SCALE:
+        return None, f'limits of {", ".join(command.limiting)}'
+    config = held.config.moved_to(held.config.roller_positions + command.roller_velocities)
+    found = roll_grip(held, config)
+    hold = HoldStatus.NO_BALANCE if found is None else found.hold(friction)
+    return (found, '') if hold is HoldStatus.HELD else (None, hold.value)
+
+
+def _divide(poses: Array, arm: float) -> Array:
+    """Return poses (n, 3) on a path, a step from each to the next."""
+    along = np.abs(np.diff(poses, axis=0)) * (1.0, 1.0, arm)
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot.reduce(along, axis=1))])
+    count = min(max(math.ceil(lengths[-1] / STEP), 1), MOST_STEPS)
+    at = np.linspace(0.0, lengths[-1], count + 1)
+    return np.column_stack([np.interp(at, lengths, each) for each in poses.T])

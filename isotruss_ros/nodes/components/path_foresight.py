@@ -1,0 +1,61 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Refuse a path on which the held object would slip, before it moves."""
+
+from __future__ import annotations
+
+from isotruss_ros.core import ConvexObject, HoldStatus, ObjectPath, Robot
+from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
+from isotruss_ros.core.control.squeeze_control import LEFT_MARGIN
+from isotruss_ros.core.errors import PathError
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.model.shapes import Disc
+from isotruss_ros.core.planning.foresee_path import foresee_path
+from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.framework.parameters import Parameters
+import numpy as np
+
+SPECS = (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION)
+
+
+def check_path(
+    robot: Robot, values: Parameters, rollers: Input, path: ObjectPath, now: float
+) -> None:
+    """
+    Check that the model of the held object can follow a path with the squeeze that it has.
+
+    Without roller positions, or where no equilibrium of members that press holds the object at the
+    beginning of the path, nothing is foreseen: what members push has no slip margin.
+
+    :param robot: the robot.
+    :param values: of `SPECS`.
+    :param rollers: the measured state of the rollers.
+    :param path: of the object.
+    :param now: time on the clock of the inputs [s].
+    :raises PathError: names the place where the path would end, and why.
+    """
+    try:
+        (state,) = require_fresh(now, values[common.COMMAND_TIMEOUT], joint_states=rollers)
+    except InputError:
+        return
+    body = common.read_described(values) or ConvexObject(Disc(values[common.OBJECT_DIAMETER]))
+    friction = values[common.FRICTION] if body.friction is None else body.friction
+    config = robot.configuration(state.value.positions)
+    held = attach_grip(config, body.moved_to(Pose(*path.poses[0].tolist())))
+    if isinstance(held, HoldStatus) or held.hold(friction) is not HoldStatus.HELD:
+        return
+    found = foresee_path(held, friction, held.squeeze, path.poses, LEFT_MARGIN * held.squeeze)
+    if found.why:
+        x, y, angle = np.round(found.pose, 4).tolist()
+        raise PathError(
+            f'the path would end {100.0 * found.share:.0f} % of the way, at ({x:g}, {y:g}) m, '
+            f'{angle:g} rad: {found.why}'
+        )

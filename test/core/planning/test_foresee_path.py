@@ -1,0 +1,75 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The margin that a path leaves is foreseen, by the model and as MuJoCo has it."""
+
+from carries import Carry, FRICTION, make_robot, place
+from isotruss_ros.core import Status
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.planning.foresee_path import foresee_path
+import numpy as np
+import pytest
+
+ROBOT = make_robot()
+
+
+def held(grasp):
+    """Return how the object of a grasp is held at home."""
+    body, members = place(ROBOT, grasp, 0.5)
+    return attach_grip(ROBOT.home, body, np.array([ROBOT.member_names.index(n) for n in members]))
+
+
+def foresee(grip, displacement, least=0.0):
+    """Foresee a straight path by so much."""
+    start = np.array(grip.pose)
+    return foresee_path(
+        grip, FRICTION, grip.squeeze, np.array([start, start + displacement]), least
+    )
+
+
+def test_a_disc_is_carried_to_the_end():
+    grip = held('disc 0.2 m')
+    found = foresee(grip, (0.2, -0.1, 0.5))
+    assert (found.share, found.why) == (1.0, '')
+    assert found.pose == pytest.approx(np.add(grip.pose, (0.2, -0.1, 0.5)), abs=1e-3)
+    assert 3.0 < found.slip_margin <= grip.slip_margin(FRICTION)
+
+
+def test_a_path_ends_where_the_margin_is_the_least_one():
+    found = foresee(held('box'), (0.3, 0.2, 0.0), least=1.0)
+    assert 0.0 < found.share < 0.5
+    assert 1.0 <= found.slip_margin < 1.2
+    assert 'the slip margin is' in found.why
+
+
+def test_a_path_ends_where_friction_does():
+    found = foresee(held('brick'), (0.0, 0.0, 0.8))
+    assert found.share < 0.3
+    assert found.why == 'the balance needs more friction than there is'
+
+
+def test_a_path_beyond_the_reach_of_the_robot_ends_there():
+    found = foresee(held('disc 0.2 m'), (3.0, 0.0, 0.0))
+    assert 0.0 < found.share < 1.0
+    assert found.why
+
+
+@pytest.mark.parametrize('turn', [0.3, -0.3])
+def test_what_is_foreseen_is_what_mujoco_carries(turn):
+    """The servo stands where the model foresees that the margin ends, or arrives."""
+    pytest.importorskip('mujoco')
+    carry = Carry('brick')
+    carry.run(1.0)
+    grip, start = carry.control.grasp, np.array(carry.plant.object_pose())
+    found = foresee(grip, (0.0, 0.0, turn), least=0.04 * grip.squeeze)
+    assert found.share < 1.0
+    carry.run(8.0, (0.0, 0.0, turn / 8.0))
+    turned = (carry.plant.object_pose()[2] - start[2]) / turn
+    assert Status.SLOWED_SLIP_MARGIN in carry.statuses
+    assert turned == pytest.approx(found.share, abs=0.12)

@@ -1,0 +1,60 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Paths on which a held object would slip are refused before it moves."""
+
+from carries import FRICTION, make_robot, place
+from isotruss_ros.core import ObjectPath
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.errors import PathError
+from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.path_foresight import check_path
+import numpy as np
+import pytest
+
+ROBOT, NOW = make_robot(), 10.0
+STILL = np.zeros(len(ROBOT.roller_names))
+BODY, _ = place(ROBOT, 'brick', 0.5)
+VALUES = {
+    common.OBJECT: (
+        '{shape: polygon, corner_radius: 0.02, friction: 0.8, '
+        'vertices: [[-0.15, -0.1], [0.15, -0.1], [0.15, 0.1], [-0.15, 0.1]]}'
+    ),
+    common.OBJECT_DIAMETER: 0.3,
+    common.FRICTION: FRICTION,
+    common.COMMAND_TIMEOUT: 0.2,
+}
+
+
+def check(displacement, time=NOW, begin=BODY.pose):
+    """Check a straight path, with rollers at home measured at a time."""
+    path = ObjectPath([begin, np.add(begin, displacement)], 0.02, 0.1)
+    rollers = StampedInput(RollerState(STILL, STILL), time)
+    check_path(ROBOT, VALUES, rollers, path, NOW)
+
+
+def test_a_path_on_which_the_margin_ends_is_refused_with_the_place():
+    words = (
+        r'the path would end \d+ % of the way, at \(0\.\d+, 0\.\d+\) m, .* rad: the slip margin'
+    )
+    with pytest.raises(PathError, match=words):
+        check((0.3, 0.2, 0.0))
+
+
+@pytest.mark.parametrize(
+    'asked',
+    [
+        {'displacement': (0.0, -0.05, 0.0)},
+        {'displacement': (0.3, 0.2, 0.0), 'time': NOW - 1.0},
+        {'displacement': (0.3, 0.2, 0.0), 'begin': (0.7, 0.0, 0.0)},
+    ],
+    ids=['margin left', 'old rollers', 'not held'],
+)
+def test_other_paths_are_followed(asked):
+    check(**asked)
