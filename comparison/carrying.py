@@ -104,12 +104,24 @@ class Regulated:
 
     :ivar control: has the model.
     :ivar statuses: of its commands.
+    :ivar messages: with them.
+    :ivar scale: part of the last twist that was carried out.
     :param config: where the robot is at first.
     :param grip: how it holds the object.
     :param squeeze: mean normal force that is regulated [N].
+    :param noise: standard deviations of the measured poses [m, rad], and their seed.
     """
 
-    def __init__(self, config: Configuration, grip: Grip, squeeze: float) -> None:
+    def __init__(
+        self,
+        config: Configuration,
+        grip: Grip,
+        squeeze: float,
+        noise: tuple[float, float, int] = (0.0, 0.0, 0),
+    ) -> None:
+        along, turned, seed = noise
+        self._noise, self._rng = np.array([along, along, turned]), np.random.default_rng(seed)
+        self.scale = 0.0
         self.control = SqueezeControl(SqueezeSettings(squeeze, grip.friction))
         self.statuses: set[Status] = set()
         self.messages: set[str] = set()
@@ -124,12 +136,14 @@ class Regulated:
 
     def command(self, plant: MujocoPlant, twist: Array, error: Array, time: float) -> Array:
         """Return roller velocities, see `Steering`; zero where the servo halts."""
-        servo, pose = self._servo, plant.object_pose()
+        noise = self._noise * self._rng.standard_normal(3)
+        servo, pose = self._servo, Pose(*(plant.object_pose() + noise).tolist())
         state = RollerState(plant.travel, plant.speeds)
         servo.rollers, servo.pose = StampedInput(state, time), StampedInput(pose, time)
         servo.twist = StampedInput(tuple(twist), time)
         decision = servo.decide(time)
         self.statuses.add(decision.command.status)
+        self.scale = decision.command.scale
         if decision.message:
             self.messages.add(decision.message)
         return decision.command.roller_velocities

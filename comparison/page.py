@@ -23,7 +23,7 @@ INTRODUCTION = """\
 <!-- Written by `make plant`; change comparison/ instead. -->
 # Our model and MuJoCo's, number by number
 
-`make plant` computes this page in less than ten minutes. [MuJoCo](mujoco.md) finds motion,
+`make plant` computes this page in about a quarter of an hour. [MuJoCo](mujoco.md) finds motion,
 contact, friction, rolling and slip in its own way. Nothing here is a measurement of a robot.
 
 **Both share** the robot file, bisection (3), and the section stiffness EA, EI, GA of the tubes. An

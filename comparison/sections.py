@@ -20,6 +20,7 @@ from comparison import (
     joint_loads,
     planned,
     pulls,
+    random_carries,
     shapes,
     unloaded,
 )
@@ -34,6 +35,8 @@ SECTIONS: dict[str, Compare] = {
     'friction': friction.compare,
     'carried': carried.compare,
     'boxes': boxes.compare,
+    'random_discs': random_carries.compare_discs,
+    'random_boxes': random_carries.compare_boxes,
     'planned': planned.compare,
     'drops': drops.compare,
 }

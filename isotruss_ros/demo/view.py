@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ('simulator', common | {'plant': options.plant, 'indentation': INDENTATION}),
         ('manipulation', common | {'object_mass': 0.5}),
         ('grasp_analysis', {**common, 'rate': 20.0}),
-        ('path_follower', {'command_timeout': 1.0}),
+        ('path_follower', shown | {'command_timeout': 1.0}),
         ('grasp_planner', {'command_timeout': 1.0}),
         ('pick_and_place', shown | {'command_timeout': 1.0}),
         ('viewer', shown | {'port': options.port}),

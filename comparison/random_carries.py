@@ -1,0 +1,202 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Random discs and boxes on random paths, by the package's own loop from its own estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from comparison.carrying import RATE, Regulated
+from comparison.grips import round_robot
+from comparison.section import Check, Section
+from comparison.wedge import MODULE
+from isotruss_ros.core import (
+    Disc,
+    Grip,
+    HoldStatus,
+    place_between,
+    Polygon,
+    Robot,
+    Status,
+)
+from isotruss_ros.core.control.squeeze_control import LEFT_MARGIN
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.foresee_path import foresee_path
+from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+from paper.tables import number, Table
+
+FRICTION, INDENTATION = 0.8, 0.01
+#: Of the measured poses [m, rad].
+NOISE = (1e-3, np.radians(0.5))
+#: Legs of a path, how long each takes [s], and the largest step on one [m, rad].
+LEGS, LEG_TIME, REACH = 2, 3.0, np.array([0.04, 0.04, 0.12])
+#: The least slip margin of a grasp that is carried, and a pull as a share of its margin [N, -].
+LEAST_MARGIN, PULL = 0.5, 0.5
+#: An object that is farther from where its twists lead is off its path [m].
+OFF = 0.02
+DISC, BOX = 'disc', 'box'
+#: What differs from 1 kg modules, an object of 0.5 kg and rollers that do as they are told.
+PLANTS: Mapping[str, PlantOptions] = {
+    'as planned': PlantOptions(friction=FRICTION),
+    'pulled': PlantOptions(friction=FRICTION),
+    'floor 2 N a joint': PlantOptions(friction=FRICTION, module_friction=2.0),
+    'rollers lag 0.05 s': PlantOptions(friction=FRICTION, roller_lag=0.05),
+}
+ENDS = ('arrived', 'stands held', 'refused', 'lost and said', 'lost in silence')
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """
+    What became of an object.
+
+    :ivar end: one of `ENDS`.
+    :ivar error: from where its twists lead, a second after the path; nan if it was not moved [m].
+    :ivar squeeze: of MuJoCo over the target, then.
+    """
+
+    end: str
+    error: float
+    squeeze: float
+
+
+def compare_discs(count: int = 20) -> Section:
+    """
+    Carry discs.
+
+    :param count: of them.
+    """
+    return _compare(DISC, count)
+
+
+def compare_boxes(count: int = 20) -> Section:
+    """
+    Carry boxes.
+
+    :param count: of them.
+    """
+    return _compare(BOX, count)
+
+
+def _compare(kind: str, count: int) -> Section:
+    robot = round_robot()
+    robot = Robot(replace(robot.description, module=replace(robot.description.module, mass=1.0)))
+    found = {name: [run(robot, kind, seed, name) for seed in range(count)] for name in PLANTS}
+    silent = sum(one.end == ENDS[-1] for outcomes in found.values() for one in outcomes)
+    return Section(
+        f'Random {kind}s carried',
+        f'{count} {kind}s of 0.1 to 0.3 m, pressed into the corner at home by '
+        f'{1e3 * INDENTATION:.0f} mm, friction {FRICTION:g}, on {LEGS} random legs of up to '
+        f'{1e3 * REACH[0]:.0f} mm and {REACH[2]:g} rad in {LEG_TIME:g} s, poses with a noise of '
+        f'{1e3 * NOISE[0]:g} mm and {np.degrees(NOISE[1]):.1f}°. Pulls are {PULL:g} of the slip '
+        'margin, unexpected, for half of a leg. A path that the model foresees to end is refused.',
+        (Check(f'{kind}s lost in silence', silent, 0.0, '', ''),),
+        (_table(kind, found),),
+    )
+
+
+def _table(kind: str, found: Mapping[str, Sequence[Outcome]]) -> Table:
+    rows = []
+    for name, outcomes in found.items():
+        counts = [sum(one.end == end for one in outcomes) for end in ENDS]
+        held = [one for one in outcomes if one.end in ENDS[:2]]
+        errors = [1e3 * one.error for one in held] or [np.nan]
+        squeezes = [abs(100.0 * (one.squeeze - 1.0)) for one in held] or [np.nan]
+        values = (np.median(errors), max(errors), np.median(squeezes))
+        rows.append((name, *map(str, counts), *(number(float(value), 2) for value in values)))
+    headings = ('plant', *ENDS, 'off, median [mm]', 'off, worst [mm]', 'squeeze off, median [%]')
+    return Table(f'random_{kind}s', f'{kind.capitalize()}s', headings, rows)
+
+
+def run(robot: Robot, kind: str, seed: int, name: str) -> Outcome:
+    """
+    Carry one object.
+
+    :param robot: with round tubes, at home.
+    :param kind: of the object.
+    :param seed: of object, path, pull and noise.
+    :param name: of the plant.
+    """
+    rng = np.random.default_rng(seed)
+    grip, held = _draw_grip(robot, kind, rng)
+    start = np.array(held.pose)
+    steps = rng.uniform(-1.0, 1.0, (LEGS, 3)) * REACH
+    poses = np.vstack([start, start + np.cumsum(steps, axis=0)])
+    direction = rng.uniform(0.0, 2.0 * np.pi)
+    ahead = foresee_path(held, FRICTION, held.squeeze, poses, LEFT_MARGIN * held.squeeze)
+    if ahead.why:
+        return Outcome('refused', np.nan, np.nan)
+    plant = MujocoPlant(robot, [grip.body], PLANTS[name])
+    plant.hold_object(grip.body.pose)
+    plant.settle(1.0)
+    plant.release_object()
+    plant.settle(1.0)
+    steering = Regulated(robot.home, grip, held.squeeze, (*NOISE, seed))
+    size = PULL * held.slip_margin(FRICTION) if name == 'pulled' else 0.0
+    pull = size * np.array([np.cos(direction), np.sin(direction), 0.0])
+    goal = _carry(plant, steering, [np.zeros(3), *steps, np.zeros(3)], pull)
+    return _judge(plant, steering, goal, held.squeeze)
+
+
+def _draw_grip(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, HeldGrip]:
+    """Return a grip that holds an object at home, and how."""
+    members = members_at(robot, MODULE)
+    while True:
+        if kind == DISC:
+            shape: Disc | Polygon = Disc(rng.uniform(0.1, 0.3))
+        else:
+            x, y = 0.5 * rng.uniform(0.1, 0.3, 2)
+            shape = Polygon([(-x, -y), (x, -y), (x, y), (-x, y)], corner_radius=0.02)
+        angle = rng.uniform(0.0, np.pi)
+        try:
+            body = place_between(robot.home, members, shape, angle, INDENTATION).body
+        except GraspError:
+            continue
+        body = replace(body, mass=0.5)
+        held = attach_grip(robot.home, body)
+        if isinstance(held, HoldStatus) or held.hold(FRICTION) is not HoldStatus.HELD:
+            continue
+        if held.slip_margin(FRICTION) > LEAST_MARGIN:
+            return Grip(members, body, FRICTION), held
+
+
+def _carry(plant: MujocoPlant, steering: Regulated, legs: Sequence[Array], pull: Array) -> Array:
+    """Carry along legs from rest to rest; return where the twists carried out lead (3,)."""
+    goal, cycle = np.array(plant.object_pose()), 1.0 / RATE
+    for number_of_leg, leg in enumerate(legs):
+        duration = LEG_TIME if leg.any() else 1.0
+        count = round(duration * RATE)
+        for k in range(count):
+            pulled = number_of_leg == 1 and 0.25 <= k / count < 0.75
+            plant.pull(pull if pulled else np.zeros(3))
+            twist = leg / duration * (1.0 - np.cos(2.0 * np.pi * (k + 0.5) / count))
+            rollers = steering.command(plant, twist, np.zeros(3), plant.time)
+            plant.advance(cycle, rollers)
+            goal = goal + cycle * steering.scale * twist
+    return goal
+
+
+def _judge(plant: MujocoPlant, steering: Regulated, goal: Array, target: float) -> Outcome:
+    """Return what became of an object."""
+    forces = [force.normal for force in plant.contact_forces().values() if force.normal > 0.1]
+    error = float(np.hypot(*(goal - np.array(plant.object_pose()))[:2]))
+    squeeze = sum(forces) / max(len(forces), 1) / target
+    halted = max(steering.statuses) >= Status.HALT_NO_TWIST
+    if len(forces) < 2 or error > OFF:
+        return Outcome(ENDS[3] if halted else ENDS[4], error, squeeze)
+    slowed = Status.SLOWED_SLIP_MARGIN in steering.statuses
+    return Outcome(ENDS[1] if halted or slowed else ENDS[0], error, squeeze)
