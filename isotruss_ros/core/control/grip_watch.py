@@ -66,6 +66,10 @@ class PoseComparison(NamedTuple):
     asked: Array
 
 
+#: A pose that is that of its model.
+NOTHING_APART = PoseComparison(*np.zeros((4, 3)))
+
+
 class GripWatch:
     """
     Compares the measured pose of a held object with the model, and looks for oscillations.
@@ -76,15 +80,22 @@ class GripWatch:
     - An oscillation that grows, or does not decay, has half-swings that do not.
 
     :param frequency: lowest natural frequency of the held object; None if not known [rad/s].
+    :param first: how far apart the object is at first, which is no slip.
     """
 
-    def __init__(self, frequency: float | None = None) -> None:
-        self._first: PoseComparison | None = None
+    def __init__(
+        self, frequency: float | None = None, first: PoseComparison = NOTHING_APART
+    ) -> None:
+        self._first, self._frequency = first, frequency
         self._apart, self._unexplained, self._error = np.zeros((3, 3))
         self._slipped_for = 0.0
         self._begun, self._travelled = np.zeros(3), 0.0
         self._departures: deque[Array] = deque(maxlen=STEPS)
-        longest = SLOWEST * math.pi / frequency if frequency else SWING_TIME
+        self.forget_swings()
+
+    def forget_swings(self) -> None:
+        """Begin to look for oscillations anew."""
+        longest = SLOWEST * math.pi / self._frequency if self._frequency else SWING_TIME
         self._swings = tuple(_Swings(longest) for _ in range(3))
 
     def update(self, poses: PoseComparison, elapsed: float) -> GripFault | None:
@@ -94,8 +105,6 @@ class GripWatch:
         :param poses: of this cycle.
         :param elapsed: since the cycle before [s].
         """
-        if self._first is None:
-            self._first, self._error = poses, poses.error
         passed = -math.expm1(-elapsed / FILTER_TIME)
         self._apart = self._apart + passed * (poses.apart - self._first.apart - self._apart)
         left = poses.unexplained - self._first.unexplained

@@ -133,6 +133,12 @@ class SqueezeControl:
         self._pose, self._squeeze, self._slope = np.zeros(3), 0.0, 0.0
         self._rows, self._drift = np.zeros((4, 0)), np.zeros(4)
 
+    def lose(self) -> None:
+        """Take note that the object is not between the members any more."""
+        if self.grasp is not None and self.fault is None:
+            self.fault = GripFault.NOT_HELD
+        self.reset()
+
     def note(self) -> str:
         """Return what is wrong with how the object is held; empty where nothing is."""
         if self.fault is GripFault.OSCILLATES:
@@ -297,7 +303,9 @@ class SqueezeControl:
             self.grasp = None
             return HoldStatus.UNSTABLE
         self._take(grasp, given, np.zeros(3))
-        self._watch = GripWatch(self.frequency)
+        even, still = np.array([1.0, 1.0, grasp.arm]), np.zeros(3)
+        first = PoseComparison(even * self.load.offset, even * self.load.bias, still, still)
+        self._watch = GripWatch(self.frequency, first)
         self._take_utilisation(grasp)
         rollers = len(config.roller_positions)
         self._used_ahead, self._margin_ahead = TravelTrend(rollers), TravelTrend(rollers)
@@ -349,7 +357,8 @@ class SqueezeControl:
         """Watch the grip; after an oscillation stand still for a while, and go on more softly."""
         self._rest = max(self._rest - elapsed, 0.0)
         if self.fault is GripFault.OSCILLATES and self._rest == 0.0:
-            self.fault, self._watch = None, GripWatch(self.frequency)
+            self.fault = None
+            self._watch.forget_swings()
         if self.fault is not None:
             return
         self.fault = self._watch.update(poses, elapsed)

@@ -257,7 +257,9 @@ class TwistServo:
                 status = HALTS[error.name, error.fault]
                 if error.name != 'twist':  # which comes first, so that it can be used
                     twist = np.asarray(self.twist.value)
-            if self.squeeze is not None:
+            if self.squeeze is not None and status is Status.HALT_NO_GRASP:
+                self.squeeze.lose()
+            elif self.squeeze is not None:
                 self.squeeze.reset()
             stopped = np.zeros(len(self.robot.roller_names))
             command, message = RollerCommand(stopped, np.zeros(3), 0.0, status), str(error)

@@ -20,7 +20,9 @@ def watch(
     off=lambda t: 0.0, error=lambda t: 0.0, asked=0.0, duration=5.0, explained=0.0, noise=0.0
 ):
     """Return the first fault and when it comes; lengths in m, of the object that is off."""
-    grip, rng = GripWatch(12.0), np.random.default_rng(0)
+    before = np.array([off(0.0), 0.0, 0.0])
+    first = PoseComparison(before, (1.0 - explained) * before, NOTHING, NOTHING)
+    grip, rng = GripWatch(12.0, first), np.random.default_rng(0)
     for k in range(round(duration / PERIOD)):
         t = k * PERIOD
         apart = np.array([off(t), 0.0, 0.0]) + noise * rng.normal(size=3)

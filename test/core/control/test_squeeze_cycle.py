@@ -14,10 +14,12 @@ import math
 
 from grips import gripped, MASSLESS
 from isotruss_ros.core import Grip, HoldStatus, solve_twist, Status
+from isotruss_ros.core.control.grip_watch import GripFault
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 import numpy as np
 import pytest
@@ -158,3 +160,74 @@ def test_a_cycle_changes_the_squeeze_as_asked(missing):
     squeezes = [model.squeeze for model in cycles(at_rest(missing), np.zeros(3), 3)]
     left = MODEL.squeeze + missing - squeezes[1]
     assert squeezes[2] - squeezes[1] == pytest.approx(5.0 * 0.02 * left, rel=0.02)
+
+
+def slipped(**settings):
+    """Return a control whose object stays 7 mm off its model."""
+    control = at_rest(1.0, **settings)
+    off = replace(AT_REST, body=MODEL.body.moved_to(np.add(MODEL.pose, (0.007, 0.0, 0.0))))
+    for _ in range(110):
+        control.solve(np.zeros(3), 0.02, solve_at_rest)
+        control.follow(CONFIG, off, 0.02)
+    return control, off
+
+
+def test_a_slip_stays_until_a_client_acts():
+    control, off = slipped(load=LoadSettings())
+    assert control.fault is GripFault.SLIPPED
+    for _ in range(10):
+        control.follow(CONFIG, AT_REST, 0.02)
+    control.reset()
+    control.follow(CONFIG, off, 0.02)
+    assert control.fault is GripFault.SLIPPED
+    assert 'set squeeze_force again' in control.note()
+    control.acknowledge()
+    assert control.fault is None
+
+
+def test_what_has_slipped_is_not_moved_and_the_squeeze_is_regulated_on():
+    control, _ = slipped(load=LoadSettings())
+    asked = []
+
+    def solve(twist, opening_rate):
+        asked.append((twist, opening_rate))
+        return solve_at_rest(twist, opening_rate)
+
+    command = control.solve(np.array([0.02, 0.0, 0.1]), 0.02, solve)
+    ((twist, opening_rate),) = asked
+    assert not twist.any()
+    assert opening_rate * MODEL.squeeze_stiffness() == pytest.approx(5.0, rel=0.05)
+    assert (command.status, command.scale) == (Status.HALT_SLIPPED, 0.0)
+    assert command.roller_velocities.any()
+
+
+def test_an_object_that_is_lost_stays_not_held_until_a_client_acts():
+    control = at_rest()
+    control.lose()
+    assert control.fault is GripFault.NOT_HELD
+    assert control.follow(CONFIG, AT_REST, 0.02) is HoldStatus.HELD
+    command = control.solve(np.array([0.02, 0.0, 0.0]), 0.02, solve_at_rest)
+    assert command.status is Status.HALT_NOT_HELD
+
+
+def test_limits_slow_the_twist_before_the_squeeze():
+    control, speed = at_rest(1.0), 0.03
+    opening = 5.0 / MODEL.squeeze_stiffness()
+
+    def solve(twist, opening_rate):
+        command = solve_twist(CONFIG, AT_REST, twist, opening_rate=opening_rate)
+        share = min(1.0, speed / np.abs(command.roller_velocities).max())
+        return replace(
+            command,
+            roller_velocities=share * command.roller_velocities,
+            scale=share,
+            status=Status.OK if share == 1.0 else Status.SLOWED_ROLLER_SPEED,
+        )
+
+    alone = solve(np.zeros(3), opening)
+    assert alone.scale == 1.0
+    command = control.solve(np.array([0.05, 0.0, 0.0]), 0.02, solve)
+    rows = grip_jacobian(CONFIG, AT_REST)
+    assert command.status is Status.SLOWED_ROLLER_SPEED
+    assert command.scale < 0.5
+    assert rows[3] @ command.roller_velocities == pytest.approx(opening, rel=0.02)
