@@ -62,7 +62,7 @@ class Client:
             'simulator': {'rate': 50.0, **shared, **STOPPING, **lying},
             'manipulation': {'rate': 50.0, **shared},
             'grasp_analysis': {'rate': 20.0, **shared},
-            'path_follower': {'rate': 50.0, **PATIENT},
+            'path_follower': {'rate': 50.0, **shared},
             'grasp_planner': {**PATIENT, **described},
             'pick_and_place': shared,
         }

@@ -63,6 +63,9 @@ def foresee_path(
     :param force: mean normal force of the members that is regulated [N].
     :param poses: (n, 3) x, y [m] and angle [rad] of the object, without jumps by full turns.
     :param least_margin: where the slip margin is less the object stands [N].
+    :raises GraspError: the members do not touch the object at the first pose, see `solve_twist`.
+    :raises ConfigurationError: the configuration is singular.
+    :raises SolverError: a quadratic program was not solved.
     :raises StructureError: see `structure_of`.
     """
     goals = _divide(poses, held.arm)
@@ -73,6 +76,8 @@ def foresee_path(
         try:
             found, why = _take_step(held, friction, force, goal - pose)
         except (ConfigurationError, GraspError, SolverError) as error:
+            if number == 1:
+                raise
             found, why = None, str(error)
         if found is not None:
             margin = found.slip_margin(friction)

@@ -14,7 +14,7 @@ from __future__ import annotations
 from isotruss_ros.core import ConvexObject, HoldStatus, ObjectPath, Robot
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.control.squeeze_control import LEFT_MARGIN
-from isotruss_ros.core.errors import PathError
+from isotruss_ros.core.errors import GraspError, PathError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc
@@ -32,7 +32,7 @@ def check_path(
     """
     Check that the model of the held object can follow a path with the squeeze that it has.
 
-    Without roller positions, or where no equilibrium of members that press holds the object at the
+    Without roller positions, or where no members hold the object as it is described at the
     beginning of the path, nothing is foreseen: what members push has no slip margin.
 
     :param robot: the robot.
@@ -52,7 +52,10 @@ def check_path(
     held = attach_grip(config, body.moved_to(Pose(*path.poses[0].tolist())))
     if isinstance(held, HoldStatus) or held.hold(friction) is not HoldStatus.HELD:
         return
-    found = foresee_path(held, friction, held.squeeze, path.poses, LEFT_MARGIN * held.squeeze)
+    try:
+        found = foresee_path(held, friction, held.squeeze, path.poses, LEFT_MARGIN * held.squeeze)
+    except GraspError:
+        return
     if found.why:
         x, y, angle = np.round(found.pose, 4).tolist()
         raise PathError(
