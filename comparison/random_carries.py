@@ -48,7 +48,7 @@ LEGS, LEG_TIME, REACH = 2, 3.0, np.array([0.04, 0.04, 0.12])
 LEAST_MARGIN, PULL = 0.5, 0.5
 #: An object that is farther from where its twists lead is off its path [m].
 OFF = 0.02
-DISC, BOX = 'disc', 'box'
+DISC, BOX = 'discs', 'boxes'
 #: What differs from 1 kg modules, an object of 0.5 kg and rollers that do as they are told.
 PLANTS: Mapping[str, PlantOptions] = {
     'as planned': PlantOptions(friction=FRICTION),
@@ -98,13 +98,13 @@ def _compare(kind: str, count: int) -> Section:
     found = {name: [run(robot, kind, seed, name) for seed in range(count)] for name in PLANTS}
     silent = sum(one.end == ENDS[-1] for outcomes in found.values() for one in outcomes)
     return Section(
-        f'Random {kind}s carried',
-        f'{count} {kind}s of 0.1 to 0.3 m, pressed into the corner at home by '
+        f'Random {kind} carried',
+        f'{count} {kind} of 0.1 to 0.3 m, pressed into the corner at home by '
         f'{1e3 * INDENTATION:.0f} mm, friction {FRICTION:g}, on {LEGS} random legs of up to '
         f'{1e3 * REACH[0]:.0f} mm and {REACH[2]:g} rad in {LEG_TIME:g} s, poses with a noise of '
         f'{1e3 * NOISE[0]:g} mm and {np.degrees(NOISE[1]):.1f}°. Pulls are {PULL:g} of the slip '
         'margin, unexpected, for half of a leg. A path that the model foresees to end is refused.',
-        (Check(f'{kind}s lost in silence', silent, 0.0, '', ''),),
+        (Check(f'{kind} lost in silence', silent, 0.0, '', ''),),
         (_table(kind, found),),
     )
 
@@ -119,7 +119,7 @@ def _table(kind: str, found: Mapping[str, Sequence[Outcome]]) -> Table:
         values = (np.median(errors), max(errors), np.median(squeezes))
         rows.append((name, *map(str, counts), *(number(float(value), 2) for value in values)))
     headings = ('plant', *ENDS, 'off, median [mm]', 'off, worst [mm]', 'squeeze off, median [%]')
-    return Table(f'random_{kind}s', f'{kind.capitalize()}s', headings, rows)
+    return Table(f'random_{kind}', kind.capitalize(), headings, rows)
 
 
 def run(robot: Robot, kind: str, seed: int, name: str) -> Outcome:
