@@ -55,13 +55,37 @@ GROUND_FRICTION = params.Spec(
     bounds=(0.0, 1e3),
     read_only=True,
 )
+MODULE_FRICTION = params.Spec(
+    'module_friction',
+    0.0,
+    'Force along x or y at which a joint of the robot begins to slide on the floor, mujoco only '
+    '[N]',
+    bounds=(0.0, 1e3),
+    read_only=True,
+)
+ROLLER_LAG = params.Spec(
+    'roller_lag',
+    0.0,
+    'Time constant of the rollers behind their commands, mujoco only [s]',
+    bounds=(0.0, 10.0),
+    read_only=True,
+)
 RECORDING = params.Spec(
     'recording',
     '',
     'File to which the states of MuJoCo are written, to be drawn later; none if empty',
     read_only=True,
 )
-MUJOCO_SPECS = (OBJECT_MASS, MODULE_MASS, GRAVITY_X, GRAVITY_Y, GROUND_FRICTION, RECORDING)
+MUJOCO_SPECS = (
+    OBJECT_MASS,
+    MODULE_MASS,
+    GRAVITY_X,
+    GRAVITY_Y,
+    GROUND_FRICTION,
+    MODULE_FRICTION,
+    ROLLER_LAG,
+    RECORDING,
+)
 
 
 def make_recorder(plant: MujocoPlant | None, path: str) -> PlantRecorder | None:
@@ -104,6 +128,8 @@ def make_driven_robot(
         module_mass=values[MODULE_MASS],
         gravity=(values[GRAVITY_X], values[GRAVITY_Y]),
         ground_friction=values[GROUND_FRICTION],
+        module_friction=values[MODULE_FRICTION],
+        roller_lag=values[ROLLER_LAG],
     )
     longest = float('inf') if sim_time else LONGEST_STEP
     return DrivenRobot(start.robot, start.body, start.is_free, options, faults, seed, longest)
