@@ -163,6 +163,7 @@ class Carry:
 
     def swings(self, seconds):
         """Return how far the object was from where it came to rest, in each second [m]."""
-        errors = np.array(self.errors[-seconds * RATE :])
-        away = np.hypot.reduce(errors - errors[-RATE // 2 :].mean(axis=0), axis=1)
+        count, rest = seconds * RATE, RATE // 2
+        errors = np.array(self.errors[-count:])
+        away = np.hypot.reduce(errors - errors[-rest:].mean(axis=0), axis=1)
         return away.reshape(seconds, RATE).max(axis=1)

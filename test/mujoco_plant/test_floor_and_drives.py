@@ -11,11 +11,12 @@
 
 from isotruss_ros.core import load_robot
 from isotruss_ros.mujoco_plant.options import PlantError, PlantOptions
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+from mujoco_worlds import needs_mujoco
 import numpy as np
 import pytest
 
-pytest.importorskip('mujoco')
-from isotruss_ros.mujoco_plant.plant import MujocoPlant
+pytestmark = needs_mujoco
 
 ROBOT = load_robot('triangle')
 STILL = np.zeros(len(ROBOT.roller_names))

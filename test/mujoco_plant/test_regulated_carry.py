@@ -17,11 +17,12 @@ from carries import Carry, GRASPS
 from isotruss_ros.core import Status
 from isotruss_ros.core.control.grip_watch import GripFault
 from isotruss_ros.core.control.load_estimate import LoadSettings
+from mujoco_worlds import needs_mujoco
 import numpy as np
 from oscillations import fit_oscillation
 import pytest
 
-pytest.importorskip('mujoco')
+pytestmark = needs_mujoco
 
 #: Masses of module and object [kg], those of the model over them, stiffness of plant over model.
 ROBOTS = [

@@ -13,6 +13,7 @@ from carries import Carry, FRICTION, make_robot, place
 from isotruss_ros.core import Status
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.planning.foresee_path import foresee_path
+from mujoco_worlds import needs_mujoco
 import numpy as np
 import pytest
 
@@ -60,10 +61,10 @@ def test_a_path_beyond_the_reach_of_the_robot_ends_there():
     assert found.why
 
 
+@needs_mujoco
 @pytest.mark.parametrize('turn', [0.3, -0.3])
 def test_what_is_foreseen_is_what_mujoco_carries(turn):
     """The servo stands where the model foresees that the margin ends, or arrives."""
-    pytest.importorskip('mujoco')
     carry = Carry('brick')
     carry.run(1.0)
     grip, start = carry.control.grasp, np.array(carry.plant.object_pose())
