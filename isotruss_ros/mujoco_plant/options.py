@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 
 from isotruss_ros.core.errors import IsotrussError
 import numpy as np
@@ -21,6 +22,16 @@ import numpy as np
 ROUND = 1e4
 #: Largest number of segments of a member; finer ones only cost time.
 MAX_SEGMENTS = 64
+POSITIVE = ('object_mass', 'module_mass', 'time_step')
+NOT_NEGATIVE = (
+    'friction',
+    'joint_drag',
+    'object_drag',
+    'tube_relaxation',
+    'ground_friction',
+    'module_friction',
+    'roller_lag',
+)
 
 
 class PlantError(IsotrussError, ValueError):
@@ -68,24 +79,14 @@ class PlantOptions:
 
     def __post_init__(self) -> None:
         """Check the values."""
-        positive = (self.object_mass, self.module_mass, self.time_step)
-        not_negative = (
-            self.friction,
-            self.joint_drag,
-            self.object_drag,
-            self.tube_relaxation,
-            self.ground_friction,
-            self.module_friction,
-            self.roller_lag,
-        )
-        values = np.array([*positive, *not_negative, *self.gravity], dtype=float)
-        if not np.isfinite(values).all() or min(positive) <= 0.0 or min(not_negative) < 0.0:
-            raise PlantError(
-                'MuJoCo plant: masses and time step must be positive numbers, friction, '
-                f'drag and relaxation not negative, gravity finite: {self}'
-            )
+        for name in POSITIVE + NOT_NEGATIVE:
+            value, words = getattr(self, name), 'positive' if name in POSITIVE else 'not negative'
+            if not 0.0 <= value < math.inf or (name in POSITIVE and value == 0.0):
+                raise PlantError(f'MuJoCo plant: {name} {value!r}: must be {words} and finite')
         if not self.roller_force > 0.0:
-            raise PlantError(f'roller_force {self.roller_force!r} N: must be positive')
+            raise PlantError(f'MuJoCo plant: roller_force {self.roller_force!r} N: not positive')
+        if not np.isfinite(self.gravity).all():
+            raise PlantError(f'MuJoCo plant: gravity {self.gravity!r}: must be finite')
         if not 1 <= min(self.segments, self.contact_segments) <= MAX_SEGMENTS or (
             max(self.segments, self.contact_segments) > MAX_SEGMENTS
         ):

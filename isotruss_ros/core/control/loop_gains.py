@@ -21,6 +21,7 @@ has no root to the right: for p < 0.54 omega without damping, more with it.
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GainError
@@ -90,6 +91,7 @@ def choose_gain(
     return own
 
 
+@functools.lru_cache(maxsize=16)
 def largest_stable_gain(damping_ratio: float) -> float:
     """
     Return the largest p / omega with which one mode is stable.

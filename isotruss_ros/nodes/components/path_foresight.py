@@ -47,7 +47,7 @@ def check_path(
     except InputError:
         return
     body = common.read_described(values) or ConvexObject(Disc(values[common.OBJECT_DIAMETER]))
-    friction = values[common.FRICTION] if body.friction is None else body.friction
+    friction = body.friction_or(values[common.FRICTION])
     config = robot.configuration(state.value.positions)
     held = attach_grip(config, body.moved_to(Pose(*path.poses[0].tolist())))
     if isinstance(held, HoldStatus) or held.hold(friction) is not HoldStatus.HELD:
