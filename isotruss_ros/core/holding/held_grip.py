@@ -96,9 +96,7 @@ class HeldGrip:
 
     def _of_members(self, forces: Array) -> Array:
         """Return the sums (m,) of forces (k,) of contacts."""
-        owners = self.contacts.owners
-        alone = len(owners) == owners[-1] + 1
-        return forces if alone else np.bincount(owners, weights=forces)
+        return np.bincount(self.contacts.owners, weights=forces)
 
     @property
     def squeeze(self) -> float:
@@ -143,8 +141,6 @@ class HeldGrip:
     @property
     def presses(self) -> bool:
         """Tell whether both ends of all faces press."""
-        if not self.contacts.has_faces:
-            return True
         owners = self.contacts.owners
         alone = np.bincount(owners)[owners] == 1
         return bool((alone | (self.state.normal_forces > 0.0)).all())
