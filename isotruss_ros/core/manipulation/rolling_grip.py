@@ -35,7 +35,6 @@ from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.least_distance import solve_least_squares
 import numpy as np
 
 #: A face lies on a member that is inclined against it by at most this [rad]: less than what
@@ -154,7 +153,7 @@ class RollingGrip:
                 [touch.gaps - self.gaps[owners], touch.anchors - self.anchors[owners]]
             )
             rows = touch.rows * (1.0, 1.0, 1.0 / body.arm)
-            x, y, turn = change = solve_least_squares(rows, -off, RANK)
+            x, y, turn = change = np.linalg.lstsq(rows, -off, rcond=RANK)[0]
             center += complex(x, y)
             angle += turn / body.arm
             size = max(abs(x), abs(y), abs(turn))

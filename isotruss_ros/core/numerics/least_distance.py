@@ -94,19 +94,18 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
     return None
 
 
-def solve_least_squares(matrix: Array, right: Array, parallel: float = PARALLEL) -> Array:
+def solve_least_squares(matrix: Array, right: Array) -> Array:
     """
     Return the shortest x with the least |matrix x - right|.
 
-    In place of `numpy.linalg.lstsq(matrix, right, rcond=parallel)`, without its singular values.
+    In place of `numpy.linalg.lstsq(matrix, right, rcond=PARALLEL)`, without its singular values.
 
     :param matrix: (m, n), of any rank, m and n at least 1.
     :param right: (m,)
-    :param parallel: a reciprocal condition below this counts as a lower rank.
     """
     rows, columns = matrix.shape
     padded = np.zeros((max(rows, columns), 1))
     padded[:rows, 0] = right
     pivots = np.zeros(columns, dtype=np.intc)
     work = 16 * len(padded)
-    return lapack.dgelsy(matrix, padded, pivots, parallel, work)[1][:columns, 0]
+    return lapack.dgelsy(matrix, padded, pivots, PARALLEL, work)[1][:columns, 0]
