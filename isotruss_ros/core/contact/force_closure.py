@@ -148,7 +148,11 @@ def _facets(segments: Array) -> tuple[Array, Array]:
 
 
 def _facets_of_cone(segments: Array) -> tuple[Array, Array]:
-    """Return the same of segments on the cone x^2 + y^2 = z^2, z > 0: those of a cylinder."""
+    """
+    Return `_facets` of segments on the cone x^2 + y^2 = z^2, z > 0: those of a cylinder.
+
+    :param segments: (k, 3).
+    """
     k = len(segments)
     # The plane through two lines of the cone parts those between them from the others, around the
     # cone: sums over ranges take the place of sums over all, so that hundreds of contacts are few.

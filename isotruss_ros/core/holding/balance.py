@@ -150,7 +150,7 @@ def solve_balance(
     longest = _longest_step(count, arm, max_turn)
     for _ in range(steps):
         residual, jacobian, normals = equations(unknowns)
-        if _is_solved(residual.tolist(), unknowns, places):
+        if _is_solved(residual, unknowns, places):
             folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
             return None if folded else ContactForces(unknowns, normals, jacobian)
         _, _, step, singular = lapack.dgesv(jacobian, -residual)
@@ -161,14 +161,11 @@ def solve_balance(
     return None
 
 
-def _is_solved(residual: list[float], unknowns: Array, places: Places) -> bool:
+def _is_solved(residual: Array, unknowns: Array, places: Places) -> bool:
     """Return whether forces balance and contacts touch; one that is no number does neither."""
-    unbalanced = FORCE_TOLERANCE * sum(map(abs, unknowns[places.normal].tolist()))
-    first, last = places.balance.start, places.balance.stop
-    apart = residual[:first] + residual[last:]
-    return all(abs(left) <= unbalanced for left in residual[first:last]) and all(
-        abs(left) <= LENGTH_TOLERANCE for left in apart
-    )
+    least = np.full(places.size, LENGTH_TOLERANCE)
+    least[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
+    return bool((np.abs(residual) <= least).all())
 
 
 @functools.lru_cache(maxsize=16)

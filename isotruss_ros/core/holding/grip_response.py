@@ -163,11 +163,9 @@ def _conditions(
     """Return what is left until m members slip and k contacts let go (2m + k,), and slopes."""
     normal, rubs = state.normal_forces, state.friction_forces
     by_normal, by_friction = response.normal, response.friction
-    count = int(response.owners[-1]) + 1
-    if count < len(normal):
-        members = np.eye(count)[response.owners].T
-        normal, rubs = members @ normal, members @ rubs
-        by_normal, by_friction = members @ by_normal, members @ by_friction
+    members = np.eye(int(response.owners[-1]) + 1)[response.owners].T
+    normal, rubs = members @ normal, members @ rubs
+    by_normal, by_friction = members @ by_normal, members @ by_friction
     reserve = [friction * normal - rubs, friction * normal + rubs, state.normal_forces]
     slope = [
         friction * by_normal - by_friction,

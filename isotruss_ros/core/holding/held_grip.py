@@ -96,15 +96,12 @@ class HeldGrip:
 
     def _of_members(self, forces: Array) -> Array:
         """Return the sums (m,) of forces (k,) of contacts."""
-        owners = self.contacts.owners
-        alone = len(owners) == owners[-1] + 1
-        return forces if alone else np.bincount(owners, weights=forces)
+        return np.bincount(self.contacts.owners, weights=forces)
 
     @property
     def squeeze(self) -> float:
         """Return the mean normal force of the members [N]."""
-        forces = self.normal_forces.tolist()
-        return sum(forces) / len(forces)
+        return float(self.normal_forces.mean())
 
     @functools.cached_property
     def required_friction(self) -> float:
@@ -117,11 +114,10 @@ class HeldGrip:
 
         :param friction: coefficient between tube and object.
         """
-        # One by one: a few numbers of Python are quicker than arrays of them.
-        if min(self.normal_forces.tolist()) <= 0.0:
+        if self.normal_forces.min() <= 0.0:
             return HoldStatus.NO_CONTACT
-        feet, lengths = self.state.feet.tolist(), self.statics.compliance.length.tolist()
-        if not all(0.0 <= foot <= end for foot, end in zip(feet, lengths, strict=True)):
+        feet = self.state.feet
+        if not ((feet >= 0.0) & (feet <= self.statics.compliance.length)).all():
             return HoldStatus.OFF_MEMBER
         return HoldStatus.SLIPS if self.required_friction > friction else HoldStatus.HELD
 
@@ -145,8 +141,6 @@ class HeldGrip:
     @property
     def presses(self) -> bool:
         """Tell whether both ends of all faces press."""
-        if not self.contacts.has_faces:
-            return True
         owners = self.contacts.owners
         alone = np.bincount(owners)[owners] == 1
         return bool((alone | (self.state.normal_forces > 0.0)).all())

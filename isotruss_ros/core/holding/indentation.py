@@ -50,7 +50,8 @@ class SkinIndentation:
         places = np.append(0.0, forces**POWER)
         skin = np.append(0.0, depths)
         spline = scipy.interpolate.CubicSpline(places, skin, bc_type='natural')
-        # Numbers of Python: single ones are several times quicker than those of NumPy.
+        # In place of calling the spline and its derivative: single numbers of Python are several
+        # times quicker, in each state of a search.
         self._places: list[float] = places.tolist()
         self._pieces: list[list[float]] = spline.c.T.tolist()
 

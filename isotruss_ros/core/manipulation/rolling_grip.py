@@ -36,7 +36,6 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
-from scipy.linalg import lapack
 
 #: A face lies on a member that is inclined against it by at most this [rad]: less than what
 #: `find_contacts` takes for one, so that a face that comes to lie on a member does not snap.
@@ -154,7 +153,7 @@ class RollingGrip:
                 [touch.gaps - self.gaps[owners], touch.anchors - self.anchors[owners]]
             )
             rows = touch.rows * (1.0, 1.0, 1.0 / body.arm)
-            x, y, turn = change = _least_squares(rows, -off)
+            x, y, turn = change = np.linalg.lstsq(rows, -off, rcond=RANK)[0]
             center += complex(x, y)
             angle += turn / body.arm
             size = max(abs(x), abs(y), abs(turn))
@@ -264,14 +263,6 @@ def _lines(config: Configuration, grip: Grip, sides: Array) -> _Lines:
     travel = np.zeros(len(nodes.members))
     travel[nodes.driven] = config.roller_positions[nodes.rollers]
     return _Lines(starts, axes, axes * (-1j * sides), travel)
-
-
-def _least_squares(rows: Array, right: Array) -> Array:
-    """Return the shortest x (n,) with the least squares of rows x - right."""
-    pivots, count = np.zeros(rows.shape[1], dtype=np.intc), rows.shape[1]
-    work = 16 * len(rows)
-    solution = lapack.dgelsy(rows, right[:, None], pivots, RANK, work)[1]
-    return np.asarray(solution[:count, 0])
 
 
 def predict_grip(

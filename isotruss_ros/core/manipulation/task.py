@@ -125,7 +125,8 @@ class Reach:
         task, grip = weights[:, None] * active[:3], active[3:]
         rows, opened = np.concatenate([task, grip]), np.zeros(len(grip))
         opened[0] = 1.0
-        # Rows that are independent together are so in the two steps below.
+        # Rows that are independent together are so in the two steps below: eigenvalues of their
+        # products, in place of `numpy.linalg.svd` of the grip and of what is left of the task.
         squares = lapack.dsyev(rows.dot(rows.T), compute_v=0)[0]
         if squares[0] > FREE_SHARE * max(1.0, squares[-1]):
             return cls(rows, EVERYWHERE, weights, opened)
@@ -187,6 +188,7 @@ class Task:
         # A twist of any finite size must not overflow.
         size = max(map(abs, twist.tolist()))
         if reach.directions is EVERYWHERE and opening_rate == 0.0:
+            # In place of `_find_direction`, where nothing is projected.
             self.reachable = True
             vx, vy, turning = (reach.weights * (twist / size)).tolist()
             length = math.hypot(vx, vy, turning)
@@ -227,6 +229,8 @@ class Task:
 def least_cost(even: Array, equality: Array, direction: Array) -> Array:
     """
     Return the u (w,) of the least cost (11) under (20): J u = direction, without limits.
+
+    In place of `even @ numpy.linalg.lstsq(equality @ even, direction)[0]`, by the full rank.
 
     :param even: (w, w) E with |C E y| = |y|, see `WorkingRollers`.
     :param equality: (k, w) J, of full row rank.

@@ -98,6 +98,8 @@ def solve_least_squares(matrix: Array, right: Array) -> Array:
     """
     Return the shortest x with the least |matrix x - right|.
 
+    In place of `numpy.linalg.lstsq(matrix, right, rcond=PARALLEL)`, without its singular values.
+
     :param matrix: (m, n), of any rank, m and n at least 1.
     :param right: (m,)
     """

@@ -94,7 +94,7 @@ def balances(body: ConvexObject, normals: Points, angle: float) -> bool:
     :param normals: (s,) unit vectors out of the object into the members, robot frame.
     :param angle: of the cones [rad].
     """
-    if len(normals) == 2:
+    if len(normals) == 2:  # the closed form, in place of the least squares below
         return bool(friction_angles(body, normals[:1], normals[1:])[0] <= angle)
     ends = contact_ends(body, normals)
     arms = np.concatenate([*ends, *ends]) - (body.middle - body.center)

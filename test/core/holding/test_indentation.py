@@ -9,15 +9,23 @@
 
 """Dents of the skin: the table against the contact it was made from, and what does not count."""
 
+from hypothesis import given, strategies
 from isotruss_ros.core import Ellipse, load_robot
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.holding import corner_dents, indentation
-from isotruss_ros.core.holding.indentation import Indentation, skin_indentation
+from isotruss_ros.core.holding.indentation import (
+    Indentation,
+    POWER,
+    skin_indentation,
+    SkinIndentation,
+)
 import numpy as np
 import pytest
+import robots
+from scipy.interpolate import CubicSpline
 import tubes
 
 ROBOT = load_robot('nine_member')
@@ -40,6 +48,30 @@ def test_the_derivative_is_that_of_the_depth(force):
     assert table(force)[1] == pytest.approx(slope, rel=1e-5)
     assert slope > 0.0
     assert table(-force) == pytest.approx((-table(force)[0], table(force)[1]))
+
+
+@robots.examples(60)
+@given(robots.generators(), strategies.integers(1, 6), strategies.integers(2, 30))
+def test_dents_are_those_of_the_librarys_spline(rng, count, size):
+    """Of up to six contacts, pulling ones and those beyond the table among them."""
+    tables, splines, lasts = [], [], []
+    for _ in range(count):
+        depths = np.cumsum(rng.uniform(5e-4, 1e-3, size))
+        forces = 1e5 * rng.uniform(0.5, 2.0) * depths ** rng.uniform(1.2, 1.8)
+        tables.append(SkinIndentation(depths, forces))
+        places = np.append(0.0, forces**POWER)
+        splines.append(CubicSpline(places, np.append(0.0, depths), bc_type='natural'))
+        lasts.append(places[-1])
+    pressing = 2.0 * rng.uniform(-1.0, 1.0, count) * np.array(lasts) ** (1.0 / POWER)
+    found, slopes = Indentation(tables, scale=1.0)(pressing)
+    for force, spline, last, depth, slope in zip(
+        pressing, splines, lasts, found, slopes, strict=True
+    ):
+        place = np.abs(force) ** POWER
+        inside, steep = min(place, last), spline(min(place, last), 1)
+        wanted = np.sign(force) * (spline(inside) + steep * (place - inside))
+        assert depth == pytest.approx(wanted, rel=1e-9, abs=1e-15)
+        assert slope == pytest.approx(steep * POWER * place / np.abs(force), rel=1e-9, abs=1e-15)
 
 
 def test_a_larger_object_dents_less_and_the_contact_points_do_not_count(monkeypatch):

@@ -10,9 +10,12 @@
 """What rollers can reach while rows of a grip are kept, against null spaces of these rows."""
 
 from hypothesis import assume, given, strategies
+from isotruss_ros.core.manipulation import task as task_module
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.task import Reach, Task
 import numpy as np
 import pytest
+import random_grips
 import robots
 from scipy.linalg import null_space
 
@@ -126,3 +129,48 @@ def test_a_grip_that_no_roller_opens_is_no_task():
 def test_only_the_first_row_of_a_grip_is_its_opening():
     rows = np.random.default_rng(0).standard_normal((6, 8))
     assert Reach.of(rows, 0.1).opening.tolist() == [1.0, 0.0, 0.0]
+
+
+@robots.examples(100)
+@given(robots.generators(), strategies.integers(1, 9), strategies.integers(0, 8))
+def test_rows_that_are_independent_lead_where_singular_values_do(rng, held, more):
+    """For up to six contacts, of all rollers that move them; and so do directions by numbers."""
+    rows = random_rows(rng, 3 + held, 3 + held + more, 3 + held)
+    reach = Reach.of(rows, 0.3)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(task_module, 'FREE_SHARE', np.inf)
+        plain = Reach.of(rows, 0.3)
+    assume(len(plain.rows) == 3 + held)
+    assert len(reach.directions) == 3
+    twist = 10.0 ** rng.uniform(-6.0, 6.0) * rng.standard_normal(3)
+    for opening in (0.0, float(np.abs(twist).max())):
+        short, long = (Task(way, twist, np.eye(rows.shape[1]), opening) for way in (reach, plain))
+        size = np.abs(long.velocities).max()
+        assert short.reachable
+        assert long.reachable
+        if opening == 0.0:
+            assert short.speed == pytest.approx(long.speed, rel=1e-9)
+        assert short.velocities == pytest.approx(long.velocities, rel=1e-9, abs=1e-9 * size)
+
+
+@pytest.mark.parametrize('flat', [False, True])
+@pytest.mark.parametrize(('kind', 'count'), [('module', 2), ('tubes', 2), ('tubes', 3)])
+@robots.examples(25)
+@given(strategies.data(), robots.generators())
+def test_failed_rollers_leave_what_singular_values_say(kind, count, flat, data, rng):
+    """From none to all of the rollers of a robot, of grips of points and of faces."""
+    robot = data.draw(random_grips.robots_with(kind))
+    config, grip = random_grips.random_convex_grip(robot, rng, kind, count, flat)
+    assume(grip is not None)
+    jacobian = grip_jacobian(config, grip)
+    order = rng.permutation(jacobian.shape[1])
+    for working in range(len(order) + 1):
+        rows = jacobian[:, np.sort(order[:working])]
+        reach = Reach.of(rows, grip.body.arm)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(task_module, 'FREE_SHARE', np.inf)
+            plain = Reach.of(rows, grip.body.arm)
+        assert len(reach.directions) == len(plain.directions)
+        assert len(reach.rows) == len(plain.rows)
+        shares = np.linalg.lstsq(plain.rows.T, reach.rows.T, rcond=None)[0]
+        assert shares.T @ plain.rows == pytest.approx(reach.rows, abs=1e-9)

@@ -41,6 +41,19 @@ def test_least_cost_solves_the_kkt_system(rng):
     assert found == pytest.approx(wanted, abs=1e-9)
 
 
+@robots.examples(100)
+@given(robots.generators(), strategies.integers(1, 12), strategies.integers(0, 12))
+def test_least_cost_is_the_shortest_least_squares(rng, k, more):
+    r = k + more
+    even = rng.standard_normal((r, r)) + 2.0 * np.eye(r)
+    left, right = (np.linalg.qr(rng.standard_normal((n, n)))[0] for n in (k, r))
+    reduced = left * rng.uniform(0.5, 2.0, k) @ right[:k]
+    equality, direction = np.linalg.solve(even.T, reduced.T).T, rng.standard_normal(k)
+    wanted = even @ np.linalg.lstsq(equality @ even, direction, rcond=None)[0]
+    size = np.abs(even).max() * np.abs(direction).max()
+    assert least_cost(even, equality, direction) == pytest.approx(wanted, abs=1e-9 * size)
+
+
 @robots.examples(30)
 @given(robots.generators())
 def test_progress_is_the_largest_within_the_bounds_at_the_least_cost(rng):

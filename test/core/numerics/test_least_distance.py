@@ -111,7 +111,7 @@ def test_exchanges_without_end_lead_to_no_point(monkeypatch):
 
 
 @robots.examples(100)
-@given(robots.generators(), strategies.integers(1, 6), strategies.integers(1, 6))
+@given(robots.generators(), strategies.integers(1, 12), strategies.integers(1, 12))
 def test_least_squares_are_the_shortest_of_any_rank(rng, m, n):
     matrix = rng.standard_normal((m, n))
     matrix[-1] = matrix[0]
