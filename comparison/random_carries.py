@@ -27,10 +27,9 @@ from isotruss_ros.core import (
     Robot,
     Status,
 )
-from isotruss_ros.core.control.squeeze_control import LEFT_MARGIN
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip, LEFT_MARGIN
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.foresee_path import foresee_path

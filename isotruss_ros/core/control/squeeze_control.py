@@ -29,7 +29,7 @@ from isotruss_ros.core.control.held_model import attach_model, Sensitivity, sens
 from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
 from isotruss_ros.core.control.loop_gains import choose_gain, gains_of, LoopGains, SLOW
 from isotruss_ros.core.control.travel_trend import TravelTrend
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_grip import HeldGrip, LEFT_MARGIN
 from isotruss_ros.core.holding.held_utilisation import held_utilisation
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.holding.natural_frequency import lowest_frequency
@@ -45,8 +45,6 @@ import numpy as np
 
 #: At this utilisation a tube has folded: more is not told apart.
 FOLDED = 2.0
-#: This share of the squeeze is left of the slip margin where the object stands [-].
-LEFT_MARGIN = 0.04
 #: Share of the slip margin beyond that which a path uses in a second [1/s].
 MARGIN_RATE = 2.0
 #: After an oscillation the rollers stand still for as long as this [s], and the gain is halved.

@@ -31,6 +31,8 @@ import numpy as np
 MOST = 3
 #: A motion is expected to go on by at most this many times what it was before.
 LONGEST = 2.0
+#: This share of the squeeze is left of the slip margin where the object stands on its path [-].
+LEFT_MARGIN = 0.04
 
 
 @dataclass(frozen=True, eq=False)

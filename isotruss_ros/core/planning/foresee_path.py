@@ -15,11 +15,14 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.held_grip import HeldGrip, LEFT_MARGIN
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -47,6 +50,29 @@ class Foresight(NamedTuple):
     share: float
     slip_margin: float
     why: str
+
+
+@single_threaded
+def foresee_grip(
+    config: Configuration, body: ConvexObject, friction: float, poses: Array
+) -> Foresight | None:
+    """
+    Carry an object along a path in the model with the squeeze that it has there.
+
+    :param config: of the robot, which holds the object.
+    :param body: the object, where it is held.
+    :param friction: coefficient between tubes and object.
+    :param poses: see `foresee_path`.
+    :return: None where no members hold the object: what they push has no slip margin.
+    :raises GraspError: see `foresee_path`, as do the others.
+    :raises ConfigurationError: the configuration is singular.
+    :raises SolverError: a quadratic program was not solved.
+    :raises StructureError: see `structure_of`.
+    """
+    held = attach_grip(config, body)
+    if isinstance(held, HoldStatus) or held.hold(friction) is not HoldStatus.HELD:
+        return None
+    return foresee_path(held, friction, held.squeeze, poses, LEFT_MARGIN * held.squeeze)
 
 
 @single_threaded

@@ -15,13 +15,14 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, wait
 import time
 
-from isotruss_ros.core.errors import ConfigurationError, SolverError
+from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.planning.approach import Approach, approach
 from isotruss_ros.core.planning.closed_grip import ClosedGrip
 from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.grasp_candidate import (
     make_grasp_candidate,
     squeeze_candidate,
@@ -149,10 +150,14 @@ class GraspSearch:
         self._judged += 1
         self._evaluations += squeezed.evaluations + squeezed.analyses
         self._analyses += squeezed.analyses
+        violation = squeezed.violation
         if squeezed.grip is not None:
-            self._grasps.append(self._planned(reached, squeezed.grip))
+            grasp = self._planned(reached, squeezed.grip)
+            violation = self._carry(grasp) if self._needs.carry else None
+        if violation is None:
+            self._grasps.append(grasp)
         else:
-            self._record(squeezed.violation)
+            self._record(violation)
         self._on_progress(self.progress())
 
     def best(self) -> list[PlannedGrasp]:
@@ -214,6 +219,16 @@ class GraspSearch:
             path=path,
             touch=len(opened),
         )
+
+    def _carry(self, grasp: PlannedGrasp) -> Violation | None:
+        """Return how far a grasp does not carry the object along its path; None if it does."""
+        friction, poses = self._needs.friction, np.array(self._needs.carry)
+        try:
+            found = foresee_grip(grasp.config, grasp.grip.body, friction, poses)
+        except (ConfigurationError, GraspError, SolverError) as error:
+            return Violation(str(error), 0.0, 1.0, 1.0)
+        share = 0.0 if found is None else found.share
+        return Violation('carry', share, 1.0, 1.0 - share) if found is None or found.why else None
 
     def _check_stop(self) -> bool:
         self.stopped = self.stopped or self._should_stop()

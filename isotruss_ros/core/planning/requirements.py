@@ -62,6 +62,9 @@ class GraspRequirements:
     :ivar max_length: of members, pinch to pinch [m]; that of the robot file if None.
     :ivar measure: what the grasps are ranked by.
     :ivar direction: (dx, dy, dtheta) of the object, for the measure `stiffness` [m, m, rad].
+    :ivar carry: poses (x, y, angle) of a path along which the object is to be carried, shifted to
+        begin where it is held; a grasp that slips on it in the model, see `foresee_path`, is none
+        [m, rad].
     :ivar count: how many distinct grasps are wanted, at least 1.
     :raises GraspError: a value is not usable; says which and what would be right.
     """
@@ -81,6 +84,7 @@ class GraspRequirements:
     max_length: float | None = None
     measure: Measure = Measure.SLIP_MARGIN
     direction: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    carry: tuple[tuple[float, float, float], ...] = ()
     count: int = 3
 
     def __post_init__(self) -> None:
@@ -92,6 +96,8 @@ class GraspRequirements:
             value = getattr(self, field.name)
             if field.type in ('float', 'float | None') and value is not None:
                 self._check_number(field.name, value)
+        poses = [finite_array(pose, 3, 'pose of carry', GraspError) for pose in self.carry]
+        object.__setattr__(self, 'carry', tuple(tuple(pose.tolist()) for pose in poses))
         if self.members is not None:
             self._check_members()
         if self.squeeze == 0.0:

@@ -11,14 +11,11 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core import ConvexObject, HoldStatus, ObjectPath, Robot
+from isotruss_ros.core import ConvexObject, ObjectPath, Robot
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
-from isotruss_ros.core.control.squeeze_control import LEFT_MARGIN
 from isotruss_ros.core.errors import GraspError, PathError
-from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc
-from isotruss_ros.core.planning.foresee_path import foresee_path
+from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.framework.parameters import Parameters
 import numpy as np
@@ -49,14 +46,11 @@ def check_path(
     body = common.read_described(values) or ConvexObject(Disc(values[common.OBJECT_DIAMETER]))
     friction = body.friction_or(values[common.FRICTION])
     config = robot.configuration(state.value.positions)
-    held = attach_grip(config, body.moved_to(Pose(*path.poses[0].tolist())))
-    if isinstance(held, HoldStatus) or held.hold(friction) is not HoldStatus.HELD:
-        return
     try:
-        found = foresee_path(held, friction, held.squeeze, path.poses, LEFT_MARGIN * held.squeeze)
+        found = foresee_grip(config, body.moved_to(path.poses[0]), friction, path.poses)
     except GraspError:
         return
-    if found.why:
+    if found is not None and found.why:
         x, y, angle = np.round(found.pose, 4).tolist()
         raise PathError(
             f'the path would end {100.0 * found.share:.0f} % of the way, at ({x:g}, {y:g}) m, '

@@ -22,12 +22,15 @@ from isotruss_ros.core import (
     GraspRequirements,
     load_robot,
     plan_grasps,
+    Polygon,
+    Pose,
     settle_grasp,
     tangent_center,
 )
 from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.planning import grasp_search
 from isotruss_ros.core.planning import plan_grasps as search
+from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.plan_words import plan_in_words, violation_in_words
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.seeds import find_seeds
@@ -42,6 +45,11 @@ OBJECTS = {
     'east': ConvexObject.disc((1.4, -0.85), 0.35),
     'south': ConvexObject.disc((0.05, -0.8), 0.3),
 }
+BRICK = ConvexObject(
+    Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02),
+    Pose(0.716, 0.43, 0.2),
+)
+ONE_ROUND = replace(DEFAULT, max_rounds=1)
 NEEDS = GraspRequirements(min_margin=0.01, count=2)
 
 
@@ -458,3 +466,18 @@ def test_a_search_that_waits_for_others_stops_when_it_is_told_to():
     assert plan.grasps == ()
     assert executor.futures
     assert all(future.cancelled() for future in executor.futures)
+
+
+@pytest.mark.parametrize(('turn', 'found'), [(0.3, True), (2.5, False)])
+def test_a_grasp_carries_the_object_along_the_path_asked_for(turn, found):
+    needs = GraspRequirements(module='north/P', friction=0.6, count=1)
+    path = ((0.0, 0.0, 0.0), (0.0, 0.0, turn))
+    assert plan_grasps(ROBOT.home, BRICK, needs, thorough=False).grasps
+    plan = plan_grasps(ROBOT.home, BRICK, replace(needs, carry=path), settings=ONE_ROUND)
+    assert bool(plan.grasps) == found
+    for grasp in plan:
+        ahead = foresee_grip(grasp.config, grasp.grip.body, 0.6, np.array(path))
+        assert (ahead.share, ahead.why) == (1.0, '')
+    assert found or violation_in_words(plan.closest_violation).startswith(
+        'carry: the object can be carried'
+    )
