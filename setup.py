@@ -64,6 +64,7 @@ setup(
             'teleop = isotruss_ros.executables:teleop',
             'viewer = isotruss_ros.executables:viewer',
             'record = isotruss_ros.executables:record',
+            'pluck = isotruss_ros.executables:pluck',
             'view = isotruss_ros.demo.view:main',
             'replay = isotruss_ros.cli.replay:main',
             'demo = isotruss_ros.demo.__main__:main',

@@ -35,6 +35,7 @@ NODES = (
     'teleop',
     'viewer',
     'record',
+    'pluck',
 )
 #: In the words of a terminal, since that is where it is read.
 NO_MESSAGES = (

@@ -14,12 +14,12 @@ Grasps, masses, errors of the model, delays and noise are those of the table in 
 """
 
 from carries import Carry, GRASPS
+from isotruss_ros.calibration.oscillation import fit_oscillation
 from isotruss_ros.core import Status
 from isotruss_ros.core.control.grip_watch import GripFault
 from isotruss_ros.core.control.load_estimate import LoadSettings
 from mujoco_worlds import needs_mujoco
 import numpy as np
-from oscillations import fit_oscillation
 import pytest
 
 pytestmark = needs_mujoco
@@ -75,7 +75,7 @@ def test_the_frequency_is_that_of_a_plucked_object(grasp, masses):
         carry.plant.advance(0.005, still)
         poses.append(np.array(carry.plant.object_pose()))
 
-    frequency, damping = fit_oscillation(0.005 * np.arange(300), poses, carry.even[2])
+    frequency, damping, _ = fit_oscillation(0.005 * np.arange(300), poses, carry.even[2])
     assert 0.9 * frequency < expected < 1.3 * frequency
     assert 0.02 < damping < 0.6
 

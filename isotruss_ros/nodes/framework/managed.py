@@ -56,6 +56,8 @@ class ManagedNode(LifecycleNode):
     """
 
     awaited: ClassVar[tuple[str, ...]] = ()
+    #: It runs until it is interrupted.
+    done: ClassVar[bool] = False
 
     def __init__(
         self,

@@ -47,6 +47,8 @@ class StoppableNode(Node):
     """
 
     cycle = None
+    #: Ends the process where a node has done what it is for.
+    done = False
 
     def __init__(
         self, name: str, specs: Sequence[Spec], parameter_overrides: Sequence[Parameter] = ()
@@ -100,7 +102,7 @@ def run(
     make_node: Callable[[], StoppableNode | ManagedNode], args: Sequence[str] | None = None
 ) -> int:
     """
-    Spin a node until it is interrupted.
+    Spin a node until it is interrupted, or done.
 
     :param make_node: returns the node; may raise IsotrussError.
     :param args: command line, that of the process when left out.
@@ -160,7 +162,7 @@ def _report(what: str, why: str) -> int:
 def _spin(node: StoppableNode | ManagedNode, interruption: Interruption) -> None:
     """Spin until interrupted; an error out of a callback stops the robot, not the process."""
     executor = PacedExecutor(node)
-    while not interruption.received:
+    while not (interruption.received or node.done):
         try:
             # A signal ends no wait, but every node has a timer. A timeout would create one more
             # for every callback.

@@ -126,9 +126,9 @@ def test_each_tube_dents_by_its_own_pressure():
     for tube in range(len(names)):
         even = (pressures[tube],) * len(names)
         for table in (
-            lambda given, tube=tube: skin_indentation(ROBOT, tube, 0.15, given),
-            lambda given, tube=tube: corner_dents.corner_dents(
-                ROBOT, tube, shape, 1j, 0.1j, whole, given
+            lambda gauge, tube=tube: skin_indentation(ROBOT, tube, 0.15, gauge),
+            lambda gauge, tube=tube: corner_dents.corner_dents(
+                ROBOT, tube, shape, 1j, 0.1j, whole, gauge
             ),
         ):
             assert table(pressures)(20.0) == pytest.approx(table(even)(20.0))

@@ -1,0 +1,96 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Frequency and damping ratio of one oscillation, fitted to measured poses."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+from numpy.typing import ArrayLike
+import scipy
+
+#: Poses from fewer cycles than this determine no oscillation.
+FEWEST = 20
+#: A fit that leaves more than this share of the motion is of no single oscillation [-].
+LARGEST_REST = 0.5
+#: So strongly damped that no frequency is seen [-].
+LARGEST_DAMPING = 0.7
+
+
+class Oscillation(NamedTuple):
+    """
+    One damped oscillation.
+
+    :ivar frequency: undamped [rad/s].
+    :ivar damping_ratio: against the critical damping [-].
+    :ivar amplitude: largest distance from the place of rest in the measured time [m].
+    """
+
+    frequency: float
+    damping_ratio: float
+    amplitude: float
+
+
+def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillation:
+    """
+    Fit one damped oscillation to the poses of an object after a push.
+
+    The coordinates share frequency and damping; amplitudes and the place of rest follow by linear
+    least squares (variable projection, Golub and Pereyra 1973).
+
+    :param times: (n,) of the poses, ascending [s].
+    :param poses: (n, 3) x, y [m] and angle [rad].
+    :param arm: of the object, at which turns count [m].
+    :raises MeasurementError: too few poses, or one damped oscillation does not explain them.
+    """
+    at, moved = np.asarray(times, dtype=float), np.asarray(poses, dtype=float)
+    if len(at) < FEWEST or not (np.diff(at) > 0.0).all():
+        raise MeasurementError(
+            f'{len(at)} poses: must be {FEWEST} or more, at ascending times, to fit an oscillation'
+        )
+    at, moved = at - at[0], (moved - moved.mean(axis=0)) * (1.0, 1.0, arm)
+
+    def split(shape: Array) -> tuple[Array, Array]:
+        """Return the fitted motion with its place of rest, and what is left."""
+        damped, frequency = np.exp(-shape[0] * at), shape[1]
+        basis = damped * np.array([np.cos(frequency * at), np.sin(frequency * at)])
+        columns = np.column_stack([*basis, np.ones_like(at)])
+        parts = np.linalg.lstsq(columns, moved, rcond=None)[0]
+        return columns[:, :2] @ parts[:2], moved - columns @ parts
+
+    # Without units, so that the search ends by shares of the motion.
+    size = float(np.linalg.norm(moved))
+    if size == 0.0:
+        raise MeasurementError('the poses are all the same: nothing oscillates')
+    first = _strongest_frequency(at, moved)
+    found = scipy.optimize.least_squares(
+        lambda shape: split(shape)[1].ravel() / size, [0.1 * first, first], x_scale=first
+    )
+    decay, damped = found.x
+    frequency = float(np.hypot(decay, damped))
+    rest = 2.0 * found.cost
+    if rest > LARGEST_REST or not 0.0 <= decay < LARGEST_DAMPING * frequency:
+        raise MeasurementError(
+            'the poses are not one damped oscillation: what is left of them is '
+            f'{rest:.0%}, the damping ratio {decay / frequency:.2g}'
+        )
+    amplitude = float(np.hypot.reduce(split(found.x)[0], axis=1).max())
+    return Oscillation(frequency, decay / frequency, amplitude)
+
+
+def _strongest_frequency(at: Array, moved: Array) -> float:
+    """Return the strongest frequency of a motion resampled evenly [rad/s]."""
+    even = np.linspace(0.0, at[-1], len(at))
+    spread = np.array([np.interp(even, at, each) for each in moved.T])
+    power = (np.abs(np.fft.rfft(spread)) ** 2).sum(axis=0)
+    return 2.0 * np.pi * max(int(power.argmax()), 1) / at[-1]

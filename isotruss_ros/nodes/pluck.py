@@ -1,0 +1,168 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+Node `pluck`: measures how a held object oscillates.
+
+The rollers push the object by a short twist and stand still; frequency and damping ratio are
+fitted to the poses that follow. The node ends by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from isotruss_msgs.msg import ManipulationStatus
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.calibration.oscillation import fit_oscillation, Oscillation
+from isotruss_ros.core import ConvexObject, Disc, load_robot, Status
+from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.conversions.messages import (
+    read_object_pose,
+    read_stamp,
+    stamp_header,
+    to_twist_message,
+)
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
+from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.runner import run, StoppableNode
+import numpy as np
+from rclpy.parameter import Parameter
+
+VX = params.Spec('vx', 0.04, 'Twist of the push: along x [m/s]', bounds=(-1.0, 1.0))
+VY = params.Spec('vy', 0.0, 'Along y [m/s]', bounds=(-1.0, 1.0))
+OMEGA = params.Spec('omega', 0.0, 'About the origin of the object [rad/s]', bounds=(-10.0, 10.0))
+PUSH_TIME = params.Spec('push_time', 0.15, 'Duration of the push [s]', bounds=(0.01, 2.0))
+LISTEN_TIME = params.Spec(
+    'listen_time', 3.0, 'Poses after it are taken for so long [s]', bounds=(0.5, 60.0)
+)
+WAIT_TIME = params.Spec(
+    'wait_time', 10.0, 'Poses and the status of `manipulation` must come within [s]', (0.1, 600.0)
+)
+SPECS = (
+    common.ROBOT,
+    common.OBJECT_DIAMETER,
+    common.OBJECT,
+    common.RATE,
+    common.USE_STAMPED_TWIST,
+    VX,
+    VY,
+    OMEGA,
+    PUSH_TIME,
+    LISTEN_TIME,
+    WAIT_TIME,
+)
+
+
+class Pluck(StoppableNode):
+    """
+    Push the held object once by a twist, and fit an oscillation to its poses.
+
+    :ivar found: what was fitted; None before.
+    :param parameter_overrides: values of parameters other than the defaults.
+    :raises IsotrussError: a parameter is unusable.
+    """
+
+    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
+        super().__init__('pluck', SPECS, parameter_overrides)
+        values = self.values
+        self.found: Oscillation | None = None
+        self._frame = load_robot(values[common.ROBOT]).frame
+        described = common.read_described(values)
+        self._arm = (described or ConvexObject(Disc(values[common.OBJECT_DIAMETER]))).arm
+        self._stamped = values[common.USE_STAMPED_TWIST]
+        kind = TwistStamped if self._stamped else Twist
+        self._twists = self.create_publisher(kind, 'cmd_vel', RELIABLE)
+        self._times: list[float] = []
+        self._poses: list[tuple[float, ...]] = []
+        self._status: ManipulationStatus | None = None
+        self.create_subscription(PoseStamped, 'object_pose', self._take_pose, RELIABLE)
+        self.create_subscription(
+            ManipulationStatus, 'manipulation/status', self._take_status, RELIABLE
+        )
+        self._began = self._now()
+        self._pushed: float | None = None
+        create_steady_timer(self, 1.0 / values[common.RATE], self._cycle)
+
+    def stop(self) -> None:
+        """Publish a zero twist before the node ends."""
+        self._publish_twist(0.0)
+
+    def _now(self) -> float:
+        return 1e-9 * self.get_clock().now().nanoseconds
+
+    def _take_pose(self, message: PoseStamped) -> None:
+        self._times.append(read_stamp(message.header))
+        self._poses.append(tuple(read_object_pose(message, self._frame)))
+
+    def _take_status(self, message: ManipulationStatus) -> None:
+        self._status = message
+        if self._pushed is not None and message.code >= Status.HALT_NO_TWIST:
+            raise MeasurementError(f'manipulation halted meanwhile: {message.message}')
+
+    def _cycle(self) -> None:
+        """Wait for inputs, push, listen; then say what was found."""
+        now, values = self._now(), self.values
+        if self._pushed is None:
+            self._wait(now)
+        elif now < self._pushed + values[PUSH_TIME]:
+            self._publish_twist(1.0)
+        elif now < self._pushed + values[PUSH_TIME] + values[LISTEN_TIME]:
+            self._publish_twist(0.0)
+        else:
+            self._report()
+
+    def _wait(self, now: float) -> None:
+        """Begin to push as soon as the object is held and poses come."""
+        self._publish_twist(0.0)
+        status, waited = self._status, now - self._began > self.values[WAIT_TIME]
+        if status is not None and status.pose_gain > 0.0:
+            raise MeasurementError(
+                'manipulation regulates the squeeze, which changes the oscillation: set its '
+                'squeeze_force to 0, and back afterwards'
+            )
+        if status is not None and self._poses and status.code < Status.HALT_NO_TWIST:
+            self._pushed = now
+        elif waited:
+            why = 'no manipulation/status' if status is None else f'manipulation: {status.message}'
+            raise MeasurementError(why if self._poses else 'no object_pose')
+
+    def _report(self) -> None:
+        """Fit the oscillation and end."""
+        times = np.array(self._times)
+        after = times > self._pushed + self.values[PUSH_TIME]
+        self.found = fit_oscillation(times[after], np.array(self._poses)[after], self._arm)
+        frequency, damping, amplitude = self.found
+        self.get_logger().info(
+            f'frequency {frequency:.3g} rad/s, damping ratio {damping:.2g}, amplitude '
+            f'{1e3 * amplitude:.2g} mm: `frequency` of manipulation, `tube: damping_ratio` of the '
+            'robot file'
+        )
+        self.done = True
+
+    def _publish_twist(self, share: float) -> None:
+        values = self.values
+        twist = to_twist_message([share * values[each] for each in (VX, VY, OMEGA)])
+        if self._stamped:
+            message = TwistStamped(twist=twist)
+            stamp_header(message.header, self.get_clock().now(), self._frame)
+            self._twists.publish(message)
+        else:
+            self._twists.publish(twist)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """
+    Pluck the object, print what was found.
+
+    :param args: of the command line; those of the process if None.
+    """
+    return run(Pluck, args)

@@ -1,0 +1,49 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The fit of one damped oscillation to measured poses."""
+
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.calibration.oscillation import fit_oscillation
+import numpy as np
+import pytest
+
+TIMES, ARM = np.arange(0.0, 3.0, 0.01), 0.15
+
+
+def swing(frequency, damping, noise=0.0):
+    """Return the poses of an oscillation of 6 mm along a line that turns as well."""
+    rng = np.random.default_rng(3)
+    decay, damped = damping * frequency, frequency * np.sqrt(1.0 - damping**2)
+    along = 0.006 * np.exp(-decay * TIMES) * np.cos(damped * TIMES + 0.4)
+    poses = np.array((0.7, 0.4, 0.2)) + np.outer(along, (0.8, -0.6, 1.0))
+    return poses + noise * rng.normal(size=poses.shape) / (1.0, 1.0, ARM)
+
+
+@pytest.mark.parametrize('damping', [0.02, 0.1, 0.5])
+@pytest.mark.parametrize('frequency', [2.5, 9.0, 23.0])
+def test_an_exact_oscillation_is_found(frequency, damping):
+    found = fit_oscillation(TIMES, swing(frequency, damping), ARM)
+    assert found[:2] == pytest.approx((frequency, damping), rel=1e-6)
+
+
+def test_a_millimetre_of_noise_is_borne():
+    found = fit_oscillation(TIMES, swing(9.0, 0.1, 0.001), ARM)
+    assert found.frequency == pytest.approx(9.0, rel=0.02)
+    assert found.damping_ratio == pytest.approx(0.1, rel=0.2)
+
+
+def test_an_object_that_creeps_does_not_oscillate():
+    with pytest.raises(MeasurementError, match='not one damped oscillation'):
+        fit_oscillation(TIMES, np.outer(TIMES, (0.01, 0.0, 0.0)), ARM)
+
+
+def test_a_few_poses_are_refused():
+    with pytest.raises(MeasurementError, match='5 poses: must be 20 or more'):
+        fit_oscillation(TIMES[:5], np.zeros((5, 3)), ARM)

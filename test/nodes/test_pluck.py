@@ -1,0 +1,76 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The frequency of a held object, plucked by the rollers."""
+
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.calibration.oscillation import fit_oscillation
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.pluck import Pluck
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import world
+from mujoco_worlds import needs_mujoco
+import numpy as np
+from probe import overrides
+import pytest
+
+HELD = {'object_diameter': 0.2, 'friction': 0.8}
+
+
+def plant():
+    """Return MuJoCo's plant with an object in its grip."""
+    return Simulator(
+        overrides(plant='mujoco', indentation=0.02, module_mass=3.0, object_mass=0.5, **HELD)
+    )
+
+
+def manipulation(**values):
+    """Return what makes a node that moves the object."""
+    return lambda: Manipulation(overrides(**HELD, **values))
+
+
+def pluck():
+    """Return the node that plucks."""
+    return Pluck(overrides(object_diameter=0.2))
+
+
+@needs_mujoco
+def test_the_frequency_is_that_of_a_pull_let_go():
+    with world(plant, manipulation(), pluck) as w:
+        simulator, _, node = w.nodes[1:]
+        w.until(lambda: node.done)
+        mujoco = simulator._driven.plant
+        # Gripped where it was plucked; pulled, let go, and left alone.
+        mujoco.pull((0.3, 0.0, 0.0))
+        mujoco.advance(2.0, 0.0 * mujoco.travel)
+        mujoco.pull((0.0, 0.0, 0.0))
+        poses = []
+        for _ in range(300):
+            mujoco.advance(0.005, 0.0 * mujoco.travel)
+            poses.append(np.array(mujoco.object_pose()))
+    expected = fit_oscillation(0.005 * np.arange(300), poses, 0.1)
+    assert node.found.frequency == pytest.approx(expected.frequency, rel=0.1)
+    assert 0.02 < node.found.damping_ratio < 0.5
+
+
+@needs_mujoco
+def test_a_squeeze_that_is_regulated_is_refused():
+    with (
+        pytest.raises(MeasurementError, match='set its squeeze_force to 0'),
+        world(plant, manipulation(squeeze_force=20.0, object_mass=0.5), pluck) as w,
+    ):
+        w.until(lambda: w.nodes[-1].done)
+
+
+def test_without_poses_it_says_what_is_missing():
+    with (
+        pytest.raises(MeasurementError, match='no object_pose'),
+        world(lambda: Pluck(overrides(wait_time=1.0))) as w,
+    ):
+        w.until(lambda: w.nodes[-1].done)
