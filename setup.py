@@ -70,6 +70,8 @@ setup(
             'demo = isotruss_ros.demo.__main__:main',
             'plan_grasps = isotruss_ros.cli.plan_grasps:main',
             'fit_tube_stiffness = isotruss_ros.cli.fit_tube_stiffness:main',
+            'calibrate_home = isotruss_ros.cli.calibrate:home',
+            'calibrate_stiffness = isotruss_ros.cli.calibrate:stiffness',
             'export_mujoco = isotruss_ros.cli.export_mujoco:main',
         ],
     },

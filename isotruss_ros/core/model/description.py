@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 
@@ -69,8 +69,10 @@ class RobotDescription:
     :ivar tube_diameter: outer diameter of the tubes [m].
     :ivar pressures: gauge pressures, in the order of the tubes [Pa].
     :ivar local_stiffness: of the section against flattening, as a factor on the theory [-].
+    :ivar stiffness_scale: of the sections of the tubes, as a factor on the model [-].
     :ivar tube_mass: of the tubes by their length [kg/m].
     :ivar damping_ratio: of the slowest oscillation, against the critical damping [-].
+    :ivar calibration: block `calibration` of the robot file: how sure home and stiffness are.
     :ivar stiffness: block `stiffness` of the robot file.
     :ivar supports: grounded axes by joint, of x and y.
     :ivar max_speed: largest speed of a roller [m/s].
@@ -92,5 +94,7 @@ class RobotDescription:
     min_length: float
     max_length: float
     local_stiffness: float = 1.0
+    stiffness_scale: float = 1.0
     tube_mass: float = 0.1
     damping_ratio: float = 0.1
+    calibration: Mapping[str, Any] = field(default_factory=dict)

@@ -25,6 +25,7 @@ from isotruss_ros.core.model.stiffness_law import find_contradictions, read_laws
 DEFAULT_FRAME = 'truss'
 #: Optional numbers of the block `tube`, and their names in the description.
 TUBE_NUMBERS = {
+    'stiffness_scale': 'stiffness_scale',
     'local_stiffness': 'local_stiffness',
     'mass_per_length': 'tube_mass',
     'damping_ratio': 'damping_ratio',
@@ -81,6 +82,7 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
         stiffness=stiffness,
         supports=supports,
         max_speed=float(content['rollers']['max_speed']),
+        calibration=content.get('calibration', {}),
         **limits,
         **{
             name: float(content['tube'][key])

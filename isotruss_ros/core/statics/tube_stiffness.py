@@ -195,6 +195,35 @@ class InflatableBeam:
         return cls(0.5 * description.tube_diameter, **_as_floats(block))
 
 
+@dataclass(frozen=True)
+class ScaledStiffness:
+    """
+    Sections that are stiffer than a model by a measured factor.
+
+    :ivar model: the model.
+    :ivar scale: stiffness against that of the model, positive [-].
+    """
+
+    model: TubeStiffness
+    scale: float
+
+    @property
+    def fabric(self) -> Fabric | None:
+        """Return the constants of the model's wall."""
+        return self.model.fabric
+
+    def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
+        """
+        Return the section stiffness of whole members.
+
+        :param length: (k,) pinch to pinch [m].
+        :param pressure: (k,) or one for all, gauge [Pa].
+        :raises StructureError: no stiffness belongs to this length and pressure.
+        """
+        sections = self.model.section_stiffness(length, pressure)
+        return SectionStiffness(*(self.scale * each for each in sections))
+
+
 #: The models by their names in robot files.
 MODELS: dict[str, type[TubeStiffness]] = {
     'inflatable_beam': InflatableBeam,
@@ -209,8 +238,9 @@ def tube_stiffness(description: RobotDescription) -> TubeStiffness:
 
     :param description: of the robot; its block `stiffness` was checked when the file was read.
     """
-    block = dict(description.stiffness)
-    return MODELS[block.pop('model')].of_block(block, description)
+    block, scale = dict(description.stiffness), description.stiffness_scale
+    model = MODELS[block.pop('model')].of_block(block, description)
+    return model if scale == 1.0 else ScaledStiffness(model, scale)
 
 
 def _as_floats(block: Mapping[str, Any]) -> dict[str, float]:

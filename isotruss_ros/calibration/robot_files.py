@@ -1,0 +1,118 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Measured joints of the empty robot in CSV files, and what they tell in a robot file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import csv
+from pathlib import Path
+
+from isotruss_ros.calibration.home import HomeCalibration, Posture
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.calibration.stiffness_scale import StiffnessCalibration
+from isotruss_ros.core.kinematics.robot import Robot
+import numpy as np
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedSeq
+
+#: Of a table of measured joints; a column for each roller comes on top.
+COLUMNS = ('posture', 'joint', 'x', 'y')
+
+
+def read_postures(path: Path, robot: Robot) -> list[Posture]:
+    """
+    Read measured joints: a row each, with the posture, the joint, x, y and all encoders.
+
+    :param path: of the CSV file: the columns are `COLUMNS` and the names of the rollers [m].
+    :param robot: whose joints they are.
+    :raises MeasurementError: names the line, the value and what would be right.
+    """
+    rollers = robot.roller_names
+    try:
+        with path.open(newline='', encoding='utf-8') as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise MeasurementError(f'{path}: cannot be read: {error}') from error
+    missing = [name for name in (*COLUMNS, *rollers) if not rows or name not in rows[0]]
+    if missing:
+        raise MeasurementError(
+            f'{path}: columns {", ".join(missing)} are missing; must be posture, joint, x, y and '
+            f'one for each roller, {", ".join(rollers)}'
+        )
+    postures: dict[str, Posture] = {}
+    for line, row in enumerate(rows, 2):
+        numbers = [_read_number(path, line, name, row[name]) for name in ('x', 'y', *rollers)]
+        place, encoders = tuple(numbers[:2]), np.array(numbers[2:])
+        posture = postures.setdefault(row['posture'], Posture(encoders, {}))
+        if row['joint'] in posture.joints or not np.array_equal(
+            encoders, posture.roller_positions
+        ):
+            raise MeasurementError(
+                f'{path}: line {line}: joint {row["joint"]!r} of posture {row["posture"]!r}: must '
+                'come once in a posture, in which the rollers are in one place'
+            )
+        posture.joints[row['joint']] = place
+    return list(postures.values())
+
+
+def _read_number(path: Path, line: int, name: str, text: str | None) -> float:
+    """Return a finite number of a table."""
+    try:
+        number = float(text or '')
+    except ValueError:
+        number = float('nan')
+    if not np.isfinite(number):
+        raise MeasurementError(
+            f'{path}: line {line}: {name} {text!r}: must be a finite number [m]'
+        )
+    return number
+
+
+def write_robot_file(
+    robot: Robot,
+    path: Path,
+    home: HomeCalibration | None = None,
+    stiffness: StiffnessCalibration | None = None,
+) -> None:
+    """
+    Write the robot file again, with what was measured; comments and all else stay.
+
+    :param robot: as it was read from its file.
+    :param path: of the new file, which may be the old one.
+    :param home: where the encoders read zero.
+    :param stiffness: of the tubes.
+    :raises MeasurementError: a file cannot be read or written.
+    """
+    yaml = YAML()
+    yaml.preserve_quotes = True
+    yaml.width = 200
+    try:
+        content = yaml.load(Path(robot.description.source).read_text(encoding='utf-8'))
+        known = content.setdefault('calibration', {})
+        if home is not None:
+            for joint, place in home.description.joints.items():
+                content['joints'][joint] = _in_one_line(place)
+            sure = zip(robot.roller_names, home.deviations.tolist(), strict=True)
+            known['zero_deviations'] = {name: float(f'{value:.3g}') for name, value in sure}
+        if stiffness is not None:
+            content['tube']['stiffness_scale'] = float(f'{stiffness.scale:.4g}')
+            known['stiffness_deviation'] = float(f'{stiffness.deviation:.2g}')
+        with path.open('w', encoding='utf-8') as file:
+            yaml.dump(content, file)
+    except OSError as error:
+        raise MeasurementError(f'{path}: {error.strerror}') from error
+
+
+def _in_one_line(place: Sequence[float]) -> CommentedSeq:
+    """Return a place as [x, y] of YAML, in one line."""
+    found = CommentedSeq(place)
+    found.fa.set_flow_style()
+    return found

@@ -1,0 +1,97 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Which roller turned, which way and how far, from the joints that it moved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.core.kinematics.configuration import Configuration
+import numpy as np
+
+#: A roller whose travel is off by more than this share is not right.
+LARGEST_ERROR = 0.2
+
+
+class RollerMotion(NamedTuple):
+    """
+    What moved the joints.
+
+    :ivar roller: the roller whose motion explains them best.
+    :ivar travel: of the tube through it [m].
+    :ivar rest: what that leaves of the displacements, root mean square [m].
+    """
+
+    roller: str
+    travel: float
+    rest: float
+
+
+def identify_roller(
+    config: Configuration, moved: Mapping[str, tuple[float, float]]
+) -> RollerMotion:
+    """
+    Find the one roller that moved the joints of the empty robot, to first order by (12).
+
+    :param config: where the robot was in between.
+    :param moved: (dx, dy) of measured joints, by name [m].
+    :raises MeasurementError: a joint is unknown, or none of them moves with any roller.
+    """
+    robot = config.robot
+    names = robot.topology.joint_names
+    unknown = [name for name in moved if name not in names]
+    if unknown or not moved:
+        raise MeasurementError(
+            f'joints {", ".join(unknown) or "none"}: must be some of {", ".join(names)}'
+        )
+    places = [names.index(name) for name in moved]
+    count = len(robot.roller_names)
+    rows = config.node_jacobian.reshape(-1, 2, count)[places].reshape(-1, count)
+    displaced = np.array(list(moved.values())).ravel()
+    sizes = (rows**2).sum(axis=0)
+    travels = np.divide(rows.T @ displaced, sizes, out=np.zeros(count), where=sizes > 0.0)
+    left = displaced[:, None] - rows * travels
+    best = int((left**2).sum(axis=0).argmin())
+    rest = float(np.sqrt((left[:, best] ** 2).mean()))
+    return RollerMotion(robot.roller_names[best], float(travels[best]), rest)
+
+
+def judge_roller(
+    config: Configuration,
+    roller: str,
+    travel: float,
+    moved: Mapping[str, tuple[float, float]],
+    deviation: float,
+) -> str:
+    """
+    Return what is wrong with a roller that was told to turn; empty where nothing is.
+
+    :param config: where the robot was in between.
+    :param roller: its name.
+    :param travel: commanded [m].
+    :param moved: (dx, dy) of measured joints, by name [m].
+    :param deviation: standard deviation of a measured coordinate [m].
+    :raises MeasurementError: see `identify_roller`.
+    """
+    found = identify_roller(config, moved)
+    farthest = max(np.hypot(*each) for each in moved.values())
+    if farthest < 5.0 * deviation:
+        return f'no measured joint moves: {1e3 * farthest:.1g} mm'
+    if found.roller != roller:
+        return f'{found.roller} turned in its place, by {1e3 * found.travel:+.1f} mm'
+    if found.rest > 5.0 * deviation + LARGEST_ERROR * abs(travel):
+        return f'the joints do not move as with any roller: {1e3 * found.rest:.0f} mm are left'
+    if found.travel * travel < 0.0:
+        return f'it turned the other way, by {1e3 * found.travel:+.1f} mm'
+    if abs(found.travel - travel) > LARGEST_ERROR * abs(travel):
+        return f'it turned by {1e3 * found.travel:+.1f} mm in place of {1e3 * travel:+.1f} mm'
+    return ''

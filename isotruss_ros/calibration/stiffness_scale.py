@@ -1,0 +1,89 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""How stiff the tubes are against the model, from a known pull at the empty robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+from typing import NamedTuple
+
+from isotruss_ros.calibration.home import GATE
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.statics.structure import deform
+import numpy as np
+
+#: A scale that is less sure than this share of itself is none.
+LARGEST_SHARE = 0.3
+
+
+class StiffnessCalibration(NamedTuple):
+    """
+    One factor on the stiffness of all tubes.
+
+    :ivar scale: stiffness against that of the robot file without its `tube.stiffness_scale` [-].
+    :ivar deviation: its standard deviation [-].
+    """
+
+    scale: float
+    deviation: float
+
+
+def calibrate_stiffness(
+    config: Configuration,
+    pull: Mapping[str, tuple[float, float]],
+    before: Mapping[str, tuple[float, float]],
+    under: Mapping[str, tuple[float, float]],
+    deviation: float = 1e-3,
+) -> StiffnessCalibration:
+    """
+    Fit one scale to the displacements of joints under a known pull (least squares).
+
+    They are those of (4) over the scale. No geometry of a held object tells the scale: loads,
+    stiffness and forces times any factor move nothing. So the robot is empty.
+
+    :param config: where the robot is; its rollers do not turn.
+    :param pull: (fx, fy) by joint, robot frame [N].
+    :param before: (x, y) of joints without the pull, by name [m].
+    :param under: of the same joints under it [m].
+    :param deviation: standard deviation of a measured coordinate, positive [m].
+    :raises MeasurementError: the joints are not the same, one does not fit, or they move too
+        little to tell; says what would be right.
+    :raises StructureError: see `deform`.
+    """
+    if not before or set(before) != set(under):
+        raise MeasurementError(
+            f'joints {", ".join(sorted(under)) or "none"} under the pull, '
+            f'{", ".join(sorted(before)) or "none"} before: must be the same'
+        )
+    loaded = deform(config, pull)
+    names = list(before)
+    model = np.array([loaded.displacement(name)[:2] for name in names])
+    moved = np.array([np.subtract(under[name], before[name]) for name in names])
+    size = float((model**2).sum())
+    give = float((model * moved).sum()) / size if size > 0.0 else 0.0
+    # A displacement is a difference of two measured places.
+    spread = math.sqrt(2.0) * deviation
+    if not give > 0.0 or spread / math.sqrt(size) > LARGEST_SHARE * give:
+        raise MeasurementError(
+            f'the joints move by {1e3 * np.hypot.reduce(moved, axis=1).max():.2g} mm where the '
+            f'model has {1e3 * np.hypot.reduce(model, axis=1).max():.2g} mm, measured to '
+            f'{1e3 * deviation:.2g} mm: too little to tell; pull harder, or measure for longer'
+        )
+    off = np.hypot.reduce(moved - give * model, axis=1)
+    if off.max() > GATE * spread:
+        worst = int(off.argmax())
+        raise MeasurementError(
+            f'joint {names[worst]}: moved {1e3 * off[worst]:.2g} mm off what one scale explains, '
+            f'measured to {1e3 * deviation:.2g} mm; check the pull, and that no roller turned'
+        )
+    scale = config.robot.description.stiffness_scale / give
+    return StiffnessCalibration(scale, scale * spread / (give * math.sqrt(size)))

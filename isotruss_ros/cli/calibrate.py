@@ -1,0 +1,127 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+Executables `calibrate_home` and `calibrate_stiffness`.
+
+From measured joints of the empty robot to a robot file.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+import sys
+
+from isotruss_ros.calibration.home import calibrate_home, Posture
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.calibration.robot_files import COLUMNS, read_postures, write_robot_file
+from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness
+from isotruss_ros.core import IsotrussError, load_robot
+import numpy as np
+
+
+def home(arguments: Sequence[str] | None = None) -> int:
+    """
+    Print the zeros of the rollers, and write the robot file with its home there.
+
+    :param arguments: of the command line; those of the process if None.
+    :return: exit code, 1 where the joints do not tell.
+    """
+    parser = _parser('calibrate_home', 'Find where the encoders read zero.')
+    parser.add_argument('joints', type=Path, help=_FILE)
+    return _run(parser, arguments, _calibrate_home)
+
+
+def stiffness(arguments: Sequence[str] | None = None) -> int:
+    """
+    Print the stiffness of the tubes against the model, and write it to the robot file.
+
+    :param arguments: of the command line; those of the process if None.
+    :return: exit code, 1 where the joints do not tell.
+    """
+    parser = _parser('calibrate_stiffness', 'Find how stiff the tubes are, from a known pull.')
+    parser.add_argument('before', type=Path, help=f'without the pull: {_FILE}')
+    parser.add_argument('under', type=Path, help='the same joints under the pull')
+    parser.add_argument('--joint', required=True, help='at which it pulls')
+    parser.add_argument(
+        '--force', required=True, nargs=2, type=float, metavar=('FX', 'FY'), help='of the pull [N]'
+    )
+    return _run(parser, arguments, _calibrate_stiffness)
+
+
+_FILE = f'CSV file with the columns {",".join(COLUMNS)} and one for each roller [m]'
+
+
+def _parser(name: str, description: str) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog=name, description=description)
+    parser.add_argument('--robot', default='nine_member', help='preset or robot file')
+    parser.add_argument('--output', type=Path, help='robot file to be written')
+    parser.add_argument(
+        '--deviation',
+        type=float,
+        default=1e-3,
+        help='standard deviation of a measured coordinate [m] (default %(default)s)',
+    )
+    return parser
+
+
+def _run(
+    parser: argparse.ArgumentParser,
+    arguments: Sequence[str] | None,
+    calibrate: Callable[[argparse.Namespace], None],
+) -> int:
+    """Calibrate, or print why not."""
+    options = parser.parse_args(arguments)
+    try:
+        calibrate(options)
+    except IsotrussError as error:
+        print(f'{parser.prog}: {error}', file=sys.stderr)
+        return 1
+    return 0
+
+
+def _calibrate_home(options: argparse.Namespace) -> None:
+    robot = load_robot(options.robot)
+    found = calibrate_home(robot, read_postures(options.joints, robot), options.deviation)
+    print('roller      zero [mm]')
+    for name, zero, sure in zip(robot.roller_names, found.zeros, found.deviations, strict=True):
+        print(f'{name:10s} {1e3 * zero:+7.2f} +- {1e3 * sure:.2f}')
+    print(f'left of the joints: {1e3 * np.sqrt((found.residuals**2).mean()):.2f} mm (RMS)')
+    if options.output:
+        write_robot_file(robot, options.output, home=found)
+        print(f'{options.output}: home is where the encoders read zero')
+
+
+def _calibrate_stiffness(options: argparse.Namespace) -> None:
+    robot = load_robot(options.robot)
+    before, under = (
+        _only_posture(path, read_postures(path, robot)) for path in (options.before, options.under)
+    )
+    if not np.array_equal(before.roller_positions, under.roller_positions):
+        raise MeasurementError(f'{options.under}: the rollers turned since {options.before}')
+    found = calibrate_stiffness(
+        robot.configuration(before.roller_positions),
+        {options.joint: tuple(options.force)},
+        before.joints,
+        under.joints,
+        options.deviation,
+    )
+    print(f'stiffness of the tubes against the model: {found.scale:.3f} +- {found.deviation:.3f}')
+    if options.output:
+        write_robot_file(robot, options.output, stiffness=found)
+        print(f'{options.output}: tube.stiffness_scale is {found.scale:.4g}')
+
+
+def _only_posture(path: Path, postures: Sequence[Posture]) -> Posture:
+    """Return the one posture of a file."""
+    if len(postures) != 1:
+        raise MeasurementError(f'{path}: {len(postures)} postures: must be one')
+    return postures[0]

@@ -1,0 +1,122 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The zeros of the rollers, found from measured joints."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from isotruss_ros.calibration.home import calibrate_home, move_home, Posture
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.kinematics.robot import Robot
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+NAMES = ROBOT.topology.joint_names
+ALL, ENOUGH, FEW = tuple(NAMES), ('Q', 'R', 'Z'), ('P', 'R', 'Z')
+N = len(ROBOT.roller_names)
+
+
+def measure(zeros, readings, joints=ALL, noise=0.0, seed=0):
+    """Return what is measured of a robot whose encoders read zero elsewhere."""
+    rng = np.random.default_rng(seed)
+    postures = []
+    for reading in np.atleast_2d(readings):
+        nodes = ROBOT.configuration(reading + zeros).nodes + noise * rng.normal(
+            size=ROBOT.home.nodes.shape
+        )
+        postures.append(
+            Posture(reading, {name: tuple(nodes[NAMES.index(name)]) for name in joints})
+        )
+    return postures
+
+
+def draw_zeros(seed, size=0.015):
+    """Return random zeros."""
+    return size * np.random.default_rng(seed).normal(size=N)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10**6), joints=st.sampled_from([ALL, ENOUGH]))
+def test_exact_joints_give_exact_zeros(seed, joints):
+    zeros = draw_zeros(seed)
+    found = calibrate_home(ROBOT, measure(zeros, np.zeros(N), joints))
+    assert found.zeros == pytest.approx(zeros, abs=1e-9)
+
+
+def test_the_robot_that_was_found_is_where_the_measured_one_is():
+    zeros, reading = draw_zeros(3), 0.05 * np.random.default_rng(4).normal(size=N)
+    found = calibrate_home(ROBOT, measure(zeros, np.zeros(N)))
+    nodes = Robot(found.description).configuration(reading).nodes
+    assert nodes == pytest.approx(ROBOT.configuration(reading + zeros).nodes, abs=1e-8)
+
+
+@pytest.mark.parametrize(('count', 'bound'), [(1, 1.5e-3), (3, 1.1e-3)])
+def test_joints_are_within_the_noise_of_markers(count, bound):
+    """The median over robots of the worst joint, markers of 1 mm."""
+    rng, worst = np.random.default_rng(1), []
+    for seed in range(40):
+        zeros = draw_zeros(seed)
+        readings = 0.05 * rng.normal(size=(count, N)) if count > 1 else np.zeros((1, N))
+        found = calibrate_home(ROBOT, measure(zeros, readings, noise=1e-3, seed=seed))
+        nodes = Robot(found.description).home.nodes[: len(NAMES)]
+        off = nodes - ROBOT.configuration(zeros).nodes[: len(NAMES)]
+        worst.append(np.hypot.reduce(off, axis=1).max())
+    assert np.median(worst) < bound
+
+
+def test_deviations_are_those_of_the_zeros():
+    errors = []
+    for seed in range(60):
+        found = calibrate_home(
+            ROBOT, measure(draw_zeros(seed), np.zeros(N), noise=1e-3, seed=seed)
+        )
+        errors.append((found.zeros - draw_zeros(seed)) / found.deviations)
+    assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.1
+
+
+def test_several_postures_make_up_for_joints_that_are_not_measured():
+    zeros = draw_zeros(5)
+    readings = 0.05 * np.random.default_rng(0).normal(size=(3, N))
+    found = calibrate_home(ROBOT, measure(zeros, readings, FEW))
+    assert found.zeros == pytest.approx(zeros, abs=1e-9)
+    with pytest.raises(MeasurementError, match=r'P, R, Z: they do not .* measure joint [QY] as'):
+        calibrate_home(ROBOT, measure(zeros, np.zeros(N), FEW))
+
+
+def test_a_marker_that_lies_is_named():
+    (posture,) = measure(draw_zeros(6), np.zeros(N), noise=1e-3)
+    x, y = posture.joints['Q']
+    posture.joints['Q'] = (x, y + 0.05)
+    with pytest.raises(MeasurementError, match=r'joint [PQR] of posture 1: .* mm off the fit'):
+        calibrate_home(ROBOT, [posture])
+
+
+@pytest.mark.parametrize(
+    ('joints', 'words'),
+    [({'P': (0.0, 0.0)}, 'joints P: must be 3 or more'), ({'W': (0.0, 0.0)}, "joint 'W'")],
+)
+def test_what_is_no_measurement_is_refused(joints, words):
+    with pytest.raises(MeasurementError, match=words):
+        calibrate_home(ROBOT, [Posture(np.zeros(N), joints)])
+
+
+def test_joints_of_another_robot_are_refused():
+    joints = {name: (float(i), 7.0) for i, name in enumerate(NAMES)}
+    with pytest.raises(MeasurementError):
+        calibrate_home(ROBOT, [Posture(np.zeros(N), joints)])
+
+
+def test_a_home_that_is_moved_and_moved_back_is_the_same():
+    zeros = draw_zeros(7)
+    back = move_home(Robot(move_home(ROBOT, zeros)), -zeros)
+    assert np.array(list(back.joints.values())) == pytest.approx(
+        np.array(list(ROBOT.description.joints.values())), abs=1e-9
+    )

@@ -1,0 +1,67 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Which roller turned, from the joints that it moved."""
+
+import re
+
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.calibration.roller_check import identify_roller, judge_roller
+from isotruss_ros.core import load_robot
+import numpy as np
+import pytest
+
+ROBOT, NOISE = load_robot('nine_member'), 1e-3
+NAMES, ROLLERS = ROBOT.topology.joint_names, ROBOT.roller_names
+
+
+def turn(roller, travel, joints=('P', 'R', 'Z'), seed=0):
+    """Return how joints are measured to move with a roller."""
+    positions = np.zeros(len(ROLLERS))
+    positions[ROLLERS.index(roller)] = travel
+    moved = ROBOT.configuration(positions).nodes - ROBOT.home.nodes
+    moved = moved + NOISE * np.random.default_rng(seed).normal(size=moved.shape)
+    return {name: tuple(moved[NAMES.index(name)]) for name in joints}
+
+
+@pytest.mark.parametrize('roller', ROLLERS)
+def test_every_roller_is_told_from_the_others_by_three_joints(roller):
+    found = identify_roller(ROBOT.home, turn(roller, 0.02))
+    assert found.roller == roller
+    assert found.travel == pytest.approx(0.02, rel=0.15)
+    assert judge_roller(ROBOT.home, roller, 0.02, turn(roller, 0.02), NOISE) == ''
+
+
+@pytest.mark.parametrize('roller', ROLLERS)
+@pytest.mark.parametrize(
+    ('travel', 'words'),
+    [
+        (-0.02, 'turned the other way'),
+        (0.03, r'turned by \+.* in place of \+20'),
+        (0.0, 'no meas'),
+    ],
+)
+def test_a_wrong_sign_or_scale_is_named(roller, travel, words):
+    assert re.search(words, judge_roller(ROBOT.home, roller, 0.02, turn(roller, travel), NOISE))
+
+
+def test_rollers_that_are_swapped_are_named():
+    found = judge_roller(ROBOT.home, 'south/P', 0.02, turn('east/Q', 0.02), NOISE)
+    assert found.startswith('east/Q turned in its place')
+
+
+def test_joints_that_no_single_roller_moves_so_are_told():
+    moved = {'P': (0.05, 0.0), 'R': (-0.05, 0.0), 'Z': (0.0, 0.05)}
+    best = identify_roller(ROBOT.home, moved).roller
+    assert 'do not move as with any roller' in judge_roller(ROBOT.home, best, 0.02, moved, NOISE)
+
+
+def test_an_unknown_joint_is_refused():
+    with pytest.raises(MeasurementError, match='joints W: must be some of P, Q'):
+        identify_roller(ROBOT.home, {'W': (0.0, 0.0)})

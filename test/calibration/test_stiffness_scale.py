@@ -1,0 +1,94 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The stiffness of the tubes against the model, from a pull at the empty robot."""
+
+from dataclasses import replace
+
+from carries import make_robot
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness
+from isotruss_ros.core import deform
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+from mujoco_worlds import needs_mujoco
+import numpy as np
+import pytest
+
+ROBOT = make_robot()
+NAMES, PULL = ROBOT.topology.joint_names, {'Z': (10.0, 0.0)}
+#: Of one second of markers of 1 mm at 20 Hz [m].
+DEVIATION = 1e-3 / np.sqrt(20.0)
+
+
+def joints(nodes, noise=0.0, seed=0):
+    """Return measured joints."""
+    rng = np.random.default_rng(seed)
+    return {
+        name: tuple(place + noise * rng.normal(size=2))
+        for name, place in zip(NAMES, nodes, strict=False)
+    }
+
+
+def pulled(scale, pull=PULL):
+    """Return the joints of a robot so many times as stiff as its model, under a pull."""
+    loaded = deform(ROBOT.home, pull)
+    return joints(
+        [
+            node + loaded.displacement(name)[:2] / scale
+            for name, node in zip(NAMES, ROBOT.home.nodes, strict=False)
+        ]
+    )
+
+
+@pytest.mark.parametrize('scale', [0.3, 1.0, 1.5])
+def test_the_scale_is_found(scale):
+    found = calibrate_stiffness(ROBOT.home, PULL, joints(ROBOT.home.nodes), pulled(scale), 1e-4)
+    assert found.scale == pytest.approx(scale)
+
+
+def test_the_scale_of_the_file_is_taken_in():
+    softer = Robot(replace(ROBOT.description, stiffness_scale=0.5))
+    found = calibrate_stiffness(softer.home, PULL, joints(ROBOT.home.nodes), pulled(0.5), 1e-4)
+    assert found.scale == pytest.approx(0.5, rel=1e-3)
+    assert deform(softer.home, PULL).displacement('Z') == pytest.approx(
+        2.0 * deform(ROBOT.home, PULL).displacement('Z'), rel=0.02
+    )
+
+
+@needs_mujoco
+@pytest.mark.parametrize('scale', [0.6, 1.0, 1.5])
+def test_ten_newtons_at_the_top_tell_the_scale_of_mujocos_tubes_to_five_percent(scale):
+    plant = MujocoPlant(make_robot(stiffness=scale), [], PlantOptions())
+    plant.settle(2.0)
+    before = joints(plant.nodes, DEVIATION, 1)
+    plant.load_joint('Z', PULL['Z'])
+    plant.settle(3.0)
+    found = calibrate_stiffness(
+        ROBOT.home, PULL, before, joints(plant.nodes, DEVIATION, 2), DEVIATION
+    )
+    assert found.scale == pytest.approx(scale, rel=0.05)
+    assert abs(found.scale - scale) < 3.0 * found.deviation
+
+
+def test_too_weak_a_pull_is_refused():
+    with pytest.raises(MeasurementError, match='too little to tell; pull harder'):
+        calibrate_stiffness(ROBOT.home, PULL, joints(ROBOT.home.nodes), pulled(60.0), 1e-3)
+
+
+def test_a_joint_that_moves_as_no_scale_explains_is_named():
+    under = pulled(1.0) | {'P': (0.05, 0.0)}
+    with pytest.raises(MeasurementError, match=r'joint P: moved .* off what one scale explains'):
+        calibrate_stiffness(ROBOT.home, PULL, joints(ROBOT.home.nodes), under)
+
+
+def test_other_joints_under_the_pull_are_refused():
+    with pytest.raises(MeasurementError, match='must be the same'):
+        calibrate_stiffness(ROBOT.home, PULL, {'P': (0.0, 0.0)}, {'Q': (0.0, 0.0)})
