@@ -25,8 +25,9 @@ from __future__ import annotations
 import math
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_joints import displace_nodes
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.structure import frame_layout, structure_of
+from isotruss_ros.core.statics.structure import frame_layout
 import numpy as np
 import scipy.linalg
 
@@ -65,16 +66,8 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
 def _inertia_of_robot(grip: HeldGrip) -> Array:
     """Return what the masses of modules and tubes are under each pair of unit wrenches (3, 3)."""
     description, topology = grip.config.robot.description, grip.config.robot.topology
-    structure = structure_of(grip.config, grip.tubes.pressure)
-    statics, state, response = grip.statics, grip.state, grip.response
-    compliance = statics.compliance
-    local = compliance.axis.conj() * state.normals
-    forces = (response.normal + 1j * response.friction) * local[:, None]
-    couples = -statics.tube_radius * response.friction
-    loads = np.array([forces.real, forces.imag, couples]).transpose(2, 1, 0)
-    at_feet, (piece, _) = compliance.at(state.feet), compliance.locate(state.feet)
-    carried = np.column_stack([at_feet.carried(each).ravel() for each in loads])
-    moved = structure.frame.displacements(piece, carried) / grip.tubes.stiffness_scale
+    response = grip.response
+    moved = displace_nodes(grip, response.normal, response.friction)
     nodes, first = moved[:, 0] + 1j * moved[:, 1], frame_layout(grip.config.robot).b
     b, c = nodes[first], nodes[first + 1]
     middle = 0.5 * (b + c)
