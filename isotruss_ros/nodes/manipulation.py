@@ -334,8 +334,8 @@ class Manipulation(ManagedNode):
         values, servo = self.values, self._servo
         servo.object_mass = values[OBJECT_MASS] or None
         servo.friction = values[common.FRICTION]
-        if servo.body is not None:
-            servo.friction = servo.body.friction_or(servo.friction)
+        if servo.body is not None and servo.body.friction is not None:
+            servo.friction = servo.body.friction
         if values[SQUEEZE_FORCE] == 0.0:
             servo.squeeze = None
             return

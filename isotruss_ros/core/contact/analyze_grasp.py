@@ -165,7 +165,7 @@ def _checked(
 ) -> tuple[float, float, Array]:
     """Return friction, spacing [m] and wrench as numbers that can be used."""
     if friction is None:
-        friction = body.friction_or(FRICTION)
+        friction = FRICTION if body.friction is None else body.friction
     mu, gap = finite_array([friction, spacing], 2, 'friction and spacing [m]', GraspError).tolist()
     if mu < 0.0:
         raise GraspError(f'friction {friction!r}: must not be negative')

@@ -130,7 +130,7 @@ class GraspMonitor:
         query = GraspQuery(
             tuple(rollers.value.positions.tolist()),
             body,
-            body.friction_or(self.friction),
+            self.friction if body.friction is None else body.friction,
             wrench[0].value if wrench else NO_WRENCH,
             self.spacing,
             self.flattening,

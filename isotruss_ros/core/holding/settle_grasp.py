@@ -119,7 +119,7 @@ def settle_grasp(
         laws are contradictory.
     """
     if friction is None:
-        friction = body.friction_or(FRICTION)
+        friction = FRICTION if body.friction is None else body.friction
     (mu,) = finite_array([friction], 1, 'friction', GraspError)
     if mu < 0.0:
         raise GraspError(f'friction {friction!r}: must not be negative')

@@ -100,14 +100,6 @@ class ConvexObject:
         x, y = finite_array(center, 2, "the object's centre [m]", GraspError)
         return cls(Disc(diameter), Pose(float(x), float(y), 0.0), friction=friction)
 
-    def friction_or(self, friction: float) -> float:
-        """
-        Return its own coefficient of friction, or that of the grasp where it has none.
-
-        :param friction: coefficient of the grasp.
-        """
-        return friction if self.friction is None else self.friction
-
     def moved_to(self, pose: ArrayLike) -> ConvexObject:
         """
         Return the same object elsewhere.

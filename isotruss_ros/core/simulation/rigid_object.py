@@ -42,7 +42,7 @@ class RigidObject:
 
     def __init__(self, body: ConvexObject, friction: float) -> None:
         self._body = body
-        self._friction = body.friction_or(friction)
+        self._friction = friction if body.friction is None else body.friction
         self._looks = True
         self.rolling: RollingGrip | None = None
         self.lost: str | None = None

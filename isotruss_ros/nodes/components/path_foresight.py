@@ -44,7 +44,7 @@ def check_path(
     except InputError:
         return
     body = common.read_described(values) or ConvexObject(Disc(values[common.OBJECT_DIAMETER]))
-    friction = body.friction_or(values[common.FRICTION])
+    friction = values[common.FRICTION] if body.friction is None else body.friction
     config = robot.configuration(state.value.positions)
     try:
         found = foresee_grip(config, body.moved_to(path.poses[0]), friction, path.poses)

@@ -134,5 +134,5 @@ class StartingObject:
         :param stiffness_scale: stiffness of the plant against that of the model.
         """
         body = self.body
-        friction = body.friction_or(self._friction)
+        friction = self._friction if body.friction is None else body.friction
         return ElasticObject(body.moved_to(pose), friction, stiffness_scale=stiffness_scale)

@@ -87,7 +87,7 @@ def read_query(
         body = ConvexObject.disc((request.center.x, request.center.y), request.diameter)
     wrench = read_wrench(request.external_wrench)
     rollers = tuple(request.roller_positions)
-    friction = body.friction_or(request.friction)
+    friction = request.friction if body.friction is None else body.friction
     return GraspQuery(rollers, body, friction, wrench, spacing, flattening)
 
 
