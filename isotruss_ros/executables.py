@@ -36,6 +36,9 @@ NODES = (
     'viewer',
     'record',
     'pluck',
+    'calibration',
+    'check_rollers',
+    'preflight',
 )
 #: In the words of a terminal, since that is where it is read.
 NO_MESSAGES = (

@@ -11,7 +11,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+import contextlib
 import csv
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from isotruss_ros.calibration.stiffness_scale import StiffnessCalibration
 from isotruss_ros.core.kinematics.robot import Robot
 import numpy as np
 from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedSeq
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 #: Of a table of measured joints; a column for each roller comes on top.
 COLUMNS = ('posture', 'joint', 'x', 'y')
@@ -91,11 +92,7 @@ def write_robot_file(
     :param stiffness: of the tubes.
     :raises MeasurementError: a file cannot be read or written.
     """
-    yaml = YAML()
-    yaml.preserve_quotes = True
-    yaml.width = 200
-    try:
-        content = yaml.load(Path(robot.description.source).read_text(encoding='utf-8'))
+    with _changing(robot, path) as content:
         known = content.setdefault('calibration', {})
         if home is not None:
             for joint, place in home.description.joints.items():
@@ -105,14 +102,38 @@ def write_robot_file(
         if stiffness is not None:
             content['tube']['stiffness_scale'] = float(f'{stiffness.scale:.4g}')
             known['stiffness_deviation'] = float(f'{stiffness.deviation:.2g}')
+
+
+def write_checked_rollers(robot: Robot, path: Path, names: Sequence[str]) -> None:
+    """
+    Write the robot file again, with the rollers that were checked.
+
+    :param robot: as it was read from its file.
+    :param path: of the new file, which may be the old one.
+    :param names: of the rollers.
+    :raises MeasurementError: a file cannot be read or written.
+    """
+    with _changing(robot, path) as content:
+        content.setdefault('calibration', {})['checked_rollers'] = _in_one_line(names)
+
+
+@contextlib.contextmanager
+def _changing(robot: Robot, path: Path) -> Iterator[CommentedMap]:
+    """Read the file of a robot, and write what the caller makes of it to another one."""
+    yaml = YAML()
+    yaml.preserve_quotes = True
+    yaml.width = 200
+    try:
+        content = yaml.load(Path(robot.description.source).read_text(encoding='utf-8'))
+        yield content
         with path.open('w', encoding='utf-8') as file:
             yaml.dump(content, file)
     except OSError as error:
         raise MeasurementError(f'{path}: {error.strerror}') from error
 
 
-def _in_one_line(place: Sequence[float]) -> CommentedSeq:
-    """Return a place as [x, y] of YAML, in one line."""
-    found = CommentedSeq(place)
+def _in_one_line(values: Sequence[float | str]) -> CommentedSeq:
+    """Return a list of YAML in one line."""
+    found = CommentedSeq(values)
     found.fa.set_flow_style()
     return found

@@ -15,15 +15,20 @@ from collections.abc import Sequence
 from functools import partial
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
+from isotruss_ros.calibration.home import move_home
 from isotruss_ros.core import (
+    deform,
     ElasticObject,
     HoldStatus,
     load_robot,
     Pose,
+    Robot,
     RollerFaults,
     SimulatedRobot,
 )
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.holding.held_joints import held_joints
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.recording import PlantRecorder
@@ -37,6 +42,7 @@ from isotruss_ros.nodes.components.mujoco_object import (
 )
 from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
 from isotruss_ros.nodes.components.simulated_object import StartingObject
+from isotruss_ros.nodes.components.simulated_sensors import SENSOR_SPECS, SimulatedSensors
 from isotruss_ros.nodes.components.sparse_messages import subscribe_once
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import (
@@ -51,6 +57,7 @@ from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
+import numpy as np
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
@@ -97,6 +104,17 @@ SLIP = params.Spec(
     read_only=True,
 )
 SEED = params.Spec('seed', 0, 'Seed of the noise and the slip, not negative', read_only=True)
+ZERO_DEVIATION = params.Spec(
+    'zero_deviation',
+    0.0,
+    "How far from the robot file's home the encoders read zero, drawn by `seed`: standard "
+    'deviation of the travel [m]',
+    bounds=(0.0, 0.1),
+    read_only=True,
+)
+PULL_JOINT = params.Spec('pull_joint', '', 'Joint at which something pulls; none if empty')
+PULL_X = params.Spec('pull_x', 0.0, 'That force along x [N]', bounds=(-1e3, 1e3))
+PULL_Y = params.Spec('pull_y', 0.0, 'Along y [N]', bounds=(-1e3, 1e3))
 SPECS = (
     common.ROBOT,
     *OBJECT_SPECS,
@@ -109,7 +127,12 @@ SPECS = (
     STUCK_ROLLER,
     SLIP,
     SEED,
+    ZERO_DEVIATION,
+    PULL_JOINT,
+    PULL_X,
+    PULL_Y,
     CLOCK_SPEED,
+    *SENSOR_SPECS,
     *MUJOCO_SPECS,
 )
 
@@ -134,13 +157,14 @@ class Simulator(ManagedNode):
 
     def configure(self) -> None:
         """Put the robot at home, with the object grasped or free."""
-        self._robot = load_robot(self.values[common.ROBOT])
+        self._robot = self._load_robot()
         self._simulated = self._make_robot()
         plant = None if self._driven is None else self._driven.plant
         self._recorder = make_recorder(plant, self.values[RECORDING])
         self.values.on_change(self._apply)
         self._joint_states = self.create_lifecycle_publisher(JointState, 'joint_states', RELIABLE)
         self._object_pose = self.create_lifecycle_publisher(PoseStamped, 'object_pose', RELIABLE)
+        self._sensors = SimulatedSensors(self, self._robot, self.values, self.values[SEED])
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
@@ -174,6 +198,14 @@ class Simulator(ManagedNode):
             self._recorder.close()
             self._recorder = None
 
+    def _load_robot(self) -> Robot:
+        """Return the robot with its home where the encoders read zero."""
+        robot, deviation = load_robot(self.values[common.ROBOT]), self.values[ZERO_DEVIATION]
+        if deviation == 0.0:
+            return robot
+        rng = np.random.default_rng(self.values[SEED])
+        return Robot(move_home(robot, deviation * rng.normal(size=len(robot.roller_names))))
+
     def _make_robot(self) -> SimulatedRobot | DrivenRobot:
         values = self.values
         if values[SEED] < 0:
@@ -206,6 +238,12 @@ class Simulator(ManagedNode):
         return self._elastic
 
     def _apply(self) -> None:
+        values = self.values
+        if self._driven is not None:
+            for joint in self._robot.topology.joint_names:
+                pulled = joint == values[PULL_JOINT]
+                force = (values[PULL_X], values[PULL_Y]) if pulled else (0.0, 0.0)
+                self._driven.plant.load_joint(joint, force)
         if self.cycle is not None:
             self.cycle.change(self.values[common.RATE])
 
@@ -282,9 +320,26 @@ class Simulator(ManagedNode):
         )
         stamp_header(joints.header, now)
         self._joint_states.publish(joints)
-        pose = PoseStamped(pose=to_pose_message(self._simulated.object_pose))
+        measured = self._sensors.measure_pose(self._simulated.object_pose)
+        pose = PoseStamped(pose=to_pose_message(measured))
         stamp_header(pose.header, now, self._robot.frame)
         self._object_pose.publish(pose)
+        self._sensors.publish_markers(self._joints(), now)
+
+    def _joints(self) -> Array:
+        """Return where the joints are (j, 2) [m]."""
+        count = len(self._robot.topology.joint_names)
+        if self._driven is not None:
+            return self._driven.plant.nodes[:count]
+        config = self._simulated.config
+        joints = config.nodes[:count]
+        if self._elastic is not None and self._elastic.grasp is not None:
+            joints = held_joints(self._elastic.grasp)
+        values = self.values
+        if values[PULL_JOINT]:
+            loaded = deform(config, {values[PULL_JOINT]: (values[PULL_X], values[PULL_Y])})
+            joints = joints + loaded.state.displacements[:count, :2] / values[STIFFNESS_SCALE]
+        return joints
 
     def details(self) -> dict[str, object]:
         """Return how far MuJoCo is behind the clock, by name."""

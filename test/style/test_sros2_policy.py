@@ -67,7 +67,9 @@ def test_nodes_may_do_what_they_do_and_nothing_else(declared):
         assert allowed(node, 'actions', 'execute') == interface.actions.keys(), node
 
 
-def test_one_node_commands_the_rollers_and_one_obeys_the_stop():
-    for kind, topic in (('publish', COMMANDS), ('subscribe', 'emergency_stop')):
-        nodes = {node for node in PROFILES if topic in allowed(node, 'topics', kind)}
-        assert nodes - {'record'} == {'manipulation'}
+def test_those_that_command_the_rollers_obey_the_stop():
+    """One in operation, and one that checks the rollers before."""
+    moving = {node for node in PROFILES if COMMANDS in allowed(node, 'topics', 'publish')}
+    assert moving == {'manipulation', 'check_rollers'}
+    for node in moving:
+        assert 'emergency_stop' in allowed(node, 'topics', 'subscribe')

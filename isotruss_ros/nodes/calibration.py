@@ -1,0 +1,133 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Node `calibration`: zeros of the rollers and stiffness of the tubes, from joint markers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+import math
+from pathlib import Path
+
+from isotruss_msgs.srv import CalibrateStiffness
+from isotruss_ros.calibration.home import calibrate_home, Posture
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.calibration.robot_files import write_robot_file
+from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness, StiffnessCalibration
+from isotruss_ros.core import IsotrussError, load_robot
+from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.joint_markers import (
+    DEVIATION,
+    JointMarkers,
+    MeasuredJoints,
+    STILL,
+    WINDOW,
+)
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
+from isotruss_ros.nodes.framework.runner import run, StoppableNode
+import numpy as np
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+OUTPUT = params.Spec(
+    'output',
+    'calibrated_robot.yaml',
+    'Robot file that is written; it may be that of `robot`',
+    read_only=True,
+)
+SPECS = (common.ROBOT, OUTPUT, WINDOW, DEVIATION)
+
+
+class Calibration(StoppableNode):
+    """
+    Measure the empty robot when it is asked to, and write what follows to a robot file.
+
+    :param parameter_overrides: values of parameters other than the defaults.
+    :raises IsotrussError: a parameter is unusable.
+    """
+
+    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
+        super().__init__('calibration', SPECS, parameter_overrides)
+        self._robot = load_robot(self.values[common.ROBOT])
+        self._output = Path(self.values[OUTPUT])
+        self._markers = JointMarkers(self, self._robot, self.values[WINDOW])
+        self._postures: list[Posture] = []
+        self._stiffness: StiffnessCalibration | None = None
+        self.create_service(Trigger, 'calibrate_home', self._calibrate_home)
+        self.create_service(CalibrateStiffness, 'calibrate_stiffness', self._calibrate_stiffness)
+        # It wakes a node that is stopped by a signal.
+        create_steady_timer(self, 1.0, lambda: None)
+
+    def _measure(self) -> MeasuredJoints:
+        return self._markers.measure(1e-9 * self.get_clock().now().nanoseconds)
+
+    def _calibrate_home(
+        self, _request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        """Add the posture in which the robot is, and fit the zeros to all so far."""
+        try:
+            posture, _ = self._measure()
+            kept = [each for each in self._postures if not _is_same(each, posture)]
+            self._postures = [*kept, posture]
+            found = calibrate_home(self._robot, self._postures, self.values[DEVIATION])
+            write_robot_file(self._robot, self._output, found, self._stiffness)
+        except IsotrussError as error:
+            response.message = str(error)
+            return response
+        zeros = zip(self._robot.roller_names, found.zeros, found.deviations, strict=True)
+        response.success = True
+        response.message = (
+            'zeros [mm]: '
+            + ', '.join(f'{name} {1e3 * z:+.1f} +- {1e3 * sure:.1f}' for name, z, sure in zeros)
+            + f'; written to {self._output}'
+        )
+        return response
+
+    def _calibrate_stiffness(
+        self, request: CalibrateStiffness.Request, response: CalibrateStiffness.Response
+    ) -> CalibrateStiffness.Response:
+        """Compare the joints under a pull with those of the posture without it."""
+        try:
+            under, count = self._measure()
+            before = [each for each in self._postures if _is_same(each, under)]
+            if not before:
+                raise MeasurementError(
+                    'no joints without the pull in this posture: call calibrate_home first'
+                )
+            both = sorted(set(before[0].joints) & set(under.joints))
+            home = calibrate_home(self._robot, self._postures, self.values[DEVIATION])
+            found = calibrate_stiffness(
+                self._robot.configuration(under.roller_positions + home.zeros),
+                {request.joint: (request.force.x, request.force.y)},
+                {name: before[0].joints[name] for name in both},
+                {name: under.joints[name] for name in both},
+                self.values[DEVIATION] / math.sqrt(count),
+            )
+            write_robot_file(self._robot, self._output, home, found)
+            self._stiffness = found
+        except IsotrussError as error:
+            response.message = str(error)
+            return response
+        response.success, (response.scale, response.deviation) = True, found
+        response.message = (
+            f'stiffness of the tubes against the model: {found.scale:.3f} +- '
+            f'{found.deviation:.3f}; written to {self._output}'
+        )
+        return response
+
+
+def _is_same(posture: Posture, other: Posture) -> bool:
+    """Return whether the rollers are in the same places."""
+    return bool(np.abs(posture.roller_positions - other.roller_positions).max() < 2.0 * STILL)
+
+
+#: Run the node until it is interrupted.
+main = partial(run, Calibration)

@@ -1,0 +1,155 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+Node `check_rollers`: turns one roller at a time, and compares how the joints move.
+
+It ends with the first roller of a wrong sign, scale or assignment, before another one turns.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Generator, Sequence
+from functools import partial
+from pathlib import Path
+
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.calibration.robot_files import write_checked_rollers
+from isotruss_ros.calibration.roller_check import judge_roller
+from isotruss_ros.core import load_robot
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.joint_markers import DEVIATION, JointMarkers, WINDOW
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
+from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
+from isotruss_ros.nodes.framework.runner import run, StoppableNode
+import numpy as np
+from rclpy.parameter import Parameter
+from std_msgs.msg import Bool, Float64MultiArray
+
+TRAVEL = params.Spec('travel', 0.02, 'Each roller turns by this [m]', bounds=(0.005, 0.05))
+SPEED = params.Spec('speed', 0.01, 'So quickly [m/s]', bounds=(0.001, 0.05))
+SETTLE_TIME = params.Spec(
+    'settle_time', 1.0, 'The robot comes to rest in this time [s]', bounds=(0.0, 30.0)
+)
+OUTPUT = params.Spec(
+    'output',
+    '',
+    'Robot file in which the rollers are noted as checked; none if empty',
+    read_only=True,
+)
+SPECS = (common.ROBOT, common.RATE, TRAVEL, SPEED, SETTLE_TIME, WINDOW, DEVIATION, OUTPUT)
+COMMANDS = 'roller_velocity_controller/commands'
+
+
+class CheckRollers(StoppableNode):
+    """
+    Turn each roller of the empty robot forth and back.
+
+    :ivar right: names of the rollers that were found right.
+    :param parameter_overrides: values of parameters other than the defaults.
+    :raises IsotrussError: a parameter is unusable.
+    """
+
+    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
+        super().__init__('check_rollers', SPECS, parameter_overrides)
+        self._robot = load_robot(self.values[common.ROBOT])
+        self.right: list[str] = []
+        self._commands = self.create_publisher(Float64MultiArray, COMMANDS, RELIABLE)
+        self._markers = JointMarkers(self, self._robot, self.values[WINDOW])
+        self.create_subscription(Bool, 'emergency_stop', self._receive_stop, LATCHED)
+        self._velocities = np.zeros(len(self._robot.roller_names))
+        #: Own commands that may be on their way.
+        self._sent: deque[list[float]] = deque([self._velocities.tolist()], maxlen=10)
+        self.create_subscription(Float64MultiArray, COMMANDS, self._receive_command, RELIABLE)
+        self._course = self._check_all()
+        self._due = self._now() + self.values[WINDOW] + self.values[SETTLE_TIME]
+        create_steady_timer(self, 1.0 / self.values[common.RATE], self._cycle)
+
+    def stop(self) -> None:
+        """Command all rollers to stand still."""
+        self._commands.publish(Float64MultiArray(data=[0.0] * len(self._velocities)))
+
+    def _now(self) -> float:
+        return 1e-9 * self.get_clock().now().nanoseconds
+
+    def _receive_stop(self, message: Bool) -> None:
+        if message.data:
+            self.stop()
+            raise MeasurementError('emergency stop')
+
+    def _receive_command(self, message: Float64MultiArray) -> None:
+        """End where a command is none of this node's."""
+        if message.data.tolist() not in self._sent:
+            self.stop()
+            raise MeasurementError(f'another node publishes on {COMMANDS}: deactivate it first')
+
+    def _cycle(self) -> None:
+        """Command the present velocities; go on where the present wait is over."""
+        if self._now() >= self._due:
+            wait = next(self._course, None)
+            if wait is None:
+                self._finish()
+                return
+            self._due = self._now() + wait
+        self._sent.append(self._velocities.tolist())
+        self._commands.publish(Float64MultiArray(data=self._sent[-1]))
+
+    def _check_all(self) -> Generator[float, None, None]:
+        """Check one roller after the other; yields how long to wait before it goes on [s]."""
+        travel, speed = self.values[TRAVEL], self.values[SPEED]
+        rest = self.values[SETTLE_TIME] + self.values[WINDOW]
+        for number, name in enumerate(self._robot.roller_names):
+            before = self._markers.measure(self._now()).posture
+            for direction in (1.0, -1.0):
+                self._velocities[number] = direction * speed
+                yield travel / speed
+                self._velocities[number] = 0.0
+                yield rest
+                if direction > 0.0:
+                    after = self._markers.measure(self._now()).posture
+            both = sorted(set(before.joints) & set(after.joints))
+            moved = {
+                joint: tuple(np.subtract(after.joints[joint], before.joints[joint]).tolist())
+                for joint in both
+            }
+            turned = after.roller_positions - before.roller_positions
+            middle = self._robot.configuration(before.roller_positions + 0.5 * turned)
+            why = judge_roller(middle, name, travel, moved, self.values[DEVIATION])
+            why = why or _judge_encoders(self._robot.roller_names, number, travel, turned)
+            if why:
+                raise MeasurementError(f'roller {name}: {why}')
+            self.get_logger().info(f'roller {name}: right')
+            self.right.append(name)
+
+    def _finish(self) -> None:
+        """Note the rollers in the robot file, and end."""
+        if self.values[OUTPUT]:
+            write_checked_rollers(self._robot, Path(self.values[OUTPUT]), self.right)
+        self.done = True
+
+
+def _judge_encoders(names: Sequence[str], number: int, travel: float, turned: Array) -> str:
+    """Return what is wrong with the encoders of a roller that is right; empty if nothing."""
+    expected = np.zeros(len(names))
+    expected[number] = travel
+    off = np.abs(turned - expected)
+    worst = int(off.argmax())
+    if off[worst] <= 0.2 * abs(travel):
+        return ''
+    return (
+        f'the encoder of {names[worst]} counted {1e3 * turned[worst]:+.1f} mm in place of '
+        f'{1e3 * expected[worst]:+.1f} mm'
+    )
+
+
+#: Check the rollers, and end.
+main = partial(run, CheckRollers)

@@ -1,0 +1,125 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Joints of the robot as a tracker measures them, from the topic `joint_markers`."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from isotruss_ros.calibration.home import Posture
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.core import Robot
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
+from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp, RollerStateReader
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.qos import RELIABLE
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import JointState, MultiDOFJointState
+
+WINDOW = params.Spec(
+    'window', 1.0, 'Markers are averaged over so long a time [s]', bounds=(0.05, 60.0)
+)
+DEVIATION = params.Spec(
+    'marker_deviation',
+    0.001,
+    'Standard deviation of a coordinate of a marker [m]',
+    bounds=(1e-6, 0.1),
+)
+#: Rollers whose encoders change by less than this in the window stand still [m].
+STILL = 5e-4
+#: Topics that say nothing for longer than this are not live [s].
+LATEST = 0.5
+
+
+class MeasuredJoints(NamedTuple):
+    """
+    Joints of a robot whose rollers stand still.
+
+    :ivar posture: readings of the encoders, and means of the joints.
+    :ivar count: least number of messages that a joint was in.
+    """
+
+    posture: Posture
+    count: int
+
+
+class JointMarkers:
+    """
+    The messages of `joint_markers` and `joint_states` of the last while.
+
+    :ivar last_error: why the last message that is not usable is none; empty before.
+    :param node: subscribes.
+    :param robot: whose joints and rollers they are.
+    :param window: for so long they are kept [s].
+    """
+
+    def __init__(self, node: Node, robot: Robot, window: float) -> None:
+        self._robot, self._window = robot, window
+        self._reader = RollerStateReader(robot.roller_names)
+        self._markers: deque[tuple[float, dict[str, tuple[float, float]]]] = deque()
+        self._rollers: deque[tuple[float, Array]] = deque()
+        self.last_error = ''
+        node.create_subscription(MultiDOFJointState, 'joint_markers', self._take_markers, RELIABLE)
+        node.create_subscription(JointState, 'joint_states', self._take_rollers, RELIABLE)
+
+    def measure(self, now: float) -> MeasuredJoints:
+        """
+        Return means over the window.
+
+        :param now: time on the clock of the stamps [s].
+        :raises MeasurementError: a topic is silent, or the rollers turn.
+        """
+        self._forget(now)
+        for topic, kept in (('joint_states', self._rollers), ('joint_markers', self._markers)):
+            if not kept or now - kept[-1][0] > LATEST:
+                why = f': {self.last_error}' if self.last_error else ''
+                raise MeasurementError(f'no {topic} in the last {LATEST:g} s{why}')
+        readings = np.array([positions for _, positions in self._rollers])
+        if np.ptp(readings, axis=0).max() > STILL:
+            raise MeasurementError('the rollers turn: joints are measured while they stand still')
+        seen: dict[str, list[tuple[float, float]]] = {}
+        for _, joints in self._markers:
+            for name, place in joints.items():
+                seen.setdefault(name, []).append(place)
+        means = {name: tuple(np.mean(places, axis=0).tolist()) for name, places in seen.items()}
+        least = min(map(len, seen.values()))
+        return MeasuredJoints(Posture(readings.mean(axis=0), means), least)
+
+    def forget(self) -> None:
+        """Begin to measure anew, such as after the rollers have turned."""
+        self._markers.clear()
+        self._rollers.clear()
+
+    def _forget(self, now: float) -> None:
+        """Forget what is older than the window."""
+        for kept in (self._markers, self._rollers):
+            while kept and now - kept[0][0] > self._window:
+                kept.popleft()
+
+    def _take_markers(self, message: MultiDOFJointState) -> None:
+        try:
+            joints = read_joint_markers(message, self._robot)
+        except MessageError as error:
+            self.last_error = str(error)
+            return
+        self._markers.append((read_stamp(message.header), joints))
+        self._forget(self._markers[-1][0])
+
+    def _take_rollers(self, message: JointState) -> None:
+        try:
+            state = self._reader.read(message)
+        except MessageError as error:
+            self.last_error = str(error)
+            return
+        self._rollers.append((read_stamp(message.header), state.positions))
+        self._forget(self._rollers[-1][0])

@@ -1,0 +1,69 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Measured joints of the robot in messages: `sensor_msgs/MultiDOFJointState`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from geometry_msgs.msg import Transform
+from isotruss_ros.core import Robot
+from isotruss_ros.core.errors import quote
+from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError
+from sensor_msgs.msg import MultiDOFJointState
+
+
+def read_joint_markers(
+    message: MultiDOFJointState, robot: Robot
+) -> dict[str, tuple[float, float]]:
+    """
+    Return the measured joints (x, y) by name [m].
+
+    :param message: of the topic `joint_markers`; translation.x and translation.y count.
+    :param robot: whose joints they are.
+    :raises MessageError: another frame, another number of names than of places, an unknown or
+        repeated joint, or a place that is not finite.
+    """
+    if message.header.frame_id != robot.frame:
+        raise MessageError(
+            f'joint markers in frame {quote(message.header.frame_id)}: must be {robot.frame!r}'
+        )
+    if len(message.joint_names) != len(message.transforms):
+        raise MessageError(
+            f'joint markers: {len(message.joint_names)} names and {len(message.transforms)} '
+            'transforms: must be as many'
+        )
+    known, found = robot.topology.joint_names, {}
+    for name, transform in zip(message.joint_names, message.transforms, strict=True):
+        if name not in known or name in found:
+            raise MessageError(
+                f'joint marker {quote(name)}: must be one of {", ".join(known)}, each once'
+            )
+        place = transform.translation.x, transform.translation.y
+        if not all(abs(coordinate) <= MAX_DISTANCE for coordinate in place):
+            raise MessageError(
+                f'joint marker {name} at {place}: must be finite, at most {MAX_DISTANCE:g} m away'
+            )
+        found[name] = place
+    return found
+
+
+def to_joint_markers(joints: Mapping[str, Sequence[float]]) -> MultiDOFJointState:
+    """
+    Return a message without a header.
+
+    :param joints: (x, y) by name [m].
+    """
+    message = MultiDOFJointState(joint_names=list(joints))
+    for x, y in joints.values():
+        transform = Transform()
+        transform.translation.x, transform.translation.y = float(x), float(y)
+        message.transforms.append(transform)
+    return message

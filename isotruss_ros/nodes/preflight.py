@@ -1,0 +1,196 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Node `preflight`: what a robot needs before it moves, a line each; then it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from geometry_msgs.msg import PoseStamped
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.core import IsotrussError, load_robot
+from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.joint_markers import JointMarkers, LATEST, WINDOW
+from isotruss_ros.nodes.conversions.messages import (
+    read_object_pose,
+    read_stamp,
+    RollerStateReader,
+)
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import create_steady_timer
+from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
+from isotruss_ros.nodes.framework.runner import run, StoppableNode
+import numpy as np
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+LISTEN_TIME = params.Spec(
+    'listen_time', 3.0, 'Topics are heard for so long [s]', bounds=(0.5, 60.0)
+)
+JOINT_RATE = params.Spec(
+    'joint_rate', 50.0, 'Least messages of joint_states in a second [Hz]', bounds=(1.0, 2000.0)
+)
+POSE_RATE = params.Spec(
+    'pose_rate', 10.0, 'Least messages of object_pose in a second [Hz]', bounds=(1.0, 2000.0)
+)
+OBJECT_MASS = params.Spec(
+    'object_mass', 0.0, 'Mass of the object; 0: that of its description [kg]', (0.0, 1000.0)
+)
+ZERO_ERROR = params.Spec(
+    'zero_error', 0.01, 'Markers may be as far off the encoders as this [m]', (0.0, 1.0)
+)
+SPECS = (
+    common.ROBOT,
+    common.OBJECT,
+    WINDOW,
+    LISTEN_TIME,
+    JOINT_RATE,
+    POSE_RATE,
+    OBJECT_MASS,
+    ZERO_ERROR,
+)
+
+
+class Preflight(StoppableNode):
+    """
+    Listen for a while, and judge what was heard; nothing moves.
+
+    :ivar faults: names of the checks that failed.
+    :param parameter_overrides: values of parameters other than the defaults.
+    :raises IsotrussError: a parameter is unusable.
+    """
+
+    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
+        super().__init__('preflight', SPECS, parameter_overrides)
+        self._robot = load_robot(self.values[common.ROBOT])
+        self._markers = JointMarkers(self, self._robot, self.values[WINDOW])
+        self._joint_states: list[JointState] = []
+        self._poses: list[PoseStamped] = []
+        self._stops: list[Bool] = []
+        self.faults: list[str] = []
+        for kind, topic, kept, quality in (
+            (JointState, 'joint_states', self._joint_states, RELIABLE),
+            (PoseStamped, 'object_pose', self._poses, RELIABLE),
+            (Bool, 'emergency_stop', self._stops, LATCHED),
+        ):
+            self.create_subscription(kind, topic, kept.append, quality)
+        self._checks: dict[str, Callable[[], str]] = {
+            'encoders': self._check_encoders,
+            'zeros': self._check_zeros,
+            'object pose': self._check_pose,
+            'emergency stop': self._check_stop,
+            'limits': self._check_limits,
+            'roller signs': self._check_signs,
+            'masses': self._check_masses,
+        }
+        create_steady_timer(self, self.values[LISTEN_TIME], self._report)
+
+    def _now(self) -> float:
+        return 1e-9 * self.get_clock().now().nanoseconds
+
+    def _report(self) -> None:
+        """Print a line for each check, and end; with an error where one failed."""
+        for name, check in self._checks.items():
+            try:
+                print(f'ok    {name}: {check()}', flush=True)
+            except IsotrussError as error:
+                print(f'FAULT {name}: {error}', flush=True)
+                self.faults.append(name)
+        if self.faults:
+            raise MeasurementError(f'{len(self.faults)} faults: {", ".join(self.faults)}')
+        self.done = True
+
+    def _check_encoders(self) -> str:
+        read = RollerStateReader(self._robot.roller_names).read
+        for message in self._joint_states:
+            read(message)
+        return self._check_rate('joint_states', self._joint_states, JOINT_RATE)
+
+    def _check_zeros(self) -> str:
+        sure = self._robot.description.calibration.get('zero_deviations')
+        if not sure:
+            raise MeasurementError(
+                f'{self._robot.description.source} has none that were measured: run calibrate_home'
+            )
+        words = f'measured to {1e3 * max(sure.values()):.1f} mm'
+        try:
+            posture = self._markers.measure(self._now()).posture
+        except MeasurementError as error:
+            return f'{words}; not compared: {error}'
+        nodes = self._robot.configuration(posture.roller_positions).nodes
+        names = self._robot.topology.joint_names
+        off = {
+            name: float(np.hypot(*(nodes[names.index(name)] - place)))
+            for name, place in posture.joints.items()
+        }
+        worst = max(off, key=off.__getitem__)
+        if off[worst] > self.values[ZERO_ERROR]:
+            raise MeasurementError(
+                f'joint {worst} is {1e3 * off[worst]:.0f} mm off the encoders; at most '
+                f'{1e3 * self.values[ZERO_ERROR]:.0f} mm: run calibrate_home again'
+            )
+        return f'{words}; joint {worst} is {1e3 * off[worst]:.1f} mm off the encoders'
+
+    def _check_pose(self) -> str:
+        for message in self._poses:
+            read_object_pose(message, self._robot.frame)
+        return self._check_rate('object_pose', self._poses, POSE_RATE)
+
+    def _check_stop(self) -> str:
+        if not self._stops:
+            raise MeasurementError('no message of emergency_stop: a button must latch false')
+        if self._stops[-1].data:
+            raise MeasurementError('the last message of emergency_stop is true')
+        return 'received, and false'
+
+    def _check_limits(self) -> str:
+        file = self._robot.description
+        return (
+            f'rollers {file.max_speed:g} m/s, members {file.min_length:g} to '
+            f'{file.max_length:g} m: compare them with the drives'
+        )
+
+    def _check_signs(self) -> str:
+        checked = self._robot.description.calibration.get('checked_rollers', ())
+        missing = [name for name in self._robot.roller_names if name not in checked]
+        if missing:
+            raise MeasurementError(f'{", ".join(missing)} not checked: run check_rollers')
+        return f'{len(checked)} rollers checked'
+
+    def _check_masses(self) -> str:
+        module = self._robot.description.module.mass
+        described = common.read_described(self.values)
+        body = self.values[OBJECT_MASS] or (described.mass if described else None)
+        if module is None or not body:
+            which = 'module.mass of the robot file' if module is None else 'object_mass'
+            raise MeasurementError(f'{which} is not given: the loop would be slow')
+        return f'module {module:g} kg, object {body:g} kg'
+
+    def _check_rate(
+        self, topic: str, messages: Sequence[JointState | PoseStamped], least: params.Spec
+    ) -> str:
+        """Return the rate of a topic in words; refuse one that is slow or old."""
+        if not messages:
+            raise MeasurementError(f'no {topic}')
+        age = self._now() - read_stamp(messages[-1].header)
+        if not 0.0 <= age < LATEST:
+            raise MeasurementError(f'{topic} is {age:.2g} s old: must be 0 to {LATEST:g} s')
+        rate = len(messages) / self.values[LISTEN_TIME]
+        if rate < 0.9 * self.values[least]:
+            raise MeasurementError(
+                f'{topic} comes {rate:.3g} times a second: must be {self.values[least]:g}'
+            )
+        return f'{rate:.3g} Hz, {1e3 * age:.0f} ms old'
+
+
+#: Check what is heard, and end.
+main = partial(run, Preflight)

@@ -1,0 +1,147 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""What is checked before a robot moves: its rollers, and what `preflight` hears."""
+
+from pathlib import Path
+
+from isotruss_ros.calibration.measurements import MeasurementError
+from isotruss_ros.core import load_robot
+from isotruss_ros.nodes.check_rollers import CheckRollers
+from isotruss_ros.nodes.preflight import Preflight
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import world
+from mujoco_worlds import needs_mujoco
+from probe import overrides, ROBOT
+import pytest
+from std_msgs.msg import Bool, Float64MultiArray
+
+MARKERS = {'marker_rate': 20.0, 'marker_noise': 0.001}
+
+
+def plant(**values):
+    """Return what makes a robot with an object beside it."""
+    away = {'object_is_free': True, 'object_y': 5.0}
+    return lambda: Simulator(overrides(**(away | MARKERS | values)))
+
+
+def checking(**values):
+    """Return what makes the node that turns rollers."""
+    return lambda: CheckRollers(overrides(settle_time=0.5, speed=0.04, **values))
+
+
+@pytest.mark.parametrize('kind', ['kinematic', pytest.param('mujoco', marks=needs_mujoco)])
+def test_all_rollers_of_a_good_robot_are_right(kind, tmp_path):
+    output = tmp_path / 'mine.yaml'
+    with world(plant(plant=kind), checking(output=str(output))) as w:
+        w.spin(15.0)
+        w.until(lambda: w.nodes[2].done)
+        assert w.nodes[2].right == list(ROBOT.roller_names)
+        assert abs(w.nodes[1]._simulated.roller_positions).max() < 2e-3
+    assert load_robot(output).description.calibration['checked_rollers'] == list(
+        ROBOT.roller_names
+    )
+
+
+def test_a_roller_that_does_not_turn_is_named_before_another_one_does():
+    with (
+        pytest.raises(MeasurementError, match='roller south/Q: no measured joint moves'),
+        world(plant(stuck_roller='south/Q'), checking()) as w,
+    ):
+        w.spin(15.0)
+
+
+def test_a_roller_of_the_wrong_sign_is_named():
+    def make():
+        node = Simulator(overrides(object_is_free=True, object_y=5.0, **MARKERS))
+        command = node._simulated.command
+        node._simulated.command = lambda velocities: command([-each for each in velocities])
+        return node
+
+    with (
+        pytest.raises(MeasurementError, match='roller south/P: it turned the other way, by -'),
+        world(make, checking()) as w,
+    ):
+        w.spin(15.0)
+
+
+def test_rollers_that_another_node_commands_are_left_alone():
+    with world(plant(), checking()) as w:
+        w.spin(3.0)
+        w.probe.commands.publish(Float64MultiArray(data=[0.01] * 6))
+        with pytest.raises(MeasurementError, match='another node publishes on'):
+            w.spin(1.0)
+
+
+def test_an_emergency_stop_ends_the_check():
+    with world(plant(), checking()) as w:
+        w.spin(3.0)
+        w.probe.stops.publish(Bool(data=True))
+        with pytest.raises(MeasurementError, match='emergency stop'):
+            w.spin(1.0)
+
+
+def write_checked(tmp_path):
+    """Write a robot file as the tools of bring-up leave it."""
+    path = tmp_path / 'checked.yaml'
+    text = Path(ROBOT.description.source).read_text(encoding='utf-8')
+    zeros = ', '.join(f'{name}: 0.001' for name in ROBOT.roller_names)
+    rollers = ', '.join(ROBOT.roller_names)
+    path.write_text(
+        f'{text}\ncalibration: {{zero_deviations: {{{zeros}}}, checked_rollers: [{rollers}]}}\n'
+    )
+    return str(path)
+
+
+def fly(tmp_path, robot, capsys, *, stop=True, mass=0.5, **values):
+    """Run the checks; return the faults and what was printed."""
+    with world(plant(**values), lambda: Preflight(overrides(robot=robot, object_mass=mass))) as w:
+        if stop:
+            w.probe.stops.publish(Bool(data=False))
+        node = w.nodes[2]
+        try:
+            w.until(lambda: node.done)
+        except MeasurementError:
+            assert node.faults
+    return node.faults, capsys.readouterr().out
+
+
+def test_a_robot_that_is_ready_passes(tmp_path, capsys):
+    faults, said = fly(tmp_path, write_checked(tmp_path), capsys)
+    assert faults == []
+    assert said.count('ok    ') == 7
+    assert 'ok    zeros: measured to 1.0 mm; joint' in said
+
+
+def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
+    faults, said = fly(tmp_path, 'nine_member', capsys, stop=False, mass=0.0)
+    assert faults == ['zeros', 'emergency stop', 'roller signs', 'masses']
+    assert 'run calibrate_home' in said
+
+
+def test_zeros_that_markers_contradict_are_named(tmp_path, capsys):
+    faults, said = fly(tmp_path, write_checked(tmp_path), capsys, zero_deviation=0.03, seed=2)
+    assert faults == ['zeros']
+    assert 'mm off the encoders; at most 10 mm' in said
+
+
+def test_a_slow_pose_in_another_frame_is_named(tmp_path, capsys):
+    faults, _ = fly(tmp_path, write_checked(tmp_path), capsys, rate=10.0)
+    assert faults == ['encoders']
+
+
+def test_silence_is_named(tmp_path, capsys):
+    with (
+        pytest.raises(MeasurementError, match='6 faults'),
+        world(lambda: Preflight(overrides(listen_time=1.0))) as w,
+    ):
+        w.until(lambda: w.nodes[1].done)
+    said = capsys.readouterr().out
+    assert 'FAULT encoders: no joint_states' in said
+    assert 'FAULT object pose: no object_pose' in said

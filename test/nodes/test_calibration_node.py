@@ -1,0 +1,122 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Zeros and stiffness of a simulated robot, measured through the node `calibration`."""
+
+from geometry_msgs.msg import Vector3
+from isotruss_msgs.srv import CalibrateStiffness
+from isotruss_ros.core import load_robot
+from isotruss_ros.nodes.calibration import Calibration
+from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers, to_joint_markers
+from isotruss_ros.nodes.conversions.messages import MessageError
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import world
+from mujoco_worlds import needs_mujoco
+import numpy as np
+from probe import overrides, ROBOT
+import pytest
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import MultiDOFJointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+
+NAMES = ROBOT.topology.joint_names
+MARKERS = {'marker_rate': 20.0, 'marker_noise': 0.001, 'marker_dropouts': 0.3, 'seed': 4}
+
+
+def plant(**values):
+    """Return what makes a robot whose encoders read zero 15 mm from its home."""
+    settings = (
+        {'object_is_free': True, 'object_y': 5.0, 'zero_deviation': 0.015} | MARKERS | values
+    )
+    return lambda: Simulator(overrides(**settings))
+
+
+def calibrating(tmp_path):
+    """Return what makes the node."""
+    return lambda: Calibration(overrides(output=str(tmp_path / 'mine.yaml')))
+
+
+@pytest.mark.parametrize('kind', ['kinematic', pytest.param('mujoco', marks=needs_mujoco)])
+def test_the_robot_that_is_written_is_where_the_simulated_one_is(tmp_path, kind):
+    with world(plant(plant=kind), calibrating(tmp_path)) as w:
+        w.spin(1.5)
+        answer = w.call('calibrate_home', Trigger.Request())
+        truth = w.nodes[1]._robot.home
+    assert answer.success, answer.message
+    assert 'zeros [mm]: south/P' in answer.message
+    found = load_robot(tmp_path / 'mine.yaml').home
+    off = (found.nodes - truth.nodes)[: len(NAMES)]
+    assert np.hypot.reduce(off, axis=1).max() < 1.5e-3
+    assert np.abs((truth.nodes - ROBOT.home.nodes)[: len(NAMES)]).max() > 0.015
+
+
+@pytest.mark.parametrize('kind', ['kinematic', pytest.param('mujoco', marks=needs_mujoco)])
+def test_a_pull_tells_the_stiffness(tmp_path, kind):
+    """With the plant as stiff as the model; kinematic robots give to a pull as the model does."""
+    with world(plant(plant=kind), calibrating(tmp_path)) as w:
+        w.spin(1.5)
+        assert w.call('calibrate_home', Trigger.Request()).success
+        pull = {'pull_joint': 'Z', 'pull_x': 10.0}
+        w.nodes[1].set_parameters([Parameter(name, value=value) for name, value in pull.items()])
+        w.spin(4.0)
+        request = CalibrateStiffness.Request(joint='Z', force=Vector3(x=10.0))
+        answer = w.call('calibrate_stiffness', request)
+    assert answer.success, answer.message
+    assert answer.scale == pytest.approx(1.0, rel=0.07)
+    assert load_robot(tmp_path / 'mine.yaml').description.stiffness_scale == pytest.approx(
+        answer.scale, rel=1e-3
+    )
+
+
+def test_a_pull_in_another_posture_is_refused(tmp_path):
+    with world(plant(), calibrating(tmp_path)) as w:
+        w.spin(1.5)
+        answer = w.call('calibrate_stiffness', CalibrateStiffness.Request(joint='Z'))
+    assert not answer.success
+    assert answer.message.endswith('call calibrate_home first')
+
+
+def test_without_markers_it_says_so(tmp_path):
+    with world(plant(marker_rate=0.0), calibrating(tmp_path)) as w:
+        w.spin(1.5)
+        answer = w.call('calibrate_home', Trigger.Request())
+    assert not answer.success
+    assert answer.message == 'no joint_markers in the last 0.5 s'
+    assert not (tmp_path / 'mine.yaml').exists()
+
+
+def test_rollers_that_turn_are_refused(tmp_path):
+    with world(plant(), calibrating(tmp_path)) as w:
+        w.spin(1.0)
+        w.spin(1.0, lambda: w.probe.commands.publish(Float64MultiArray(data=[0.01] * 6)))
+        answer = w.call('calibrate_home', Trigger.Request())
+    assert answer.message.startswith('the rollers turn')
+
+
+@pytest.mark.parametrize(
+    ('joints', 'frame', 'words'),
+    [
+        ({'W': (0.0, 0.0)}, 'truss', "joint marker 'W': must be one of P, Q"),
+        ({'P': (np.nan, 0.0)}, 'truss', 'joint marker P at .nan, 0.0.: must be finite'),
+        ({'P': (0.0, 0.0)}, 'map', "in frame 'map': must be 'truss'"),
+    ],
+)
+def test_markers_that_are_not_usable_are_refused(joints, frame, words):
+    message = to_joint_markers(joints)
+    message.header.frame_id = frame
+    with pytest.raises(MessageError, match=words):
+        read_joint_markers(message, ROBOT)
+
+
+def test_names_without_places_are_refused():
+    message = MultiDOFJointState(joint_names=['P'])
+    message.header.frame_id = 'truss'
+    with pytest.raises(MessageError, match='1 names and 0 transforms'):
+        read_joint_markers(message, ROBOT)
