@@ -9,8 +9,11 @@
 
 """Pick up the object, move it up by 10 cm and put it down there: three goals.
 
-First: the nodes of docs/nodes/pick_and_place.md.
+First: `ros2 launch isotruss_ros simulation.launch.py object_is_free:=true object_x:=0.6
+object_y:=0.3 object_diameter:=0.2`, or the nodes of docs/nodes/pick_and_place.md.
 """
+
+import sys
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
@@ -33,6 +36,9 @@ for kind, name, goal in (
     rclpy.spin_until_future_complete(node, sent)
     ended = sent.result().get_result_async()
     rclpy.spin_until_future_complete(node, ended)
-    print(f'{name}: {ended.result().result.message}')
+    result = ended.result().result
+    print(f'{name}: {result.message}')
+    if result.code != kind.Result.SUCCEEDED:
+        sys.exit(1)
 node.destroy_node()
 rclpy.shutdown()

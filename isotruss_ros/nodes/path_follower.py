@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
@@ -20,6 +21,7 @@ from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.control.inputs import InputError
+from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedback
 from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.errors import NoMotionError
@@ -105,6 +107,9 @@ class PathFollower(ManagedNode):
         self._goal: SupervisedGoal | None = None
         self.cycles = 0
         self._last: Tracking | None = None
+        #: A path that is being foreseen, in a thread, so that inputs are received meanwhile.
+        self._thread = ThreadPoolExecutor(max_workers=1)
+        self._waiting: tuple[Future[None], ObjectPath, TrackingSettings] | None = None
         self.start()
 
     def configure(self) -> None:
@@ -187,7 +192,7 @@ class PathFollower(ManagedNode):
     # -- The action --
 
     def _begin(self, goal: FollowObjectPath.Goal) -> None:
-        """Begin to follow a path, or abort the goal with the reason."""
+        """Begin to foresee a path, or abort the goal with the reason."""
         self.cycles, self._last = 0, None
         values = self.values
         try:
@@ -207,22 +212,40 @@ class PathFollower(ManagedNode):
                 values[SMOOTH_PATH],
                 self._servo.measured(self.now()),
             )
-            check_path(self._robot, values, self._servo.rollers, path, self.now())
-            self._servo.begin(path, settings, self.now())
-        except InputError as error:
-            self._end(Outcome.STOPPED, str(error))
+            foreseen = self._thread.submit(
+                check_path, self._robot, values, self._servo.rollers, path, self.now()
+            )
+            self._waiting = foreseen, path, settings
         except NoMotionError as error:
             if len(goal.path.poses) == 1:
                 self._end(Outcome.REACHED, 'the object is there already')
             else:
                 self._end(Outcome.BAD_GOAL, str(error))
         except IsotrussError as error:
-            self._end(Outcome.BAD_GOAL, str(error))
+            self._refuse(error)
+
+    def _begin_foreseen(self) -> None:
+        """Begin to follow the path that was foreseen, or abort the goal with the reason."""
+        foreseen, path, settings = self._waiting
+        if not foreseen.done():
+            return
+        self._waiting = None
+        try:
+            foreseen.result()
+            self._servo.begin(path, settings, self.now())
+        except IsotrussError as error:
+            self._refuse(error)
+
+    def _refuse(self, error: IsotrussError) -> None:
+        """Abort the goal: an input is missing, or the goal is none that can be followed."""
+        missing = isinstance(error, InputError)
+        self._end(Outcome.STOPPED if missing else Outcome.BAD_GOAL, str(error))
 
     def _end(self, outcome: Outcome, message: str) -> None:
         """Publish a zero twist and the result of the goal, if there is one."""
         if not self._goal.active:
             return
+        self._waiting = None
         self._publish_twist(np.zeros(3))
         result = to_result_message(outcome, message, self._servo.tracker, self._last)
         self._goal.end(ENDINGS.get(outcome, Ending.ABORTED), result)
@@ -237,6 +260,10 @@ class PathFollower(ManagedNode):
             return
         if self._goal.has_lost_client(self._servo.timeout):
             self._end(Outcome.STOPPED, describe_lost_client(self._servo.timeout))
+            return
+        if self._waiting is not None:
+            self._publish_twist(np.zeros(3))
+            self._begin_foreseen()
             return
         step = self._servo.decide(1e-9 * now.nanoseconds)
         self._last = step.tracking or self._last

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+import math
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.calibration.home import move_home
@@ -113,8 +114,10 @@ ZERO_DEVIATION = params.Spec(
     read_only=True,
 )
 PULL_JOINT = params.Spec('pull_joint', '', 'Joint at which something pulls; none if empty')
-PULL_X = params.Spec('pull_x', 0.0, 'That force along x [N]', bounds=(-1e3, 1e3))
-PULL_Y = params.Spec('pull_y', 0.0, 'Along y [N]', bounds=(-1e3, 1e3))
+PULL_FORCE = params.Spec('pull_force', 0.0, 'How much it pulls [N]', bounds=(0.0, 1e3))
+PULL_ANGLE = params.Spec(
+    'pull_angle', 0.0, 'Where to, from the x axis [rad]', bounds=(0.0, 2.0 * math.pi)
+)
 SPECS = (
     common.ROBOT,
     *OBJECT_SPECS,
@@ -129,8 +132,8 @@ SPECS = (
     SEED,
     ZERO_DEVIATION,
     PULL_JOINT,
-    PULL_X,
-    PULL_Y,
+    PULL_FORCE,
+    PULL_ANGLE,
     CLOCK_SPEED,
     *SENSOR_SPECS,
     *MUJOCO_SPECS,
@@ -158,10 +161,12 @@ class Simulator(ManagedNode):
     def configure(self) -> None:
         """Put the robot at home, with the object grasped or free."""
         self._robot = self._load_robot()
+        self._check({PULL_JOINT.name: self.values[PULL_JOINT]})
         self._simulated = self._make_robot()
         plant = None if self._driven is None else self._driven.plant
         self._recorder = make_recorder(plant, self.values[RECORDING])
-        self.values.on_change(self._apply)
+        self.values.on_change(self._apply, self._check)
+        self._apply()
         self._joint_states = self.create_lifecycle_publisher(JointState, 'joint_states', RELIABLE)
         self._object_pose = self.create_lifecycle_publisher(PoseStamped, 'object_pose', RELIABLE)
         self._sensors = SimulatedSensors(self, self._robot, self.values, self.values[SEED])
@@ -242,10 +247,21 @@ class Simulator(ManagedNode):
         if self._driven is not None:
             for joint in self._robot.topology.joint_names:
                 pulled = joint == values[PULL_JOINT]
-                force = (values[PULL_X], values[PULL_Y]) if pulled else (0.0, 0.0)
-                self._driven.plant.load_joint(joint, force)
+                self._driven.plant.load_joint(joint, self._pull() if pulled else (0.0, 0.0))
         if self.cycle is not None:
             self.cycle.change(self.values[common.RATE])
+
+    def _check(self, new: dict[str, params.Value]) -> None:
+        joint, known = new.get(PULL_JOINT.name, ''), self._robot.topology.joint_names
+        if joint and joint not in known:
+            raise params.ParameterError(
+                f'parameter pull_joint: {joint!r}: must be one of {", ".join(known)}, or empty'
+            )
+
+    def _pull(self) -> tuple[float, float]:
+        """Return what pulls at a joint (fx, fy) [N]."""
+        force, angle = self.values[PULL_FORCE], self.values[PULL_ANGLE]
+        return force * math.cos(angle), force * math.sin(angle)
 
     def _stop_on_clock_jump(self) -> None:
         """Stop the rollers: after a jump of the clock the age of the command is unknown."""
@@ -337,7 +353,7 @@ class Simulator(ManagedNode):
             joints = held_joints(self._elastic.grasp)
         values = self.values
         if values[PULL_JOINT]:
-            loaded = deform(config, {values[PULL_JOINT]: (values[PULL_X], values[PULL_Y])})
+            loaded = deform(config, {values[PULL_JOINT]: self._pull()})
             joints = joints + loaded.state.displacements[:count, :2] / values[STIFFNESS_SCALE]
         return joints
 

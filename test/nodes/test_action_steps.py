@@ -469,6 +469,7 @@ def test_object_and_members_are_those_that_are_planned_with(described):
     sequences.timeout = 0.2
     sequences.rollers = StampedInput(None, 10.0)
     sequences.pose = StampedInput(Pose(0.6, 0.3, 0.1), 10.0)
+    sequences.grasp = StampedInput(SimpleNamespace(held=False), 10.0)
     with pytest.raises(StepError, match='nothing'):
         list(sequences.pick(PickObject.Goal(members=['south/P-Q', 'north/R-P'], squeeze=9.0)))
     arguments = read_goal(planner.goal, ROBOT)
@@ -480,6 +481,20 @@ def test_object_and_members_are_those_that_are_planned_with(described):
     needs = arguments.requirements
     assert needs.members == ('south/P-Q', 'north/R-P')
     assert (needs.module, needs.squeeze, needs.friction) == (None, 9.0, 0.6)
+
+
+def test_an_object_that_is_held_already_is_not_picked():
+    sequences = GraspSequences.__new__(GraspSequences)
+    sequences._node = SimpleNamespace(now=lambda: 10.0)
+    sequences._robot = ROBOT
+    sequences.timeout = 0.2
+    sequences.rollers = StampedInput(None, 10.0)
+    sequences.pose = StampedInput(Pose(0.6, 0.3, 0.1), 10.0)
+    held = SimpleNamespace(held=True, grasping_members=['north/P-Z', 'north/Z-R'])
+    sequences.grasp = StampedInput(held, 10.0)
+    with pytest.raises(StepError, match='by north/P-Z, north/Z-R: place it first') as refused:
+        list(sequences.pick(PickObject.Goal()))
+    assert refused.value.outcome is Outcome.NOT_READY
 
 
 def sequences_at(grasp_age, held=True, pose_age=0.0):

@@ -63,7 +63,7 @@ def test_a_pull_tells_the_stiffness(tmp_path, kind):
     with world(plant(plant=kind), calibrating(tmp_path)) as w:
         w.spin(1.5)
         assert w.call('calibrate_home', Trigger.Request()).success
-        pull = {'pull_joint': 'Z', 'pull_x': 10.0}
+        pull = {'pull_joint': 'Z', 'pull_force': 10.0}
         w.nodes[1].set_parameters([Parameter(name, value=value) for name, value in pull.items()])
         w.spin(4.0)
         request = CalibrateStiffness.Request(joint='Z', force=Vector3(x=10.0))

@@ -157,6 +157,7 @@ class GraspSequences:
         """
         self.stage = PICK.PLANNING
         yield from self._await_inputs()
+        self._require_free()
         lay = self.measured_pose()
         grasp = yield from self._plan_grasp(goal, lay)
         settings = {'mode': 'object', 'squeeze_force': grasp.squeeze, 'grip': ['']}
@@ -181,6 +182,18 @@ class GraspSequences:
             squeeze=squeeze,
             slip_margin=state.slip_margin,
         )
+
+    def _require_free(self) -> None:
+        """Refuse to pick what is held already."""
+        try:
+            (found,) = require_fresh(self._node.now(), self.timeout, grasp_state=self.grasp)
+        except InputError:
+            return  # the analysis may come only after the pick
+        if found.value.held:
+            members = ', '.join(found.value.grasping_members)
+            raise StepError(
+                Outcome.NOT_READY, f'the object is held already, by {members}: place it first'
+            )
 
     def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
         """Let the planner search for the best grasp of the object where it lies; return it."""
