@@ -18,8 +18,8 @@ from isotruss_ros.nodes.components.launching import describe_launch
 from launch import LaunchDescription
 
 # The object is held by the tubes at the start: pressed into a corner of 60 degrees, in which it
-# rests by friction only with a coefficient of 0.58 or more. Where a busy machine is late nothing is
-# hurt.
+# rests by friction only with a coefficient of 0.58 or more. Nothing is hurt where a machine that
+# is busy is late.
 DEFAULTS = {
     common.COMMAND_TIMEOUT: 1.0,
     simulator.PLANT: simulator.ELASTIC,

@@ -41,6 +41,7 @@ from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
+from isotruss_ros.core.planning.reach_pose import reach_pose
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
@@ -77,6 +78,7 @@ __all__ = [
     'place_between',
     'plan_grasps',
     'plan_release',
+    'reach_pose',
     'reachable_twists',
     'read_object',
     'settle_grasp',

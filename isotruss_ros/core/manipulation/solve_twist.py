@@ -189,6 +189,7 @@ def solve_twist_ahead(
     lead: float,
     failed: Collection[str] = (),
     limits: Sequence[Limit] | None = None,
+    handling: LimitHandling = SCALE,
 ) -> RollerCommand:
     """
     Find roller velocities for the configuration after `lead` seconds of this motion.
@@ -203,18 +204,19 @@ def solve_twist_ahead(
     :param lead: not negative [s].
     :param failed: names of the rollers that have failed and stand still.
     :param limits: limits in place of those of the robot file.
+    :param handling: what to do where limits bind.
     :raises GraspError: see `solve_twist`; or lead is negative or not finite.
     :raises ConfigurationError: see `solve_twist`, or there is no such configuration.
     :raises SolverError: a quadratic program was not solved.
     """
     if not (math.isfinite(lead) and lead >= 0.0):
         raise GraspError(f'lead {lead!r} s: must be a finite number, not negative')
-    command = solve_twist(config, grip, twist, failed, limits)
+    command = solve_twist(config, grip, twist, failed, limits, handling)
     if lead == 0.0 or not command.roller_velocities.any():
         return command
     ahead = config.moved_to(config.roller_positions + lead * command.roller_velocities)
     rolled = RollingGrip.attach(config, grip).moved_to(ahead)
-    return solve_twist(ahead, rolled.grip, twist, failed, limits)
+    return solve_twist(ahead, rolled.grip, twist, failed, limits, handling)
 
 
 @single_threaded

@@ -1,0 +1,138 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""From a pose of the held object to roller positions that bring it there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
+from isotruss_ros.core.manipulation.limits import default_limits
+from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
+from isotruss_ros.core.manipulation.solve_twist import solve_twist_ahead
+from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.safety.shape_guard import ShapeGuard
+import numpy as np
+from numpy.typing import ArrayLike
+
+#: The object is moved in steps of this length, turns at its arm [m] ...
+STEP = 2e-3
+#: ... by twists of this speed, at which limits of lengths and shapes do not slow yet [m/s].
+SPEED = 0.02
+#: The object is there when no more than this is missing [m, turns at the arm].
+TOLERANCE = 1e-9
+#: A step that limits slow to less than this ends the way [-].
+LEAST_SCALE = 0.05
+#: Limits may make the way take so many times as many steps.
+PATIENCE = 20
+
+
+@dataclass(frozen=True, eq=False)
+class ReachedPose:
+    """
+    Where the robot brings a held object.
+
+    :ivar config: of the robot at the end of the way.
+    :ivar pose: of the object there.
+    :ivar share: of the way from the first pose to the one asked for, 0 to 1.
+    :ivar status: OK where the pose is reached; else what ends the way.
+    :ivar why: the same in words; empty where the pose is reached.
+    :ivar path: (k, r) roller positions on the way, the first ones included [m].
+    """
+
+    config: Configuration
+    pose: Pose
+    share: float
+    status: Status
+    why: str
+    path: Array
+
+    @property
+    def roller_positions(self) -> Array:
+        """Return the (r,) roller positions at the end of the way [m]."""
+        return self.config.roller_positions
+
+
+@single_threaded
+def reach_pose(
+    config: Configuration, grip: Grip, pose: ArrayLike, guard: ShapeGuard | None = None
+) -> ReachedPose:
+    """
+    Move a held object straight to a pose, and return where the rollers are then.
+
+    Contacts roll, (19) and (20) step by step; the members keep their limits of length, and the
+    robot its barriers. Nothing is said of forces: see `foresee_path` for these.
+
+    :param config: where the robot is.
+    :param grip: how it holds the object.
+    :param pose: (x, y, angle) to be reached; turned the shorter way [m, rad].
+    :param guard: the barriers; those of `ShapeGuard(robot)` if None.
+    :raises GraspError: the pose is not three finite numbers, or the members do not touch the
+        object.
+    """
+    x, y, angle = finite_array(pose, 3, 'the pose to reach (x, y, angle) [m, rad]', GraspError)
+    guard = guard or ShapeGuard(config.robot)
+    rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]
+    even = np.array([1.0, 1.0, grip.body.arm])
+
+    def missing() -> Array:
+        here = rolling.grip.body.pose
+        turn = math.remainder(angle - here.angle, 2.0 * math.pi)
+        return even * (x - here.x, y - here.y, turn)
+
+    whole = float(np.linalg.norm(missing()))
+    status, why = Status.SLOWED_OBJECT, 'the way takes too many steps next to limits'
+    for _ in range(PATIENCE * (math.ceil(whole / STEP) + 1)):
+        left = missing()
+        size = float(np.linalg.norm(left))
+        if size <= TOLERANCE:
+            status, why = Status.OK, ''
+            break
+        step = min(1.0, STEP / size) * left
+        try:
+            moved, status, why = _take_step(rolling, step / even, guard)
+        except (ConfigurationError, GraspError, SolverError) as error:
+            moved, status, why = None, Status.HALT_KINEMATICS, str(error)
+        if moved is None:
+            break
+        rolling = moved
+        path.append(rolling.config.roller_positions)
+    share = 1.0 - float(np.linalg.norm(missing())) / whole if whole > TOLERANCE else 1.0
+    return ReachedPose(rolling.config, rolling.pose, share, status, why, np.array(path))
+
+
+def _take_step(
+    rolling: RollingGrip, step: Array, guard: ShapeGuard
+) -> tuple[RollingGrip | None, Status, str]:
+    """Return the grip after a displacement (3,), or None, the status and why there is none."""
+    config, grip = rolling.config, rolling.grip
+    duration = STEP / SPEED
+    watch = guard.watch(config, grip)
+    limits = (*default_limits(config.robot), *watch.limits)
+    command = solve_twist_ahead(
+        config, grip, step / duration, 0.5 * duration, (), limits, LimitHandling(period=duration)
+    )
+    if command.status is not Status.UNREACHABLE:
+        command = watch.keep(command, np.zeros(len(config.roller_positions)), duration)
+    if command.status is Status.UNREACHABLE or command.scale < LEAST_SCALE:
+        named = ', '.join(command.limiting)
+        of_limits = f'limits of {named}' if named else str(command.status)
+        words = f'the rollers produce {command.reachable_dof} of 3 motions there'
+        unreachable = command.status is Status.UNREACHABLE
+        return None, command.status, words if unreachable else of_limits
+    travel = config.roller_positions + duration * command.roller_velocities
+    return rolling.moved_to(config.moved_to(travel)), command.status, ''

@@ -1,0 +1,98 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Roller positions that bring a held object to a pose."""
+
+from dataclasses import replace
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from isotruss_ros.core import (
+    ConvexObject,
+    Grip,
+    load_robot,
+    place_between,
+    Polygon,
+    reach_pose,
+    Robot,
+    RollingGrip,
+    ShapeGuard,
+    Status,
+    tangent_center,
+)
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.safety.shape_guard import ShapeBounds
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+CENTER = tangent_center(ROBOT.home, 'north/Z', 0.3, 0.01)
+GRIP = Grip.at_module(ROBOT, 'north/Z', ConvexObject.disc(CENTER, 0.3))
+BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
+SIDES = place_between(ROBOT.home, ('south/P-Q', 'north/R-P'), BOX, angle=0.2, indentation=0.01)
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    grip=st.sampled_from([GRIP, SIDES]),
+    move=st.tuples(*[st.floats(-0.04, 0.04)] * 2, st.floats(-0.2, 0.2)),
+)
+def test_the_pose_is_reached_and_the_contacts_are_kept(grip, move):
+    goal = np.add(grip.body.pose, move)
+    found = reach_pose(ROBOT.home, grip, goal)
+    assert (found.status, found.why, found.share) == (Status.OK, '', pytest.approx(1.0))
+    assert found.pose == pytest.approx(goal, abs=1e-7)
+    rolled = RollingGrip.attach(ROBOT.home, grip)
+    for positions in found.path[1:]:
+        rolled = rolled.moved_to(rolled.config.moved_to(positions))
+        assert rolled.misfit < 1e-4
+    assert rolled.pose == pytest.approx(found.pose, abs=1e-9)
+
+
+def test_there_and_back_the_rollers_are_where_they_were():
+    there = reach_pose(ROBOT.home, GRIP, np.add(GRIP.body.pose, (0.05, -0.05, 0.3)))
+    back = reach_pose(there.config, GRIP.moved_to(there.pose), GRIP.body.pose)
+    assert back.roller_positions == pytest.approx(ROBOT.home.roller_positions, abs=1e-6)
+
+
+def test_a_length_that_ends_the_way_is_named_with_the_place():
+    file = replace(ROBOT.description, max_length=1.05)
+    robot = Robot(file)
+    found = reach_pose(robot.home, GRIP, np.add(GRIP.body.pose, (0.0, -0.5, 0.0)))
+    assert found.status is Status.SLOWED_MEMBER_LENGTH
+    assert found.why.startswith('limits of ')
+    assert 0.0 < found.share < 1.0
+    assert found.config.member_lengths.max() <= 1.05 + 1e-6
+    assert found.pose.y == pytest.approx(GRIP.body.pose.y - 0.5 * found.share, abs=1e-3)
+
+
+def test_a_barrier_ends_the_way():
+    guard = ShapeGuard(ROBOT, ShapeBounds(min_rigidity=0.9))
+    found = reach_pose(ROBOT.home, GRIP, np.add(GRIP.body.pose, (0.0, 0.4, 0.0)), guard)
+    assert found.status is Status.SLOWED_RIGIDITY
+    assert 0.0 < found.share < 1.0
+
+
+def test_motions_that_the_rollers_do_not_produce_are_told():
+    center = tangent_center(ROBOT.home, 'south/X', 0.3)
+    grip = Grip.at_module(ROBOT, 'south/X', ConvexObject.disc(center, 0.3))
+    found = reach_pose(ROBOT.home, grip, (center[0] + 0.1, center[1], 0.0))
+    assert found.status is Status.UNREACHABLE
+    assert found.why == 'the rollers produce 1 of 3 motions there'
+    assert (found.share, len(found.path)) == (0.0, 1)
+
+
+def test_the_pose_of_now_takes_no_step():
+    found = reach_pose(ROBOT.home, GRIP, GRIP.body.pose)
+    assert (found.status, found.share, len(found.path)) == (Status.OK, 1.0, 1)
+
+
+def test_a_pose_that_is_none_is_refused():
+    with pytest.raises(GraspError, match='the pose to reach'):
+        reach_pose(ROBOT.home, GRIP, (0.0, np.nan, 0.0))
