@@ -1,0 +1,57 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The robots that come with the package."""
+
+from isotruss_ros.core import (
+    ConvexObject,
+    deform,
+    Grip,
+    load_robot,
+    reachable_twists,
+    solve_twist,
+    Status,
+    tangent_center,
+)
+from isotruss_ros.core.model.presets import preset_names
+import numpy as np
+import pytest
+
+#: Number of rollers, and a module whose grip moves an object in this many directions.
+PRESETS = {
+    'bow_tie': (4, 'upper/D', 3),
+    'nine_member': (6, 'north/Z', 3),
+    'open_chain': (6, 'right/G', 2),
+    'ring_of_four': (8, 'north/T', 3),
+    'triangle': (2, 'main/T', 1),
+}
+
+
+def test_these_are_all():
+    assert preset_names() == sorted(PRESETS)
+
+
+@pytest.mark.parametrize('name', PRESETS)
+def test_a_preset_is_rigid_and_each_roller_moves_it(name):
+    robot = load_robot(name)
+    rollers, _, _ = PRESETS[name]
+    assert np.linalg.matrix_rank(robot.home.node_jacobian) == len(robot.roller_names) == rollers
+    top = robot.topology.joint_names[-1]
+    assert np.isfinite(deform(robot.home, {top: (1.0, -1.0)}).displacement(top)).all()
+
+
+@pytest.mark.parametrize('name', PRESETS)
+def test_a_preset_moves_an_object(name):
+    robot = load_robot(name)
+    _, module, directions = PRESETS[name]
+    body = ConvexObject.disc(tangent_center(robot.home, module, 0.3), 0.3)
+    grip = Grip.at_module(robot, module, body)
+    found = reachable_twists(robot.home, grip)
+    assert len(found) == directions
+    assert solve_twist(robot.home, grip, 0.01 * found[0]).status is Status.OK
