@@ -167,7 +167,11 @@ class NoIndentation:
         return np.zeros(len(forces)), np.zeros(len(forces))
 
     def pressure_rates(self, forces: Array) -> Array:
-        """Return no derivatives."""
+        """
+        Return no derivatives.
+
+        :param forces: (k,) normal forces [N].
+        """
         return np.zeros(len(forces))
 
 
@@ -193,7 +197,11 @@ class Indentation:
         return found[:, 0], found[:, 1] / self._scale
 
     def pressure_rates(self, forces: Array) -> Array:
-        """Return the derivatives of the depths by the gauge pressure in each tube (k,) [m/Pa]."""
+        """
+        Return the derivatives of the depths by the gauge pressure in each tube (k,) [m/Pa].
+
+        :param forces: (k,) normal forces [N].
+        """
         pressing = zip(self._tables, forces.tolist(), strict=True)
         return np.array([table.pressure_rate(force / self._scale) for table, force in pressing])
 
@@ -243,6 +251,5 @@ def press_on_skin(kernel: Flattening, tube: int, spacing: float, gaps: Array) ->
     by_gaps = np.zeros(count)
     by_gaps[at] = np.linalg.solve(dents[at[:, None], at], np.ones(len(at)))
     apart = np.correlate(by_gaps, forces, mode='full')
-    weights = apart[count - 1 :].copy()
-    weights[1:] += apart[count - 2 :: -1]
+    weights = np.append(apart[count - 1], apart[count:] + apart[: count - 1][::-1])
     return Press(float(forces.sum()), spacing, weights)
