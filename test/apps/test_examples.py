@@ -32,6 +32,7 @@ PRINTED = {
     'first_twist': 'south/P',
     'follow_path': 'REACHED',
     'limits': 'slowed roller speed',
+    'optimise_grasp': '; held: True',
     'own_robot': 'module.rod_length: -0.15: must be',
     'pick_box': 'turned     ',
     'plan_grasp': 'margin',

@@ -48,12 +48,16 @@ class Flattening:
     :ivar stiffness: (t, n) k_n of the modes that spread along each tube, per unit length [N/m^2].
     :ivar tension: (t, n) G_n of these modes [N].
     :ivar rest: (t,) compliance of all modes beyond, times a unit length of tube [m^2/N].
+    :ivar pressure: (t,) p in each tube, gauge [Pa].
+    :ivar tension_rate: (t, n) derivative of G_n by that [N/Pa].
     """
 
     radius: float
     stiffness: Array
     tension: Array
     rest: Array
+    pressure: Array
+    tension_rate: Array
 
     @property
     def reach(self) -> Array:
@@ -80,6 +84,29 @@ class Flattening:
         count = 1 << int(apart.max(initial=0)).bit_length()
         table = _compliance_by_distance(self, count, spacing)
         return np.where(same, table[tube[:, None], apart], 0.0)
+
+    def compliance_rates(self, count: int, spacing: float) -> Array:
+        """
+        Return how points that are 0, 1, ... spacings apart give by their tube's pressure.
+
+        :param count: of distances.
+        :param spacing: of the points [m].
+        :return: (t, count) [m/N/Pa].
+        """
+        ratio, blown = spacing / self.reach, 1.0 / self.pressure[:, None]
+        pulled = self.tension_rate / self.tension
+        # Of the logarithms of the peak, and of `ratio`, which is a length.
+        higher, wider = -0.5 * (blown + pulled), -0.5 * (pulled - blown) * ratio
+        peak = 0.5 / np.sqrt(self.stiffness * self.tension)
+        mean = -np.expm1(-ratio) / ratio
+        mean_rate = (np.exp(-ratio) - mean) / ratio
+        spread = peak * mean**2
+        steps = np.arange(count) - 1.0
+        change = (higher + 2.0 * mean_rate / mean * wider)[:, :, None] - wider[:, :, None] * steps
+        rates = np.einsum('tn,tnk->tk', spread, np.exp(-ratio[:, :, None] * steps) * change)
+        alone = higher * (1.0 - mean) - wider * ((1.0 - mean) / ratio + mean_rate)
+        rates[:, 0] = (2.0 * peak / ratio * alone).sum(axis=1) - self.rest / spacing * blown[:, 0]
+        return rates
 
 
 @functools.lru_cache(maxsize=64)
@@ -116,15 +143,24 @@ def flattening(
     pressure = np.atleast_1d(np.asarray(pressure, dtype=float))[:, None]
     stiffness = np.pi * pressure * (n**2 - 1.0)
     pulled = 0.5 * np.pi * pressure * radius**2 * (1.0 + 1.0 / n**2)
-    tension = pulled
+    tension, tension_rate = pulled, pulled / pressure
     if fabric is not None:
         wall, shear = fabric
         for _ in range(FIXED_POINT_STEPS):
             share = wall / (wall + shear * n**2 * tension / stiffness / radius**2)
             tension = pulled + np.pi * radius * shear * share / n**2
+        slower = np.pi * (shear * share) ** 2 / (wall * radius * stiffness)
+        tension_rate = (pulled + slower * tension) / pressure / (1.0 + slower)
     rest = (1.0 / modes + 1.0 / (modes + 1)) / (2.0 * np.pi * pressure[:, 0])
     measured = local_stiffness
-    return Flattening(radius, measured * stiffness, measured * tension, rest / measured)
+    return Flattening(
+        radius,
+        measured * stiffness,
+        measured * tension,
+        rest / measured,
+        pressure[:, 0],
+        measured * tension_rate,
+    )
 
 
 @functools.lru_cache(maxsize=8)

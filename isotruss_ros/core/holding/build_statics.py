@@ -15,8 +15,9 @@ from __future__ import annotations
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.holding.corner_dents import corner_dents
 from isotruss_ros.core.holding.indentation import (
+    Dents,
     Indentation,
-    no_indentation,
+    NoIndentation,
     skin_indentation,
     SkinIndentation,
 )
@@ -55,7 +56,7 @@ def build_statics(
     compliance = MemberCompliance(structure, contacts.members, tubes.stiffness_scale)
     aside = (compliance.axis.conj() * (body.middle - compliance.start)).imag
     sides = np.where(aside > 0.0, -1.0, 1.0)
-    dents = no_indentation
+    dents: Dents = NoIndentation()
     if tubes.flattening:
         pressures = None if tubes.pressure is None else structure.pressures
         bent = 1j * sides * compliance.axis if normals is None else normals
@@ -102,16 +103,17 @@ def _dents(
     if body.shape.is_round:
         radius = body.shape.reach
         return [skin_indentation(config.robot, int(tube), radius, pressures) for tube in tubes]
-    points, _ = body.shape.surface_at(contacts.corners, own)
     return [
         corner_dents(
             config.robot,
             int(tube),
             body.shape,
             complex(normal),
-            complex(point),
+            int(corner),
             (float(cut[0]), float(cut[1])),
             pressures,
         )
-        for tube, normal, point, cut in zip(tubes, own, points, contacts.cuts, strict=True)
+        for tube, normal, corner, cut in zip(
+            tubes, own, contacts.corners, contacts.cuts, strict=True
+        )
     ]

@@ -24,7 +24,6 @@ it with both of its ends. `contact_closures` has the k rows that statics leaves 
 from __future__ import annotations
 
 import cmath
-from collections.abc import Callable
 from dataclasses import dataclass
 import functools
 from typing import NamedTuple
@@ -39,6 +38,7 @@ from isotruss_ros.core.holding.balance import (
     POSE,
     solve_balance,
 )
+from isotruss_ros.core.holding.indentation import Dents
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -81,7 +81,7 @@ class ContactStatics:
     contacts: PressedContacts
     tube_radius: float
     sides: Array
-    indentation: Callable[[Array], tuple[Array, Array]]
+    indentation: Dents
 
     @functools.cached_property
     def places(self) -> Places:

@@ -19,12 +19,11 @@ from __future__ import annotations
 
 import functools
 
-from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.holding.indentation import SkinIndentation
+from isotruss_ros.core.contact.flattening import Flattening, flattening_of
+from isotruss_ros.core.holding.indentation import Press, press_on_skin, SkinIndentation
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.lcp import solve_complementarity
 import numpy as np
 
 #: Depths of the table as shares of the tube's radius, and points of the skin within the overlap.
@@ -41,7 +40,7 @@ def corner_dents(
     tube: int,
     shape: Shape,
     normal: complex,
-    point: complex,
+    corner: int,
     cuts: tuple[float, float],
     pressures: tuple[float, ...] | None = None,
 ) -> SkinIndentation:
@@ -52,14 +51,14 @@ def corner_dents(
     :param tube: number of the tube.
     :param shape: of the object.
     :param normal: unit vector out of the object across the tube, in the object's frame.
-    :param point: of the object's surface that is touched, in the object's frame [m].
-    :param cuts: how far the contact reaches before and behind the point, counter-clockwise around
-        the object: half of a face where its other end is a contact of its own; may be infinite
-        [m].
+    :param corner: number of the corner that is touched, see `Shape.corners_at`.
+    :param cuts: how far the contact reaches before and behind the point that is touched,
+        counter-clockwise around the object: half of a face where its other end is a contact of
+        its own; may be infinite [m].
     :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
     """
     angle = ANGLE_STEP * round(float(np.angle(normal)) / ANGLE_STEP)
-    return _table(robot, tube, shape, angle, point, cuts, pressures)
+    return _table(robot, tube, shape, angle, corner, cuts, pressures)
 
 
 @functools.lru_cache(maxsize=256)
@@ -68,19 +67,19 @@ def _table(
     tube: int,
     shape: Shape,
     angle: float,
-    point: complex,
+    corner: int,
     cuts: tuple[float, float],
     pressures: tuple[float, ...] | None,
 ) -> SkinIndentation:
     """Return what `corner_dents` does."""
     radius = 0.5 * robot.description.tube_diameter
+    point = shape.point_at(corner, complex(np.exp(1j * angle)))
     places, heights = _profile(shape, angle, point)
     reach = np.minimum(cuts, REACH * radius)
     depths = DEPTHS * radius
-    forces = [
-        _pressing_force(robot, tube, places, heights, reach, depth, pressures) for depth in depths
-    ]
-    return SkinIndentation(depths, np.array(forces))
+    kernel = flattening_of(robot, pressures)
+    presses = [_press(kernel, tube, places, heights, reach, depth) for depth in depths]
+    return SkinIndentation(depths, presses, kernel, tube)
 
 
 def _profile(shape: Shape, angle: float, point: complex) -> tuple[Array, Array]:
@@ -102,16 +101,10 @@ def _profile(shape: Shape, angle: float, point: complex) -> tuple[Array, Array]:
     return np.insert(places, place, 0.0), np.insert(found, place, 0.0)
 
 
-def _pressing_force(
-    robot: Mechanism,
-    tube: int,
-    places: Array,
-    heights: Array,
-    reach: Array,
-    depth: float,
-    pressures: tuple[float, ...] | None,
-) -> float:
-    """Return the force with which a surface presses on a tube that it dents this deep [N]."""
+def _press(
+    kernel: Flattening, tube: int, places: Array, heights: Array, reach: Array, depth: float
+) -> Press:
+    """Return how a surface presses on a tube that it dents this deep."""
     low = np.flatnonzero(heights <= depth)
     first, last = max(low[0] - 1, 0), min(low[-1] + 1, len(places) - 1)
     begin = _crossing(places, heights, first, low[0], depth)
@@ -119,14 +112,8 @@ def _pressing_force(
     begin, end = max(begin, -float(reach[0])), min(end, float(reach[1]))
     spacing = max(end - begin, 1e-6) / POINTS
     # Points in the middle of pieces, so that these end where the contact may.
-    number = np.arange(POINTS)
-    gaps = np.interp(begin + (number + 0.5) * spacing, places, heights) - depth
-    alike = np.zeros(POINTS, dtype=np.intp)
-    dents = flattening_of(robot, pressures).compliance(
-        spacing * number, alike, alike + tube, spacing
-    )
-    forces, _ = solve_complementarity(dents, gaps, np.ones(POINTS, dtype=bool))
-    return float(forces.sum())
+    gaps = np.interp(begin + (np.arange(POINTS) + 0.5) * spacing, places, heights) - depth
+    return press_on_skin(kernel, tube, spacing, gaps)
 
 
 def _crossing(places: Array, heights: Array, outside: int, inside: int, depth: float) -> float:

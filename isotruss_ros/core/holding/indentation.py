@@ -21,13 +21,12 @@ from bisect import bisect_right
 from collections.abc import Sequence
 import functools
 import math
+from typing import NamedTuple, Protocol
 
-from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import ContactPoints
-from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.surfaces import RoundSurface
+from isotruss_ros.core.contact.flattening import Flattening, flattening_of
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.lcp import solve_complementarity
 import numpy as np
 import scipy
 
@@ -38,15 +37,35 @@ POINTS = 41
 POWER = 2.0 / 3.0
 
 
+class Press(NamedTuple):
+    """
+    How a surface presses on a tube that it dents, see `press_on_skin`.
+
+    :ivar force: [N].
+    :ivar spacing: of the points of the skin [m].
+    :ivar weights: (c,) by which the force falls with the compliance between points 0, 1, ...
+        spacings apart [N^2/m].
+    """
+
+    force: float
+    spacing: float
+    weights: Array
+
+
 class SkinIndentation:
     """
     The depth of a dent by the normal force, for one tube and one object.
 
     :param depths: (n,) of dents, rising from above zero [m].
-    :param forces: (n,) with which the object presses there [N].
+    :param presses: (n,) how the object presses there.
+    :param kernel: compliance of the tubes' sections.
+    :param tube: number of the tube.
     """
 
-    def __init__(self, depths: Array, forces: Array) -> None:
+    def __init__(
+        self, depths: Array, presses: Sequence[Press], kernel: Flattening, tube: int
+    ) -> None:
+        forces = np.array([press.force for press in presses])
         places = np.append(0.0, forces**POWER)
         skin = np.append(0.0, depths)
         spline = scipy.interpolate.CubicSpline(places, skin, bc_type='natural')
@@ -54,6 +73,7 @@ class SkinIndentation:
         # times quicker, in each state of a search.
         self._places: list[float] = places.tolist()
         self._pieces: list[list[float]] = spline.c.T.tolist()
+        self._presses, self._kernel, self._tube = presses, kernel, tube
 
     def __call__(self, force: float) -> tuple[float, float]:
         """
@@ -72,14 +92,88 @@ class SkinIndentation:
         depth = ((a * x + b) * x + c) * x + d + slope * (place - inside)
         return math.copysign(depth, force), slope * POWER * place / size
 
+    def pressure_rate(self, force: float) -> float:
+        """
+        Return the derivative of the depth by the gauge pressure in the tube [m/Pa].
 
-def no_indentation(forces: Array) -> tuple[Array, Array]:
-    """
-    Return depths and derivatives of tubes that stay round: zero.
+        :param force: [N].
+        """
+        place, last = max(abs(force), 1e-9) ** POWER, self._places[-1]
+        inside = min(place, last)
+        piece = min(bisect_right(self._places, inside), len(self._pieces)) - 1
+        x, moved = inside - self._places[piece], self._place_rates[piece]
+        a, b, c, _ = self._pieces[piece]
+        da, db, dc = self._piece_rates[:, piece]
+        rate = ((da * x + db) * x + dc) * x - moved * ((3.0 * a * x + 2.0 * b) * x + c)
+        slope = (3.0 * da * x + 2.0 * db) * x + dc - moved * (6.0 * a * x + 2.0 * b)
+        return math.copysign(1.0, force) * (rate + slope * (place - inside))
 
-    :param forces: (k,) normal forces [N].
-    """
-    return np.zeros(len(forces)), np.zeros(len(forces))
+    @functools.cached_property
+    def _place_rates(self) -> Array:
+        """Return how the places of the table move with the pressure, (n + 1,)."""
+        rates = [0.0]
+        for force, spacing, weights in self._presses:
+            softer = self._kernel.compliance_rates(len(weights), spacing)[self._tube]
+            rates.append(-POWER * force ** (POWER - 1.0) * float(weights @ softer))
+        return np.array(rates)
+
+    @functools.cached_property
+    def _piece_rates(self) -> Array:
+        """Return how the coefficients of the pieces change, (3, n): the depths stay."""
+        a, b, c, _ = np.transpose(self._pieces)
+        step, moved = np.diff(self._places), np.diff(self._place_rates)
+        rise = (a * step + b) * step + c
+        # Natural splines, by their second derivatives m_i at the places:
+        # h_i-1 m_i-1 + 2 (h_i-1 + h_i) m_i + h_i m_i+1 = 6 (rise_i - rise_i-1).
+        second = np.append(2.0 * b, 0.0)
+        count = len(second)
+        matrix, right = np.eye(count), np.zeros(count)
+        own, before = np.arange(1, count - 1), np.arange(count - 2)
+        matrix[own, before], matrix[own, own + 1] = step[before], step[own]
+        matrix[own, own] = 2.0 * (step[before] + step[own])
+        steeper = -rise * moved / step
+        right[own] = 6.0 * (steeper[own] - steeper[before])
+        right[own] -= moved[before] * (second[before] + 2.0 * second[own])
+        right[own] -= moved[own] * (2.0 * second[own] + second[own + 1])
+        bent = np.linalg.solve(matrix, right)
+        by_a = (np.diff(bent) / 6.0 - a * moved) / step
+        by_c = steeper - moved * (2.0 * second[:-1] + second[1:]) / 6.0
+        by_c -= step * (2.0 * bent[:-1] + bent[1:]) / 6.0
+        return np.array([by_a, 0.5 * bent[:-1], by_c])
+
+
+class Dents(Protocol):
+    """The depths of the dents at k contacts by the normal forces there."""
+
+    def __call__(self, forces: Array) -> tuple[Array, Array]:
+        """
+        Return depths (k,) [m] and their derivatives by the normal forces (k,) [m/N].
+
+        :param forces: (k,) normal forces [N].
+        """
+
+    def pressure_rates(self, forces: Array) -> Array:
+        """
+        Return the derivatives of the depths by the gauge pressure in each tube (k,) [m/Pa].
+
+        :param forces: (k,) normal forces [N].
+        """
+
+
+class NoIndentation:
+    """Tubes that stay round."""
+
+    def __call__(self, forces: Array) -> tuple[Array, Array]:
+        """Return no depths, and no derivatives."""
+        return np.zeros(len(forces)), np.zeros(len(forces))
+
+    def pressure_rates(self, forces: Array) -> Array:
+        """
+        Return no derivatives.
+
+        :param forces: (k,) normal forces [N].
+        """
+        return np.zeros(len(forces))
 
 
 class Indentation:
@@ -103,6 +197,15 @@ class Indentation:
         )
         return found[:, 0], found[:, 1] / self._scale
 
+    def pressure_rates(self, forces: Array) -> Array:
+        """
+        Return the derivatives of the depths by the gauge pressure in each tube (k,) [m/Pa].
+
+        :param forces: (k,) normal forces [N].
+        """
+        pressing = zip(self._tables, forces.tolist(), strict=True)
+        return np.array([table.pressure_rate(force / self._scale) for table, force in pressing])
+
 
 @functools.lru_cache(maxsize=32)
 def skin_indentation(
@@ -117,37 +220,37 @@ def skin_indentation(
     :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
     """
     depths = DEPTHS * min(radius, 0.5 * robot.description.tube_diameter)
-    forces = [_pressing_force(robot, tube, radius, depth, pressures) for depth in depths]
-    return SkinIndentation(depths, np.array(forces))
+    kernel = flattening_of(robot, pressures)
+    presses = [_press(kernel, tube, radius, depth) for depth in depths]
+    return SkinIndentation(depths, presses, kernel, tube)
 
 
-def _pressing_force(
-    robot: Mechanism,
-    tube: int,
-    radius: float,
-    depth: float,
-    pressures: tuple[float, ...] | None,
-) -> float:
-    """Return the force with which a cylinder presses on a tube that it dents this deep [N]."""
+def _press(kernel: Flattening, tube: int, radius: float, depth: float) -> Press:
+    """Return how a cylinder presses on a tube that it dents this deep."""
     half = np.sqrt(radius**2 - (radius - depth) ** 2)
     place = half * np.linspace(-1.0, 1.0, POINTS)
-    spacing = 2.0 * half / (POINTS - 1)
-    alike = np.zeros(POINTS, dtype=np.intp)
-    dents = flattening_of(robot, pressures).compliance(place, alike, alike + tube, spacing)
-    line = place.astype(np.complex128)
-    still = ContactPoints(
-        points=line,
-        skin=line,
-        member=alike,
-        place=place,
-        pieces=alike[:1],
-        piece=alike,
-        spacing=spacing,
-        axis=np.ones_like(line),
-        inside=np.zeros((2, POINTS, POINTS)),
-        spread=np.zeros((2, POINTS, 0)),
-        ends=np.zeros((0, 0)),
-        dents=dents,
-    )
-    contact = solve_contact(still, RoundSurface(-1j * (radius - depth), radius))
-    return float((contact.forces * contact.normals.imag).sum())
+    gaps = radius - depth - np.sqrt(radius**2 - place**2)
+    return press_on_skin(kernel, tube, 2.0 * half / (POINTS - 1), gaps)
+
+
+def press_on_skin(kernel: Flattening, tube: int, spacing: float, gaps: Array) -> Press:
+    """
+    Return how a surface presses on a tube whose centre line stands still.
+
+    The force f = sum q of C q = -gaps changes by -l . dC q, where C l = 1 at the closed points.
+
+    :param kernel: compliance C of the tubes' sections.
+    :param tube: number of the tube.
+    :param spacing: of the points of the skin [m].
+    :param gaps: (c,) from these across the tube to the surface, negative within it [m].
+    """
+    count = len(gaps)
+    alike = np.zeros(count, dtype=np.intp)
+    dents = kernel.compliance(spacing * np.arange(count), alike, alike + tube, spacing)
+    forces, active = solve_complementarity(dents, gaps, np.ones(count, dtype=bool))
+    at = np.flatnonzero(active)
+    by_gaps = np.zeros(count)
+    by_gaps[at] = np.linalg.solve(dents[at[:, None], at], np.ones(len(at)))
+    apart = np.correlate(by_gaps, forces, mode='full')
+    weights = np.append(apart[count - 1], apart[count:] + apart[: count - 1][::-1])
+    return Press(float(forces.sum()), spacing, weights)

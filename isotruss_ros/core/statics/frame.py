@@ -60,11 +60,13 @@ class FrameState:
     :ivar reactions: (n, 3) fx, fy [N], m [N m] of the supports on the frame; zero elsewhere.
     :ivar end_forces: (k, 6) forces of the nodes on the members, along them, across them [N] and
         moments [N m], at start and end.
+    :ivar multipliers: (c,) of the constraints.
     """
 
     displacements: Array
     reactions: Array
     end_forces: Array
+    multipliers: Array
 
 
 class Frame:
@@ -243,7 +245,9 @@ class Frame:
             pushed = self._rows.value * multipliers[self._rows.row]  # by the constraints
             carried += np.bincount(self._rows.column, pushed, minlength=len(flat))
         reactions = np.where(self._held, carried - flat, 0.0)
-        return FrameState(displacements.reshape(-1, 3), reactions.reshape(-1, 3), end_forces)
+        return FrameState(
+            displacements.reshape(-1, 3), reactions.reshape(-1, 3), end_forces, multipliers
+        )
 
     def displacements(self, members: Indices, loads: Array) -> Array:
         """

@@ -25,7 +25,11 @@ from isotruss_ros.core.model.stiffness_law import (
     read_laws,
 )
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.section import broadcast_members, SectionStiffness
+from isotruss_ros.core.statics.section import (
+    broadcast_members,
+    FlexibilityRates,
+    SectionStiffness,
+)
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -111,6 +115,32 @@ class PowerLaw:
         shear = np.full_like(length, np.inf)
         np.divide(12.0 * flexural, phi * between**2, out=shear, where=phi > 0.0)
         return SectionStiffness(axial * length, flexural, shear)
+
+    def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
+        """
+        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members.
+
+        :param length: (k,) pinch to pinch [m].
+        :param pressure: (k,) gauge [Pa].
+        """
+        axial, flexural, shear = self.section_stiffness(length, pressure)
+        between = length - 2.0 * self.guide_ring_distance
+        own, transverse, rotary = self.axial, self.transverse, self.rotary
+        phi = 12.0 * flexural / (shear * between**2)
+        # Of the logarithms of EA, k_transverse and k_rotary / (k_transverse l^2).
+        ratio = np.where(phi > 0.0, 4.0 + phi, 0.0)
+        rates = []
+        for pull, push, turn in (
+            ((own.b + 1.0) / length, transverse.b / between, rotary.b / between),
+            (own.a / pressure, transverse.a / pressure, rotary.a / pressure),
+        ):
+            by_length = not rates
+            widening = 1.0 / between if by_length else 0.0
+            steeper = ratio * (turn - push - 2.0 * widening)
+            bend = push + 3.0 * widening + steeper / (1.0 + phi)
+            sheared = (steeper + phi * (2.0 * widening - bend)) * between**2 / (12.0 * flexural)
+            rates.append(np.array([-pull / axial, -bend / flexural, sheared]))
+        return FlexibilityRates(*rates)
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:

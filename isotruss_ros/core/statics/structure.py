@@ -116,10 +116,28 @@ def _section_values(
 
 def _bisection_gradients(robot: Mechanism, points: Points) -> Array:
     """Return the entries (10 m,) of A(x) of (4): the rod turns half as much as both arms."""
+    return bisection_entries(1j / bisection_spans(robot, points).conj())
+
+
+def bisection_spans(robot: Mechanism, points: Points) -> Points:
+    """
+    Return rod, arm BD and arm CE of each module, (3, m, ...) x + iy [m].
+
+    :param robot: the robot.
+    :param points: (n, ...) nodes of its frame, or their velocities.
+    """
     a, b = robot.topology.joint, frame_layout(robot).b
-    c, d, e = b + 1, b + 2, b + 3
-    turn = 1j / (0.5 * (points[b] + points[c]) - points[a]).conj()
-    arm_b, arm_c = 1j / (points[d] - points[b]).conj(), 1j / (points[e] - points[c]).conj()
+    rod = 0.5 * (points[b] + points[b + 1]) - points[a]
+    return np.stack([rod, points[b + 2] - points[b], points[b + 3] - points[b + 1]])
+
+
+def bisection_entries(turns: Points) -> Array:
+    """
+    Return the entries (10 m, ...) of A(x) of (4).
+
+    :param turns: (3, m, ...) gradients of the angles of `bisection_spans` by their ends [1/m].
+    """
+    turn, arm_b, arm_c = turns
     gradients = np.concatenate([2.0 * turn, -arm_b - turn, -arm_c - turn, arm_b, arm_c])
     return np.concatenate([gradients.real, gradients.imag])
 

@@ -23,8 +23,13 @@ from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.power_law import PowerLaw
-from isotruss_ros.core.statics.section import broadcast_members, SectionStiffness
+from isotruss_ros.core.statics.section import (
+    broadcast_members,
+    FlexibilityRates,
+    SectionStiffness,
+)
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -63,6 +68,14 @@ class TubeStiffness(Protocol):
         :param length: (k,) pinch to pinch [m].
         :param pressure: (k,) or one for all, gauge [Pa].
         :raises StructureError: no stiffness belongs to this length and pressure.
+        """
+
+    def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
+        """
+        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members.
+
+        :param length: (k,) pinch to pinch [m].
+        :param pressure: (k,) gauge [Pa].
         """
 
     @classmethod
@@ -118,6 +131,20 @@ class Section:
                 f'GA = {shear[at]:.4g} N: must be positive'
             )
         return SectionStiffness(np.full_like(length, self.axial_rigidity), flexural, shear)
+
+    def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
+        """
+        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members.
+
+        :param length: (k,) pinch to pinch [m].
+        :param pressure: (k,) gauge [Pa].
+        """
+        _, flexural, shear = self.section_stiffness(length, pressure)
+        none, area = np.zeros_like(length), np.pi * self.radius**2
+        bending = -0.5 * area * self.radius**2 / flexural**2
+        return FlexibilityRates(
+            np.array([none, none, none]), np.array([none, bending, -area / shear**2])
+        )
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:
@@ -182,6 +209,22 @@ class InflatableBeam:
             # The thickness cancels; fabrics do not state it.
             flexural=self.membrane_modulus * np.pi * R**3 + force * R**2 / 2.0,
             shear=force + KAPPA * self.membrane_shear_modulus * circumference,
+        )
+
+    def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
+        """
+        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members.
+
+        :param length: (k,) pinch to pinch [m].
+        :param pressure: (k,) gauge [Pa].
+        """
+        _, flexural, shear = self.section_stiffness(length, pressure)
+        none, area = np.zeros_like(length), np.pi * self.radius**2
+        ends = -2.0 / (self.end_softening * pressure * self.radius * length)
+        bending = -0.5 * area * self.radius**2 / flexural**2
+        return FlexibilityRates(
+            np.array([ends / length, none, none]),
+            np.array([ends / pressure, bending, -area / shear**2]),
         )
 
     @classmethod

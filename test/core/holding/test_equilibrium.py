@@ -20,7 +20,7 @@ from isotruss_ros.core.holding.build_statics import build_statics, start_at
 from isotruss_ros.core.holding.contact_closures import find_anchors, rest, stick
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import scaled_wrench
-from isotruss_ros.core.holding.indentation import no_indentation
+from isotruss_ros.core.holding.indentation import NoIndentation
 from isotruss_ros.core.holding.roll_grip import NOTHING
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def dents(forces):
     return 1e-4 * forces + 1e-6 * forces**2, 1e-4 + 2e-6 * forces
 
 
-@pytest.mark.parametrize('indentation', [no_indentation, dents])
+@pytest.mark.parametrize('indentation', [NoIndentation(), dents])
 def test_the_equilibrium_balances_and_touches(statics, indentation):
     statics = replace(statics, indentation=indentation)
     wrench = np.array([1.0, -2.0, 0.5])

@@ -1,0 +1,128 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+
+"""The frame of a robot under the forces of a held object, and how it changes with parameters."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.statics.cut_frame import CutFrame, FrameRates
+from isotruss_ros.core.statics.structure import structure_of, tube_pieces
+from isotruss_ros.core.statics.structure_rates import structure_rates
+import numpy as np
+
+
+class ContactRates(NamedTuple):
+    """
+    How k contacts change with p parameters.
+
+    :ivar feet: (k, p) along the members [m].
+    :ivar normals: (k, p) turn of the normals of the bent tubes [rad].
+    :ivar forces: (k, p) N + iT [N].
+    :ivar dents: (k, p) depths of the dents [m].
+    """
+
+    feet: Array
+    normals: Array
+    forces: Points
+    dents: Array
+
+
+class LoadedTubes:
+    """
+    The frame of a robot with the contacts of a held object as nodes.
+
+    :ivar starts: (k, p) velocities of the pinch points at which the members start, x + iy [m].
+    :ivar spins: (k, p) turns of the members [rad].
+    :param grip: how the object is held.
+    :param moved: (N, p) velocities of the nodes of the configuration, x + iy [m].
+    :param inflated: (t, p) changes of the tubes' pressures [Pa].
+    """
+
+    def __init__(self, grip: HeldGrip, moved: Points, inflated: Array) -> None:
+        self._grip, self._inflated = grip, inflated
+        self._structure = structure_of(grip.config, grip.tubes.pressure)
+        compliance, state, statics = grip.statics.compliance, grip.state, grip.statics
+        self._frame = CutFrame(self._structure.frame, *compliance.locate(state.feet))
+        self._rates = structure_rates(self._structure, moved, inflated)
+        topology, members = grip.config.robot.topology, grip.contacts.members
+        self.starts = moved[topology.b[members]]
+        ahead = moved[topology.c[topology.following[members]]] - self.starts
+        span = compliance.length * compliance.axis
+        self.spins: Array = (ahead / span[:, None]).imag
+        self._push = (state.normal_forces + 1j * state.friction_forces) * state.normals
+        self._skin = statics.tube_radius - statics.indentation(state.normal_forces)[0]
+        loads = np.zeros((len(self._frame.points), 3))
+        couples = -self._skin * state.friction_forces
+        loads[self._frame.nodes] = np.column_stack([self._push.real, self._push.imag, couples])
+        self._state = self._frame.solve(loads)
+
+    def respond(self, contacts: ContactRates) -> tuple[Points, Array, Array]:
+        """
+        Return how the tubes give along + i across the members, and by slope, and the end forces.
+
+        :param contacts: how these change.
+        :return: (k, p) [m], (k, p) [-] and (c, 6, p) of the members of the cut frame [N], [N m].
+        """
+        grip, frame, state = self._grip, self._frame, self._grip.state
+        axis, nodes = grip.statics.compliance.axis[:, None], self._frame.nodes
+        forces = contacts.forces * state.normals[:, None]
+        forces += 1j * contacts.normals * self._push[:, None]
+        couples = contacts.dents * state.friction_forces[:, None]
+        couples -= self._skin[:, None] * contacts.forces.imag
+        loads = np.zeros((len(frame.points), 3, forces.shape[1]))
+        loads[nodes] = np.stack([forces.real, forces.imag, couples], axis=1)
+        places = self.starts + axis * (1j * self.spins * state.feet[:, None] + contacts.feet)
+        rates = FrameRates(
+            np.concatenate([self._rates.points, places]),
+            self._rates.flexibility[:, frame.whole],
+            self._rates.rows,
+        )
+        moved, ends = frame.rates(self._state, rates, loads)
+        still = self._state.displacements[nodes]
+        give = moved[nodes, 0] + 1j * moved[nodes, 1]
+        give = (give - 1j * self.spins * (still[:, 0] + 1j * still[:, 1])[:, None]) / axis
+        # The mean slope of both sides is that of the section, sheared by the mean force across.
+        sheared = 0.5 * (ends[frame.before, 4] - ends[frame.behind, 1])
+        own = self._state.end_forces
+        across = 0.5 * (own[frame.before, 4] - own[frame.behind, 1])
+        slope = moved[nodes, 2] + sheared / frame.members.shear[frame.before, None]
+        slope += across[:, None] * rates.flexibility[2, frame.before]
+        return give, slope, ends
+
+    def utilisation(self, ends: Array) -> tuple[Array, Array]:
+        """
+        Return the largest |M| / M_w of each member, (m,), and how it changes, (m, p).
+
+        :param ends: (c, 6, p) changes of the end forces, see `respond`.
+        """
+        robot = self._grip.config.robot
+        topology, m = robot.topology, robot.topology.n_modules
+        radius = 0.5 * robot.description.tube_diameter
+        pieces = np.flatnonzero(self._frame.whole >= tube_pieces(m)[0, 0])
+        owners = np.concatenate([np.arange(m), topology.previous, np.arange(m)])
+        member = owners[self._frame.whole[pieces] - tube_pieces(m)[0, 0]]
+        forces, changes = self._state.end_forces[pieces], ends[pieces]
+        moment = np.concatenate([forces[:, 2], forces[:, 5]])
+        wall = np.pi * radius**2 * np.array(self._structure.pressures)[topology.tube[member]]
+        left = np.concatenate([wall - forces[:, 0], wall + forces[:, 3]])
+        bent = np.concatenate([changes[:, 2], changes[:, 5]]) * np.sign(moment)[:, None]
+        blown = np.pi * radius**2 * self._inflated[topology.tube[member]]
+        slack = np.concatenate([blown - changes[:, 0], blown + changes[:, 3]])
+        used = np.full(len(moment), np.inf)
+        np.divide(2.0 * np.abs(moment), radius * left, out=used, where=left > 0.0)
+        member = np.tile(member, 2)
+        order = np.lexsort((used, member))
+        last = order[np.searchsorted(member[order], np.arange(m), side='right') - 1]
+        rates = (2.0 / radius * bent - used[:, None] * slack) / left[:, None]
+        return used[last], rates[last]

@@ -1,0 +1,145 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+
+"""
+A frame with nodes where loads act inside its members, and how it changes with its shape.
+
+Its members are Timoshenko beams of the flexibility F(L, EA, EI, GA). With their end forces q and
+deformations d, d = F q, so that q' = F^-1 (d' - F' q): derivatives need none of the stiffness.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.statics.frame import Frame, FrameState, Members
+import numpy as np
+
+
+class FrameRates(NamedTuple):
+    """
+    How a frame changes with p parameters.
+
+    :ivar points: (n, p) of the nodes, x + iy [m].
+    :ivar flexibility: (3, k, p) of 1 / EA, 1 / EI and 1 / GA of the members.
+    :ivar rows: (e, p) of the entries of the constraints.
+    """
+
+    points: Points
+    flexibility: Array
+    rows: Array
+
+
+class CutFrame(Frame):
+    """
+    A frame whose members are cut at some points, which become its last nodes.
+
+    The members themselves become their first parts; the others are the last members.
+
+    :ivar nodes: (c,) the nodes at the points.
+    :ivar before: (c,) the parts that end at the points.
+    :ivar behind: (c,) the parts that begin there.
+    :ivar whole: (k,) of which members of the frame these are parts.
+    :param frame: to be cut.
+    :param piece: (c,) numbers of the members with points inside.
+    :param within: (c,) distances of these from the members' starts [m].
+    """
+
+    def __init__(self, frame: Frame, piece: Indices, within: Array) -> None:
+        own, count, parts = frame.members, len(piece), len(frame.members.start)
+        self.whole = np.concatenate([np.arange(parts), piece])
+        values = [
+            np.append(each, each[piece])
+            for each in (own.start, own.end, own.axial, own.flexural, own.shear)
+        ]
+        pinned_start, pinned_end = (
+            np.append(pins, np.zeros(count, dtype=bool))
+            for pins in (own.pinned_start, own.pinned_end)
+        )
+        self.nodes = len(frame.points) + np.arange(count)
+        self.behind = parts + np.arange(count)
+        self.before = self.behind.copy()
+        start, end = values[:2]
+        # From the far ends of the members: what is left of each is its part from its start.
+        for i in np.argsort(-within).tolist():
+            cut, part = piece[i], self.behind[i]
+            start[part], end[part], pinned_end[part] = self.nodes[i], end[cut], pinned_end[cut]
+            end[cut], pinned_end[cut] = self.nodes[i], False
+        for i, node in enumerate(self.nodes.tolist()):
+            self.before[i] = np.flatnonzero(end == node)[0]
+        points = frame.points[own.start[piece]] + within * frame.axis[piece]
+        held = np.append(frame._held.reshape(-1, 3), np.zeros((count, 3), dtype=bool), axis=0)
+        super().__init__(
+            np.append(frame.points, points),
+            Members(*values, pinned_start, pinned_end),
+            held,
+            [*frame._names, *map(str, self.nodes)],
+            frame._rows,
+        )
+
+    def rates(self, state: FrameState, rates: FrameRates, loads: Array) -> tuple[Array, Array]:
+        """
+        Return how displacements (n, 3, p) and end forces (k, 6, p) change.
+
+        :param state: under the loads.
+        :param rates: of the frame.
+        :param loads: (n, 3, p) of the loads.
+        """
+        pattern, rows, count = self._pattern, self._rows, loads.shape[2]
+        factor, scale = self._system
+        spin, changed = self._still_rates(state, rates)
+        # On the members, in the plane: turned with them.
+        forces = state.end_forces[:, :, None]
+        turned = np.empty_like(changed)
+        for at in (0, 3):
+            turned[:, at] = changed[:, at] - spin * forces[:, at + 1]
+            turned[:, at + 1] = changed[:, at + 1] + spin * forces[:, at]
+            turned[:, at + 2] = changed[:, at + 2]
+        left = loads.reshape(-1, count).copy()
+        places = pattern.places.ravel()
+        np.subtract.at(left, places, (self._turn.transpose(0, 2, 1) @ turned).reshape(-1, count))
+        right = np.zeros((len(scale), count))
+        pushed = rates.rows * state.multipliers[rows.row][:, None]
+        np.subtract.at(left, rows.column, pushed)
+        moved = rates.rows * state.displacements.ravel()[rows.column][:, None]
+        free = len(pattern.solved)
+        right[:free] = left[pattern.solved]
+        np.subtract.at(right[free:], rows.row, moved)
+        found = scale[:, None] * factor.solve(scale[:, None] * right)
+        displacements = np.zeros_like(left)
+        displacements[pattern.solved] = found[:free]
+        changed += self._local @ (self._turn @ displacements[pattern.places])
+        return displacements.reshape(-1, 3, count), changed
+
+    def _still_rates(self, state: FrameState, rates: FrameRates) -> tuple[Array, Array]:
+        """Return spins (k, p), and rates (k, 6, p) of end forces while the nodes stay."""
+        own, length = self.members, self.length[:, None]
+        span = (rates.points[own.end] - rates.points[own.start]) / self.axis[:, None]
+        spin, longer = span.imag / length, span.real
+        by_axial, by_bending, by_shear = rates.flexibility
+        ends = (self._turn @ state.displacements.ravel()[self._pattern.places][:, :, None])[..., 0]
+        stretch, sway = (ends[:, 3:5] - ends[:, :2]).T[:, :, None]
+        moments, pull = state.end_forces[:, [2, 5]][:, :, None], state.end_forces[:, 3, None]
+        # Deformations as the nodes stay: stretch, and rotation of both ends against the chord.
+        pulled = spin * sway - pull * (longer / own.axial[:, None] + length * by_axial)
+        pulled *= self._local[:, 0, 0, None]
+        chord = (-spin * stretch - sway / length * longer) / length
+        # F = L / (6 EI) [2, -1; -1, 2] + 1 / (GA L) [1, 1; 1, 1].
+        bending = (longer / own.flexural[:, None] + length * by_bending) / 6.0
+        shear = (by_shear - longer / (own.shear[:, None] * length)) / length
+        both = moments.sum(axis=1)
+        turned = -(chord + shear * both)[:, None] - bending[:, None] * (
+            3.0 * moments - both[:, None]
+        )
+        stiffness = self._local[:, [2, 5]][:, :, [2, 5]]
+        bent = stiffness @ turned
+        across = bent.sum(axis=1) / length - state.end_forces[:, 1, None] * longer / length
+        return spin, np.stack([-pulled, across, bent[:, 0], pulled, -across, bent[:, 1]], axis=1)
