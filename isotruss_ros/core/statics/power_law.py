@@ -125,22 +125,23 @@ class PowerLaw:
         """
         axial, flexural, shear = self.section_stiffness(length, pressure)
         between = length - 2.0 * self.guide_ring_distance
-        own, transverse, rotary = self.axial, self.transverse, self.rotary
         phi = 12.0 * flexural / (shear * between**2)
-        # Of the logarithms of EA, k_transverse and k_rotary / (k_transverse l^2).
-        ratio = np.where(phi > 0.0, 4.0 + phi, 0.0)
-        rates = []
-        for pull, push, turn in (
-            ((own.b + 1.0) / length, transverse.b / between, rotary.b / between),
-            (own.a / pressure, transverse.a / pressure, rotary.a / pressure),
-        ):
-            by_length = not rates
-            widening = 1.0 / between if by_length else 0.0
-            steeper = ratio * (turn - push - 2.0 * widening)
-            bend = push + 3.0 * widening + steeper / (1.0 + phi)
-            sheared = (steeper + phi * (2.0 * widening - bend)) * between**2 / (12.0 * flexural)
-            rates.append(np.array([-pull / axial, -bend / flexural, sheared]))
-        return FlexibilityRates(*rates)
+        ratio = np.where(phi > 0.0, 4.0 + phi, 0.0)  # of rotary and transverse stiffness
+        # Rates of logarithms, by length and by pressure.
+        pull, push, turn = (
+            np.array([law.b / span, law.a / pressure])
+            for law, span in (
+                (self.axial, length),
+                (self.transverse, between),
+                (self.rotary, between),
+            )
+        )
+        longer, wider = (np.array([1.0 / span, 0.0 * span]) for span in (length, between))
+        steeper = ratio * (turn - push - 2.0 * wider)
+        bend = push + 3.0 * wider + steeper / (1.0 + phi)
+        sheared = (steeper + phi * (2.0 * wider - bend)) * between**2 / (12.0 * flexural)
+        rates = np.array([-(pull + longer) / axial, -bend / flexural, sheared])
+        return FlexibilityRates(rates[:, 0], rates[:, 1])
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Self:

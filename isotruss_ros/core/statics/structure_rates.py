@@ -31,36 +31,26 @@ def structure_rates(structure: Structure, moved: Points, inflated: Array) -> Fra
     :param moved: (N, p) of the nodes of its configuration, x + iy [m].
     :param inflated: (t, p) of the gauge pressures of the tubes [Pa].
     """
-    config, robot = structure.config, structure.config.robot
-    points = _point_rates(structure, moved)
-    spans = bisection_spans(robot, structure.frame.points)[:, :, None].conj()
-    turning = -1j * bisection_spans(robot, points).conj() / spans**2
-    topology = robot.topology
-    side = config.points[topology.c[topology.following]] - config.points[topology.b]
-    change = moved[topology.c[topology.following]] - moved[topology.b]
-    longer = (change / (side / np.abs(side))[:, None]).real
+    config, frame, robot = structure.config, structure.frame, structure.config.robot
+    topology, b = robot.topology, frame_layout(robot).b
+    start, end = topology.b, topology.c[topology.following]
+    side, change = config.points[end] - config.points[start], moved[end] - moved[start]
+    turned = change / side[:, None]
+    points = np.empty((len(frame.points), moved.shape[1]), dtype=np.complex128)
+    joints = len(topology.joint_names)
+    points[:joints] = moved[:joints]
+    points[b], points[b + 1] = moved[topology.b], moved[topology.c]
+    # Guide rings stay at their distance from the pinch points; they turn with the side.
+    ahead = 1j * turned.imag * (frame.points[b + 2] - frame.points[b])[:, None]
+    points[b + 2] = points[b] + ahead
+    points[b + 3] = points[b + 1] - ahead[topology.previous]
     pressures = np.array(structure.pressures)[topology.tube]
     by_length, by_pressure = structure.tube.flexibility_rates(config.member_lengths, pressures)
+    longer = turned.real * np.abs(side)[:, None]
     of_tubes = by_length[:, :, None] * longer + by_pressure[:, :, None] * inflated[topology.tube]
     softer = np.zeros((3, 6, *longer.shape))
     softer[:, 3] = softer[:, 5] = of_tubes
     softer[:, 4] = of_tubes[:, topology.previous]
+    spans = bisection_spans(robot, frame.points)[:, :, None].conj()
+    turning = -1j * bisection_spans(robot, points).conj() / spans**2
     return FrameRates(points, softer.reshape(3, -1, moved.shape[1]), bisection_entries(turning))
-
-
-def _point_rates(structure: Structure, moved: Points) -> Points:
-    """Return how the nodes of a frame move, (n, p), with those of its configuration, (N, p)."""
-    config, frame = structure.config, structure.frame
-    topology, b = config.robot.topology, frame_layout(config.robot).b
-    found = np.empty((len(frame.points), moved.shape[1]), dtype=np.complex128)
-    joints = len(topology.joint_names)
-    found[:joints] = moved[:joints]
-    found[b], found[b + 1] = moved[topology.b], moved[topology.c]
-    side = config.points[topology.c[topology.following]] - config.points[topology.b]
-    change = moved[topology.c[topology.following]] - moved[topology.b]
-    # Guide rings stay at their distance from the pinch points; they turn with the side.
-    spin = (change / side[:, None]).imag
-    ahead = 1j * spin * (frame.points[b + 2] - frame.points[b])[:, None]
-    found[b + 2] = found[b] + ahead
-    found[b + 3] = found[b + 1] - ahead[topology.previous]
-    return found

@@ -149,3 +149,20 @@ def test_a_tube_that_does_not_bend_is_dented_as_the_table_says(radius):
         push = solve_contact(points, surface).push.sum()
         assert abs(push.real) < 1e-6 * abs(push)
         assert table(-push.imag)[0] == pytest.approx(depth, rel=0.02)
+
+
+@pytest.mark.parametrize('force', [0.3, 5.0, 40.0, 1e3, -5.0])
+@pytest.mark.parametrize('shape', ['disc', 'corner'])
+def test_the_pressure_rate_is_that_of_the_depth(shape, force):
+    def table(pressure):
+        given = (pressure,) * len(ROBOT.description.pressures)
+        if shape == 'disc':
+            return skin_indentation(ROBOT, 0, 0.15, given)
+        whole, ellipse = (np.inf, np.inf), Ellipse((0.2, 0.1))
+        return corner_dents.corner_dents(ROBOT, 0, ellipse, 1j, 0, whole, given)
+
+    # So short that the same points are closed on both sides.
+    pressure, step = 34e3, 5.0
+    slope = (table(pressure + step)(force)[0] - table(pressure - step)(force)[0]) / (2.0 * step)
+    assert table(pressure).pressure_rate(force) == pytest.approx(slope, rel=1e-5)
+    assert slope * force < 0.0
