@@ -29,7 +29,7 @@ from isotruss_ros.demo.path import Phase, rotation, translation
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import ContactForce, MujocoPlant
 from isotruss_ros.plotting.grasp_drawing import FORCE_COLOR
-from isotruss_ros.plotting.robot_drawing import draw_robot, frame, MODULE_COLOR, OBJECT_COLOR
+from isotruss_ros.plotting.robot_drawing import frame, MODULE_COLOR, OBJECT_COLOR, plot_robot
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -164,7 +164,7 @@ def draw(picked: Picked) -> Figure:
         # As far as supports and joints reach beyond the nodes.
         low, high = nodes.min(axis=0) - MARGIN, nodes.max(axis=0) + MARGIN
         for axes, stage in zip(figure.subplots(1, len(picked.stages)), picked.stages, strict=True):
-            draw_robot(axes, stage.config)
+            plot_robot(stage.config, axes)
             _draw_box(axes, stage)
             frame(axes, low, high)
             axes.set(xlabel='', ylabel='', xticks=[], yticks=[], title=stage.name)

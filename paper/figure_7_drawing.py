@@ -14,8 +14,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from isotruss_ros.plotting.grasp_drawing import draw_grasp, FORCE_COLOR
-from isotruss_ros.plotting.robot_drawing import draw_robot, frame, MODULE_COLOR, OBJECT_COLOR
+from isotruss_ros.plotting.grasp_drawing import FORCE_COLOR, plot_grasp
+from isotruss_ros.plotting.robot_drawing import frame, MODULE_COLOR, OBJECT_COLOR, plot_robot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
@@ -52,7 +52,7 @@ def draw(held: Sequence[Held]) -> Figure:
 
 
 def _draw_robot(axes: Axes, each: Held) -> None:
-    draw_robot(axes, each.plan.config)
+    plot_robot(each.plan.config, axes)
     body = each.plan.grip.body
     center = body.pose[:2]
     disc = Circle(center, body.arm, zorder=5)
@@ -65,7 +65,7 @@ def _draw_robot(axes: Axes, each: Held) -> None:
 
 def _draw_grasp(axes: Axes, each: Held) -> None:
     body = each.plan.grip.body
-    draw_grasp(axes, each.plan.config, body, each.analysis, SCALE)
+    plot_grasp(each.plan.config, body, each.analysis, axes, SCALE)
     analysis = each.analysis
     lengths = ' + '.join(f'{1e3 * length:.0f}' for length in analysis.contact_lengths.values())
     axes.set_title(

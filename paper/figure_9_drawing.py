@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from isotruss_ros.core import Pose
-from isotruss_ros.plotting.robot_drawing import draw_object, draw_robot, frame, PATH_COLOR
+from isotruss_ros.plotting.robot_drawing import draw_object, frame, PATH_COLOR, plot_robot
 from matplotlib.figure import Figure
 import numpy as np
 from paper.figure_9 import Moved
@@ -29,7 +29,7 @@ def draw(result: Moved) -> Figure:
     low, high = nodes.min(axis=0) - MARGIN, nodes.max(axis=0) + MARGIN
     panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
     for i, (axes, part) in enumerate(zip(panels, result.parts, strict=True)):
-        draw_robot(axes, part.config)
+        plot_robot(part.config, axes)
         draw_object(axes, Pose(*part.poses[-1]), result.diameter)
         travelled = np.concatenate([each.poses for each in result.parts[: i + 1]])
         axes.plot(*travelled.T[:2], color=PATH_COLOR, lw=1.5, zorder=7)

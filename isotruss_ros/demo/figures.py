@@ -26,8 +26,8 @@ from isotruss_ros.core import (
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
-from isotruss_ros.plotting.grasp_drawing import draw_forces, draw_grasp
-from isotruss_ros.plotting.robot_drawing import draw_object, draw_robot, frame, PATH_COLOR
+from isotruss_ros.plotting.grasp_drawing import draw_forces, plot_grasp
+from isotruss_ros.plotting.robot_drawing import draw_object, frame, PATH_COLOR, plot_robot
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.figure import Figure
 import numpy as np
@@ -111,7 +111,7 @@ def draw_panels(
         axes.set_axis_off()
     for i, stop in enumerate(stops):
         axes, pose = panels[i], stop.snapshot.pose
-        draw_robot(axes, configs[i])
+        plot_robot(configs[i], axes)
         _draw_path(axes, [snap for snap in travelled if snap.time <= stop.snapshot.time])
         draw_object(axes, pose, diameter)
         cylinder = ConvexObject.disc(pose[:2], diameter)
@@ -125,7 +125,7 @@ def draw_panels(
         held = ''
         if analysis.contact_lengths:
             views[i].set_axis_on()
-            draw_grasp(views[i], configs[i], cylinder, analysis, scale=ARROW_SCALE)
+            plot_grasp(configs[i], cylinder, analysis, views[i], ARROW_SCALE)
             grasped = len(analysis.contact_lengths) > 1
             settled = settle_grasp(configs[i], cylinder, external_wrench=wrench)
             held = ', held' if grasped and settled.held else ''
@@ -156,7 +156,7 @@ def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path:
 
     def show(i: int) -> None:
         axes.clear()
-        draw_robot(axes, configs[i])
+        plot_robot(configs[i], axes)
         _draw_path(axes, chosen[: i + 1])
         for record in records:
             if record.pulled[0] <= chosen[i].time <= record.pulled[1]:

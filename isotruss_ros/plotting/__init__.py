@@ -8,3 +8,8 @@
 # language governing permissions and limitations under the License.
 
 """Drawings of robots, grasps and fits with Matplotlib."""
+
+from isotruss_ros.plotting.grasp_drawing import plot_grasp
+from isotruss_ros.plotting.robot_drawing import plot_robot
+
+__all__ = ['plot_grasp', 'plot_robot']

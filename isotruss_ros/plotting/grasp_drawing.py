@@ -16,7 +16,7 @@ from isotruss_ros.core.contact.deformed_shape import deformed_lines, force_lines
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.plotting.robot_drawing import MODULE_COLOR, OBJECT_COLOR, TUBE_COLORS
+from isotruss_ros.plotting.robot_drawing import MODULE_COLOR, new_axes, OBJECT_COLOR, TUBE_COLORS
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 import numpy as np
@@ -61,24 +61,27 @@ def draw_forces(
         )
 
 
-def draw_grasp(
-    axes: Axes,
+def plot_grasp(
     config: Configuration,
     body: ConvexObject,
     analysis: GraspAnalysis,
+    axes: Axes | None = None,
     scale: float = ARROW_SCALE,
-) -> None:
+) -> Axes:
     """
     Draw the object, the deformed tubes, their undeformed axes, contact regions and forces.
 
-    Tubes that wrinkle have a red outline.
+    Tubes that wrinkle have a red outline. The title has the sum of the normal forces and the
+    lengths of the contact regions.
 
-    :param axes: to draw on, in the robot's frame [m].
     :param config: where the robot is.
     :param body: the object.
     :param analysis: of its grasp in this configuration.
+    :param axes: to draw on, in the robot's frame [m]; those of a new figure if None.
     :param scale: length of an arrow for its force [m/N].
+    :return: the axes.
     """
+    axes = axes or new_axes()
     robot = config.robot
     lines, used = deformed_lines(config, analysis), analysis.utilisation.values()
     for tube, line, part in zip(robot.topology.tube, lines, used, strict=True):
@@ -107,6 +110,7 @@ def draw_grasp(
     axes.set_ylim(y - around, y + around)
     axes.set_xticks([])
     axes.set_yticks([])
+    return axes
 
 
 def _resultants(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:

@@ -17,6 +17,7 @@ from isotruss_ros.core import Configuration, Pose
 from isotruss_ros.core.numerics.arrays import Array, Points
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
+import matplotlib.pyplot as plt
 import numpy as np
 
 TUBE_COLORS = ('#d98c5f', '#6f9fc8', '#8fb573', '#c9a13b', '#a58cc0')
@@ -35,13 +36,14 @@ ROD = 0.3
 PINCH = 0.15
 
 
-def draw_robot(axes: Axes, config: Configuration) -> None:
+def plot_robot(config: Configuration, axes: Axes | None = None) -> Axes:
     """
-    Draw tubes with their pinched ends, modules and supports; axes in metres.
+    Draw tubes with their pinched ends, modules and supports; return the axes, in metres.
 
-    :param axes: to draw in.
     :param config: configuration of the robot.
+    :param axes: to draw in; those of a new figure, with the robot in its middle, if None.
     """
+    given, axes = axes is not None, axes or new_axes()
     topology, points = config.robot.topology, config.points
     diameter = config.robot.description.tube_diameter
     for i in range(topology.n_modules):
@@ -58,6 +60,10 @@ def draw_robot(axes: Axes, config: Configuration) -> None:
     joints = _plane(points[: len(topology.joint_names)])
     axes.plot(*joints.T, 'o', color='white', mec=MODULE_COLOR, ms=4, zorder=4)
     _draw_supports(axes, config, 0.6 * diameter)
+    if not given:
+        nodes, margin = config.nodes, 2.0 * diameter
+        frame(axes, nodes.min(axis=0) - margin, nodes.max(axis=0) + margin)
+    return axes
 
 
 def draw_object(axes: Axes, pose: Pose, diameter: float) -> None:
@@ -83,6 +89,11 @@ def draw_object(axes: Axes, pose: Pose, diameter: float) -> None:
         arrowprops={'arrowstyle': '-|>', 'color': ARROW_COLOR, 'lw': 2.2},
         zorder=6,
     )
+
+
+def new_axes() -> Axes:
+    """Return the axes of a new figure."""
+    return plt.figure(layout='constrained').add_subplot()
 
 
 def frame(axes: Axes, low: Array, high: Array) -> None:

@@ -1,0 +1,134 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Draw the labelled pictures of the site: a robot and its parts, and a held object's forces."""
+
+from pathlib import Path
+
+from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, tangent_center
+from isotruss_ros.plotting import plot_grasp, plot_robot
+import matplotlib as mpl
+from matplotlib.axes import Axes
+import matplotlib.pyplot as plt
+import numpy as np
+
+IMAGES = Path(__file__).parents[1] / 'images'
+INK, LINE = '#222222', '#777777'
+ARROW = {'arrowstyle': '-|>', 'color': INK, 'lw': 1.4, 'shrinkA': 0.0, 'shrinkB': 0.0}
+
+
+def main() -> None:
+    """Draw both pictures as SVG, and the robot as PNG."""
+    mpl.rcParams.update({'font.size': 10, 'svg.hashsalt': 'isotruss_ros', 'svg.fonttype': 'path'})
+    robot = draw_parts()
+    robot.savefig(IMAGES / 'robot.svg', metadata={'Date': None})
+    robot.savefig(IMAGES / 'robot.png', dpi=110)
+    draw_forces().savefig(IMAGES / 'held_object.svg', metadata={'Date': None})
+
+
+def draw_parts() -> plt.Figure:
+    """Return the drawing of a triangle with the names of its parts."""
+    robot = load_robot('triangle')
+    config, figure = robot.home, plt.figure(figsize=(8.6, 5.6), layout='constrained')
+    axes = plot_robot(config, figure.add_subplot())
+    axes.set_axis_off()
+    axes.set_xlim(-0.75, 2.2)
+    axes.set_ylim(-0.45, 1.55)
+    axes.set_aspect('equal')
+    names = config.robot.node_names
+    place = {name: complex(*config.nodes[i]) for i, name in enumerate(names)}
+    ring = robot.description.module.guide_ring_distance
+    a, b, c = (place[each] for each in ('T', 'main/T/B', 'main/T/C'))
+    toward_l = (place['main/L/C'] - b) / abs(place['main/L/C'] - b)
+    toward_r = (place['main/R/B'] - c) / abs(place['main/R/B'] - c)
+    d, e = b + ring * toward_l, c + ring * toward_r
+    for spot, along in ((d, toward_l), (e, toward_r)):
+        across = 0.06j * along
+        axes.plot(*_xy([spot - across, spot + across]), color=INK, lw=3.0, zorder=6)
+    for spot in (b, c):
+        axes.plot(*_xy([spot]), 'o', color='white', mec=INK, ms=4, zorder=7)
+    _label(axes, a, a + (0.34 + 0.16j), 'A, the universal joint')
+    _label(axes, 0.5 * (a + 0.5 * (b + c)), a + (0.5 + 0.02j), 'rod, of length h')
+    _label(axes, c, c + (0.5 + 0.03j), 'C, a pinch point')
+    _label(axes, e, e + (0.42 - 0.08j), 'E, a guide ring, g from C')
+    _label(axes, b, b + (-0.5 + 0.03j), 'B, a pinch point')
+    _label(axes, d, d + (-0.42 - 0.08j), 'D, a guide ring, g from B')
+    middle = 0.5 * (place['main/R/B'] + c)
+    _label(axes, middle, middle + (0.38 + 0.0j), 'member main/R-T:\ntube from pinch to pinch')
+    passive = 0.5 * (place['main/L/B'] + place['main/L/C'])
+    _label(axes, passive, passive + (-0.42 + 0.3j), 'passive module:\nno motor')
+    driven = 0.5 * (place['main/R/B'] + place['main/R/C'])
+    _label(axes, driven, driven + (0.36 + 0.2j), 'roller module main/R')
+    _label(axes, place['L'] - 0.06j, place['L'] + (0.2 - 0.28j), 'support [x, y]')
+    _label(axes, place['R'] - 0.06j, place['R'] + (0.2 - 0.28j), 'support [y]: it slides along x')
+    # The sign of the travel: from the side of C to the side of B.
+    axes.annotate(
+        '',
+        xy=(1.06, 0.42),
+        xytext=(0.9, 0.18),
+        arrowprops=ARROW | {'connectionstyle': 'arc3,rad=0.3'},
+        zorder=8,
+    )
+    axes.text(0.62, 0.36, 'positive travel:\nfrom the side of C\nto the side of B', ha='center')
+    origin = -0.68 - 0.36j
+    for tip in (0.2, 0.2j):
+        axes.annotate(
+            '', xy=_xy([origin + tip]).ravel(), xytext=_xy([origin]).ravel(), arrowprops=ARROW
+        )
+    axes.text(-0.46, -0.36, 'x', va='center')
+    axes.text(-0.68, -0.13, 'y', ha='center')
+    axes.text(-0.64, -0.29, 'frame truss', fontsize=8, color=LINE)
+    return figure
+
+
+def draw_forces() -> plt.Figure:
+    """Return the drawing of a held disc with the names of what is computed."""
+    robot = load_robot('nine_member')
+    center = tangent_center(robot.home, 'north/Z', 0.3, 0.02)
+    body = ConvexObject.disc(center, 0.3)
+    analysis = analyze_grasp(robot.home, body, 0.5)
+    figure = plt.figure(figsize=(8.0, 4.0), layout='constrained')
+    axes = plot_grasp(robot.home, body, analysis, figure.add_subplot())
+    axes.set_axis_off()
+    axes.set_xlim(center[0] - 0.72, center[0] + 0.72)
+    axes.set_ylim(center[1] - 0.36, center[1] + 0.34)
+    axes.set_title('')
+    middle = complex(*center)
+    touched = middle + 0.15 * np.exp(1j * np.deg2rad(30.0))
+    _label(axes, middle, middle - 0.28j, 'object: a disc of 0.3 m')
+    _label(axes, touched, middle + (0.42 + 0.02j), 'contact region\nof a member')
+    _label(axes, middle + (0.28 + 0.091j), middle + (0.42 + 0.2j), 'its force on the object')
+    _label(axes, middle + (-0.27 - 0.16j), middle + (-0.58 + 0.02j), 'tube, bent and flattened')
+    _label(axes, middle + (-0.37 - 0.26j), middle + (-0.58 - 0.3j), 'axis without load')
+    return figure
+
+
+def _xy(points: list[complex]) -> np.ndarray:
+    """Return x and y of points (2, n)."""
+    return np.array([np.real(points), np.imag(points)])
+
+
+def _label(axes: Axes, spot: complex, text_at: complex, text: str) -> None:
+    """Write a text beside what it names, with a line to it."""
+    left = text_at.real < spot.real
+    centred = abs(text_at.real - spot.real) < 0.05
+    axes.annotate(
+        text,
+        xy=(spot.real, spot.imag),
+        xytext=(text_at.real, text_at.imag),
+        ha='center' if centred else ('right' if left else 'left'),
+        va='center',
+        color=INK,
+        arrowprops={'arrowstyle': '-', 'color': LINE, 'lw': 0.8},
+        zorder=10,
+    )
+
+
+if __name__ == '__main__':
+    main()

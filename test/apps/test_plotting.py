@@ -1,0 +1,53 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Robots and grasps drawn in one call."""
+
+from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, tangent_center
+from isotruss_ros.plotting import plot_grasp, plot_robot
+from matplotlib.figure import Figure
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+ROBOT = load_robot('nine_member')
+CENTER = tangent_center(ROBOT.home, 'north/Z', 0.3, 0.01)
+BODY = ConvexObject.disc(CENTER, 0.3)
+
+
+@pytest.fixture
+def axes():
+    """Return axes of one's own."""
+    return Figure().add_subplot()
+
+
+def test_a_robot_is_drawn_on_given_axes_whose_limits_stay(axes):
+    axes.set_xlim(-7.0, 7.0)
+    assert plot_robot(ROBOT.home, axes) is axes
+    assert axes.get_xlim() == (-7.0, 7.0)
+    # A tube, its corner, the rod and the bar between the pinch points of each module.
+    assert len(axes.patches) == 4 * len(ROBOT.module_names)
+
+
+def test_a_robot_without_axes_is_in_the_middle_of_new_ones():
+    axes = plot_robot(ROBOT.home)
+    low, high = ROBOT.home.nodes.min(axis=0), ROBOT.home.nodes.max(axis=0)
+    margins = np.array([low[0] - axes.get_xlim()[0], axes.get_xlim()[1] - high[0]])
+    assert margins == pytest.approx(2.0 * ROBOT.description.tube_diameter)
+    plt.close(axes.figure)
+
+
+def test_a_grasp_is_drawn_with_what_was_measured(axes):
+    analysis = analyze_grasp(ROBOT.home, BODY, 0.5)
+    assert plot_grasp(ROBOT.home, BODY, analysis, axes) is axes
+    assert axes.get_title().startswith(f'{analysis.normal_forces.sum():.1f} N on ')
+    x = axes.get_xlim()
+    assert 0.5 * (x[0] + x[1]) == pytest.approx(CENTER[0])
+    # One arrow for each member that presses.
+    assert len(axes.texts) == len(analysis.contact_lengths)
