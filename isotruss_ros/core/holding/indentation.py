@@ -41,15 +41,12 @@ class Press(NamedTuple):
     """
     How a surface presses on a tube that it dents, see `press_on_skin`.
 
-    :ivar force: [N].
     :ivar spacing: of the points of the skin [m].
-    :ivar weights: (c,) by which the force falls with the compliance between points 0, 1, ...
-        spacings apart [N^2/m].
+    :ivar forces: (c,) on these [N].
     """
 
-    force: float
     spacing: float
-    weights: Array
+    forces: Array
 
 
 class SkinIndentation:
@@ -65,7 +62,7 @@ class SkinIndentation:
     def __init__(
         self, depths: Array, presses: Sequence[Press], kernel: Flattening, tube: int
     ) -> None:
-        forces = np.array([press.force for press in presses])
+        forces = np.array([press.forces.sum() for press in presses])
         places = np.append(0.0, forces**POWER)
         skin = np.append(0.0, depths)
         spline = scipy.interpolate.CubicSpline(places, skin, bc_type='natural')
@@ -111,10 +108,17 @@ class SkinIndentation:
     @functools.cached_property
     def _place_rates(self) -> Array:
         """Return how the places of the table move with the pressure, (n + 1,)."""
-        rates = [0.0]
-        for force, spacing, weights in self._presses:
-            softer = self._kernel.compliance_rates(len(weights), spacing)[self._tube]
-            rates.append(-POWER * force ** (POWER - 1.0) * float(weights @ softer))
+        kernel, tube, rates = self._kernel, self._tube, [0.0]
+        for spacing, forces in self._presses:
+            # The sum of q, where C q = -gaps, changes by -l . C' q, where C l = 1.
+            closed = np.flatnonzero(forces)
+            alike = np.zeros(len(closed), dtype=np.intp)
+            dents = kernel.compliance(spacing * closed, alike, alike + tube, spacing)
+            by_gaps = np.linalg.solve(dents, np.ones(len(closed)))
+            apart = np.abs(closed[:, None] - closed)
+            softer = kernel.compliance_rates(len(forces), spacing)[tube][apart]
+            lost = float(by_gaps @ softer @ forces[closed])
+            rates.append(-POWER * forces.sum() ** (POWER - 1.0) * lost)
         return np.array(rates)
 
     @functools.cached_property
@@ -237,9 +241,7 @@ def press_on_skin(kernel: Flattening, tube: int, spacing: float, gaps: Array) ->
     """
     Return how a surface presses on a tube whose centre line stands still.
 
-    The force f = sum q of C q = -gaps changes by -l . dC q, where C l = 1 at the closed points.
-
-    :param kernel: compliance C of the tubes' sections.
+    :param kernel: compliance of the tubes' sections.
     :param tube: number of the tube.
     :param spacing: of the points of the skin [m].
     :param gaps: (c,) from these across the tube to the surface, negative within it [m].
@@ -247,10 +249,5 @@ def press_on_skin(kernel: Flattening, tube: int, spacing: float, gaps: Array) ->
     count = len(gaps)
     alike = np.zeros(count, dtype=np.intp)
     dents = kernel.compliance(spacing * np.arange(count), alike, alike + tube, spacing)
-    forces, active = solve_complementarity(dents, gaps, np.ones(count, dtype=bool))
-    at = np.flatnonzero(active)
-    by_gaps = np.zeros(count)
-    by_gaps[at] = np.linalg.solve(dents[at[:, None], at], np.ones(len(at)))
-    apart = np.correlate(by_gaps, forces, mode='full')
-    weights = np.append(apart[count - 1], apart[count:] + apart[: count - 1][::-1])
-    return Press(float(forces.sum()), spacing, weights)
+    forces, _ = solve_complementarity(dents, gaps, np.ones(count, dtype=bool))
+    return Press(spacing, forces)
