@@ -75,6 +75,7 @@ setup(
             'fit_tube_stiffness = isotruss_ros.cli.fit_tube_stiffness:main',
             'calibrate_home = isotruss_ros.cli.calibrate:home',
             'calibrate_stiffness = isotruss_ros.cli.calibrate:stiffness',
+            'isotruss = isotruss_ros.cli.operate:main',
             'export_mujoco = isotruss_ros.cli.export_mujoco:main',
         ],
     },

@@ -25,6 +25,8 @@ import signal
 import sys
 from types import FrameType
 
+from isotruss_ros.nodes import NO_MESSAGES
+
 NODES = (
     'simulator',
     'manipulation',
@@ -39,13 +41,6 @@ NODES = (
     'calibration',
     'check_rollers',
     'preflight',
-)
-#: In the words of a terminal, since that is where it is read.
-NO_MESSAGES = (
-    'isotruss_msgs, the interface package of isotruss_ros, is not built. It is the folder\n'
-    'msg_defs of isotruss_ros, where colcon does not look by itself. In the workspace:\n'
-    '  ln -s isotruss_ros/msg_defs src/isotruss_msgs\n'
-    '  colcon build && source install/setup.bash'
 )
 
 

@@ -19,7 +19,14 @@ python=$venv/bin/python
 log=$venv/install.log
 
 install() {
-    "$python" -m pip install --quiet --disable-pip-version-check "$@" 2> "$log" || {
+    # A dot for each package that comes: minutes of silence look like an end.
+    { "$python" -m pip install --disable-pip-version-check --progress-bar off "$@" 2> "$log" ||
+        touch "$log.failed"; } | while read -r word _; do
+        case $word in Collecting | Processing | Downloading | Using) printf '.' ;; esac
+    done
+    echo
+    [ ! -e "$log.failed" ] || {
+        rm "$log.failed"
         cat "$log" >&2
         echo 'Installing the packages failed (see above); run the same command again' \
             'once the network answers: what was fetched is kept.' >&2

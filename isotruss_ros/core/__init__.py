@@ -43,7 +43,6 @@ from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
 from isotruss_ros.core.planning.reach_pose import reach_pose
-from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
 from isotruss_ros.core.simulation.elastic_object import ElasticObject
@@ -79,7 +78,6 @@ __all__ = [
     'load_robot',
     'place_between',
     'plan_grasps',
-    'plan_release',
     'reach_pose',
     'reachable_twists',
     'read_object',

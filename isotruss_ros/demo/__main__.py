@@ -13,7 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import importlib
+import importlib.util
 import sys
+
+from isotruss_ros.nodes import NO_MESSAGES
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -21,8 +24,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Run the demonstration; Ctrl-C ends it and its nodes at any time.
 
     :param arguments: of the command line; those of the process if None.
-    :return: 0 where the object was held and came to its places, 1 if not, 130 after Ctrl-C.
+    :return: 0 where the object was held and came to its places, 1 if not, or where the messages
+        are not built, 130 after Ctrl-C.
     """
+    if importlib.util.find_spec('isotruss_msgs') is None:
+        print(NO_MESSAGES, file=sys.stderr)
+        return 1
     try:
         # Ctrl-C may come while this is imported, which takes a second.
         return importlib.import_module('isotruss_ros.demo.run').run(arguments)

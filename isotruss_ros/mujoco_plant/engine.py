@@ -30,5 +30,6 @@ def load_mujoco() -> ModuleType:
     except ImportError as error:
         raise PlantError(
             f'plant mujoco: MuJoCo cannot be imported ({error}); install it with '
-            "pip install 'isotruss_ros[mujoco]', or take plant kinematic or elastic"
+            "pip install 'mujoco>=3.11,<4' in the environment of this Python, or take plant "
+            'kinematic or elastic'
         ) from error

@@ -30,4 +30,7 @@ class MissingPackageError(IsotrussError, ImportError):
     """A package of the extra `viewer` is not installed."""
 
     def __init__(self, error: ImportError) -> None:
-        super().__init__(f'{error}: install what the viewer needs: pip install viser mcap rosbags')
+        super().__init__(
+            f'{error}: install what the viewer needs, in the environment of this Python: '
+            'pip install viser mcap rosbags'
+        )

@@ -37,6 +37,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.rigidity import worst_case_rigidity_index
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.model.presets import preset_names
+from isotruss_ros.core.planning import release
 from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 import robots
@@ -312,7 +313,8 @@ def follow_trajectory(world):
 
 def plan_release(world):
     """Plan how to let the object go."""
-    return core.plan_release(world.config, world.body, world.grip.members, world.number(0.0, 0.1))
+    clearance = world.number(0.0, 0.1)
+    return release.plan_release(world.config, world.body, world.grip.members, clearance)
 
 
 def plan_grasps(world):

@@ -205,7 +205,7 @@ def test_without_mujoco_a_sentence_says_what_to_install(monkeypatch):
 
     engine.load_mujoco.cache_clear()
     monkeypatch.setattr(importlib, 'import_module', missing)
-    with pytest.raises(PlantError, match=r"pip install 'isotruss_ros\[mujoco\]'"):
+    with pytest.raises(PlantError, match=r"pip install 'mujoco>=3.11,<4' in"):
         MujocoPlant(load_robot('triangle'))
 
 

@@ -184,7 +184,7 @@ def test_without_mujoco_it_is_refused_in_one_sentence(monkeypatch):
 
     monkeypatch.setattr(engine.importlib, 'import_module', no_mujoco)
     monkeypatch.delitem(sys.modules, 'mujoco', raising=False)
-    check_refused(node(), r"pip install 'isotruss_ros\[mujoco\]'")
+    check_refused(node(), "pip install 'mujoco>=3.11,<4' in the environment")
     engine.load_mujoco.cache_clear()
 
 

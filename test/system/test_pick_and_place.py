@@ -321,6 +321,19 @@ def test_the_example_picks_an_object_up_and_places_it(client):
     assert 'place_object: free' in done.stdout
 
 
+def test_a_terminal_picks_an_object_up_once_and_places_it(client):
+    client.let_go()
+    said = []
+    for words, code in (('pick --squeeze 15', 0), ('pick', 1), ('place', 0), ('place', 1)):
+        command = [sys.executable, '-m', 'isotruss_ros.cli.operate', *words.split()]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+        said.append(done.stdout)
+        assert done.returncode == code, done
+    assert 'pick_object: held at' in said[0]
+    assert 'place it first' in said[1]
+    assert 'place_object: free' in said[2]
+
+
 def test_a_motion_ends_with_a_pick_and_place_that_is_killed(client):
     client.hold()
     r = client.r

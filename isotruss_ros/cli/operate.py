@@ -1,0 +1,129 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+Executable `isotruss`: pick, move and place the object from a terminal, and stop the robot.
+
+One goal for the running node `pick_and_place`, or a call of `manipulation`; where there is no
+`ros2` command, or none that one wants to type.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import math
+import sys
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
+from isotruss_ros.core import Pose
+from isotruss_ros.nodes.conversions.messages import to_pose_message
+from nav_msgs.msg import Path
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+#: A server that is running is discovered within this time [s].
+DISCOVERY_TIME = 5.0
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Send one goal or call, and print what came of it.
+
+    :param arguments: of the command line; those of the process if None.
+    :return: 0 where it succeeded, 1 if not, 130 after Ctrl-C, which cancels the goal.
+    """
+    options = _parser().parse_args(arguments)
+    rclpy.init(args=[])
+    node = rclpy.create_node('isotruss')
+    try:
+        return options.run(node, options)
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog='isotruss', description=__doc__)
+    kinds = parser.add_subparsers(required=True)
+    pick = kinds.add_parser('pick', help='plan a grasp, close, confirm that it holds')
+    pick.add_argument('--squeeze', type=float, default=15.0, help='of each member [N]')
+    pick.set_defaults(run=_pick)
+    move = kinds.add_parser('move', help='move the held object straight to a pose')
+    move.add_argument('x', type=float, help='[m]')
+    move.add_argument('y', type=float, help='[m]')
+    move.add_argument('--angle', type=float, default=0.0, help='[degrees] (default %(default)s)')
+    move.set_defaults(run=_move)
+    kinds.add_parser('place', help='open the grip and back off').set_defaults(run=_place)
+    for name, words in (('stop', 'stop the robot'), ('release', 'release the stop')):
+        service = 'emergency_stop' if name == 'stop' else 'release_emergency_stop'
+        kinds.add_parser(name, help=words).set_defaults(run=_call, service=service)
+    return parser
+
+
+def _pick(node: Node, options: argparse.Namespace) -> int:
+    return _send(node, PickObject, 'pick_object', PickObject.Goal(squeeze=options.squeeze))
+
+
+def _move(node: Node, options: argparse.Namespace) -> int:
+    pose = Pose(options.x, options.y, math.radians(options.angle))
+    path = Path(poses=[PoseStamped(pose=to_pose_message(pose))])
+    return _send(node, MoveObject, 'move_object', MoveObject.Goal(path=path))
+
+
+def _place(node: Node, _options: argparse.Namespace) -> int:
+    return _send(node, PlaceObject, 'place_object', PlaceObject.Goal())
+
+
+def _send(node: Node, kind: type, name: str, goal: Any) -> int:
+    """Send a goal and wait for its result; Ctrl-C cancels it."""
+    client = ActionClient(node, kind, name)
+    if not client.wait_for_server(DISCOVERY_TIME):
+        return _fail(f'no action {name}: pick_and_place is not running')
+    handle = _await(node, client.send_goal_async(goal))
+    if not handle.accepted:
+        return _fail(f'{name} was rejected: another goal runs, or the node is inactive')
+    ended = handle.get_result_async()
+    try:
+        result = _await(node, ended).result
+    except KeyboardInterrupt:
+        _await(node, handle.cancel_goal_async())
+        print(f'{name}: {_await(node, ended).result.message}')
+        return 130
+    print(f'{name}: {result.message}')
+    return 0 if result.code == kind.Result.SUCCEEDED else 1
+
+
+def _call(node: Node, options: argparse.Namespace) -> int:
+    """Call a service of the node `manipulation`."""
+    client = node.create_client(Trigger, options.service)
+    if not client.wait_for_service(DISCOVERY_TIME):
+        return _fail(f'no service {options.service}: manipulation is not running')
+    answer = _await(node, client.call_async(Trigger.Request()))
+    print(f'{options.service}: {answer.message}')
+    return 0 if answer.success else 1
+
+
+def _await(node: Node, future: Future) -> Any:
+    rclpy.spin_until_future_complete(node, future)
+    return future.result()
+
+
+def _fail(why: str) -> int:
+    print(f'isotruss: {why}', file=sys.stderr)
+    return 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())
