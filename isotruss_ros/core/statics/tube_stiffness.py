@@ -266,6 +266,16 @@ class ScaledStiffness:
         sections = self.model.section_stiffness(length, pressure)
         return SectionStiffness(*(self.scale * each for each in sections))
 
+    def flexibility_rates(self, length: Array, pressure: Array) -> FlexibilityRates:
+        """
+        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members.
+
+        :param length: (k,) pinch to pinch [m].
+        :param pressure: (k,) gauge [Pa].
+        """
+        rates = self.model.flexibility_rates(length, pressure)
+        return FlexibilityRates(*(each / self.scale for each in rates))
+
 
 #: The models by their names in robot files.
 MODELS: dict[str, type[TubeStiffness]] = {

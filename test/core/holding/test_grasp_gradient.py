@@ -47,7 +47,11 @@ SECTION = {
     'flexural_rigidity': 25.0,
     'shear_rigidity': 1.9e3,
 }
-ROBOTS = [Robot(replace(FILE, stiffness=each)) for each in (FILE.stiffness, SECTION, LAWS)]
+ROBOTS = [
+    Robot(FILE),
+    Robot(replace(FILE, stiffness=SECTION, stiffness_scale=1.2)),
+    Robot(replace(FILE, stiffness=LAWS)),
+]
 SPREAD = 2.0 * np.pi / 5.0 * np.arange(5)
 BOX = np.array([(-1.0, -0.8), (1.0, -0.8), (1.0, 0.8), (-1.0, 0.8)])
 #: At a module, apart, and three around the object.
