@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """Find shape and pressures with which a grasp presses most while no tube nears wrinkling."""
 
 from functools import lru_cache

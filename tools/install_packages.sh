@@ -22,7 +22,7 @@ install() {
     # A dot for each package that comes: minutes of silence look like an end.
     { "$python" -m pip install --disable-pip-version-check --progress-bar off "$@" 2> "$log" ||
         touch "$log.failed"; } | while read -r word _; do
-        case $word in Collecting | Processing | Downloading | Using) printf '.' ;; esac
+        case $word in Collecting | Processing) printf . ;; esac
     done
     echo
     [ ! -e "$log.failed" ] || {

@@ -69,7 +69,8 @@ PLANT = params.Spec(
     'plant',
     KINEMATIC,
     'kinematic: the object is at rest in the grasp frame but for rolling; '
-    'elastic: it is where the equilibrium with the elastic tubes puts it, and can slip; '
+    'elastic: it is where the equilibrium with the elastic tubes puts it, without masses, and can '
+    'slip; '
     'mujoco: a dynamics engine moves robot and object',
     read_only=True,
 )

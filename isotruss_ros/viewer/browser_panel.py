@@ -51,6 +51,10 @@ WRENCH = (
 )
 
 
+#: Of the switch and the commands, between the stop and what is measured.
+ORDER = -9.0
+
+
 class BrowserPanel:
     """
     The switch of the control, and commands, which are there only while this browser has control.
@@ -68,8 +72,10 @@ class BrowserPanel:
     ) -> None:
         self._number, self._gui = client.client_id, client.gui
         self._joints, self._leave = joints, leave
-        self._words = client.gui.add_markdown('')
-        self._switch = client.gui.add_checkbox('control', False, hint='Commands are sent while on')
+        self._words = client.gui.add_markdown('', order=ORDER)
+        self._switch = client.gui.add_checkbox(
+            'control', False, hint='Commands are sent while on', order=ORDER + 1.0
+        )
         self._commands: viser.GuiFolderHandle | None = None
 
     @property
@@ -99,14 +105,14 @@ class BrowserPanel:
 
     def _add_commands(self, values: Mapping[str, float | str]) -> viser.GuiFolderHandle:
         gui = self._gui
-        with gui.add_folder(None) as commands:
+        with gui.add_folder(None, order=ORDER + 2.0) as commands:
             self._add_choice('drag', DRAGGED, (OBJECT, *self._joints), values)
             for label, name in (('pick', PICK), ('place', PLACE), ('release the stop', RELEASE)):
                 gui.add_button(label).on_click(lambda _, name=name: self._leave(name, 0.0))
-            with gui.add_folder('settings', expand_by_default=False):
+            with gui.add_folder('assumed by the analysis', expand_by_default=False):
                 for setting in SETTINGS:
                     self._add_slider(setting, values[setting.name])
-                self._add_choice('plant', PLANT, (AS_STARTED, *PLANTS), values)
+            self._add_choice('plant', PLANT, (AS_STARTED, *PLANTS), values)
             with gui.add_folder('external wrench', expand_by_default=False):
                 for setting in WRENCH:
                     self._add_slider(setting, 0.0)

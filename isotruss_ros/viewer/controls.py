@@ -31,6 +31,10 @@ NEW_TASKS = (DRAGGED, PICK, PLACE, PLANT)
 FORCES = tuple(setting.name for setting in WRENCH)
 
 
+#: Of the stop, before all that the panel shows.
+STOP_ORDER = -10.0
+
+
 class Controls:
     """
     The controls: requests count from the browser in control only, but a stop from each.
@@ -56,7 +60,8 @@ class Controls:
         self._joints = picture.robot.node_names[: len(picture.robot.topology.joint_names)]
         self._at: tuple[float, float] | None = None
         self._grip = (0.0, 0.0)
-        stop = server.gui.add_button('stop', color='red')
+        # Before all else, so that it is on every screen.
+        stop = server.gui.add_button('stop', color='red', order=STOP_ORDER)
         stop.on_click(lambda event: self._requests.put((event.client_id, STOP, 0.0)))
         # Above the object and the tubes, so that it is always within reach.
         self._height = picture.robot.description.tube_diameter

@@ -21,6 +21,16 @@ from viser import uplot
 PLOT_EVERY = 5
 
 
+LEGEND = """\
+A truss robot of inflated tubes, seen from above; roller modules at its corners drive along them.
+
+- tubes: blue, green, orange from 0.8 of the moment at which they wrinkle, red where they do
+- object: green held, red not held, grey unknown
+- arrows: forces of the tubes on it; dark stripes: where they touch
+- blue ball, with *control* on: drag it, and what it is on follows
+"""
+
+
 class Panels:
     """
     Show words and plots of a picture beside the scene.
@@ -32,6 +42,8 @@ class Panels:
         self._words = server.gui.add_markdown('**waiting for messages**')
         self._squeeze = self._add_plot(server, 'squeeze [N]')
         self._error = self._add_plot(server, 'pose error [mm]')
+        with server.gui.add_folder('what is shown', expand_by_default=False):
+            server.gui.add_markdown(LEGEND)
         self._shown, self._count = '', 0
 
     def update(self, picture: Picture, now: float) -> None:

@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """How a settled grasp changes with what an optimiser can choose: exact derivatives."""
 
 from __future__ import annotations

@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """The frame of a robot under the forces of a held object, and how it changes with parameters."""
 
 from __future__ import annotations

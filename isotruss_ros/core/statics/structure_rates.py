@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """How the frame of a robot changes with its rollers and the pressure of its tubes."""
 
 from __future__ import annotations

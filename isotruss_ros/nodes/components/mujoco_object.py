@@ -70,6 +70,14 @@ ROLLER_LAG = params.Spec(
     bounds=(0.0, 10.0),
     read_only=True,
 )
+ROLLER_FORCE = params.Spec(
+    'roller_force',
+    1e6,
+    'Largest force along the tube of a roller, which stands where the members pull harder against '
+    'it, mujoco only [N]',
+    bounds=(1e-3, 1e6),
+    read_only=True,
+)
 RECORDING = params.Spec(
     'recording',
     '',
@@ -84,6 +92,7 @@ MUJOCO_SPECS = (
     GROUND_FRICTION,
     MODULE_FRICTION,
     ROLLER_LAG,
+    ROLLER_FORCE,
     RECORDING,
 )
 
@@ -130,6 +139,7 @@ def make_driven_robot(
         ground_friction=values[GROUND_FRICTION],
         module_friction=values[MODULE_FRICTION],
         roller_lag=values[ROLLER_LAG],
+        roller_force=values[ROLLER_FORCE],
     )
     longest = float('inf') if sim_time else LONGEST_STEP
     return DrivenRobot(start.robot, start.body, start.is_free, options, faults, seed, longest)

@@ -7,7 +7,6 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-
 """Gradients of settled grasps against central differences of grasps that are settled anew."""
 
 from dataclasses import replace

@@ -59,7 +59,7 @@ def test_dents_are_those_of_the_librarys_spline(rng, count, size):
     for _ in range(count):
         depths = np.cumsum(rng.uniform(5e-4, 1e-3, size))
         forces = 1e5 * rng.uniform(0.5, 2.0) * depths ** rng.uniform(1.2, 1.8)
-        presses = [Press(force, 1e-3, np.ones(1)) for force in forces]
+        presses = [Press(1e-3, np.array([force])) for force in forces]
         tables.append(SkinIndentation(depths, presses, flattening_of(ROBOT), 0))
         places = np.append(0.0, forces**POWER)
         splines.append(CubicSpline(places, np.append(0.0, depths), bc_type='natural'))
