@@ -494,7 +494,7 @@ def test_an_object_that_is_held_already_is_not_picked():
     sequences.grasp = StampedInput(held, 10.0)
     with pytest.raises(StepError, match='by north/P-Z, north/Z-R: place it first') as refused:
         list(sequences.pick(PickObject.Goal()))
-    assert refused.value.outcome is Outcome.NOT_READY
+    assert refused.value.outcome is Outcome.BAD_GOAL
 
 
 def sequences_at(grasp_age, held=True, pose_age=0.0):

@@ -47,6 +47,8 @@ SEARCHED = PickObject.Goal()
 APART = PlaceObject.Goal(clearance=0.05)
 #: Fails without a motion, as soon as all nodes have discovered each other.
 READY = PickObject.Goal(squeeze=1e5, time_limit=0.2)
+#: There is no such grasp; or a grip that was closing when its node was killed holds the object.
+ANSWERS = {PickObject.Result.NO_MOTION_FOUND, PickObject.Result.BAD_GOAL}
 
 
 class Client:
@@ -185,7 +187,7 @@ def client(shared_domain, tmp_path_factory):
     """Return a client of all nodes, for the tests that leave all of them running."""
     with robot(tmp_path_factory.mktemp('nodes')) as r:
         client = Client(r)
-        assert client.execute(READY)[1].code == PickObject.Result.NO_MOTION_FOUND
+        assert client.execute(READY)[1].code in ANSWERS
         r.w.until(lambda: r.w.probe.last('held') and r.w.probe.last('state'))
         yield client
 
@@ -234,7 +236,7 @@ def test_a_pick_ends_with_a_pick_and_place_that_is_killed(client):
     r.w.until(lambda: r.w.code() == Status.HALT_TRAJECTORY)
     assert 'the client that supervises the goal' in r.w.probe.last('status').message
     r.check_rests()
-    assert client.execute(READY)[1].code == PickObject.Result.NO_MOTION_FOUND
+    assert client.execute(READY)[1].code in ANSWERS
 
 
 @pytest.mark.parametrize('name', ['grasp_planner', 'manipulation'])
@@ -246,7 +248,7 @@ def test_a_pick_ends_where_a_node_under_it_is_killed_and_started_again(client, n
     assert (status, result.code) == (GoalStatus.STATUS_ABORTED, PickObject.Result.STOPPED)
     assert ENDED.search(result.message)
     client.r.check_rests()
-    assert client.execute(READY)[1].code == PickObject.Result.NO_MOTION_FOUND
+    assert client.execute(READY)[1].code in ANSWERS
 
 
 def test_a_cancel_ends_the_goal_where_a_node_under_it_hangs(client):

@@ -191,7 +191,7 @@ class GraspSequences:
         if found.value.held:
             members = ', '.join(found.value.grasping_members)
             raise StepError(
-                Outcome.NOT_READY, f'the object is held already, by {members}: place it first'
+                Outcome.BAD_GOAL, f'the object is held already, by {members}: place it first'
             )
 
     def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
