@@ -32,6 +32,7 @@ class FittedLaw:
     :ivar low: lower ends of the confidence intervals of C, a and b, each on its own.
     :ivar high: upper ends.
     :ivar r_squared: part of the variance of ln k that the law explains; NaN if k does not vary.
+    :ivar misfit: root mean square of ln(measured / fitted stiffness).
     :ivar count: number of stiffnesses.
     """
 
@@ -39,6 +40,7 @@ class FittedLaw:
     low: Law
     high: Law
     r_squared: float
+    misfit: float
     count: int
 
 
@@ -75,6 +77,7 @@ def fit_law(
         _law(solution - reach),
         _law(solution + reach),
         float(1.0 - rest @ rest / total) if total > n * ROUNDING**2 else np.nan,
+        float(np.sqrt(np.mean(rest**2))),
         n,
     )
 

@@ -30,6 +30,9 @@ SYMBOLS = {
     'end_softening': 'c',
 }
 
+#: A beam nearer to the points of a mode than this is not said to miss them.
+MISSED = 0.05
+
 
 def unused_rows(unused: Unused, rows: int) -> Iterator[str]:
     """
@@ -133,6 +136,25 @@ def law_table(analysis: Analysis) -> Table:
             misfit,
         )
     return result
+
+
+def missed_modes(analysis: Analysis) -> Iterator[str]:
+    """
+    Yield a line for each mode whose points the beam does not pass through.
+
+    A power law has three constants for one mode, the beam three for all: where the law passes
+    through the points and the beam does not, it is the theory that misses, and not the scatter.
+
+    :param analysis: what was fitted.
+    """
+    beam = analysis.fitted.misfits if analysis.fitted else {}
+    for mode, law in analysis.laws.items():
+        if beam.get(mode, 0.0) > max(MISSED, 2.0 * law.misfit):
+            yield (
+                f'the beam misses the points of mode {mode} by {100.0 * beam[mode]:.0f} %, their '
+                f'own power law by {100.0 * law.misfit:.0f} %: check the units, the diameter and '
+                'where the lengths end; if they are right, this tube is no inflatable beam'
+            )
 
 
 def _table(title: str) -> Table:

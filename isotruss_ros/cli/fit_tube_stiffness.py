@@ -30,6 +30,7 @@ from isotruss_ros.calibration.report import (
     block,
     law_table,
     local_line,
+    missed_modes,
     unused_rows,
 )
 from isotruss_ros.core.errors import IsotrussError
@@ -72,6 +73,8 @@ def _run(options: argparse.Namespace) -> int:
         print(local, end='\n\n')
     if any(analysis.slopes.values()):
         console.print(law_table(analysis), '')
+    for line in missed_modes(analysis):
+        print(line)
     for mode, reason in analysis.missing.items():
         print(f'no power law for mode {mode}: {reason}')
     if options.figure:

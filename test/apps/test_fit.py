@@ -117,6 +117,20 @@ def test_noisy_points_give_constants_within_the_printed_intervals(tmp_path, caps
     assert np.mean(held) > 0.89
 
 
+def test_a_mode_that_the_beam_misses_is_named(tmp_path, capsys):
+    rows = points()
+    for row in rows[1:]:
+        row[-2] *= 3.0 if row[0] == 'transverse' else 1.0
+    _, out, _ = run(capsys, write(tmp_path, rows))
+    missed = re.findall(r'the beam misses the points of mode (\w+) by', out)
+    assert 'transverse' in missed
+
+
+def test_scatter_alone_is_nothing_that_the_beam_misses(tmp_path, capsys):
+    path = write(tmp_path, points(scatter=0.1, noise=0.01, trials=4))
+    assert 'the beam misses' not in run(capsys, path)[1]
+
+
 @pytest.mark.parametrize('scatter', [0.0, 0.1])
 @pytest.mark.parametrize('preset', robots.PRESETS)
 def test_fitted_tube_is_usable_in_the_whole_workspace_of_the_presets(
