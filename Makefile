@@ -60,14 +60,15 @@ venv: $(STAMPS)/messages $(STAMPS)/package
 test: venv
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(PYTEST) -m 'not system and not linter'
+	$(PYTEST) -m 'not system and not linter and not nightly'
 	$(PYTEST) --dist loadgroup -m system
 
 noble:
 	+$(MAKE) noble-some $(NOBLE)
 
-nightly:
+nightly: venv
 	+$(MAKE) noble-all $(NOBLE)
+	$(PYTEST) -m nightly
 	+$(MAKE) soak
 	+$(MAKE) calls
 	+$(MAKE) plant
@@ -78,7 +79,7 @@ noble-venv:
 # What random examples prove does not depend on the versions: a few of them do.
 noble-some: export EXAMPLES_SHARE = 0.02
 noble-some: venv
-	$(PYTEST) -m 'not system' test/core test/nodes
+	$(PYTEST) -m 'not system and not nightly' test/core test/nodes
 
 noble-all: venv
 	$(PYTEST) -m 'not system and not linter'
@@ -124,7 +125,7 @@ calls: venv
 			--first $$first --calls $$(($(CALLS) / $(words $(CORETYPES)))); first=$$((first + $(CALLS))); done
 
 coverage: venv
-	EXAMPLES_SHARE=1 $(PYTEST) -m 'not system and not linter' --cov=isotruss_ros.core --cov-branch \
+	EXAMPLES_SHARE=1 $(PYTEST) -m 'not system and not linter and not nightly' --cov=isotruss_ros.core --cov-branch \
 		--cov-report=term-missing:skip-covered
 
 format: venv
