@@ -37,7 +37,7 @@ SWING = 0.003
 SLOWEST, SWING_TIME = 2.0, 0.5
 #: So many half-swings, each at least so large against the one before it, do not decay.
 SWINGS, NO_DECAY = 3, 0.95
-#: Low-pass on what is measured [s].
+#: Low-pass on what is measured; for swings, 1 / omega where that is known [s].
 FILTER_TIME = 0.02
 
 
@@ -91,6 +91,8 @@ class GripWatch:
         self._slipped_for = 0.0
         self._begun, self._travelled = np.zeros(3), 0.0
         self._departures: deque[Array] = deque(maxlen=STEPS)
+        # Noise is quicker than what grows, which is the lowest mode and slower.
+        self._swing_filter = 1.0 / frequency if frequency else FILTER_TIME
         self.forget_swings()
 
     def forget_swings(self) -> None:
@@ -109,7 +111,8 @@ class GripWatch:
         self._apart = self._apart + passed * (poses.apart - self._first.apart - self._apart)
         left = poses.unexplained - self._first.unexplained
         self._unexplained = self._unexplained + passed * (left - self._unexplained)
-        self._error = self._error + passed * (poses.error - self._error)
+        followed = -math.expm1(-elapsed / self._swing_filter)
+        self._error = self._error + followed * (poses.error - self._error)
         away = math.hypot(*self._unexplained)
         self._slipped_for = self._slipped_for + elapsed if away > SLIP else 0.0
         if self._departs(poses):
