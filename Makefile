@@ -61,14 +61,14 @@ test: venv
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(PYTEST) -m 'not system and not linter and not nightly'
-	$(PYTEST) --dist loadgroup -m system
+	$(PYTEST) --dist loadgroup -m 'system and not nightly'
 
 noble:
 	+$(MAKE) noble-some $(NOBLE)
 
 nightly: venv
 	+$(MAKE) noble-all $(NOBLE)
-	$(PYTEST) -m nightly
+	$(PYTEST) --dist loadgroup -m nightly
 	+$(MAKE) soak
 	+$(MAKE) calls
 	+$(MAKE) plant

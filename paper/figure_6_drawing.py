@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 from paper.membrane import STIFFNESS
 from paper.parameters import CYLINDERS, DEPTH, PRESSURES
@@ -60,12 +61,19 @@ def _draw_pressures(axes: Axes, result: Interference) -> None:
         axes.plot(pressures, flat, ':', color=color)
     handles, _ = axes.get_legend_handles_labels()
     handles.append(Line2D([], [], ls=':', color=GREY, label="paper's model"))
-    handles.append(
-        Line2D(
-            [], [], ls='', marker='s', ms=3.5, mfc='none', color=GREY, label='membrane elements'
-        )
+    labels = [handle.get_label() for handle in handles]
+    marks = tuple(
+        Line2D([], [], ls='', marker=marker, ms=3.5, mfc='none', color=color)
+        for marker, color in zip(MARKERS, STEPS, strict=True)
     )
-    axes.legend(handles=handles, loc='upper left', ncols=2, fontsize=6.5)
+    axes.legend(
+        [*handles, marks],
+        [*labels, 'membrane elements'],
+        handler_map={tuple: HandlerTuple(ndivide=None)},
+        loc='upper left',
+        ncols=2,
+        fontsize=6.5,
+    )
     axes.set_xlim(left=0.0)
     axes.set_ylim(0.0, 8.5)
     axes.set_xlabel('gauge pressure [kPa], at the middle')

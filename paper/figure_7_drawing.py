@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from isotruss_ros.plotting.grasp_drawing import FORCE_COLOR, plot_grasp
+from isotruss_ros.plotting.grasp_drawing import describe_contacts, FORCE_COLOR, plot_grasp
 from isotruss_ros.plotting.robot_drawing import frame, MODULE_COLOR, OBJECT_COLOR, plot_robot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -66,14 +66,8 @@ def _draw_robot(axes: Axes, each: Held) -> None:
 def _draw_grasp(axes: Axes, each: Held) -> None:
     body = each.plan.grip.body
     plot_grasp(each.plan.config, body, each.analysis, axes, SCALE)
-    analysis = each.analysis
-    lengths = ' + '.join(f'{1e3 * length:.0f}' for length in analysis.contact_lengths.values())
-    axes.set_title(
-        f'{analysis.normal_forces.sum():.0f} N on {lengths} mm, '
-        f'{each.plan.utilisation:.2f} of wrinkling',
-        fontsize=7.0,
-        pad=2,
-    )
+    words = f'{describe_contacts(each.analysis)},\n{each.plan.utilisation:.2f} of wrinkling'
+    axes.set_title(words, fontsize=7.0, pad=2)
     x, y = body.pose[:2]
     left, low = x - 0.92 * AROUND, y - 0.88 * AROUND
     axes.annotate(

@@ -8,8 +8,9 @@
 # language governing permissions and limitations under the License.
 
 """
-Membrane finite elements of the tube of Fig. 6, computed elsewhere, to compare with.
+Membrane finite elements of the tube of Fig. 6, to compare with.
 
+The reviewers of this package computed them, by a program of their own that is not part of it.
 Nonlinear membrane (St. Venant-Kirchhoff about the inflated state), follower pressure, frictionless
 rigid cylinder, clamped ends, mesh-converged below 1 %. Pressed in by 10 mm at the middle.
 """

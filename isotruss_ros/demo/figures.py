@@ -26,7 +26,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
-from isotruss_ros.plotting.grasp_drawing import draw_forces, plot_grasp
+from isotruss_ros.plotting.grasp_drawing import describe_contacts, draw_forces, plot_grasp
 from isotruss_ros.plotting.robot_drawing import draw_object, frame, PATH_COLOR, plot_robot
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.figure import Figure
@@ -35,12 +35,12 @@ import numpy as np
 MARGIN = 0.12
 #: Frames of the animation per second, and by what factor it is faster than real time.
 FRAMES_PER_SECOND = 12
-SPEED_UP = 3.0
+SPEED_UP = 5.0
 
 #: Length of an arrow for its force [m/N]; in the magnified view, too.
 ARROW_SCALE = 0.004
-#: Width of the magnified view of the grasp beside a panel, as a share of the panel's.
-BESIDE = 0.55
+#: Where a panel has the magnified view of its grasp: x, y, width and height, as shares of it.
+VIEW = (0.67, 0.67, 0.33, 0.33)
 
 #: Of what pulls at the object; its arrow is larger than those of the contacts [m/N].
 PULL_COLOR, PULL_SCALE = '#d9480f', 0.08
@@ -88,7 +88,7 @@ def draw_panels(
     flattening: bool = True,
 ) -> None:
     """
-    Write a picture of all phases; the grasp magnified where there is one.
+    Write a picture of all phases; the grasp magnified in a corner where there is one.
 
     :param robot: the robot.
     :param diameter: of the object [m].
@@ -101,13 +101,9 @@ def draw_panels(
     configs = [robot.configuration(stop.snapshot.rollers) for stop in stops]
     box = _box(configs)
     columns = -(-len(stops) // 2)
-    figure = Figure(figsize=(5.4 * columns, 6.6), layout='constrained')
-    grid = figure.subplots(2, 2 * columns, width_ratios=[1.0, BESIDE] * columns)
-    panels, views = grid[:, ::2].ravel(), grid[:, 1::2].ravel()
-    for axes in grid.flat:
-        axes.set_anchor('NW')
-    shown = len(stops)
-    for axes in (*panels[shown:], *views):
+    figure = Figure(figsize=(3.4 * columns, 8.2), layout='constrained')
+    panels = figure.subplots(2, columns, sharex=True, sharey=True).ravel()
+    for axes in panels[len(stops) :]:
         axes.set_axis_off()
     for i, stop in enumerate(stops):
         axes, pose = panels[i], stop.snapshot.pose
@@ -122,14 +118,16 @@ def draw_panels(
             wrench = stop.pull
             _draw_pull(axes, pose, wrench)
         frame(axes, *box)
+        axes.label_outer()
         held = ''
         if analysis.contact_lengths:
-            views[i].set_axis_on()
-            plot_grasp(configs[i], cylinder, analysis, views[i], ARROW_SCALE)
+            view = plot_grasp(configs[i], cylinder, analysis, axes.inset_axes(VIEW), ARROW_SCALE)
+            view.set_title('')
             grasped = len(analysis.contact_lengths) > 1
             settled = settle_grasp(configs[i], cylinder, external_wrench=wrench)
             held = ', held' if grasped and settled.held else ''
-        axes.set_title(f'({"abcdefgh"[i]}) {stop.title}{held}', loc='left')
+        words = describe_contacts(analysis)
+        axes.set_title(f'({"abcdefgh"[i]}) {stop.title}{held}\n{words}', loc='left')
     figure.savefig(path, dpi=110)
 
 

@@ -28,6 +28,8 @@ DIAMETER = 0.3
 INDENTATION = 0.01
 #: The corner of 60 degrees needs 0.58.
 FRICTION = 0.8
+#: Lets an object that is let go come to rest; of plant mujoco [N].
+GROUND_FRICTION = 0.5
 RATE = 50.0
 #: How often the processes are looked at [s].
 PERIOD = 0.2
@@ -47,8 +49,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     domain = keep_to_this_machine()
     shown = {'object_diameter': DIAMETER, 'friction': FRICTION}
     common = shown | {'rate': RATE, 'command_timeout': 1.0}
+    plant = {'plant': options.plant, 'indentation': INDENTATION}
+    plant['ground_friction'] = GROUND_FRICTION
     nodes = [
-        ('simulator', common | {'plant': options.plant, 'indentation': INDENTATION}),
+        ('simulator', common | plant),
         ('manipulation', common | {'object_mass': 0.5}),
         ('grasp_analysis', {**common, 'rate': 20.0}),
         ('path_follower', shown | {'command_timeout': 1.0}),

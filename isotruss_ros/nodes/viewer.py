@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
-from isotruss_ros.core import load_robot
+from isotruss_ros.core import load_robot, Pose
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.object_goals import ObjectGoals
-from isotruss_ros.nodes.components.plant_choice import PlantChoice
+from isotruss_ros.nodes.components.simulator_restart import SimulatorRestart
 from isotruss_ros.nodes.conversions.messages import (
     name_object_frame,
     request_parameters,
@@ -37,7 +37,7 @@ from isotruss_ros.nodes.framework.qos import LATCHED, RELIABLE
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
 from isotruss_ros.viewer.control import ZERO
-from isotruss_ros.viewer.drag import PATIENCE
+from isotruss_ros.viewer.drag import LEVER, PATIENCE, place_on_circle
 from isotruss_ros.viewer.names import (
     DRAGGED,
     LOCAL,
@@ -47,6 +47,7 @@ from isotruss_ros.viewer.names import (
     PLACE,
     PLANT,
     RELEASE,
+    RESET,
     STOP,
 )
 from isotruss_ros.viewer.picture import Picture
@@ -121,7 +122,7 @@ class Viewer(StoppableNode):
             for name in ('manipulation', 'grasp_analysis', 'pick_and_place')
         }
         self._goals = ObjectGoals(self, self._report_goal)
-        self._plant = PlantChoice(self, self._report_goal)
+        self._simulator = SimulatorRestart(self, self._report_goal)
         self._squeeze = 0.0
 
     def serve(self) -> None:
@@ -176,30 +177,37 @@ class Viewer(StoppableNode):
         controls, now = self._controls, time.monotonic()
         for name, value in controls.take(now):
             self._carry_out(name, value)
-        control, position = controls.control, self._dragged_position(now)
+        control, pose = controls.control, self._dragged_pose(now)
+        position = None if pose is None else pose[:2]
+        if pose is not None and control.drag is not None and control.turns:
+            position = place_on_circle(pose.angle, control.drag.target[0])
         if control.drag is not None and control.drag.is_stuck(now):
             self._give_up(position, now)
-        self.picture.goal = None if control.drag is None else control.drag.target
-        controls.update(position)
+        moves = control.drag is not None and not control.turns
+        self.picture.goal = control.drag.target if moves else None
+        controls.update(pose)
         self._publish_twist(position, now)
         self._publish_wrench()
         self._view.update(now)
 
-    def _dragged_position(self, now: float) -> tuple[float, float] | None:
-        """Return where the object or the joint is that the handle drags; None if unknown."""
+    def _dragged_pose(self, now: float) -> Pose | None:
+        """Return where the object or the joint is that a handle drags; None if unknown."""
         picture, name = self.picture, self._controls.dragged
         if not picture.is_fresh('object_pose' if name == OBJECT else 'joint_states', now):
             return None
         if name == OBJECT:
-            return picture.pose[:2]
+            return Pose(*picture.pose)
         place = picture.robot.node_names.index(name)
-        return tuple(picture.config.nodes[place].tolist())
+        return Pose(*picture.config.nodes[place].tolist(), 0.0)
 
     def _give_up(self, position: tuple[float, float] | None, now: float) -> None:
         control = self._controls.control
         left = 'its place is unknown'
         if position is not None:
-            left = f'{1e3 * math.dist(position, control.drag.target):.0f} mm left'
+            way = math.dist(position, control.drag.target)
+            left = f'{1e3 * way:.0f} mm left'
+            if control.turns:
+                left = f'{math.degrees(way / LEVER):.0f}° left'
         control.drag = None
         words = f'{self._controls.dragged}: no progress for {PATIENCE:.0f} s, {left}'
         self._report_goal(f'drag given up: {words}; {self.picture.describe_manipulation(now)}')
@@ -214,8 +222,9 @@ class Viewer(StoppableNode):
             return
         if not self._moving:
             self._report_goal('')
-        velocity = drag.follow(position, self.values[MAX_SPEED], now)
-        self._twists.publish(to_twist_message((*velocity, 0.0)))
+        vx, vy = drag.follow(position, self.values[MAX_SPEED], now)
+        turns = self._controls.control.turns
+        self._twists.publish(to_twist_message((0.0, 0.0, vx / LEVER) if turns else (vx, vy, 0.0)))
         self._moving = True
 
     def _publish_wrench(self) -> None:
@@ -246,7 +255,11 @@ class Viewer(StoppableNode):
         elif name == PLACE:
             self._goals.send(PLACE)
         elif name == PLANT:
-            self._plant.choose(value)
+            self._simulator.restart(value)
+        elif name == RESET:
+            self._simulator.restart()
+            # A slip or a loss is past with it: the manipulation waits for a client to say so.
+            self._send_parameters('manipulation', {'squeeze_force': self._squeeze})
         else:
             parameter, nodes = SETTINGS[name]
             if name == 'squeeze':

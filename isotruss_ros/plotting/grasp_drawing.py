@@ -11,6 +11,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from isotruss_ros.core import Configuration, ConvexObject
 from isotruss_ros.core.contact.deformed_shape import deformed_lines, force_lines, region_lines
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
@@ -71,8 +73,8 @@ def plot_grasp(
     """
     Draw the object, the deformed tubes, their undeformed axes, contact regions and forces.
 
-    Tubes that wrinkle have a red outline. The title has the sum of the normal forces and the
-    lengths of the contact regions.
+    Tubes that wrinkle have a red outline. The title has the normal forces and the lengths of the
+    contact regions.
 
     :param config: where the robot is.
     :param body: the object.
@@ -101,8 +103,7 @@ def plot_grasp(
             line.real, line.imag, color=REGION_COLOR, lw=5.0, solid_capstyle='butt', zorder=9
         )
     draw_forces(axes, body, analysis, scale)
-    lengths = ' + '.join(f'{1e3 * length:.0f}' for length in analysis.contact_lengths.values())
-    axes.set_title(f'{analysis.normal_forces.sum():.1f} N on {lengths or 0} mm', fontsize=8, pad=2)
+    axes.set_title(describe_contacts(analysis), fontsize=8, pad=2)
     x, y = body.pose[:2]
     around = 2.0 * AROUND * body.shape.reach
     axes.set_aspect('equal')
@@ -111,6 +112,25 @@ def plot_grasp(
     axes.set_xticks([])
     axes.set_yticks([])
     return axes
+
+
+def describe_contacts(analysis: GraspAnalysis) -> str:
+    """
+    Return the normal force and the length of contact of each member that touches, in words.
+
+    :param analysis: of a grasp.
+    """
+    if not analysis.contact_forces:
+        return 'no contact'
+    lengths = [1e3 * length for length in analysis.contact_lengths.values()]
+    return f'{_list(analysis.contact_forces.values(), "N")}, contact {_list(lengths, "mm")}'
+
+
+def _list(numbers: Iterable[float], unit: str) -> str:
+    """Return rounded numbers; once, where all are the same."""
+    words = [f'{number:.0f}' for number in numbers]
+    alike = len(words) > 1 and len(set(words)) == 1
+    return f'{words[0]} {unit} each' if alike else f'{" + ".join(words)} {unit}'
 
 
 def _resultants(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:

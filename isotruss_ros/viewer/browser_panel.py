@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from isotruss_ros.viewer.control import Control
-from isotruss_ros.viewer.names import DRAGGED, OBJECT, PICK, PLACE, PLANT, PLANTS, RELEASE
+from isotruss_ros.viewer.names import DRAGGED, OBJECT, PICK, PLACE, PLANT, PLANTS, RELEASE, RESET
 import viser
 
 #: The plant that runs, of which the view knows nothing.
@@ -107,7 +107,12 @@ class BrowserPanel:
         gui = self._gui
         with gui.add_folder(None, order=ORDER + 2.0) as commands:
             self._add_choice('drag', DRAGGED, (OBJECT, *self._joints), values)
-            for label, name in (('pick', PICK), ('place', PLACE), ('release the stop', RELEASE)):
+            for label, name in (
+                ('pick', PICK),
+                ('place', PLACE),
+                ('release the stop', RELEASE),
+                ('reset', RESET),
+            ):
                 gui.add_button(label).on_click(lambda _, name=name: self._leave(name, 0.0))
             with gui.add_folder('assumed by the analysis', expand_by_default=False):
                 for setting in SETTINGS:

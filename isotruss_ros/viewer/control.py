@@ -26,12 +26,15 @@ class Control:
 
     :ivar browser: number of the one in control; None while nobody has it.
     :ivar drag: under way; None while nothing is to be moved.
+    :ivar turns: whether it turns the object: its places are those on a circle, (radius times
+        angle, 0), not those of the plane.
     :ivar wrench: (fx, fy, m) on the object [N, N m].
     """
 
     browser: int | None = None
     drag: Drag | None = None
     wrench: tuple[float, float, float] = ZERO
+    turns: bool = False
 
     def pass_on(self, wishes: Mapping[int, bool]) -> None:
         """
@@ -48,17 +51,20 @@ class Control:
         """Leave control to nobody, and drop what was commanded."""
         self.browser, self.drag, self.wrench = None, None, ZERO
 
-    def drag_to(self, target: tuple[float, float], begins: bool, now: float) -> None:
+    def drag_to(
+        self, target: tuple[float, float], begins: bool, now: float, turns: bool = False
+    ) -> None:
         """
         Move the target; one that was given up or dropped comes back with a new drag only.
 
         :param target: (x, y) of the handle [m].
         :param begins: whether the handle was just grabbed.
         :param now: time [s].
+        :param turns: whether the handle is the one that turns the object.
         """
         if begins:
-            self.drag = Drag(target, now)
-        elif self.drag is not None:
+            self.drag, self.turns = Drag(target, now), turns
+        elif self.drag is not None and turns == self.turns:
             self.drag.target = target
 
     def describe(self, browser: int) -> str:

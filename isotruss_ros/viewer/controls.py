@@ -8,7 +8,7 @@
 # language governing permissions and limitations under the License.
 
 """
-The controls of the view: a stop, a handle to drag, and for each browser its own panel.
+The controls of the view: a stop, handles to drag, and for each browser its own panel.
 
 The functions of a browser's events run in threads of the server. They only leave requests, which
 the owner of the view takes in its own thread.
@@ -16,18 +16,32 @@ the owner of the view takes in its own thread.
 
 from __future__ import annotations
 
+from functools import partial
+import math
 import queue
 
+from isotruss_ros.core import Pose
 from isotruss_ros.viewer.browser_panel import AS_STARTED, BrowserPanel, WRENCH
 from isotruss_ros.viewer.control import Control
-from isotruss_ros.viewer.names import DRAGGED, OBJECT, PICK, PLACE, PLANT, STOP, TARGET
+from isotruss_ros.viewer.drag import LEVER, place_on_circle
+from isotruss_ros.viewer.names import (
+    DRAGGED,
+    OBJECT,
+    PICK,
+    PLACE,
+    PLANT,
+    RESET,
+    STOP,
+    TARGET,
+    TURN,
+)
 from isotruss_ros.viewer.picture import Picture
 import viser
 
-#: Radius of the handle [m], and its colour.
-HANDLE, COLOR = 0.05, (31, 79, 217)
+#: Radius of the handles [m], and their colours.
+HANDLE, COLOR, TURN_COLOR = 0.07, (31, 79, 217), (242, 120, 0)
 #: Requests with which what was dragged to so far does not count any more.
-NEW_TASKS = (DRAGGED, PICK, PLACE, PLANT)
+NEW_TASKS = (DRAGGED, PICK, PLACE, PLANT, RESET)
 FORCES = tuple(setting.name for setting in WRENCH)
 
 
@@ -58,17 +72,20 @@ class Controls:
             'squeeze': 0.0,
         }
         self._joints = picture.robot.node_names[: len(picture.robot.topology.joint_names)]
-        self._at: tuple[float, float] | None = None
+        self._at: Pose | None = None
         self._grip = (0.0, 0.0)
+        self._twisted = self._way = 0.0
         # Before all else, so that it is on every screen.
         stop = server.gui.add_button('stop', color='red', order=STOP_ORDER)
         stop.on_click(lambda event: self._requests.put((event.client_id, STOP, 0.0)))
         # Above the object and the tubes, so that it is always within reach.
         self._height = picture.robot.description.tube_diameter
-        self._handle = server.scene.add_icosphere(
-            '/handle', HANDLE, color=COLOR, position=(0.0, 0.0, self._height), visible=False
+        self._handle, self._turner = (
+            server.scene.add_icosphere(f'/{name}', HANDLE, color=color, visible=False)
+            for name, color in (('handle', COLOR), ('turner', TURN_COLOR))
         )
-        self._handle.on_drag('left')(self._drag)
+        self._handle.on_drag('left')(partial(self._drag, TARGET))
+        self._turner.on_drag('left')(partial(self._drag, TURN))
 
     @property
     def dragged(self) -> str:
@@ -98,18 +115,24 @@ class Controls:
             panel.show(self.control, wishes[number], self._values)
         return taken
 
-    def update(self, position: tuple[float, float] | None) -> None:
+    def update(self, pose: Pose | None) -> None:
         """
-        Show the handle on what is dragged, while nobody drags it.
+        Show the handles on what is dragged, while nobody drags it.
 
-        :param position: (x, y) of object or joint [m]; None if unknown.
+        :param pose: of object or joint; None if unknown.
         """
-        self._handle.visible = self.control.browser is not None and position is not None
-        if self.control.drag is not None:
-            self._at = None
-        elif position is not None and position != self._at:
-            self._handle.position = (*position, self._height)
-            self._at = position
+        shown = self.control.browser is not None and pose is not None
+        self._handle.visible = shown
+        self._turner.visible = shown and self.dragged == OBJECT
+        drag, turns = self.control.drag, self.control.turns
+        if pose is None or pose == self._at:
+            return
+        if drag is None:
+            self._handle.position = (pose.x, pose.y, self._height)
+        if drag is None or not turns:
+            self._put_turner(pose.angle)
+        # What a drag ends, the next call puts back on what was dragged.
+        self._at = pose if drag is None else None
 
     def _add_panel(self, client: viser.ClientHandle) -> BrowserPanel:
         number = client.client_id
@@ -123,6 +146,9 @@ class Controls:
         if name == TARGET:
             self._move_handle(*value, now)
             return []
+        if name == TURN:
+            self._move_turner(*value, now)
+            return []
         if name in FORCES:
             wrench = dict(zip(FORCES, control.wrench, strict=True)) | {name: value}
             control.wrench = tuple(wrench.values())
@@ -135,11 +161,11 @@ class Controls:
             control.drag = None
         return [] if value == AS_STARTED else [(name, value)]
 
-    async def _drag(self, event: viser.SceneNodeDragEvent) -> None:
+    async def _drag(self, name: str, event: viser.SceneNodeDragEvent) -> None:
         """Leave a request; in the loop of the server, which keeps the order of the events."""
         begins = event.phase == 'start'
         drag = (begins, event.start_position[:2], event.end_position[:2])
-        self._requests.put((event.client_id, TARGET, drag))
+        self._requests.put((event.client_id, name, drag))
 
     def _move_handle(
         self, begins: bool, grabbed: tuple[float, float], pointer: tuple[float, float], now: float
@@ -152,3 +178,23 @@ class Controls:
         self.control.drag_to(target, begins, now)
         if self.control.drag is not None:
             self._handle.position = (*target, self._height)
+
+    def _move_turner(
+        self, begins: bool, grabbed: tuple[float, float], pointer: tuple[float, float], now: float
+    ) -> None:
+        """Turn the lever as far as the pointer turned about the object since it was grabbed."""
+        x, y, _ = self._handle.position
+        angle, start = (math.atan2(place[1] - y, place[0] - x) for place in (pointer, grabbed))
+        if begins:
+            at = self._turner.position
+            self._twisted = math.atan2(at[1] - y, at[0] - x) - start
+            self._way = 0.0
+        self._way, _ = target = place_on_circle(angle + self._twisted, self._way)
+        self.control.drag_to(target, begins, now, turns=True)
+        if self.control.drag is not None:
+            self._put_turner(angle + self._twisted)
+
+    def _put_turner(self, angle: float) -> None:
+        x, y, _ = self._handle.position
+        place = x + LEVER * math.cos(angle), y + LEVER * math.sin(angle)
+        self._turner.position = (*place, self._height)

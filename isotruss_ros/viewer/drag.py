@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import math
 
+#: Distance of the handle that turns the object from its centre [m].
+LEVER = 0.35
 #: Speed for a distance [1/s], and the distance that counts as reached [m].
 GAIN, REACHED = 2.0, 0.001
 #: A drag is stuck where it gets less than this share of the way asked for, within so long [s].
@@ -79,3 +81,14 @@ def drag_twist(
         return 0.0, 0.0
     speed = min(GAIN * distance, max_speed)
     return speed * dx / distance, speed * dy / distance
+
+
+def place_on_circle(angle: float, near: float = 0.0) -> tuple[float, float]:
+    """
+    Return where an angle is on the way of the handle that turns the object: (way, 0) [m].
+
+    :param angle: of the object [rad].
+    :param near: way of which the angle is at most half a turn off [m].
+    """
+    begin = near / LEVER
+    return LEVER * (begin + math.remainder(angle - begin, 2.0 * math.pi)), 0.0

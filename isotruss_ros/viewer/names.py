@@ -17,8 +17,10 @@ from isotruss_ros.core import IsotrussError
 OBJECT, STOP, RELEASE = 'object', 'stop', 'release'
 #: Requests that are goals.
 PICK, PLACE = 'pick', 'place'
-#: Requests to drag something else, and to drag it somewhere.
-DRAGGED, TARGET = 'dragged', 'target'
+#: Requests to drag something else, to drag it somewhere, and to turn it.
+DRAGGED, TARGET, TURN = 'dragged', 'target', 'turn'
+#: The request to begin anew.
+RESET = 'reset'
 #: The request for another plant, and what can be chosen.
 PLANT = 'plant'
 KINEMATIC, ELASTIC, MUJOCO = PLANTS = ('kinematic', 'elastic', 'mujoco')

@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 
 from isotruss_ros.core.kinematics.depths import member_lines
@@ -24,6 +25,7 @@ import viser
 SECTIONS = 28
 HELD, NOT_HELD, UNKNOWN = (51, 179, 77), (217, 51, 51), (190, 190, 190)
 MODULE, REGION, FORCE, MARK = (59, 59, 59), (242, 191, 26), (31, 79, 217), (20, 20, 20)
+SUPPORT = (122, 82, 48)
 #: Distance of the points along the curved parts of an object [m].
 OUTLINE = 0.01
 #: Thickness of rods and of contact regions [m].
@@ -63,6 +65,10 @@ class Scene:
         self._modules = scene.add_line_segments(
             '/modules', _module_lines(picture), MODULE, thickness=ROD
         )
+        self._supports = [
+            (picture.robot.node_names.index(joint), self._add_support(scene, joint, axes))
+            for joint, axes in picture.robot.description.supports.items()
+        ]
         nothing = np.zeros((1, 2, 3), dtype=np.float32)
         self._regions = scene.add_line_segments(
             '/contact_regions', nothing, REGION, thickness=STRIPE, visible=False
@@ -93,6 +99,8 @@ class Scene:
         self._move_tubes(picture, now)
         if self._has_changed('config', picture.config.roller_positions.tobytes()):
             self._modules.points = _module_lines(picture)
+            for node, support in self._supports:
+                support.position = (*picture.config.nodes[node], 0.0)
         held = picture.is_held(now)
         if self._has_changed('held', held):
             self._object.color = UNKNOWN if held is None else HELD if held else NOT_HELD
@@ -108,6 +116,15 @@ class Scene:
         self._show_lines(self._regions, pieces, top)
         forces = [line[None] for line in picture.select_lines(FORCES, now) if len(line) == 2]
         self._show_lines(self._forces, forces, top)
+
+    def _add_support(
+        self, scene: viser.SceneApi, joint: str, axes: Sequence[str]
+    ) -> viser.SceneNodeHandle:
+        """Return a box on a joint that is fixed, a ball on one that slides."""
+        name, size = f'/supports/{joint}', 0.6 * self._diameter
+        if len(axes) == 2:
+            return scene.add_box(name, SUPPORT, (2.0 * size,) * 3)
+        return scene.add_icosphere(name, size, SUPPORT)
 
     def _vertices(self, line: Points) -> Array:
         return tube_vertices(line, self._diameter, SECTIONS).astype(np.float32)

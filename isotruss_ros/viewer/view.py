@@ -41,9 +41,8 @@ class View:
         except OSError as error:
             raise ViewError(f'no server at {host}:{port}: {error}') from error
         # Beside the scene, so that the robot is not under it.
-        self.server.gui.configure_theme(
-            control_layout='collapsible', show_logo=False, show_share_button=False
-        )
+        self.server.gui.main_panel.dock_right()
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False)
         self.address = f'http://{host}:{self.server.get_port()}'
         self._scene = Scene(self.server, picture)
         self._panels = Panels(self.server)

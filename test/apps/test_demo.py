@@ -214,7 +214,7 @@ def test_pictures_are_written(played, tmp_path):
                 assert quarter.std() > 10.0
     animate(ROBOT, OBJECT_DIAMETER, records[:1], tmp_path / 'demo.gif')
     with Image.open(tmp_path / 'demo.gif') as animation:
-        assert animation.n_frames == 18
+        assert animation.n_frames == 17
 
 
 def test_the_picture_shows_the_robot_that_runs(monkeypatch, tmp_path):

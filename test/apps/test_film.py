@@ -9,6 +9,8 @@
 
 """The animation of the demonstration in MuJoCo, drawn from a recording."""
 
+import math
+
 from isotruss_ros.core import Pose
 from isotruss_ros.demo.figures import FRAMES_PER_SECOND, SPEED_UP
 from isotruss_ros.demo.film import film
@@ -28,7 +30,7 @@ def test_frames_show_states_path_and_pull(tmp_path):
     pulled = PhaseRecord('arc', pull=(0.0, -5.0, 0.0), pulled=(0.5, 1.0), snapshots=snapshots[50:])
     film(tmp_path / 'states', [still, pulled], tmp_path / 'film.gif')
     with Image.open(tmp_path / 'film.gif') as animation:
-        assert animation.n_frames == 2 * round(0.5 * FRAMES_PER_SECOND / SPEED_UP)
+        assert animation.n_frames == 2 * math.ceil(0.5 * FRAMES_PER_SECOND / SPEED_UP)
         assert animation.info['duration'] == 80  # in hundredths of a second
         pages = []
         for i in (0, animation.n_frames - 1):

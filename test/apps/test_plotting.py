@@ -9,8 +9,11 @@
 
 """Robots and grasps drawn in one call."""
 
+from dataclasses import replace
+
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, tangent_center
 from isotruss_ros.plotting import plot_grasp, plot_robot
+from isotruss_ros.plotting.grasp_drawing import describe_contacts
 from matplotlib.figure import Figure
 import matplotlib.pyplot as plt
 import numpy as np
@@ -46,8 +49,26 @@ def test_a_robot_without_axes_is_in_the_middle_of_new_ones():
 def test_a_grasp_is_drawn_with_what_was_measured(axes):
     analysis = analyze_grasp(ROBOT.home, BODY, 0.5)
     assert plot_grasp(ROBOT.home, BODY, analysis, axes) is axes
-    assert axes.get_title().startswith(f'{analysis.normal_forces.sum():.1f} N on ')
+    assert axes.get_title() == describe_contacts(analysis)
     x = axes.get_xlim()
     assert 0.5 * (x[0] + x[1]) == pytest.approx(CENTER[0])
     # One arrow for each member that presses.
     assert len(axes.texts) == len(analysis.contact_lengths)
+
+
+@pytest.mark.parametrize(
+    ('forces', 'lengths', 'words'),
+    [
+        ((21.8, 22.3), (0.039, 0.0412), '22 N each, contact 39 + 41 mm'),
+        ((21.8, 23.3), (0.0391, 0.0389), '22 + 23 N, contact 39 mm each'),
+        ((7.0,), (0.03,), '7 N, contact 30 mm'),
+        ((), (), 'no contact'),
+    ],
+)
+def test_what_touches_is_described_by_forces_and_lengths(forces, lengths, words):
+    analysis = replace(
+        analyze_grasp(ROBOT.home, BODY, 0.5),
+        contact_forces=dict(enumerate(forces)),
+        contact_lengths=dict(enumerate(lengths)),
+    )
+    assert describe_contacts(analysis) == words

@@ -18,7 +18,15 @@ from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, Polygon
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.viewer.control import Control, ZERO
-from isotruss_ros.viewer.drag import Drag, drag_twist, PATIENCE, PROGRESS, REACHED
+from isotruss_ros.viewer.drag import (
+    Drag,
+    drag_twist,
+    LEVER,
+    PATIENCE,
+    place_on_circle,
+    PROGRESS,
+    REACHED,
+)
 from isotruss_ros.viewer.meshes import color_of, CORNERS, prism, tube_faces, tube_vertices
 from isotruss_ros.viewer.picture import Picture, TIMEOUT, trim_start
 import numpy as np
@@ -106,6 +114,33 @@ def test_a_drag_of_what_is_not_seen_is_stuck_after_its_patience():
     drag = Drag((1.0, 0.0), 5.0)
     assert not drag.is_stuck(5.0 + 0.9 * PATIENCE)
     assert drag.is_stuck(5.0 + PATIENCE)
+
+
+@pytest.mark.parametrize(('begin', 'end'), [(0.0, 2.5), (3.0, -3.0), (-3.1, 3.1), (1.0, -1.0)])
+def test_a_turn_goes_the_shorter_way_and_not_faster_than_allowed(begin, end):
+    angle, drag = begin, Drag(place_on_circle(end, place_on_circle(begin)[0]), 0.0)
+    for step in range(2000):
+        position = place_on_circle(angle, drag.target[0])
+        way, across = drag.follow(position, 0.05, 0.05 * step)
+        assert abs(way) <= 0.05 + 1e-12
+        assert across == 0.0
+        angle += 0.05 * way / LEVER
+    assert math.remainder(angle - end, 2.0 * math.pi) == pytest.approx(0.0, abs=REACHED / LEVER)
+    assert abs(angle - begin) <= math.pi
+
+
+def test_a_turn_goes_on_beyond_a_whole_one():
+    way = 0.0
+    for angle in np.linspace(0.0, 10.0, 50):
+        way, _ = place_on_circle(angle, way)
+    assert way == pytest.approx(10.0 * LEVER)
+
+
+def test_the_handle_that_was_not_grabbed_does_not_move_the_target():
+    control = Control(1)
+    control.drag_to((0.5, 0.0), True, 0.0, turns=True)
+    control.drag_to((2.0, 2.0), False, 0.1)
+    assert (control.drag.target, control.turns) == ((0.5, 0.0), True)
 
 
 def test_one_browser_has_control_and_the_others_see_which():

@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Another plant for the node `simulator`: it is configured anew, by its lifecycle services."""
+"""The node `simulator` configured anew, by its lifecycle services."""
 
 from __future__ import annotations
 
@@ -24,32 +24,33 @@ from rclpy.task import Future
 SIMULATOR = 'simulator'
 
 
-class PlantChoice:
+class SimulatorRestart:
     """
     Clients of the simulator.
 
     :param node: has the clients.
-    :param report: called with what becomes of a choice, in words.
+    :param report: called with what becomes of a restart, in words.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
         self._report = report
-        self._wanted: str | None = None
+        self._restarts = 0
         self._change = node.create_client(ChangeState, f'{SIMULATOR}/change_state')
         self._set = node.create_client(SetParameters, f'{SIMULATOR}/set_parameters')
 
-    def choose(self, plant: str) -> None:
+    def restart(self, plant: str = '') -> None:
         """
-        Configure the simulator with another plant; the robot begins at home.
+        Configure the simulator anew: the robot begins at home.
 
-        A choice that is under way takes no further step.
+        A restart that is under way takes no further step.
 
-        :param plant: value of its parameter `plant`.
+        :param plant: value of its parameter `plant`; as it is if empty.
         """
+        name = f'plant {plant}' if plant else 'reset'
         if not (self._change.service_is_ready() and self._set.service_is_ready()):
-            self._report(f'plant {plant}: there is no simulator')
+            self._report(f'{name}: there is no simulator')
             return
-        self._wanted = plant
+        self._restarts += 1
         request = request_parameters({'plant': plant})
         # The first two fail where it is inactive or unconfigured already.
         steps: list[tuple[str, Any]] = [
@@ -59,29 +60,31 @@ class PlantChoice:
             ('cannot be configured', self._transition(Transition.TRANSITION_CONFIGURE)),
             ('cannot be activated', self._transition(Transition.TRANSITION_ACTIVATE)),
         ]
-        self._take(plant, steps)
+        if not plant:
+            del steps[2]
+        self._take(name, self._restarts, steps)
 
     def _transition(self, which: int) -> Callable[[], Future]:
         request = ChangeState.Request(transition=Transition(id=which))
         return lambda: self._change.call_async(request)
 
-    def _take(self, plant: str, steps: list[tuple[str, Any]]) -> None:
+    def _take(self, name: str, number: int, steps: list[tuple[str, Any]]) -> None:
         """Take the first step, and the others once it is done."""
         if not steps:
-            self._report(f'plant {plant}: active')
+            self._report(f'{name}: active')
             return
         (fault, call), *others = steps
 
         def go_on(future: Future) -> None:
-            if plant != self._wanted:
+            if number != self._restarts:
                 return
             response = future.result()
             results = getattr(response, 'results', None)
             good = response.success if results is None else results[0].successful
             if good or not fault:
-                self._take(plant, others)
+                self._take(name, number, others)
                 return
             reason = 'see the log of the simulator' if results is None else results[0].reason
-            self._report(f'plant {plant} {fault}: {reason}')
+            self._report(f'{name} {fault}: {reason}')
 
         call().add_done_callback(go_on)

@@ -7,16 +7,18 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Another plant: the steps that configure the simulator anew, and what is said where one fails."""
+"""The steps that configure the simulator anew, and what is said where one fails."""
 
 from types import SimpleNamespace
 
-from isotruss_ros.nodes.components.plant_choice import PlantChoice
+from isotruss_ros.nodes.components.simulator_restart import SimulatorRestart
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
-from probe import overrides
+import numpy as np
+from probe import N, overrides
 import pytest
 from rclpy.task import Future
+from std_msgs.msg import Float64MultiArray
 
 
 class Clients:
@@ -47,36 +49,52 @@ def w():
 
 def test_the_simulator_is_active_with_the_other_plant(w):
     said = []
-    choice = PlantChoice(Clients(w), said.append)
+    restart = SimulatorRestart(Clients(w), said.append)
     for plant in ('kinematic', 'elastic'):
-        choice.choose(plant)
+        restart.restart(plant)
         assert said[-1] == f'plant {plant}: active'
         assert w.nodes[1].get_parameter('plant').value == plant
         assert w.nodes[1].state == 'active'
 
 
+def test_a_reset_puts_the_robot_home_with_the_same_plant(w):
+    said = []
+
+    def travel():
+        return np.abs(w.probe.last('joints').position).max()
+
+    w.until(lambda: w.probe.last('joints') is not None)
+    home = travel()
+    command = Float64MultiArray(data=[0.05] * N)
+    w.until(lambda: travel() > home + 0.01, lambda: w.probe.commands.publish(command))
+    SimulatorRestart(Clients(w), said.append).restart()
+    assert said == ['reset: active']
+    assert w.nodes[1].get_parameter('plant').value == 'elastic'
+    w.until(lambda: travel() == home)
+
+
 def test_a_plant_that_there_is_not_is_told_and_another_one_works(w):
     said = []
-    choice = PlantChoice(Clients(w), said.append)
-    choice.choose('soft')
+    restart = SimulatorRestart(Clients(w), said.append)
+    restart.restart('soft')
     assert 'plant soft cannot be' in said[-1]
     assert w.nodes[1].state != 'active'
-    choice.choose('kinematic')
+    restart.restart('kinematic')
     assert said[-1] == 'plant kinematic: active'
 
 
-def test_a_later_choice_ends_an_earlier_one(w):
+def test_a_later_restart_ends_an_earlier_one(w):
     said, calls = [], []
     clients = Clients(w)
-    choice = PlantChoice(clients, said.append)
+    restart = SimulatorRestart(clients, said.append)
 
-    def choose_another():
+    def restart_again():
         calls.append(len(calls))
         if len(calls) == 3:
-            choice.choose('kinematic')
+            restart.restart('kinematic')
 
-    clients.before = choose_another
-    choice.choose('elastic')
+    clients.before = restart_again
+    restart.restart('elastic')
     assert said == ['plant kinematic: active']
     assert w.nodes[1].get_parameter('plant').value == 'kinematic'
     assert len(calls) == 3 + 5
@@ -84,5 +102,5 @@ def test_a_later_choice_ends_an_earlier_one(w):
 
 def test_without_a_simulator_it_says_so(w):
     said = []
-    PlantChoice(Clients(w, ready=False), said.append).choose('elastic')
+    SimulatorRestart(Clients(w, ready=False), said.append).restart('elastic')
     assert said == ['plant elastic: there is no simulator']
