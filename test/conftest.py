@@ -19,8 +19,11 @@ import pytest
 _FIRST = int(os.environ.get('ROS_DOMAIN_ID', os.getpid()))
 _WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
 _WORKERS = int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1'))
-#: Workers take turns with the 101 domains whose ports are free on Linux.
-_domains = (1 + (_FIRST - 1 + turn) % 101 for turn in itertools.count(_WORKER, _WORKERS))
+#: Each worker has a share of its own of the 101 domains whose ports are free on Linux.
+_SHARE = max(1, 101 // _WORKERS)
+_domains = (
+    1 + (_FIRST - 1 + _WORKER * _SHARE + turn % _SHARE) % 101 for turn in itertools.count()
+)
 os.environ['ROS_DOMAIN_ID'] = str(next(_domains))
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 # Before NumPy is loaded: BLAS threads that wait for each other make a busy machine crawl.

@@ -7,12 +7,12 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Executable `replay`: shows a recording in the browser, without ROS."""
+"""Executable `replay`: shows a recording in the browser, without ROS, or writes it as a page."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 import sys
 import time
@@ -30,13 +30,15 @@ if TYPE_CHECKING:
 RATE = 20.0
 
 
-def replay(view: View, path: Path, speed: float) -> int:
+def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) -> int:
     """
-    Show a recording once, as fast as it was recorded, and return the number of messages.
+    Show a recording once and return the number of messages.
 
     :param view: shows it.
     :param path: of the MCAP file.
     :param speed: against that of the recording.
+    :param wait: called after each picture with the time at which the next may be shown, from the
+        first on [s].
     :raises RecordingError: the file cannot be read, or holds no complete message.
     :raises MissingPackageError: mcap or rosbags is not installed.
     """
@@ -44,7 +46,7 @@ def replay(view: View, path: Path, speed: float) -> int:
         from isotruss_ros.viewer.recording import read_recording, show_message
     except ModuleNotFoundError as error:
         raise MissingPackageError(error) from error
-    count, began, shown = 0, time.monotonic(), -1.0
+    count, shown = 0, -1.0
     first = None
     for now, topic, message in read_recording(path):
         first = now if first is None else first
@@ -56,16 +58,44 @@ def replay(view: View, path: Path, speed: float) -> int:
         if now - shown >= speed / RATE:
             view.update(now)
             shown = now
-            time.sleep(max(0.0, (now - first) / speed - (time.monotonic() - began)))
+            wait((now - first) / speed)
     return count
+
+
+def wait_on_the_wall() -> Callable[[float], None]:
+    """Return a function that sleeps until so much time has passed since this call [s]."""
+    began = time.monotonic()
+    return lambda end: time.sleep(max(0.0, end - (time.monotonic() - began)))
+
+
+def write_page(view: View, path: Path, speed: float, page: Path) -> None:
+    """
+    Write a page that plays a recording, and needs neither a server nor a network.
+
+    :param view: draws it.
+    :param path: of the MCAP file.
+    :param speed: against that of the recording.
+    :param page: the HTML file to write.
+    :raises RecordingError: the file cannot be read, or holds no complete message.
+    :raises MissingPackageError: mcap or rosbags is not installed.
+    """
+    scene, written = view.server.get_scene_serializer(), 0.0
+
+    def keep(end: float) -> None:
+        nonlocal written
+        scene.insert_sleep(end - written)
+        written = end
+
+    replay(view, path, speed, keep)
+    page.write_text(scene.as_html(), encoding='utf-8')
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Show a recording again and again until Ctrl-C.
+    Show a recording again and again until Ctrl-C, or write the page that does.
 
     :param arguments: of the command line; those of the process if None.
-    :return: 0 after Ctrl-C, 1 where the recording cannot be shown.
+    :return: 0 after Ctrl-C or with the page, 1 where the recording cannot be shown.
     """
     parser = argparse.ArgumentParser(prog='replay', description=__doc__)
     parser.add_argument('file', type=Path, help='MCAP file of the node record')
@@ -74,6 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--speed', type=float, default=1.0, help='against that of the recording')
     parser.add_argument('--port', type=int, default=8080, help='of the server')
     parser.add_argument('--once', action='store_true', help='end after the recording')
+    parser.add_argument('--page', type=Path, help='HTML file to write, in place of serving')
     options = parser.parse_args(arguments)
     if not options.speed > 0.0:
         parser.error(f'--speed {options.speed}: must be positive')
@@ -87,11 +118,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not is_finished(options.file):
             print(f'replay: {options.file} breaks off: what is complete is shown', file=sys.stderr)
         view = View(Picture(robot, options.diameter), LOCAL, options.port)
-        print(f'replay: {view.address}', flush=True)
-        while replay(view, options.file, options.speed) and not options.once:
-            view.picture.samples.clear()
+        if options.page is not None:
+            write_page(view, options.file, options.speed, options.page)
+            print(f'written: {options.page}')
+        else:
+            print(f'replay: {view.address}', flush=True)
+            while (
+                replay(view, options.file, options.speed, wait_on_the_wall()) and not options.once
+            ):
+                view.picture.samples.clear()
         view.close()
-    except IsotrussError as error:
+    except (IsotrussError, OSError) as error:
         print(f'replay failed: {error}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:

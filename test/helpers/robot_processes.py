@@ -75,7 +75,9 @@ class Robot:
             printed = log.read_text()
             # A node that is hardly started may be interrupted before Python comes to our code.
             early = (
-                'Failed to import the site module' in printed or 'Python error: init' in printed
+                'Failed to import the site module' in printed
+                or 'Python error: init' in printed
+                or ('KeyboardInterrupt' in printed and 'in run_node' not in printed)
             )
             assert early or 'Traceback' not in printed, printed
 
