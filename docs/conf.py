@@ -10,7 +10,7 @@
 """
 Configuration of the documentation: `make docs`, or rosdoc2 by `rosdoc2.yaml`.
 
-Both need what requirements-docs.txt names.
+Both need what requirements-docs.txt names, and viser, mcap and rosbags.
 """
 
 from pathlib import Path

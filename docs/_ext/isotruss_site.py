@@ -22,6 +22,7 @@ import re
 
 import equations
 import isotruss_ros
+from isotruss_ros.cli import replay
 import node_pages
 import promises
 import reference
@@ -30,6 +31,9 @@ from sphinx.errors import ExtensionError
 
 TOP = Path(isotruss_ros.__file__).resolve().parents[1]
 FENCE = re.compile(r'^```\{([\w-]+)\}(.*)\n((?:(?!```).*\n)*?)```$', re.MULTILINE)
+
+#: What the page of a carry plays, below the sources.
+CARRY = Path('images', 'carry.mcap')
 
 #: What generates each block, from its argument and its lines.
 BLOCKS: dict[str, Callable[[str, str], str]] = {
@@ -97,6 +101,14 @@ def _begin(app: Sphinx) -> None:
     reference.write_pages(Path(app.srcdir) / 'api')
 
 
+def _write_carry(app: Sphinx, failed: Exception | None) -> None:
+    """Write the page that plays the recorded carry."""
+    recording, page = Path(app.srcdir) / CARRY, Path(app.outdir) / 'carry_recording.html'
+    arguments = [str(recording), '--speed', '2', '--port', '0', '--page', str(page)]
+    if failed is None and app.builder.format == 'html' and replay.main(arguments) != 0:
+        raise ExtensionError(f'{recording}: cannot be played')
+
+
 def _docstring(
     _app: Sphinx, _what: str, _name: str, _thing: object, _options: object, lines: list[str]
 ) -> None:
@@ -108,4 +120,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect('builder-inited', _begin)
     app.connect('source-read', _read)
     app.connect('autodoc-process-docstring', _docstring)
+    app.connect('build-finished', _write_carry)
     return {'parallel_read_safe': False, 'parallel_write_safe': True}
