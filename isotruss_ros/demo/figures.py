@@ -100,10 +100,11 @@ def draw_panels(
     travelled = [snap for record in records for snap in record.snapshots]
     configs = [robot.configuration(stop.snapshot.rollers) for stop in stops]
     box = _box(configs)
-    columns = -(-len(stops) // 2)
+    count = len(stops)
+    columns = -(-count // 2)
     figure = Figure(figsize=(3.4 * columns, 8.2), layout='constrained')
     panels = figure.subplots(2, columns, sharex=True, sharey=True).ravel()
-    for axes in panels[len(stops) :]:
+    for axes in panels[count:]:
         axes.set_axis_off()
     for i, stop in enumerate(stops):
         axes, pose = panels[i], stop.snapshot.pose
