@@ -49,8 +49,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     domain = keep_to_this_machine()
     shown = {'object_diameter': DIAMETER, 'friction': FRICTION}
     common = shown | {'rate': RATE, 'command_timeout': 1.0}
-    plant = {'plant': options.plant, 'indentation': INDENTATION}
-    plant['ground_friction'] = GROUND_FRICTION
+    plant = {
+        'plant': options.plant,
+        'indentation': INDENTATION,
+        'ground_friction': GROUND_FRICTION,
+    }
     nodes = [
         ('simulator', common | plant),
         ('manipulation', common | {'object_mass': 0.5}),

@@ -179,11 +179,11 @@ class Viewer(StoppableNode):
             self._carry_out(name, value)
         control, pose = controls.control, self._dragged_pose(now)
         position = None if pose is None else pose[:2]
-        if pose is not None and control.drag is not None and control.turns:
+        if pose is not None and control.drag is not None and control.drag.turns:
             position = place_on_circle(pose.angle, control.drag.target[0])
         if control.drag is not None and control.drag.is_stuck(now):
             self._give_up(position, now)
-        moves = control.drag is not None and not control.turns
+        moves = control.drag is not None and not control.drag.turns
         self.picture.goal = control.drag.target if moves else None
         controls.update(pose)
         self._publish_twist(position, now)
@@ -206,7 +206,7 @@ class Viewer(StoppableNode):
         if position is not None:
             way = math.dist(position, control.drag.target)
             left = f'{1e3 * way:.0f} mm left'
-            if control.turns:
+            if control.drag.turns:
                 left = f'{math.degrees(way / LEVER):.0f}° left'
         control.drag = None
         words = f'{self._controls.dragged}: no progress for {PATIENCE:.0f} s, {left}'
@@ -223,8 +223,8 @@ class Viewer(StoppableNode):
         if not self._moving:
             self._report_goal('')
         vx, vy = drag.follow(position, self.values[MAX_SPEED], now)
-        turns = self._controls.control.turns
-        self._twists.publish(to_twist_message((0.0, 0.0, vx / LEVER) if turns else (vx, vy, 0.0)))
+        twist = (0.0, 0.0, vx / LEVER) if drag.turns else (vx, vy, 0.0)
+        self._twists.publish(to_twist_message(twist))
         self._moving = True
 
     def _publish_wrench(self) -> None:

@@ -26,15 +26,12 @@ class Control:
 
     :ivar browser: number of the one in control; None while nobody has it.
     :ivar drag: under way; None while nothing is to be moved.
-    :ivar turns: whether it turns the object: its places are those on a circle, (radius times
-        angle, 0), not those of the plane.
     :ivar wrench: (fx, fy, m) on the object [N, N m].
     """
 
     browser: int | None = None
     drag: Drag | None = None
     wrench: tuple[float, float, float] = ZERO
-    turns: bool = False
 
     def pass_on(self, wishes: Mapping[int, bool]) -> None:
         """
@@ -63,8 +60,8 @@ class Control:
         :param turns: whether the handle is the one that turns the object.
         """
         if begins:
-            self.drag, self.turns = Drag(target, now), turns
-        elif self.drag is not None and turns == self.turns:
+            self.drag = Drag(target, now, turns)
+        elif self.drag is not None and turns == self.drag.turns:
             self.drag.target = target
 
     def describe(self, browser: int) -> str:

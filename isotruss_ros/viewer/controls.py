@@ -124,12 +124,12 @@ class Controls:
         shown = self.control.browser is not None and pose is not None
         self._handle.visible = shown
         self._turner.visible = shown and self.dragged == OBJECT
-        drag, turns = self.control.drag, self.control.turns
+        drag = self.control.drag
         if pose is None or pose == self._at:
             return
         if drag is None:
             self._handle.position = (pose.x, pose.y, self._height)
-        if drag is None or not turns:
+        if drag is None or not drag.turns:
             self._put_turner(pose.angle)
         # What a drag ends, the next call puts back on what was dragged.
         self._at = pose if drag is None else None

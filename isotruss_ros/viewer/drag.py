@@ -26,12 +26,15 @@ class Drag:
     What is dragged on its way to a target.
 
     :ivar target: (x, y) of the handle [m].
+    :ivar turns: whether it turns the object: its places are those of `place_on_circle`, not those
+        of the plane.
     :param target: its initial value [m].
     :param now: time [s].
+    :param turns: as above.
     """
 
-    def __init__(self, target: tuple[float, float], now: float) -> None:
-        self.target = target
+    def __init__(self, target: tuple[float, float], now: float, turns: bool = False) -> None:
+        self.target, self.turns = target, turns
         self._since, self._way = now, 0.0
         self._position, self._velocity = (0.0, 0.0), (0.0, 0.0)
 

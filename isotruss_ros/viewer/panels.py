@@ -26,9 +26,10 @@ A truss robot of inflated tubes, seen from above; roller modules at its corners 
 
 - tubes: blue, green, orange from 0.8 of the moment at which they wrinkle, red where they do
 - object: green held, red not held, grey unknown
-- arrows: forces of the tubes on it; dark stripes: where they touch
+- arrows: forces of the tubes on it; yellow stripes: where they touch
 - brown: supports; a box cannot move, a ball slides
 - with *control* on: drag the blue ball, and what it is on follows; the orange one turns the object
+- *stop* works always; *release the stop* only with *control* on
 - *reset* begins anew: the simulated robot at home, the object held
 """
 

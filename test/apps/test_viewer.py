@@ -140,7 +140,7 @@ def test_the_handle_that_was_not_grabbed_does_not_move_the_target():
     control = Control(1)
     control.drag_to((0.5, 0.0), True, 0.0, turns=True)
     control.drag_to((2.0, 2.0), False, 0.1)
-    assert (control.drag.target, control.turns) == ((0.5, 0.0), True)
+    assert (control.drag.target, control.drag.turns) == ((0.5, 0.0), True)
 
 
 def test_one_browser_has_control_and_the_others_see_which():

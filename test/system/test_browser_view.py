@@ -110,10 +110,10 @@ class Observer:
         rclpy.shutdown()
 
 
-def pixels(page, width):
+def pixels(page):
     """Return the (h, w, 3) colours of the scene, left of the panels."""
     picture = Image.open(io.BytesIO(page.screenshot(scale='css'))).convert('RGB')
-    return np.asarray(picture).astype(int)[:, :width]
+    return np.asarray(picture).astype(int)[:, :SCENE]
 
 
 def blue(colors):
@@ -126,6 +126,11 @@ def orange(colors):
     """Return where the handle is drawn that turns: rows and columns."""
     red, green, last = np.moveaxis(colors, 2, 0)
     return np.nonzero((red > green + 60) & (green > last + 40))
+
+
+def middle(found):
+    """Return the mean row and column of pixels."""
+    return (float(np.mean(part)) for part in found)
 
 
 def count_green(colors):
@@ -178,8 +183,8 @@ def switch_control(page):
 
 def grab(page, until):
     """Drag the handle to the right, and keep it in hand."""
-    until(lambda: len(blue(pixels(page, SCENE))[0]) > SOME)
-    y, x = (float(np.mean(part)) for part in blue(pixels(page, SCENE)))
+    until(lambda: len(blue(pixels(page))[0]) > SOME)
+    y, x = middle(blue(pixels(page)))
     page.mouse.move(x, y)
     page.mouse.down()
     for step in range(10):
@@ -267,14 +272,14 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         page.get_by_text('slip margin').wait_for()
         # The browser's warning of slow drawing has the colour of a handle.
         page.locator('.mantine-Notification-closeButton').click()
-        observer.until(lambda: count_green(pixels(page, SCENE)) > SOME)
+        observer.until(lambda: count_green(pixels(page)) > SOME)
 
         # Nothing moves while the control is off: no twist was published.
         assert observer.code() == ManipulationStatus.HALT_NO_TWIST
-        assert len(blue(pixels(page, SCENE))[0]) < 0.5 * SOME
+        assert len(blue(pixels(page))[0]) < 0.5 * SOME
         switch_control(page)
-        observer.until(lambda: len(blue(pixels(page, SCENE))[0]) > SOME)
-        y, x = (float(np.mean(part)) for part in blue(pixels(page, SCENE)))
+        observer.until(lambda: len(blue(pixels(page))[0]) > SOME)
+        y, x = middle(blue(pixels(page)))
         before = observer.center()
         page.mouse.move(x, y)
         page.mouse.down()
@@ -291,7 +296,7 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
         assert moved[0] > 0.0 > moved[1]
 
         # The other handle turns it in place.
-        y, x = (float(np.mean(part)) for part in orange(pixels(page, SCENE)))
+        y, x = middle(orange(pixels(page)))
         page.mouse.move(x, y)
         page.mouse.down()
         for step in range(10):
@@ -306,7 +311,7 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
             page.get_by_role('button', name=name, exact=True).click()
             page.get_by_text(f'{name}: {words}').wait_for()
             held = name == 'pick'
-            observer.until(lambda held=held: (count_green(pixels(page, SCENE)) > SOME) == held)
+            observer.until(lambda held=held: (count_green(pixels(page)) > SOME) == held)
 
         page.get_by_role('button', name='reset', exact=True).click()
         observer.until(

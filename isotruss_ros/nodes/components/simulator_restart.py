@@ -51,17 +51,18 @@ class SimulatorRestart:
             self._report(f'{name}: there is no simulator')
             return
         self._restarts += 1
-        request = request_parameters({'plant': plant})
         # The first two fail where it is inactive or unconfigured already.
         steps: list[tuple[str, Any]] = [
             ('', self._transition(Transition.TRANSITION_DEACTIVATE)),
             ('', self._transition(Transition.TRANSITION_CLEANUP)),
-            ('cannot be set', lambda: self._set.call_async(request)),
+        ]
+        if plant:
+            request = request_parameters({'plant': plant})
+            steps.append(('cannot be set', lambda: self._set.call_async(request)))
+        steps += [
             ('cannot be configured', self._transition(Transition.TRANSITION_CONFIGURE)),
             ('cannot be activated', self._transition(Transition.TRANSITION_ACTIVATE)),
         ]
-        if not plant:
-            del steps[2]
         self._take(name, self._restarts, steps)
 
     def _transition(self, which: int) -> Callable[[], Future]:
