@@ -47,6 +47,11 @@ def is_data(node):
     return any(name.startswith('dataclass') or name == 'NamedTuple' for name in names)
 
 
+def refers_to_protocol(node):
+    """Tell whether a docstring names the method of the protocol that documents the parameters."""
+    return re.search(rf'see `[A-Z]\w+\.{node.name}`', ast.get_docstring(node) or '')
+
+
 def fields(node, lines):
     """Return the fields of a data class that no comment beside them documents."""
     return [
@@ -71,6 +76,7 @@ def undocumented(nodes, lines, prefix='', known=frozenset()):
             isinstance(node, ast.FunctionDef)
             and (node.name == '__init__' or node.name[0] != '_')
             and not is_setter(node)
+            and not refers_to_protocol(node)
         ):
             here = documented(node) | (known if node.name == '__init__' else set())
             yield from (

@@ -185,19 +185,11 @@ class RollerSpeedLimit:
     can_slide: ClassVar[bool] = False
 
     def rows(self, config: Configuration) -> Rows:
-        """
-        Return one row for each roller.
-
-        :param config: configuration of the robot.
-        """
+        """Return one row for each roller; see `Limit.rows`."""
         return speed_rows(len(config.robot.roller_names), self.max_speed)
 
     def row_names(self, config: Configuration) -> tuple[str, ...]:
-        """
-        Return the rollers' names.
-
-        :param config: configuration of the robot.
-        """
+        """Return the rollers' names; see `Limit.row_names`."""
         return config.robot.roller_names
 
 
@@ -221,11 +213,7 @@ class MemberLengthLimit:
     can_slide: ClassVar[bool] = True
 
     def rows(self, config: Configuration) -> Rows:
-        """
-        Return one row for each member.
-
-        :param config: configuration of the robot.
-        """
+        """Return one row for each member; see `Limit.rows`."""
         lengths = config.member_lengths
         return Rows(
             config.robot.topology.incidence,
@@ -234,11 +222,7 @@ class MemberLengthLimit:
         )
 
     def row_names(self, config: Configuration) -> tuple[str, ...]:
-        """
-        Return the members' names.
-
-        :param config: configuration of the robot.
-        """
+        """Return the members' names; see `Limit.row_names`."""
         return config.robot.member_names
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
@@ -39,6 +40,7 @@ class Ellipse(Shape):
     """
 
     semi_axes: tuple[float, float]
+    centroid: ClassVar[complex] = 0j
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -63,11 +65,6 @@ class Ellipse(Shape):
         return float(4.0 * long * scipy.special.ellipe(1.0 - (short / long) ** 2))
 
     @property
-    def centroid(self) -> complex:
-        """Return the centroid, x + iy [m]."""
-        return 0j
-
-    @property
     def gyration(self) -> float:
         """Return the radius of gyration about the centroid [m]."""
         return 0.5 * float(np.hypot(*self.semi_axes))
@@ -78,39 +75,22 @@ class Ellipse(Shape):
         return max(self.semi_axes)
 
     def support(self, normals: Points) -> Array:
-        """
-        Return h(n), the distance of tangents from the origin, (c,) [m].
-
-        :param normals: (c,) outward unit normals of the tangents, x + iy.
-        """
+        """Return h(n), the distance of tangents from the origin, (c,) [m]; see `Shape.support`."""
         a, b = self.semi_axes
         return np.hypot(a * normals.real, b * normals.imag)
 
     def support_points(self, normals: Points) -> Points:
-        """
-        Return points of the surface on tangents, (c,) x + iy [m].
-
-        :param normals: (c,) outward unit normals of the tangents, x + iy.
-        """
+        """Return points of the surface on tangents; see `Shape.support_points`."""
         a, b = self.semi_axes
         return (a**2 * normals.real + 1j * b**2 * normals.imag) / self.support(normals)
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
-        """
-        Return points of the surface with given normals, and radii of curvature, (k,) each [m].
-
-        :param corners: not used.
-        :param normals: (k,) outward unit normals, x + iy.
-        """
+        """Return points of the surface with given normals; see `Shape.surface_at`."""
         a, b = self.semi_axes
         return self.support_points(normals), (a * b) ** 2 / self.support(normals) ** 3
 
     def nearest(self, points: Points) -> SurfacePoints:
-        """
-        Return what is nearest on the surface.
-
-        :param points: (c,) x + iy, outside or inside [m].
-        """
+        """Return what is nearest on the surface; see `Shape.nearest`."""
         a, b = self.semi_axes
         # In units of the long axis, which lies along x, and in the first quadrant.
         long, lying = max(a, b), a >= b
@@ -130,12 +110,7 @@ class Ellipse(Shape):
         return SurfacePoints(long * gaps, signed, long * radii)
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
-        """
-        Return the arcs from the end of the x axis to points with given normals, (k,) [m].
-
-        :param angles: (k,) of the outward normals, not wrapped [rad].
-        :param corners: not used.
-        """
+        """Return the arcs from the end of the x axis to given normals; see `Shape.unroll`."""
         a, b = self.semi_axes
         # The parameter of the point: its normal is along (cos t / a, sin t / b).
         parameter = np.angle(a * np.cos(angles) + 1j * b * np.sin(angles))
@@ -143,11 +118,7 @@ class Ellipse(Shape):
         return np.asarray(b * scipy.special.ellipeinc(parameter, 1.0 - (a / b) ** 2))
 
     def outline(self, spacing: float) -> Points:
-        """
-        Return points along the surface, counter-clockwise and without repetition, (k,) [m].
-
-        :param spacing: about the largest distance of the points [m].
-        """
+        """Return points along the surface; see `Shape.outline`."""
         count = max(16, int(np.ceil(2.0 * np.pi * self.reach / spacing)))
         along = 2.0 * np.pi * np.arange(count) / count
         return self.semi_axes[0] * np.cos(along) + 1j * self.semi_axes[1] * np.sin(along)

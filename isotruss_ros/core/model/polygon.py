@@ -172,30 +172,17 @@ class Polygon(Shape):
         return list(zip(self.arc_centers.tolist(), self.radii.tolist(), strict=True))
 
     def support(self, normals: Points) -> Array:
-        """
-        Return h(n), the distance of tangents from the origin, (c,) [m].
-
-        :param normals: (c,) outward unit normals of the tangents, x + iy.
-        """
+        """Return h(n), the distance of tangents from the origin, (c,) [m]; see `Shape.support`."""
         at = self._corner_of(normals)
         return (self.arc_centers[at] * normals.conj()).real + self.radii[at]
 
     def support_points(self, normals: Points) -> Points:
-        """
-        Return points of the surface on tangents, (c,) x + iy [m]; of a side, one of its ends.
-
-        :param normals: (c,) outward unit normals of the tangents, x + iy.
-        """
+        """Return points of the surface on tangents; see `Shape.support_points`."""
         at = self._corner_of(normals)
         return self.arc_centers[at] + self.radii[at] * normals
 
     def corners_at(self, normal: complex, sine: float) -> tuple[int, ...]:
-        """
-        Return the corner that touches a straight line, or both ends of the face that lies on it.
-
-        :param normal: outward unit normal toward the line, x + iy.
-        :param sine: of the angle by which a line is inclined against such a face at most.
-        """
+        """Return the corner that touches a straight line; see `Shape.corners_at`."""
         corner = self._corner_at(normal)
         # The faces that end and begin there are the nearest to the line.
         facing = self.facing
@@ -207,21 +194,12 @@ class Polygon(Shape):
         return face % count, (face + 1) % count
 
     def point_at(self, corner: int, normal: complex) -> complex:
-        """
-        Return the point of the arc at a corner on a tangent, x + iy [m].
-
-        :param corner: its number.
-        :param normal: outward unit normal of the tangent, x + iy.
-        """
+        """Return the point of the arc at a corner on a tangent; see `Shape.point_at`."""
         middle, radius = self.arcs[corner]
         return middle + radius * normal
 
     def faces_at(self, corner: int) -> tuple[Face, ...]:
-        """
-        Return the face that ends at a corner and the one that begins there.
-
-        :param corner: its number.
-        """
+        """Return the faces at a corner; see `Shape.faces_at`."""
         count = len(self.vertices)
         before, after = (corner - 1) % count, (corner + 1) % count
         centers, normals = self.arc_centers, self.normals
@@ -231,22 +209,12 @@ class Polygon(Shape):
         )
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
-        """
-        Return points of the arcs at corners with given normals, and their radii, (k,) each [m].
-
-        :param corners: (k,) numbers of the corners, whose arcs go on beyond their ends.
-        :param normals: (k,) outward unit normals, x + iy.
-        """
+        """Return points of the arcs at corners with given normals; see `Shape.surface_at`."""
         radii = self.radii[corners]
         return self.arc_centers[corners] + radii * normals, radii
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
-        """
-        Return the arcs to points of the arcs at corners, whole turns included, (k,) [m].
-
-        :param angles: (k,) of the outward normals, not wrapped [rad].
-        :param corners: (k,) numbers of the corners that are touched.
-        """
+        """Return the arcs to points of the arcs at corners; see `Shape.unroll`."""
         middles, starts = self._unrolled_corners
         middle = middles[corners]
         turns = np.round((angles - middle) / (2.0 * np.pi))
@@ -266,11 +234,7 @@ class Polygon(Shape):
         return middles, np.append(0.0, np.cumsum(steps))
 
     def nearest(self, points: Points) -> SurfacePoints:
-        """
-        Return what is nearest on the surface.
-
-        :param points: (c,) x + iy, outside or inside [m].
-        """
+        """Return what is nearest on the surface; see `Shape.nearest`."""
         own = np.arange(len(points))
         away = points[:, None] - self.arc_centers
         # Over the side that begins at a vertex, and past the one that ends there.
@@ -314,11 +278,7 @@ class Polygon(Shape):
         return _rounded(self, length)
 
     def outline(self, spacing: float) -> Points:
-        """
-        Return points along the surface, counter-clockwise and without repetition, (k,) [m].
-
-        :param spacing: largest distance of the points along the arcs [m].
-        """
+        """Return points along the surface; see `Shape.outline`."""
         parts = []
         for center, radius, turn, normal in zip(
             self.arc_centers, self.radii, self.turns, np.roll(self.normals, 1), strict=True

@@ -21,7 +21,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import MAX_DISTANCE, MIN_DIAMETER
@@ -85,10 +85,8 @@ class Shape(ABC):
     curved everywhere; one with faces or corners has its own.
     """
 
-    @property
-    def is_round(self) -> bool:
-        """Return whether the shape is the same however it is turned about the origin."""
-        return False
+    #: Whether the shape is the same however it is turned about the origin.
+    is_round: ClassVar[bool] = False
 
     @property
     def bounding_normals(self) -> Points:
@@ -236,6 +234,8 @@ class Disc(Shape):
     """
 
     diameter: float
+    is_round: ClassVar[bool] = True
+    centroid: ClassVar[complex] = 0j
 
     def __post_init__(self) -> None:
         """Check the number."""
@@ -250,11 +250,6 @@ class Disc(Shape):
         object.__setattr__(self, 'diameter', float(size))
 
     @property
-    def is_round(self) -> bool:
-        """Return True, however it is turned."""
-        return True
-
-    @property
     def area(self) -> float:
         """Return the area [m^2]."""
         return 0.25 * np.pi * self.diameter**2
@@ -263,11 +258,6 @@ class Disc(Shape):
     def perimeter(self) -> float:
         """Return the length of the outline [m]."""
         return np.pi * self.diameter
-
-    @property
-    def centroid(self) -> complex:
-        """Return the centroid, x + iy [m]."""
-        return 0j
 
     @property
     def gyration(self) -> float:
@@ -280,55 +270,29 @@ class Disc(Shape):
         return 0.5 * self.diameter
 
     def support(self, normals: Points) -> Array:
-        """
-        Return the distance of tangents from the origin, (c,) [m].
-
-        :param normals: (c,) outward unit normals of the tangents, x + iy.
-        """
+        """Return the distance of tangents from the origin, (c,) [m]; see `Shape.support`."""
         return np.full(len(normals), 0.5 * self.diameter)
 
     def support_points(self, normals: Points) -> Points:
-        """
-        Return points of the surface on tangents, (c,) x + iy [m].
-
-        :param normals: (c,) outward unit normals of the tangents, x + iy.
-        """
+        """Return points of the surface on tangents; see `Shape.support_points`."""
         return 0.5 * self.diameter * normals
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
-        """
-        Return points of the surface with given normals, and radii of curvature, (k,) each [m].
-
-        :param corners: not used.
-        :param normals: (k,) outward unit normals, x + iy.
-        """
+        """Return points of the surface with given normals; see `Shape.surface_at`."""
         radius = 0.5 * self.diameter
         return radius * normals, np.full(len(normals), radius)
 
     def nearest(self, points: Points) -> SurfacePoints:
-        """
-        Return what is nearest on the surface.
-
-        :param points: (c,) x + iy, outside or inside [m].
-        """
+        """Return what is nearest on the surface; see `Shape.nearest`."""
         radius, away = 0.5 * self.diameter, np.abs(points)
         return SurfacePoints(away - radius, normalize(points), np.full(len(points), radius))
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
-        """
-        Return the arcs to points with given normals, (k,) [m].
-
-        :param angles: (k,) of the outward normals, not wrapped [rad].
-        :param corners: not used.
-        """
+        """Return the arcs to points with given normals, (k,) [m]; see `Shape.unroll`."""
         return 0.5 * self.diameter * angles
 
     def outline(self, spacing: float) -> Points:
-        """
-        Return points along the surface, counter-clockwise and without repetition, (k,) [m].
-
-        :param spacing: largest distance of the points [m].
-        """
+        """Return points along the surface; see `Shape.outline`."""
         count = max(8, int(np.ceil(self.perimeter / spacing)))
         return 0.5 * self.diameter * np.exp(2j * np.pi * np.arange(count) / count)
 

@@ -52,19 +52,11 @@ class DenseFactor:
             raise np.linalg.LinAlgError(f'singular: pivot {info} is zero')
 
     def solve(self, right: Array) -> Array:
-        """
-        Return x with A x = right.
-
-        :param right: (n,) or (n, k) right-hand sides.
-        """
+        """Return x with A x = right; see `Factor.solve`."""
         return lapack.dgetrs(self._lu, self._pivots, right, trans=1)[0]
 
     def solve_transposed(self, right: Array) -> Array:
-        """
-        Return x with A^T x = right.
-
-        :param right: (n,) or (n, k) right-hand sides.
-        """
+        """Return x with A^T x = right; see `Factor.solve_transposed`."""
         return lapack.dgetrs(self._lu, self._pivots, right, trans=0)[0]
 
     def condition(self, norm: float) -> float:
@@ -92,11 +84,7 @@ class DefiniteFactor:
             raise np.linalg.LinAlgError(f'not positive definite: minor {info}')
 
     def solve(self, right: Array) -> Array:
-        """
-        Return x with A x = right.
-
-        :param right: (n,) or (n, k) right-hand sides.
-        """
+        """Return x with A x = right; see `Factor.solve`."""
         return lapack.dpotrs(self._lower, right, lower=1)[0]
 
     solve_transposed = solve
@@ -125,19 +113,11 @@ class SparseFactor:
             raise np.linalg.LinAlgError(str(error)) from error
 
     def solve(self, right: Array) -> Array:
-        """
-        Return x with A x = right.
-
-        :param right: (n,) or (n, k) right-hand sides.
-        """
+        """Return x with A x = right; see `Factor.solve`."""
         return self._lu.solve(right)
 
     def solve_transposed(self, right: Array) -> Array:
-        """
-        Return x with A^T x = right.
-
-        :param right: (n,) or (n, k) right-hand sides.
-        """
+        """Return x with A^T x = right; see `Factor.solve_transposed`."""
         return self._lu.solve(right, trans='T')
 
 

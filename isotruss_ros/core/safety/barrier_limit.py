@@ -64,20 +64,12 @@ class BarrierLimit:
         return self.barrier.status
 
     def rows(self, config: Configuration) -> Rows:
-        """
-        Return one row for each value, dh/dt >= -class-K bound.
-
-        :param config: the one in which the values were found.
-        """
+        """Return one row for each value, dh/dt >= -class-K bound; see `Limit.rows`."""
         bound = self.barrier.law.class_k_bound(self.margins)
         return Rows(self.matrix, -bound, np.full(len(bound), np.inf))
 
     def row_names(self, config: Configuration) -> tuple[str, ...]:
-        """
-        Return the names of the values.
-
-        :param config: the one in which the values were found.
-        """
+        """Return the names of the values; see `Limit.row_names`."""
         return tuple(self.barrier.names(self.indices))
 
     def violation(

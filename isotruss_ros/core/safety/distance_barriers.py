@@ -142,12 +142,7 @@ class SelfCollisionBarrier:
         self._neighbors = NeighborList(law.active_below)
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
-        """
-        Return the pairs that are close.
-
-        :param config: where the robot is.
-        :param grip: not used.
-        """
+        """Return the pairs that are close; see `Barrier.active`."""
         pairs, distances = self._neighbors.find_close(
             config, None, lambda indices: self.values(config, grip, indices)
         )
@@ -156,21 +151,11 @@ class SelfCollisionBarrier:
         return ActiveValues(pairs, distances, self._model.gradients(config, pairs))
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
-        """
-        Return the distances of pairs [m].
-
-        :param config: where the robot is.
-        :param grip: not used.
-        :param indices: of the pairs.
-        """
+        """Return the distances of pairs [m]; see `Barrier.values`."""
         return self._model.distances(config, indices)
 
     def names(self, indices: Indices) -> list[str]:
-        """
-        Return the names of pairs.
-
-        :param indices: of the pairs.
-        """
+        """Return the names of pairs; see `Barrier.names`."""
         return self._model.names(indices)
 
 
@@ -191,12 +176,7 @@ class ObjectBarrier:
         self._neighbors = NeighborList(law.active_below)
 
     def active(self, config: Configuration, grip: Grip) -> ActiveValues:
-        """
-        Return the parts that are close to the object.
-
-        :param config: where the robot is.
-        :param grip: what it holds.
-        """
+        """Return the parts that are close to the object; see `Barrier.active`."""
         parts, distances = self._neighbors.find_close(
             config, grip, lambda indices: self.values(config, grip, indices)
         )
@@ -205,21 +185,11 @@ class ObjectBarrier:
         return ActiveValues(parts, distances, *grip_gradients(config, grip, parts))
 
     def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
-        """
-        Return the distances of parts from the object; inf for those at the grip [m].
-
-        :param config: where the robot is.
-        :param grip: what it holds.
-        :param indices: of the parts.
-        """
+        """Return the distances of parts, inf for those at the grip [m]; see `Barrier.values`."""
         far = self.law.active_below + SKIN
         return object_distances(config, grip.body, grip.members, far, indices)
 
     def names(self, indices: Indices) -> list[str]:
-        """
-        Return the names of parts.
-
-        :param indices: of the parts.
-        """
+        """Return the names of parts; see `Barrier.names`."""
         names = self._model.part_names()
         return [f'{names[i]} and the object' for i in indices]

@@ -41,12 +41,7 @@ class RigidityBarrier:
         self._far: tuple[Configuration, float] | None = None
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
-        """
-        Return the least rigid modes.
-
-        :param config: where the robot is.
-        :param grip: not used.
-        """
+        """Return the least rigid modes; see `Barrier.active`."""
         if self._far is not None and self._index.change(config, self._far[0]) < self._far[1]:
             return NOTHING
         modes = self._index.modes(config)
@@ -59,19 +54,9 @@ class RigidityBarrier:
         return ActiveValues(np.arange(count), few.values, self._index.gradients(config, few))
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
-        """
-        Return the rigidity index of modes, least first.
-
-        :param config: where the robot is.
-        :param grip: not used.
-        :param indices: of the modes.
-        """
+        """Return the rigidity index of modes, least first; see `Barrier.values`."""
         return self._index.modes(config).values[indices]
 
     def names(self, indices: Indices) -> list[str]:
-        """
-        Return one name for all.
-
-        :param indices: of the modes.
-        """
+        """Return one name for all; see `Barrier.names`."""
         return ['the rigidity of the shape'] * len(indices)

@@ -97,20 +97,12 @@ class ElasticObject:
         return 0.0 if self._grasp is None else self._grasp.slip_margin(self._friction)
 
     def pose(self, config: Configuration) -> Pose:
-        """
-        Return its pose after the last step; the angle is in (-pi, pi].
-
-        :param config: configuration of the robot.
-        """
+        """Return its pose after the last step; see `SimulatedObject.pose`."""
         return self._lies if self._grasp is None else self._grasp.pose
 
     @single_threaded
     def follow(self, config: Configuration) -> None:
-        """
-        Go with the robot to a configuration.
-
-        :param config: where the robot is now.
-        """
+        """Go with the robot to a configuration; see `SimulatedObject.follow`."""
         if config is self._followed and not self._pulled_anew:
             return
         before, self._followed, self._pulled_anew = self._followed, config, False
@@ -123,11 +115,7 @@ class ElasticObject:
 
     @single_threaded
     def come_to_rest(self, config: Configuration) -> None:
-        """
-        Stay as it is: it is in equilibrium in every step.
-
-        :param config: configuration of the robot.
-        """
+        """Stay as it is: it is in equilibrium in every step; see `SimulatedObject.come_to_rest`."""
 
     def _touch(self, before: Configuration | None, config: Configuration) -> None:
         """Be held from the moment on at which two members press so that friction holds."""

@@ -78,11 +78,7 @@ class RigidObject:
         return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
 
     def follow(self, config: Configuration) -> None:
-        """
-        Stay where it is, or roll in the grip.
-
-        :param config: configuration of the robot.
-        """
+        """Stay where it is, or roll in the grip; see `SimulatedObject.follow`."""
         if self.rolling is None:
             return
         try:
@@ -92,11 +88,7 @@ class RigidObject:
             self._body, self.rolling = self._body.moved_to(self.rolling.pose), None
 
     def come_to_rest(self, config: Configuration) -> None:
-        """
-        Find out, in a robot that stands still, whether the object is held.
-
-        :param config: configuration of the robot.
-        """
+        """Find out whether the object is held; see `SimulatedObject.come_to_rest`."""
         if not self._looks:
             return
         body = self._body.moved_to(self.pose(config))
