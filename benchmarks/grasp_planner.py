@@ -45,8 +45,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.planning.closing import Closing, outward_normals
 from isotruss_ros.core.planning.seeds import enclosing_members
-from isotruss_ros.core.safety.margins import shape_margins
-from isotruss_ros.core.safety.object_distances import object_distances
+from isotruss_ros.core.safety.margins import object_distances, shape_margins
 from measuring import print_machine, print_table
 import numpy as np
 from scipy.optimize import differential_evolution

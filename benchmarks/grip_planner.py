@@ -43,7 +43,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.planning.seeds import enclosing_members
 from isotruss_ros.core.planning.settings import SearchSettings
-from isotruss_ros.core.safety.object_distances import object_distances
+from isotruss_ros.core.safety.margins import object_distances
 from measuring import print_machine, print_table, timed
 import numpy as np
 

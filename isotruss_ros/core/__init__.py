@@ -25,7 +25,7 @@ from isotruss_ros.core.holding.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import load_robot, Robot
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.grip_placing import place_between
+from isotruss_ros.core.manipulation.grip_placing import place_between, tangent_center
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.solve_joint_velocity import solve_joint_velocity
 from isotruss_ros.core.manipulation.solve_twist import (
@@ -34,7 +34,6 @@ from isotruss_ros.core.manipulation.solve_twist import (
     solve_twist_ahead,
 )
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.manipulation.tangent_center import tangent_center
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
 from isotruss_ros.core.model.object_file import read_object

@@ -15,7 +15,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.simulation.roller_drive import RollerDrive, RollerFaults
+from isotruss_ros.core.simulation.simulated_robot import RollerDrive, RollerFaults
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np

@@ -25,7 +25,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, MOST, scaled_wrench, t
 from isotruss_ros.core.holding.pressed_contacts import find_pressed, LEAST_FACE, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
-from isotruss_ros.core.model.segment_gaps import segment_gaps
+from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.member_compliance import MemberCompliance

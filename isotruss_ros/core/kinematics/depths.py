@@ -12,8 +12,7 @@
 from __future__ import annotations
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.segment_gaps import segment_gaps
+from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
 

@@ -15,8 +15,7 @@ from pathlib import Path
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.constraints import Targets
-from isotruss_ros.core.kinematics.determinacy import require_determinate
-from isotruss_ros.core.kinematics.home import place_home
+from isotruss_ros.core.kinematics.home import place_home, require_determinate
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.robot_file import read_robot_file

@@ -17,11 +17,11 @@ import math
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
 from isotruss_ros.core.manipulation.grip_contacts import find_contacts
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.model.shapes import Disc, Shape
 from isotruss_ros.core.numerics.arrays import finite_array
 import numpy as np
 
@@ -81,3 +81,45 @@ def place_between(
             f'{", ".join(names)}; take another shape, angle, configuration or other members'
         )
     return min(found, key=lambda item: item[0])[1]
+
+
+def tangent_center(
+    config: Configuration, module: str, diameter: float, indentation: float = 0.0
+) -> tuple[float, float]:
+    """
+    Return the centre at which an object is tangent to both grasping members of a module.
+
+    :param config: configuration of the robot.
+    :param module: name `t/j` of the module.
+    :param diameter: the object's own diameter [m].
+    :param indentation: how much closer to the corner of the two members the centre is [m].
+    :return: (x, y) in the robot frame [m].
+    :raises GraspError: no such module, diameter not positive, indentation not finite, or the
+        object would have to be behind the module or beyond the end of a member.
+    """
+    (depth,) = finite_array([indentation], 1, 'indentation [m]', GraspError)
+    nodes, points = find_members(config.robot, members_at(config.robot, module)), config.points
+    # The member ahead starts at the module's B, the one behind ends at its C.
+    b, c = points.item(nodes.starts[0]), points.item(nodes.ends[1])
+    ahead, back = points.item(nodes.ends[0]) - b, points.item(nodes.starts[1]) - c
+    side = 1.0 if (ahead.conjugate() * back).imag > 0.0 else -1.0
+    own_radius = 0.5 * Disc(diameter).diameter
+    reach = own_radius + 0.5 * config.robot.description.tube_diameter
+    normals = np.array([1j * side * ahead / abs(ahead), -1j * side * back / abs(back)])
+    # Distance from both lines is `reach`: Re(conj(normal) (center - foot)) = reach.
+    right = (normals.conj() * np.array([b, c])).real + reach
+    x, y = np.linalg.solve(normals.view(np.float64).reshape(2, 2), right)
+    center = complex(x, y) - depth * complex(normals.sum() / abs(normals.sum()))
+    along = np.array(
+        [
+            (ahead.conjugate() * (center - b)).real / abs(ahead) ** 2,
+            (back.conjugate() * (center - c)).real / abs(back) ** 2,
+        ]
+    )
+    if along.min() < 0.0 or along.max() > 1.0:
+        raise GraspError(
+            f'an object of diameter {diameter} m does not fit between the members at module '
+            f'{module}: it would touch them at {along.round(3).tolist()} of their lengths; '
+            'take another diameter, module or configuration'
+        )
+    return center.real, center.imag

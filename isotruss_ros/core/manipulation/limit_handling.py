@@ -23,18 +23,14 @@ speed there. Sliding may then stay behind scaling by a few per cent of the twist
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
-from isotruss_ros.core.manipulation.few_rows import (
-    ALL_ROWS_UP_TO,
-    solve_by_few_rows,
-    Solver,
-)
 from isotruss_ros.core.manipulation.limits import Limit, NO_ROWS, Rows, StackedRows
 from isotruss_ros.core.manipulation.task import Task, WorkingRollers
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
-from isotruss_ros.core.numerics.arrays import Array, Flags
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 import numpy as np
 
 #: Solutions are exact to rounding; a scale this close to 1 is 1.
@@ -47,6 +43,15 @@ MAX_SCALE = 1e4
 BINDING_TOLERANCE = 1e-7
 #: Regularization weight that only makes the closest point unique.
 LEAST_REGULARIZATION = 1e-6
+#: With more rollers than this, few rows are quicker than all (benchmarks/scaling.py).
+ALL_ROWS_UP_TO = 60
+#: Rows to begin with, and to add at a time at least.
+FIRST, ADDED = 16, 16
+#: Bounds hold to this, in units of the program.
+ROW_TOLERANCE = 1e-10
+
+#: From cost, task and rows to the speeds (n,) and the progress.
+Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
 
 
 @dataclass(frozen=True)
@@ -174,3 +179,47 @@ def _solve(
         return solve_by_few_rows(solve, working, task.equality, rows, guess)
     matrix = rows.matrix if working.whole else rows.matrix[:, working.places]
     return solve(working.cost, task.equality, Rows(matrix, rows.lower, rows.upper))
+
+
+def solve_by_few_rows(
+    solve: Solver, working: WorkingRollers, equality: Array, rows: StackedRows, guess: Array
+) -> tuple[Array, float]:
+    """
+    Solve a quadratic program of the twist with the rows of limits that bind.
+
+    In place of `solve(working.cost, equality, ...)` with all rows.
+
+    :param solve: what solves it for some rows, in other variables.
+    :param working: the working rollers.
+    :param equality: (k, w) J, the task on the working rollers.
+    :param rows: all rows of the limits, with bounds in the units of the program.
+    :param guess: (w,) speeds whose shares of the bounds say which rows to begin with.
+    :return: (w,) speeds and the progress.
+    :raises SolverError: a program was not solved.
+    """
+    task = equality.dot(working.even)
+
+    def beyond(speeds: Array) -> Array:
+        rates = rows.rates(working.spread(speeds))
+        return np.maximum(rates - rows.upper, rows.lower - rates)
+
+    chosen = np.sort(_largest(beyond(guess), FIRST))
+    while True:
+        some = rows.take(chosen)
+        matrix = some.matrix[:, working.places].dot(working.even)
+        basis = np.linalg.qr(np.concatenate([task, matrix]).T)[0]
+        cost, reduced = np.eye(basis.shape[1]), some._replace(matrix=matrix.dot(basis))
+        found, progress = solve(cost, task.dot(basis), reduced)
+        speeds = working.even.dot(basis.dot(found))
+        excess = beyond(speeds)
+        excess[chosen] = -np.inf
+        violated = int((excess > ROW_TOLERANCE).sum())
+        if not violated:
+            return speeds, progress
+        added = _largest(excess, min(violated, max(ADDED, len(chosen))))
+        chosen = np.sort(np.concatenate([chosen, added]))
+
+
+def _largest(values: Array, count: int) -> Indices:
+    """Return the numbers of the largest values."""
+    return np.argsort(-values, kind='stable')[:count]

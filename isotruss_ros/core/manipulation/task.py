@@ -36,6 +36,9 @@ MODEST = 1e100
 #: All directions.
 EVERYWHERE = np.eye(3)
 EVERYWHERE.flags.writeable = False
+#: The opening rate is the first row of a grip, which has nine at most.
+FIRST_ROW = np.eye(1, 9)[0]
+FIRST_ROW.flags.writeable = False
 #: A twist is unreachable where more than this share of it is.
 REACH_TOLERANCE = 1e-9
 
@@ -92,8 +95,7 @@ def working_rollers(robot: Robot, failed: frozenset[str]) -> WorkingRollers:
     return WorkingRollers(count, places, cost, even, len(places) == count)
 
 
-@dataclass(frozen=True, eq=False)
-class Reach:
+class Reach(NamedTuple):
     """
     The twists that the working rollers can produce while the contacts keep.
 
@@ -121,15 +123,14 @@ class Reach:
             first of the g is the opening rate.
         :param radius: of the object [m].
         """
-        weights = np.array([1.0, 1.0, radius])
-        task, grip = weights[:, None] * active[:3], active[3:]
-        rows, opened = np.concatenate([task, grip]), np.zeros(len(grip))
-        opened[0] = 1.0
+        weights, rows = np.array([1.0, 1.0, radius]), active.copy()
+        rows[2] *= radius
+        task, grip = rows[:3], rows[3:]
         # Rows that are independent together are so in the two steps below: eigenvalues of their
         # products, in place of `numpy.linalg.svd` of the grip and of what is left of the task.
-        squares = lapack.dsyev(rows.dot(rows.T), compute_v=0)[0]
+        squares = lapack.dsyev(rows.dot(rows.T), compute_v=0)[0].tolist()
         if squares[0] > FREE_SHARE * max(1.0, squares[-1]):
-            return cls(rows, EVERYWHERE, weights, opened)
+            return cls(rows, EVERYWHERE, weights, FIRST_ROW[: len(grip)])
         mixed, gains, basis = np.linalg.svd(grip, full_matrices=False)
         held = gains > RANK_TOLERANCE
         kept = basis[held]
@@ -190,11 +191,11 @@ class Task:
         if reach.directions is EVERYWHERE and opening_rate == 0.0:
             # In place of `_find_direction`, where nothing is projected.
             self.reachable = True
-            vx, vy, turning = (reach.weights * (twist / size)).tolist()
-            length = math.hypot(vx, vy, turning)
+            unit = reach.weights * (twist / size)
+            length = math.hypot(*unit.tolist())
             self.speed = size * length
             self.direction = np.zeros(len(self.equality))
-            self.direction[:3] = vx / length, vy / length, turning / length
+            self.direction[:3] = unit / length
         else:
             self._find_direction(reach, twist, size, opening_rate)
         if self.speed > 0.0:

@@ -38,8 +38,7 @@ from isotruss_ros.core.planning.grasp_plan import (
 from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
 from isotruss_ros.core.planning.seeds import explain_no_seeds
 from isotruss_ros.core.planning.settings import SearchSettings
-from isotruss_ros.core.safety.margins import shape_margins
-from isotruss_ros.core.safety.object_distances import object_distances
+from isotruss_ros.core.safety.margins import object_distances, shape_margins
 import numpy as np
 
 #: An object that overlaps the robot by less than this does not yet touch it [m].

@@ -18,8 +18,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
-from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.segment_gaps import segment_gaps
+from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.closing import Closing, mean_member_length, outward_normals
 from isotruss_ros.core.planning.facing import balances, find_facing

@@ -36,8 +36,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.segment_gaps import segment_gaps
+from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 

@@ -11,15 +11,19 @@
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
+from isotruss_ros.core.numerics.arrays import Array, as_xy, Indices
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.safety.distances import collision_model
-from isotruss_ros.core.safety.object_distances import object_distances
+from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment
 import numpy as np
 
 
@@ -70,3 +74,72 @@ def shape_margins(
     least = int(distances.argmin())
     part = model.part_names()[least] if distances[least] < np.inf else ''
     return ShapeMargins(rigidity, clearance, float(distances[least]), nearest, part)
+
+
+def object_distances(
+    config: Configuration,
+    body: ConvexObject,
+    members: tuple[str, ...] = (),
+    far: float = np.inf,
+    parts: Indices | slice = slice(None),
+) -> Array:
+    """
+    Return the distances between an object and the parts of the robot [m].
+
+    :param config: where the robot is.
+    :param body: the object in its place.
+    :param members: names of the members that hold it; none where it is free. They are left out;
+        and a module at which two of them meet with the rods at its joint.
+    :param far: of parts that are certainly farther off the distance is a lower bound [m].
+    :param parts: numbers of parts: members, modules, rods, m of each; all when left out.
+    :return: (k,), inf for what is left out.
+    :raises GraspError: no such members.
+    """
+    model = collision_model(config.robot)
+    starts, ends = model.part_ends(config, parts)
+    radii = model.part_radii[parts]
+    # The circle that contains the object is no farther.
+    distances = nearest_on_segment(body.center, starts, ends).distance - body.shape.reach - radii
+    near = np.flatnonzero(distances < far)
+    if len(near):
+        distances[near] = segment_gaps(body, starts[near], ends[near]).gaps - radii[near]
+    distances[_left_out(config.robot, members)[parts]] = np.inf
+    return distances
+
+
+def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[Array, Array]:
+    """
+    Return how the distances of the object from some parts change.
+
+    :param config: where the robot is.
+    :param grip: what it holds; its contacts roll.
+    :param parts: (k,) numbers of parts.
+    :return: (k, 2n) rows on the node velocities, by which the parts move, and (k, r) rows on the
+        roller speeds, by which the object does [-].
+    :raises GraspError: see `find_contacts`.
+    :raises ConfigurationError: the configuration is singular.
+    """
+    model, body = collision_model(config.robot), grip.body
+    starts, ends = model.part_ends(config, parts)
+    near = segment_gaps(body, starts, ends)
+    rows = model.part_rows(config, parts, near.shares, -near.normals)
+    # To the segment: the surface is along the normal from there, which turns with the same speed.
+    arms = starts + near.shares * (ends - starts) - body.center
+    turning = (near.normals.conj() * 1j * arms).real
+    surface = np.column_stack([as_xy(near.normals), turning])
+    return rows.view(np.float64), -surface @ grip_jacobian(config, grip)[:3]
+
+
+@functools.lru_cache(maxsize=64)
+def _left_out(robot: Robot, members: tuple[str, ...]) -> Array:
+    """Return which parts (3m,) do not count."""
+    topology, own = robot.topology, find_members(robot, members).members
+    held = np.zeros((3, topology.n_modules), dtype=bool)
+    held[0, own] = True
+    # Where a member ends, the following one begins.
+    meeting = np.intersect1d(topology.following[own], own)
+    held[1, meeting] = True
+    held[2] = np.isin(topology.joint, topology.joint[meeting])
+    found = held.ravel()
+    found.flags.writeable = False
+    return found

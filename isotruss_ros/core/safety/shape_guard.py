@@ -29,10 +29,14 @@ from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.safety.barrier_law import Barrier, BarrierLaw, EVERYTHING
-from isotruss_ros.core.safety.barrier_limit import BarrierLimit, BarrierViolation
-from isotruss_ros.core.safety.distance_barriers import ObjectBarrier, SelfCollisionBarrier
-from isotruss_ros.core.safety.rigidity_barrier import RigidityBarrier
+from isotruss_ros.core.safety.barrier_law import (
+    Barrier,
+    BarrierLaw,
+    BarrierLimit,
+    BarrierViolation,
+    EVERYTHING,
+)
+from isotruss_ros.core.safety.barriers import ObjectBarrier, RigidityBarrier, SelfCollisionBarrier
 import numpy as np
 
 #: Longest steps of the rollers that cannot jump over a band, nor over half a safety margin [m].

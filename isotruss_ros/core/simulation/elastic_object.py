@@ -113,9 +113,8 @@ class ElasticObject:
         if self._grasp is None:
             self._lies = self._pushed(config)
 
-    @single_threaded
     def come_to_rest(self, config: Configuration) -> None:
-        """Stay as it is: it is in equilibrium in every step; see `SimulatedObject.come_to_rest`."""
+        """Stay in equilibrium, as in every step; see `SimulatedObject.come_to_rest`."""
 
     def _touch(self, before: Configuration | None, config: Configuration) -> None:
         """Be held from the moment on at which two members press so that friction holds."""

@@ -11,13 +11,91 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.simulation.roller_drive import RollerDrive, RollerFaults
+from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike
+
+#: A roller that loses more than this of its travel is not slipping but broken.
+MAX_SLIP = 0.5
+
+
+@dataclass(frozen=True)
+class RollerFaults:
+    """
+    How the rollers differ from perfect ones.
+
+    Slip is that of a friction drive: the tube follows the roller's surface less a share of the
+    travel, in both directions. The encoders turn with the rollers and do not measure it, so that
+    the configuration drifts away from the measured one. No two rollers pinch alike: each has a
+    share of its own, drawn once, even between half and one and a half times `slip`.
+
+    :ivar speed_limit: larger commands are cut to this [m/s].
+    :ivar noise: standard deviation of the speed of a moving roller, drawn again each step [m/s].
+    :ivar stuck: names of rollers that do not move.
+    :ivar slip: mean share of the travel that the tube does not follow, 0 to 0.5.
+    """
+
+    speed_limit: float = float('inf')
+    noise: float = 0.0
+    stuck: frozenset[str] = frozenset()
+    slip: float = 0.0
+
+
+class RollerDrive:
+    """
+    The speeds of all rollers, step by step.
+
+    :ivar grip: (r,) share of each roller's travel that its tube follows [-].
+    :param robot: whose rollers they are.
+    :param faults: how the rollers differ from perfect ones.
+    :param seed: of the noise and the slip.
+    :raises GraspError: a stuck roller that the robot does not have.
+    :raises ConfigurationError: a slip out of its range.
+    """
+
+    def __init__(self, robot: Robot, faults: RollerFaults, seed: int = 0) -> None:
+        names = robot.roller_names
+        check_roller_names('stuck rollers', faults.stuck, names)
+        if not 0.0 <= faults.slip <= MAX_SLIP:
+            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to {MAX_SLIP}')
+        self._robot, self._faults = robot, faults
+        self._free = np.array([name not in faults.stuck for name in names])
+        self._random = np.random.default_rng(seed)
+        # From a stream of its own: with or without slip, the noise of a seed is the same.
+        shares = np.random.default_rng([seed, 1]).uniform(0.5, 1.5, len(names))
+        self.grip = 1.0 - faults.slip * shares
+        self._command = np.zeros(len(names))
+
+    def command(self, velocities: ArrayLike) -> None:
+        """
+        Take a command, which holds until the next.
+
+        :param velocities: (r,) roller speeds [m/s].
+        :raises ConfigurationError: wrong shape or not finite; the command before goes on.
+        """
+        self._command = self._robot.check_rollers(velocities, 'roller velocities [m/s]')
+
+    def stop(self) -> None:
+        """Command all rollers to stand still."""
+        self._command = np.zeros_like(self._command)
+
+    def speeds(self) -> Array:
+        """Return the (r,) speeds of the rollers in the next step, zero where one rests [m/s]."""
+        limit = self._faults.speed_limit
+        speeds = np.clip(self._command, -limit, limit)
+        moving = self._free & (speeds != 0.0)
+        speeds = np.where(moving, speeds, 0.0)
+        if self._faults.noise > 0.0:
+            speeds = speeds + moving * self._random.normal(0.0, self._faults.noise, len(speeds))
+        return speeds
 
 
 class SimulatedObject(Protocol):

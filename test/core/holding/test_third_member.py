@@ -16,7 +16,7 @@ from isotruss_ros.core import Disc
 from isotruss_ros.core.holding import roll_grip as roll_grip_module
 from isotruss_ros.core.holding.roll_grip import _depth_in, join, roll_grip
 from isotruss_ros.core.kinematics.depths import member_depths
-from isotruss_ros.core.model.segment_gaps import segment_gaps
+from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np

@@ -11,7 +11,7 @@
 
 from isotruss_ros.core import ConvexObject, Disc, load_robot
 from isotruss_ros.core.kinematics.depths import member_depths
-from isotruss_ros.core.model.segment_gaps import segment_gaps
+from isotruss_ros.core.model.convex_object import segment_gaps
 import numpy as np
 import pytest
 

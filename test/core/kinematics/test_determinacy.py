@@ -12,7 +12,7 @@
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import RobotFileError
-from isotruss_ros.core.kinematics.determinacy import condition_number, require_determinate
+from isotruss_ros.core.kinematics.home import condition_number, require_determinate
 import numpy as np
 import pytest
 import robots

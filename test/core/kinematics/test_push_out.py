@@ -11,7 +11,7 @@
 
 from isotruss_ros.core import ConvexObject, Disc, load_robot, Polygon
 from isotruss_ros.core.kinematics.depths import push_out
-from isotruss_ros.core.model.segment_gaps import segment_gaps
+from isotruss_ros.core.model.convex_object import segment_gaps
 import pytest
 
 ROBOT = load_robot('nine_member')

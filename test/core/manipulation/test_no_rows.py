@@ -13,8 +13,7 @@ from grips import disc_grip
 from isotruss_ros.core import load_robot, solve_twist, Status
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.manipulation import twist_qp
-from isotruss_ros.core.manipulation.few_rows import solve_by_few_rows
-from isotruss_ros.core.manipulation.limit_handling import LimitHandling
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling, solve_by_few_rows
 from isotruss_ros.core.manipulation.limits import (
     MemberLengthLimit,
     RollerSpeedLimit,

@@ -10,7 +10,7 @@
 """How far straight segments are from an object, against their points and in closed form."""
 
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
-from isotruss_ros.core.model.segment_gaps import segment_gaps
+from isotruss_ros.core.model.convex_object import segment_gaps
 import numpy as np
 import pytest
 

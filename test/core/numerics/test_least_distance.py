@@ -10,7 +10,7 @@
 """The nearest point of a polyhedron: solutions known by hand, what is refused, least squares."""
 
 from hypothesis import given, strategies
-from isotruss_ros.core.numerics.least_distance import find_nearest, solve_least_squares
+from isotruss_ros.core.numerics.qp import find_nearest, solve_least_squares
 import numpy as np
 import pytest
 import robots

@@ -30,7 +30,7 @@ from isotruss_ros.core.planning.facing import balances, contact_ends, find_facin
 from isotruss_ros.core.planning.plan_words import plan_in_words
 from isotruss_ros.core.planning.seeds import enclosing_members, find_seeds
 from isotruss_ros.core.planning.settings import DEFAULT
-from isotruss_ros.core.safety.object_distances import object_distances
+from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
 from scipy.optimize import nnls

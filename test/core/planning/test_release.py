@@ -25,7 +25,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.planning.release import plan_release
-from isotruss_ros.core.safety.object_distances import object_distances
+from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
 

@@ -27,7 +27,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.planning.settings import DEFAULT
-from isotruss_ros.core.safety.object_distances import object_distances
+from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
 

@@ -13,8 +13,12 @@ from types import SimpleNamespace
 
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import Status
-from isotruss_ros.core.safety.barrier_law import ActiveValues, BarrierLaw
-from isotruss_ros.core.safety.barrier_limit import _admissible_share, BarrierLimit
+from isotruss_ros.core.safety.barrier_law import (
+    _admissible_share,
+    ActiveValues,
+    BarrierLaw,
+    BarrierLimit,
+)
 from isotruss_ros.core.safety.shape_guard import SAFETY_STEP, Watch
 import numpy as np
 import pytest

@@ -16,8 +16,7 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import BarrierLaw, EVERYTHING
-from isotruss_ros.core.safety.distance_barriers import ObjectBarrier, SelfCollisionBarrier
-from isotruss_ros.core.safety.rigidity_barrier import RigidityBarrier
+from isotruss_ros.core.safety.barriers import ObjectBarrier, RigidityBarrier, SelfCollisionBarrier
 import numpy as np
 import pytest
 import robots

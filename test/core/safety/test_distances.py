@@ -15,7 +15,7 @@ from isotruss_ros.core import ConvexObject, load_robot
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.safety.distances import collision_model, nearest_on_segment
-from isotruss_ros.core.safety.object_distances import object_distances
+from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
 import robots

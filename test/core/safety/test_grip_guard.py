@@ -21,9 +21,8 @@ from isotruss_ros.core import (
     Status,
 )
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
-from isotruss_ros.core.safety.distance_barriers import Measured, ObjectBarrier
-from isotruss_ros.core.safety.margins import shape_margins
-from isotruss_ros.core.safety.object_distances import object_distances
+from isotruss_ros.core.safety.barriers import Measured, ObjectBarrier
+from isotruss_ros.core.safety.margins import object_distances, shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
 

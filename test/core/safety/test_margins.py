@@ -14,10 +14,9 @@ from isotruss_ros.core import ConvexObject, Grip, load_robot, tangent_center
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.safety.barrier_law import BarrierLaw, EVERYTHING
-from isotruss_ros.core.safety.distance_barriers import ObjectBarrier, SKIN
+from isotruss_ros.core.safety.barriers import ObjectBarrier, SKIN
 from isotruss_ros.core.safety.distances import collision_model
-from isotruss_ros.core.safety.margins import shape_margins
-from isotruss_ros.core.safety.object_distances import object_distances
+from isotruss_ros.core.safety.margins import object_distances, shape_margins
 import numpy as np
 import pytest
 import robots

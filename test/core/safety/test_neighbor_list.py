@@ -14,9 +14,9 @@ from types import SimpleNamespace
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Grip, load_robot, Polygon, tangent_center
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.safety.distance_barriers import NeighborList
+from isotruss_ros.core.safety.barriers import NeighborList
 from isotruss_ros.core.safety.distances import collision_model
-from isotruss_ros.core.safety.object_distances import object_distances
+from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
 import robots

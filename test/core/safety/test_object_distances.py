@@ -14,8 +14,8 @@ from isotruss_ros.core import ConvexObject, load_robot, Polygon, RollingGrip
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
-from isotruss_ros.core.safety.distance_barriers import ObjectBarrier
-from isotruss_ros.core.safety.object_distances import object_distances
+from isotruss_ros.core.safety.barriers import ObjectBarrier
+from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 import pytest
 from random_grips import random_convex_grip

@@ -23,7 +23,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
-from isotruss_ros.core.safety.distance_barriers import SelfCollisionBarrier
+from isotruss_ros.core.safety.barriers import SelfCollisionBarrier
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
 import pytest

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import load_robot, Status
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
-from isotruss_ros.core.safety.barrier_limit import BarrierViolation
+from isotruss_ros.core.safety.barrier_law import BarrierViolation
 from isotruss_ros.core.safety.distances import nearest_on_segment
 from isotruss_ros.core.safety.shape_guard import ShapeBounds, Watch
 import numpy as np

@@ -8,7 +8,7 @@
 # language governing permissions and limitations under the License.
 
 """
-Barriers of distances: between parts of the robot, and to the object that it holds.
+The barriers of a shape: rigidity, and distances between parts of the robot and to its object.
 
 Verlet's neighbour list says which of the distances need measuring.
 """
@@ -20,6 +20,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import Status
@@ -32,7 +33,7 @@ from isotruss_ros.core.safety.barrier_law import (
     Selection,
 )
 from isotruss_ros.core.safety.distances import collision_model
-from isotruss_ros.core.safety.object_distances import grip_gradients, object_distances
+from isotruss_ros.core.safety.margins import grip_gradients, object_distances
 import numpy as np
 
 #: Pairs that are this much farther apart than close are in the list too [m].
@@ -193,3 +194,44 @@ class ObjectBarrier:
         """Return the names of parts; see `Barrier.names`."""
         names = self._model.part_names()
         return [f'{names[i]} and the object' for i in indices]
+
+
+class RigidityBarrier:
+    """
+    The shape stays rigid, see `rigidity_index`.
+
+    All singular values that are near the bound count: where two are close, the one that is
+    the smallest after a step may be another than before it.
+
+    :param robot: the robot.
+    :param law: of the rigidity index, which is 1 at home [-].
+    """
+
+    status = Status.SLOWED_RIGIDITY
+    needs_object = False
+
+    def __init__(self, robot: Robot, law: BarrierLaw) -> None:
+        self.law = law
+        self._index = rigidity_index(robot)
+        self._far: tuple[Configuration, float] | None = None
+
+    def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
+        """Return the least rigid modes; see `Barrier.active`."""
+        if self._far is not None and self._index.change(config, self._far[0]) < self._far[1]:
+            return NOTHING
+        modes = self._index.modes(config)
+        spare = float(modes.values[0]) - self.law.active_below
+        self._far = (config, spare) if spare > 0.0 else None
+        if spare >= 0.0:
+            return NOTHING
+        count = int((modes.values < self.law.active_below).sum())
+        few = Modes(modes.values[:count], modes.rows[:, :count], modes.nodes[:, :count])
+        return ActiveValues(np.arange(count), few.values, self._index.gradients(config, few))
+
+    def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
+        """Return the rigidity index of modes, least first; see `Barrier.values`."""
+        return self._index.modes(config).values[indices]
+
+    def names(self, indices: Indices) -> list[str]:
+        """Return one name for all; see `Barrier.names`."""
+        return ['the rigidity of the shape'] * len(indices)
