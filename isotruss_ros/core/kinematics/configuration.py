@@ -104,7 +104,6 @@ class Configuration:
         return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
     @cached_property
-    @single_threaded
     def factor(self) -> Factor:
         """
         Return the factored matrix of (12).
@@ -208,7 +207,6 @@ class Configuration:
             return False
         return bool(np.abs(roller_positions - self.roller_positions).max() < FIRST_ORDER)
 
-    @single_threaded
     def predict(self, travel: Array, first_order: float = FIRST_ORDER) -> Configuration:
         """
         Return the configuration after some roller travel, to first order where that is short.
@@ -230,23 +228,11 @@ class Configuration:
         points = self.points + (self._nearby or self.factor).solve(right).view(np.complex128)
         return Configuration(self.robot, self.roller_positions + travel, points)
 
-    def module_rows(self, node_rows: Array) -> Array:
-        """
-        Turn rows on node velocities into rows on the speeds of the tubes through the modules.
-
-        Nodes follow by (12); the transposed solve needs one right-hand side for each row.
-
-        :param node_rows: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...).
-        :return: (k, m), for 1 m/s at each module, a passive one too.
-        :raises ConfigurationError: the configuration is singular.
-        """
-        topology = self.robot.topology
-        by_length = self.factor.solve_transposed(node_rows.T)[: topology.n_modules]
-        return (by_length - by_length[topology.previous]).T  # dL_i = dphi_i - dphi_following(i)
-
     def roller_rows(self, node_rows: Array) -> Array:
         """
-        Turn rows on node velocities into rows on the roller speeds, see `module_rows`.
+        Turn rows on node velocities into rows on the roller speeds.
+
+        Nodes follow by (12); the transposed solve needs one right-hand side for each row.
 
         :param node_rows: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...).
         :return: (k, r), for 1 m/s at each roller.
@@ -254,6 +240,7 @@ class Configuration:
         """
         topology = self.robot.topology
         by_length = self.factor.solve_transposed(node_rows.T).T
+        # dL_i = dphi_i - dphi_following(i)
         return by_length.take(topology.driven, 1) - by_length.take(topology.before_driven, 1)
 
 

@@ -121,14 +121,6 @@ class Constraints:
         """
         return points.take(self._heads) - points.take(self._tails)
 
-    def lengths(self, points: Points) -> Array:
-        """
-        Return the (4m,) lengths of members, AB, AC and BC [m].
-
-        :param points: (n,) nodes [m].
-        """
-        return np.abs(self.spans(points))
-
     def matrix(self, points: Points) -> Array | csc_matrix:
         """
         Return the derivative of the residual by the node coordinates (x0, y0, x1, y1, ...).

@@ -103,7 +103,7 @@ def _bisection(
 ) -> tuple[Array, Array | csc_matrix]:
     """Return the bisection residual (m,) and its (m, m) derivative by the modules' angles."""
     m = topology.n_modules
-    targets = Targets(constraints.lengths(points), np.zeros(len(topology.grounded)))
+    targets = Targets(np.abs(constraints.spans(points)), np.zeros(len(topology.grounded)))
     rows = slice(4 * m, 5 * m)
     bisection = constraints.residual(points, targets)[rows]
     modules = np.tile(np.arange(m), 2)

@@ -37,7 +37,7 @@ class Robot(Mechanism):
         points = place_home(description, self.topology, self.constraints)
         require_determinate(description.source, self.topology, self.constraints.matrix(points))
         self.home_targets = Targets(
-            self.constraints.lengths(points), points.view(np.float64)[self.topology.grounded]
+            np.abs(self.constraints.spans(points)), points.view(np.float64)[self.topology.grounded]
         )
         self.home = Configuration(self, np.zeros(len(self.topology.driven)), points)
 

@@ -92,23 +92,6 @@ class Grip:
         return cls(members_at(robot, module), body, friction)
 
 
-def module_index(robot: Robot, name: str) -> int:
-    """
-    Return the number of a module.
-
-    :param robot: the robot.
-    :param name: name `t/j` of the module.
-    :raises GraspError: the robot has no such module.
-    """
-    try:
-        return robot.module_names.index(name)
-    except ValueError:
-        raise GraspError(
-            f'module {name!r}: robot {robot.name} has no such module; '
-            f'its modules are {", ".join(robot.module_names)}'
-        ) from None
-
-
 def members_at(robot: Robot, module: str) -> tuple[str, str]:
     """
     Return the names of the two members that meet at a module: the one ahead, the one behind.
@@ -117,8 +100,12 @@ def members_at(robot: Robot, module: str) -> tuple[str, str]:
     :param module: name `t/j` of the module.
     :raises GraspError: the robot has no such module.
     """
-    number = module_index(robot, module)
-    names = robot.member_names
+    if module not in robot.module_names:
+        raise GraspError(
+            f'module {module!r}: robot {robot.name} has no such module; '
+            f'its modules are {", ".join(robot.module_names)}'
+        )
+    number, names = robot.module_names.index(module), robot.member_names
     return names[number], names[int(robot.topology.previous[number])]
 
 

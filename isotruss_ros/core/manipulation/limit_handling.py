@@ -23,11 +23,11 @@ speed there. Sliding may then stay behind scaling by a few per cent of the twist
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from isotruss_ros.core.manipulation.limits import Limit, NO_ROWS, Rows, StackedRows
+from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.task import Task, WorkingRollers
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
@@ -96,8 +96,8 @@ class LimitedVelocities:
 def apply_limits(
     working: WorkingRollers,
     task: Task,
-    limits: Sequence[Limit],
-    rows: StackedRows,
+    rows: Rows,
+    can_slide: Flags,
     max_speed: float,
     handling: LimitHandling,
 ) -> LimitedVelocities:
@@ -106,14 +106,16 @@ def apply_limits(
 
     :param working: the working rollers.
     :param task: the task.
-    :param limits: the limits.
-    :param rows: their rows, see `stack_rows`.
+    :param rows: all rows of the limits, see `stack_rows`.
+    :param can_slide: (k,) along which of them a command may go on.
     :param max_speed: largest speed of a roller [m/s].
     :param handling: what to do where they bind.
     :raises SolverError: a quadratic program was not solved.
     """
     gain = float(np.abs(task.free).max())
     asked = gain * task.speed
+    if not working.whole:
+        rows = rows._replace(matrix=rows.matrix[:, working.places])
     # In units of the slower of what is asked and what can be: the solver's tolerance is absolute.
     unit = min(max_speed, asked)
     bounds = rows.scaled(unit, MAX_REACH)
@@ -128,13 +130,9 @@ def apply_limits(
         return maximize_progress(cost, equality, direction, reach, limited, penalty)
 
     guess = task.free / gain
-    fixed = bounds
-    if handling.slide_along_limits:
-        fixed = StackedRows(
-            [part for part, limit in zip(bounds.parts, limits, strict=True) if not limit.can_slide]
-        )
+    fixed = bounds.take(~can_slide) if handling.slide_along_limits else bounds
     solution, progress = _solve(working, task, farthest, fixed, guess if held else None)
-    slack = _slack(working, bounds, solution)
+    slack = bounds.slack(solution)
     slid = handling.slide_along_limits and bool((slack < -BINDING_TOLERANCE).any())
     if slid:
         target = progress * direction
@@ -145,8 +143,8 @@ def apply_limits(
             return found, gain * float(task.direction.dot(equality.dot(found)))
 
         solution, progress = _solve(working, task, closest, bounds, guess if held else None)
-        slack = _slack(working, bounds, solution)
-    free = _slack(working, rows, task.velocities)
+        slack = bounds.slack(solution)
+    free = rows.slack(task.velocities)
     scale = min(1.0, max(0.0, progress * unit / gain / task.speed))
     # A step toward the free solution would go on along the twist: a row at its bound forbids it.
     return LimitedVelocities(
@@ -157,14 +155,8 @@ def apply_limits(
     )
 
 
-def _slack(working: WorkingRollers, rows: StackedRows, speeds: Array) -> Array:
-    """Return how far the rows are from their bounds at speeds (w,) of the working rollers."""
-    rates = rows.rates(working.spread(speeds))
-    return np.minimum(rows.upper - rates, rates - rows.lower)
-
-
 def _solve(
-    working: WorkingRollers, task: Task, solve: Solver, rows: StackedRows, guess: Array | None
+    working: WorkingRollers, task: Task, solve: Solver, rows: Rows, guess: Array | None
 ) -> tuple[Array, float]:
     """
     Solve a quadratic program with all rows, or on a large robot with those that bind.
@@ -172,46 +164,42 @@ def _solve(
     Without a guess all rows count: without regularization those that bind are many, since the last
     bit of progress takes all rollers.
     """
-    if not rows.parts:
-        empty = np.zeros((0, len(working.places)))
-        return solve(working.cost, task.equality, Rows(empty, NO_ROWS, NO_ROWS))
     if guess is not None and len(working.places) > ALL_ROWS_UP_TO:
-        return solve_by_few_rows(solve, working, task.equality, rows, guess)
-    matrix = rows.matrix if working.whole else rows.matrix[:, working.places]
-    return solve(working.cost, task.equality, Rows(matrix, rows.lower, rows.upper))
+        return solve_by_few_rows(solve, working.even, task.equality, rows, guess)
+    return solve(working.cost, task.equality, rows)
 
 
 def solve_by_few_rows(
-    solve: Solver, working: WorkingRollers, equality: Array, rows: StackedRows, guess: Array
+    solve: Solver, even: Array, equality: Array, rows: Rows, guess: Array
 ) -> tuple[Array, float]:
     """
     Solve a quadratic program of the twist with the rows of limits that bind.
 
-    In place of `solve(working.cost, equality, ...)` with all rows.
+    In place of `solve(cost, equality, rows)`. A solution with some of the rows that fulfils all
+    others is the solution with all: the programs are strictly convex, and what is left out only
+    has to be admitted. So rows are added as they are violated, a few times. With the rows S the
+    least-cost speeds are combinations of as many vectors as there are rows in the task and in S:
+    u = E y with |C E y| = |y|, and y in the span of E^T [J^T, G_S^T], since what is at right
+    angles to it costs and changes nothing else.
 
     :param solve: what solves it for some rows, in other variables.
-    :param working: the working rollers.
+    :param even: (w, w) E, see `WorkingRollers`.
     :param equality: (k, w) J, the task on the working rollers.
     :param rows: all rows of the limits, with bounds in the units of the program.
     :param guess: (w,) speeds whose shares of the bounds say which rows to begin with.
     :return: (w,) speeds and the progress.
     :raises SolverError: a program was not solved.
     """
-    task = equality.dot(working.even)
-
-    def beyond(speeds: Array) -> Array:
-        rates = rows.rates(working.spread(speeds))
-        return np.maximum(rates - rows.upper, rows.lower - rates)
-
-    chosen = np.sort(_largest(beyond(guess), FIRST))
+    task = equality.dot(even)
+    chosen = np.sort(_largest(-rows.slack(guess), FIRST))
     while True:
         some = rows.take(chosen)
-        matrix = some.matrix[:, working.places].dot(working.even)
+        matrix = some.matrix.dot(even)
         basis = np.linalg.qr(np.concatenate([task, matrix]).T)[0]
         cost, reduced = np.eye(basis.shape[1]), some._replace(matrix=matrix.dot(basis))
         found, progress = solve(cost, task.dot(basis), reduced)
-        speeds = working.even.dot(basis.dot(found))
-        excess = beyond(speeds)
+        speeds = even.dot(basis.dot(found))
+        excess = -rows.slack(speeds)
         excess[chosen] = -np.inf
         violated = int((excess > ROW_TOLERANCE).sum())
         if not violated:

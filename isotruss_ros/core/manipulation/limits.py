@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import functools
-from functools import cached_property
 from typing import ClassVar, NamedTuple, Protocol
 
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -41,42 +40,7 @@ class Rows(NamedTuple):
     lower: Array
     upper: Array
 
-
-NO_ROWS = np.zeros(0)
-
-
-class StackedRows:
-    """
-    The rows of several limits, one limit after the other.
-
-    :ivar parts: the rows of each limit.
-    :param parts: the rows of each limit.
-    """
-
-    def __init__(self, parts: Sequence[Rows]) -> None:
-        self.parts = parts
-
-    @cached_property
-    def matrix(self) -> Array:
-        """Return the (k, r) rows on the roller speeds [-]."""
-        return np.concatenate([part.matrix for part in self.parts])
-
-    @cached_property
-    def lower(self) -> Array:
-        """Return the (k,) lower bounds [m/s]."""
-        return np.concatenate([NO_ROWS, *(part.lower for part in self.parts)])
-
-    @cached_property
-    def upper(self) -> Array:
-        """Return the (k,) upper bounds [m/s]."""
-        return np.concatenate([NO_ROWS, *(part.upper for part in self.parts)])
-
-    @cached_property
-    def limit(self) -> Indices:
-        """Return the (k,) numbers of the limits that rows belong to."""
-        return np.arange(len(self.parts)).repeat([len(part.upper) for part in self.parts])
-
-    def scaled(self, unit: float, largest: float) -> StackedRows:
+    def scaled(self, unit: float, largest: float) -> Rows:
         """
         Return the same rows, with bounds in another unit.
 
@@ -84,51 +48,25 @@ class StackedRows:
         :param largest: what takes the place of larger bounds, in that unit.
         """
         with np.errstate(over='ignore'):
-            return StackedRows(
-                [
-                    Rows(
-                        part.matrix,
-                        np.maximum(part.lower / unit, -largest),
-                        np.minimum(part.upper / unit, largest),
-                    )
-                    for part in self.parts
-                ]
-            )
+            lower, upper = self.lower / unit, self.upper / unit
+        return Rows(self.matrix, np.maximum(lower, -largest), np.minimum(upper, largest))
 
-    def rates(self, velocities: Array) -> Array:
+    def slack(self, speeds: Array) -> Array:
         """
-        Return what the (k,) rows are at roller speeds [m/s].
+        Return how far the (k,) rows are from their bounds, negative beyond them [m/s].
 
-        :param velocities: (r,) [m/s].
+        :param speeds: (r,) of the rollers [m/s].
         """
-        return np.concatenate([NO_ROWS, *(part.matrix.dot(velocities) for part in self.parts)])
+        rates = self.matrix.dot(speeds)
+        return np.minimum(self.upper - rates, rates - self.lower)
 
-    def take(self, numbers: Indices) -> Rows:
+    def take(self, chosen: Indices | Flags) -> Rows:
         """
         Return some rows.
 
-        :param numbers: (j,) ascending numbers of the rows.
+        :param chosen: numbers of the rows, or (k,) which of them.
         """
-        stops = np.cumsum([len(part.upper) for part in self.parts])
-        places = numbers.searchsorted(stops).tolist()
-        found: list[Array] = []
-        for part, stop, first, last in zip(
-            self.parts, stops.tolist(), [0, *places], places, strict=False
-        ):
-            found.append(part.matrix[numbers[first:last] - (stop - len(part.upper))])
-        return Rows(np.concatenate(found), self.lower[numbers], self.upper[numbers])
-
-    def admit(self, velocities: Array) -> bool:
-        """
-        Return whether all rows admit roller speeds.
-
-        :param velocities: (r,) [m/s].
-        """
-        for matrix, lower, upper in self.parts:
-            rates = matrix.dot(velocities)
-            if not ((rates <= upper) & (rates >= lower)).all():
-                return False
-        return True
+        return Rows(self.matrix[chosen], self.lower[chosen], self.upper[chosen])
 
 
 class Limit(Protocol):
@@ -240,33 +178,36 @@ def default_limits(robot: Robot) -> tuple[Limit, ...]:
     )
 
 
-def stack_rows(config: Configuration, limits: Sequence[Limit]) -> StackedRows:
+def stack_rows(config: Configuration, limits: Sequence[Limit]) -> tuple[Rows, list[int]]:
     """
-    Return the rows of all limits, one limit after the other.
+    Return the rows of all limits, one limit after the other, and how many each of them has.
 
     :param config: configuration of the robot.
     :param limits: the limits.
     """
-    return StackedRows([limit.rows(config) for limit in limits])
+    parts = [limit.rows(config) for limit in limits]
+    if not parts:
+        return Rows(np.zeros((0, len(config.roller_positions))), np.zeros(0), np.zeros(0)), []
+    stacked = Rows(*map(np.concatenate, zip(*parts, strict=True)))
+    return stacked, [len(part.upper) for part in parts]
 
 
 def name_binding_rows(
-    config: Configuration, limits: Sequence[Limit], rows: StackedRows, binding: Flags
+    config: Configuration, limits: Sequence[Limit], counts: Sequence[int], binding: Flags
 ) -> tuple[Status, tuple[str, ...]]:
     """
     Return the status of the first limit that binds, and the names of all rows that bind.
 
     :param config: configuration of the robot.
     :param limits: the limits.
-    :param rows: their rows.
+    :param counts: how many rows each of them has.
     :param binding: (k,) which of the rows bind.
     """
-    places = np.flatnonzero(binding)
-    numbers = rows.limit[places].tolist()
-    names = {number: limits[number].row_names(config) for number in set(numbers)}
-    first = rows.limit.searchsorted(numbers).tolist()
-    status = limits[numbers[0]].status if numbers else Status.SLOWED_ROLLER_SPEED
-    return status, tuple(
-        names[number][place - start]
-        for number, place, start in zip(numbers, places.tolist(), first, strict=True)
-    )
+    found, names, stop = None, [], 0
+    for limit, count in zip(limits, counts, strict=True):
+        start, stop = stop, stop + count
+        own = np.flatnonzero(binding[start:stop]).tolist()
+        if own:
+            found, known = found or limit, limit.row_names(config)
+            names += [known[i] for i in own]
+    return Status.SLOWED_ROLLER_SPEED if found is None else found.status, tuple(names)

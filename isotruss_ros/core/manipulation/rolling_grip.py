@@ -219,39 +219,23 @@ class RollingGrip:
         return _Touch(owners, corners, sides * local.imag, anchors, rows)
 
 
-@dataclass(frozen=True, eq=False)
-class _Touch:
-    """
-    The contacts of an object in some place.
+class _Touch(NamedTuple):
+    """The k contacts of an object in some place."""
 
-    :ivar owners: (k,) which member of the grip it is.
-    :ivar corners: (k,) which corner of a polygon.
-    :ivar gaps: (k,) from the members' centre lines [m].
-    :ivar anchors: (k,) [m].
-    :ivar rows: (2 k, 3) derivatives of gaps and anchors by the object's twist.
-    """
-
-    owners: Indices
-    corners: Indices
-    gaps: Array
-    anchors: Array
-    rows: Array
+    owners: Indices  #: which member of the grip it is
+    corners: Indices  #: which corner of a polygon
+    gaps: Array  #: from the members' centre lines [m]
+    anchors: Array  #: [m]
+    rows: Array  #: (2 k, 3) derivatives of gaps and anchors by the object's twist
 
 
 class _Lines(NamedTuple):
-    """
-    The members of a grip in one configuration.
+    """The m members of a grip in one configuration."""
 
-    :ivar starts: (m,) x + iy [m].
-    :ivar axes: (m,) their directions.
-    :ivar normals: (m,) unit vectors out of the object.
-    :ivar travel: (m,) of the tubes into the members at their starts [m].
-    """
-
-    starts: Points
-    axes: Points
-    normals: Points
-    travel: Array
+    starts: Points  #: x + iy [m]
+    axes: Points  #: their directions
+    normals: Points  #: unit vectors out of the object
+    travel: Array  #: of the tubes into the members at their starts [m]
 
 
 def _lines(config: Configuration, grip: Grip, sides: Array) -> _Lines:

@@ -64,7 +64,7 @@ def roll_off_faces(
         tried = rows_of_two(config, grip, contacts.take(kept))
         found = Reach.of(tried[:, places], grip.body.arm)
         missed = _missed(found, twist)
-        task = Task(found, twist, working.even)
+        task = Task(found, twist, working)
         if missed >= least * (1.0 - LEAST_GAIN) or task.speed == 0.0:
             continue
         moved = rigid @ (tried[:3, places] @ task.free) - hand[:, places] @ task.free

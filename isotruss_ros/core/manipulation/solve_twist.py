@@ -158,20 +158,22 @@ def carry_out(
     dof = len(motion.reach.directions)
     if opening_rate == 0.0 and not any(desired.tolist()):
         return _standing(robot, len(desired), Status.IDLE, dof)
-    task = Task(motion.reach, desired, working.even, opening_rate)
+    task = Task(motion.reach, desired, working, opening_rate)
     status = Status.OK if task.reachable else Status.UNREACHABLE
     if task.speed == 0.0:
         return _standing(robot, len(desired), status, dof)
-    velocities = working.spread(task.velocities)
-    rows = stack_rows(config, limits)
-    if rows.admit(velocities):
+    velocities = task.roller_velocities
+    rows, counts = stack_rows(config, limits)
+    rates = rows.matrix.dot(velocities)
+    if ((rates <= rows.upper) & (rates >= rows.lower)).all():
         return RollerCommand(velocities, motion.rows.dot(velocities), 1.0, status, (), dof)
     max_speed = robot.description.max_speed
-    limited = apply_limits(working, task, limits, rows, max_speed, handling)
+    can_slide = np.array([limit.can_slide for limit in limits], dtype=bool).repeat(counts)
+    limited = apply_limits(working, task, rows, can_slide, max_speed, handling)
     velocities = working.spread(limited.velocities)
     limiting: tuple[str, ...] = ()
     if limited.scale < 1.0:
-        slowed, limiting = name_binding_rows(config, limits, rows, limited.binding)
+        slowed, limiting = name_binding_rows(config, limits, counts, limited.binding)
         if task.reachable:
             status = Status.SLIDING if limited.slid else slowed
     achieved = motion.rows.dot(velocities)

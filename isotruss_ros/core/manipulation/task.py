@@ -170,7 +170,7 @@ class Task:
 
     :param reach: the reachable twists.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] in the robot frame.
-    :param even: (w, w) E with |C E y| = |y|, see `WorkingRollers`.
+    :param working: the working rollers.
     :param opening_rate: right-hand side of the grip's row [m/s]; it or the twist is not zero.
     :ivar equality: (k, w) rows of (20) on the working rollers: reachable directions, then grip.
     :ivar direction: (k,) unit vector of the closest reachable twist in these rows.
@@ -179,9 +179,12 @@ class Task:
     :ivar rank: how many of the rows are reachable directions.
     :ivar free: (w,) roller speeds that carry out 1 m/s of it at the least cost, without limits.
     :ivar velocities: (w,) roller speeds that carry out all of it so; inf beyond all numbers [m/s].
+    :ivar roller_velocities: (r,) these, and those of the rollers that have failed [m/s].
     """
 
-    def __init__(self, reach: Reach, twist: Array, even: Array, opening_rate: float = 0.0) -> None:
+    def __init__(
+        self, reach: Reach, twist: Array, working: WorkingRollers, opening_rate: float = 0.0
+    ) -> None:
         # (20): these rows times the roller speeds are the twist, and the grip's opening rate,
         # which is zero in the paper.
         self.equality = reach.rows
@@ -199,12 +202,13 @@ class Task:
         else:
             self._find_direction(reach, twist, size, opening_rate)
         if self.speed > 0.0:
-            self.free = least_cost(even, self.equality, self.direction)
+            self.free = least_cost(working.even, self.equality, self.direction)
             if self.speed < MODEST:
                 self.velocities = self.free * self.speed
             else:
                 with np.errstate(over='ignore', invalid='ignore'):
                     self.velocities = self.free * self.speed
+            self.roller_velocities = working.spread(self.velocities)
 
     def _find_direction(
         self, reach: Reach, twist: Array, size: float, opening_rate: float

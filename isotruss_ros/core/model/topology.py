@@ -111,22 +111,11 @@ def make_topology(description: RobotDescription) -> Topology:
     """
     joint_names = tuple(description.joints)
     number = {name: index for index, name in enumerate(joint_names)}
-    module_names: list[str] = []
-    joint: list[int] = []
-    following: list[int] = []
-    previous: list[int] = []
-    tube_of: list[int] = []
-    driven: list[int] = []
-    for index, tube in enumerate(description.tubes):
-        first, count = len(module_names), len(tube.joints)
-        for place, name in enumerate(tube.joints):
-            if name != tube.passive:
-                driven.append(first + place)
-            module_names.append(f'{tube.name}/{name}')
-            joint.append(number[name])
-            following.append(first + (place + 1) % count)
-            previous.append(first + (place - 1) % count)
-            tube_of.append(index)
+    tubes = description.tubes
+    places = [(tube, name) for tube in tubes for name in tube.joints]
+    sizes = [len(tube.joints) for tube in tubes]
+    # The modules of a tube are numbered one after the other, and it is closed.
+    own = np.split(np.arange(len(places)), np.cumsum(sizes)[:-1])
     grounded = [
         2 * number[name] + 'xy'.index(axis)
         for name, axes in description.supports.items()
@@ -134,13 +123,13 @@ def make_topology(description: RobotDescription) -> Topology:
     ]
     return Topology(
         joint_names=joint_names,
-        tube_names=tuple(tube.name for tube in description.tubes),
-        module_names=tuple(module_names),
-        joint=np.array(joint, dtype=np.intp),
-        following=np.array(following, dtype=np.intp),
-        previous=np.array(previous, dtype=np.intp),
-        tube=np.array(tube_of, dtype=np.intp),
-        driven=np.array(driven, dtype=np.intp),
+        tube_names=tuple(tube.name for tube in tubes),
+        module_names=tuple(f'{tube.name}/{name}' for tube, name in places),
+        joint=np.array([number[name] for _, name in places], dtype=np.intp),
+        following=np.concatenate([np.roll(modules, -1) for modules in own]),
+        previous=np.concatenate([np.roll(modules, 1) for modules in own]),
+        tube=np.repeat(np.arange(len(tubes)), sizes),
+        driven=np.flatnonzero([name != tube.passive for tube, name in places]),
         grounded=np.array(grounded, dtype=np.intp),
     )
 

@@ -101,7 +101,7 @@ class CollisionModel:
     """
     The parts of a robot, and the pairs of them that must not meet.
 
-    :ivar radius: of a module's disc [m].
+    :ivar part_radii: (3m,) of the parts around their segments [m]; not to be written to.
     :param robot: the robot.
     """
 
@@ -110,21 +110,21 @@ class CollisionModel:
         m, joints = topology.n_modules, np.arange(len(topology.joint_names))
         tube = 0.5 * file.tube_diameter
         self._robot = robot
-        self.radius = 0.5 * file.module.pinch_separation + tube
+        disc = 0.5 * file.module.pinch_separation + tube
         own_b, own_c, own_a = topology.b, topology.c, topology.joint
         next_c = topology.c[topology.following]
         # Segments: members, modules (of no length), rods.
         starts = [np.concatenate([own_b, own_b, own_a]), np.concatenate([own_b, own_c, own_a])]
         ends = [np.concatenate([next_c, own_b, own_b]), np.concatenate([next_c, own_c, own_c])]
         self._start, self._end = _Ends(np.stack(starts)), _Ends(np.stack(ends))
-        self._radius = np.repeat([tube, self.radius, 0.0], m)
-        self._radius.flags.writeable = False
+        self.part_radii = np.repeat([tube, disc, 0.0], m)
+        self.part_radii.flags.writeable = False
         # Points: modules, joints.
         points = [np.concatenate([own_b, joints]), np.concatenate([own_c, joints])]
-        point_radius = np.repeat([self.radius, 0.0], [m, len(joints)])
+        point_radius = np.repeat([disc, 0.0], [m, len(joints)])
         self._first, self._second = np.nonzero(_measured(robot))
         self._point = _Ends(np.stack(points)[:, self._first])
-        self._reach = point_radius[self._first] + self._radius[self._second]
+        self._reach = point_radius[self._first] + self.part_radii[self._second]
 
     def names(self, pairs: Indices) -> list[str]:
         """
@@ -176,12 +176,9 @@ class CollisionModel:
         :return: (3m,) members, modules, rods [m], negative by how deep straight parts cut into the
             object; and (3m, 2n) how they change, rows on the node velocities [-].
         """
-        points = config.points
-        found = segment_gaps(body, self._start.positions(points), self._end.positions(points))
-        rows = np.zeros((len(found.gaps), len(points)), dtype=np.complex128)
-        self._start.add(rows, (1.0 - found.shares) * found.normals)
-        self._end.add(rows, found.shares * found.normals)
-        return found.gaps - self._radius, rows.view(np.float64)
+        found = segment_gaps(body, *self.part_ends(config))
+        rows = self.part_rows(config, slice(None), found.shares, -found.normals)
+        return found.gaps - self.part_radii, rows.view(np.float64)
 
     def _nearest(self, config: Configuration, pairs: Indices | slice) -> Nearest:
         second = self._second[pairs]
@@ -191,11 +188,6 @@ class CollisionModel:
             self._end.nodes[:, second],
         ]
         return nearest_on_segment(*(_Ends(nodes).positions(config.points) for nodes in ends))
-
-    @property
-    def part_radii(self) -> Array:
-        """Return the radii (3m,) of the parts around their segments [m]; not to be written to."""
-        return self._radius
 
     def part_ends(
         self, config: Configuration, parts: Indices | slice = slice(None)
@@ -210,18 +202,18 @@ class CollisionModel:
         return start.positions(config.points), end.positions(config.points)
 
     def part_rows(
-        self, config: Configuration, parts: Indices, shares: Array, normals: Points
+        self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points
     ) -> Points:
         """
         Return what moving parts is worth to their distances from points that stand still.
 
         :param config: where the robot is.
-        :param parts: (k,) numbers of parts.
+        :param parts: (k,) numbers of parts, or all.
         :param shares: (k,) of their segments, where these are nearest.
         :param normals: (k,) unit vectors from there to the points.
         :return: (k, n) rows on the node velocities, x + iy [-].
         """
-        rows = np.zeros((len(parts), len(config.points)), dtype=np.complex128)
+        rows = np.zeros((len(shares), len(config.points)), dtype=np.complex128)
         _Ends(self._start.nodes[:, parts]).add(rows, -(1.0 - shares) * normals)
         _Ends(self._end.nodes[:, parts]).add(rows, -shares * normals)
         return rows

@@ -97,7 +97,7 @@ def test_bisection_is_the_formula_of_the_paper(robot, rng):
 def test_residual_is_distance_from_the_targets(robot, rng):
     points = shaken(robot.home, rng)
     m = robot.topology.n_modules
-    lengths = robot.constraints.lengths(points)
+    lengths = np.abs(robot.constraints.spans(points))
     ground = points.view(float)[robot.topology.grounded]
     targets = Targets(lengths - 0.25, ground + 0.5)
     residual = robot.constraints.residual(points, targets)

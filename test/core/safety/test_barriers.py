@@ -42,7 +42,7 @@ def test_rows_are_derivatives_of_the_values(kind, robot, rng, number):
     barrier = kind(robot, ALL)
     near = barrier.active(config, grip)
     assume(len(near.indices))
-    rows = config.module_rows(near.node_rows)[:, robot.topology.driven]
+    rows = config.roller_rows(near.node_rows)
     if near.roller_rows is not None:
         rows = rows + near.roller_rows
     way = rng.standard_normal(len(robot.roller_names))
@@ -78,7 +78,7 @@ def test_rigidity_row_is_exact_where_the_shape_is_weak():
         if not len(near.indices):
             continue
         weak += 1
-        row = config.module_rows(near.node_rows)[0, robot.topology.driven]
+        row = config.roller_rows(near.node_rows)[0]
         for direction, slope in zip(np.eye(6), row, strict=True):
             values = [
                 barrier.values(config.moved_to(config.roller_positions + step), None, EVERYTHING)
@@ -101,7 +101,7 @@ def test_rows_hold_where_two_modes_change_places():
     wide = RigidityBarrier(robot, BarrierLaw(values[0] - 0.1, 0.2 + values[1] - values[0]))
     near = wide.active(closest, None)
     assert len(near.indices) >= 2
-    rows = closest.module_rows(near.node_rows)[:2, robot.topology.driven]
+    rows = closest.roller_rows(near.node_rows)[:2]
     for _ in range(10):
         # The sum does not care which is which.
         way = 1e-6 * rng.standard_normal(6)
