@@ -17,7 +17,6 @@ so it can neither lift nor turn. Points of the plane are complex numbers, as in 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import functools
 import math
 from typing import NamedTuple
@@ -33,77 +32,92 @@ FACE_ANGLE = 1e-3
 SIN_FACE_ANGLE = math.sin(FACE_ANGLE)
 
 
+class Touch(NamedTuple):
+    """One contact, as numbers: a few of them are quicker than arrays."""
+
+    owner: int  #: which member of the grip it is
+    start: complex  #: of the member, robot frame [m]
+    span: complex  #: the member from start to end [m]
+    axis: complex  #: its unit vector
+    normal: complex  #: unit vector out of the object into the member
+    point: complex  #: of the object's surface, robot frame [m]
+    side: float  #: +1 where the object is left of the member, -1 where it is right
+
+
 class GripContacts(NamedTuple):
     """
     The k contacts of a grip, in the robot frame: one for each member, two where a face lies on it.
 
     :ivar nodes: numbers of the grip's members and of their nodes.
+    :ivar owners: (k,) which member of the grip it is.
     :ivar starts: (k,) of the members [m].
     :ivar spans: (k,) members from start to end [m].
     :ivar axes: (k,) their unit vectors.
     :ivar normals: (k,) unit vectors out of the object into the member.
     :ivar points: (k,) of the object's surface [m].
     :ivar sides: (k,) +1 where the object is left of the member, -1 where it is right.
-    :ivar owners: (k,) which member of the grip it is.
     """
 
     nodes: MemberNodes
+    owners: Indices
     starts: Points
     spans: Points
     axes: Points
     normals: Points
     points: Points
     sides: Array
-    owners: Indices
 
-    def take(self, numbers: Sequence[int]) -> GripContacts:
-        """
-        Return some of the contacts.
 
-        :param numbers: of these.
-        """
-        chosen = list(numbers)
-        return GripContacts(self.nodes, *(values[chosen] for values in self[1:]))
+def find_contacts(config: Configuration, grip: Grip) -> GripContacts:
+    """
+    Find where the members touch the object.
+
+    :param config: configuration of the robot.
+    :param grip: the grip.
+    :raises GraspError: see `touch_members`.
+    """
+    owners, *places, sides = zip(*touch_members(config, grip), strict=True)
+    nodes = find_members(config.robot, grip.members)
+    return GripContacts(nodes, np.array(owners), *np.array(places), np.array(sides))
 
 
 @functools.lru_cache(maxsize=8)
-def find_contacts(config: Configuration, grip: Grip) -> GripContacts:
+def touch_members(config: Configuration, grip: Grip) -> list[Touch]:
     """
     Find where the members touch the object; the last few results are kept.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: the contacts, whose arrays are not to be written to.
+    :return: the contacts, member after member.
     :raises GraspError: no such member; or a member does not touch the object between its ends:
         it is off by more than a tube is thick.
     """
     body, nodes = grip.body, find_members(config.robot, grip.members)
     ends = config.points.take(nodes.both).tolist()
     count, inside, turned = len(grip.members), body.middle, body.turn.conjugate()
-    # A few complex numbers are quicker than arrays.
     members: list[tuple[complex, complex, complex, complex, float]] = []
     for start, end in zip(ends[:count], ends[count:], strict=True):
         span = end - start
         axis = span / abs(span)
         side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)
         members.append((start, span, axis, -1j * side * axis, side))
-    own = [turned * normal for _, _, _, normal, _ in members]
-    owners, _, touched = body.shape.touch_lines(own, SIN_FACE_ANGLE)
-    points = [body.center + body.turn * point for point in touched]
+    touched = body.shape.touch_lines([turned * member[3] for member in members], SIN_FACE_ANGLE)
     tube = config.robot.description.tube_diameter
-    gaps: list[float] = []
-    shares: list[float] = []
-    for owner, point in zip(owners, points, strict=True):
-        start, span, axis, _, side = members[owner]
+    found: list[Touch] = []
+    places: list[tuple[float, float]] = []
+    fits = True
+    for owner, own_point in zip(touched.owners, touched.points, strict=True):
+        start, span, axis, normal, side = members[owner]
+        point = body.center + body.turn * own_point
+        found.append(Touch(owner, start, span, axis, normal, point, side))
         local = axis.conjugate() * (point - start)
-        gaps.append(side * local.imag - 0.5 * tube)
-        shares.append(local.real / abs(span))
-    if not (
-        -tube <= min(gaps) and max(gaps) <= tube and min(shares) >= 0.0 and max(shares) <= 1.0
-    ):
-        _check_touch(grip, owners, gaps, shares, tube)
-    *places, sides = zip(*(members[owner] for owner in owners), strict=True)
-    return GripContacts(nodes, *np.array([*places, points]), np.array(sides), np.array(owners))
+        gap, share = side * local.imag - 0.5 * tube, local.real / abs(span)
+        places.append((gap, share))
+        fits = fits and -tube <= gap <= tube and 0.0 <= share <= 1.0
+    if not fits:
+        gaps, shares = map(list, zip(*places, strict=True))
+        _check_touch(grip, touched.owners, gaps, shares, tube)
+    return found
 
 
 def _check_touch(

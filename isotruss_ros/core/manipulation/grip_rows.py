@@ -20,15 +20,22 @@ moves it just as much, (12): past the passive module of the tube it is the one t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts, GripContacts
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.manipulation.grip_contacts import (
+    find_contacts,
+    GripContacts,
+    Touch,
+    touch_members,
+)
 from isotruss_ros.core.model.pose import MIN_DIAMETER
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 from scipy.linalg import lapack
 
@@ -119,16 +126,15 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     :raises GraspError: see `find_contacts`; or the contacts are all in one point.
     :raises ConfigurationError: the configuration is singular.
     """
-    contacts = find_contacts(config, grip)
     if len(grip.members) == 2:
-        jacobian = rows_of_two(config, grip, contacts)
+        jacobian = rows_of_two(config, grip, touch_members(config, grip))
     else:
-        jacobian = _rows_of_three(config, grip, contacts)
+        jacobian = _rows_of_three(config, grip, find_contacts(config, grip))
     jacobian.flags.writeable = False
     return jacobian
 
 
-def rows_of_two(config: Configuration, grip: Grip, contacts: GripContacts) -> Array:
+def rows_of_two(config: Configuration, grip: Grip, touches: Sequence[Touch]) -> Array:
     """
     Return `grip_jacobian` of two members, some contacts of which may have been left out.
 
@@ -136,55 +142,59 @@ def rows_of_two(config: Configuration, grip: Grip, contacts: GripContacts) -> Ar
 
     :param config: configuration of the robot.
     :param grip: of two members.
-    :param contacts: where they touch the object.
+    :param touches: where they touch the object.
     :raises GraspError: the contacts are in one point.
     :raises ConfigurationError: the configuration is singular.
     """
-    nodes, touched = contacts.nodes, contacts.points.tolist()
-    second = int(contacts.owners.searchsorted(1))
-    points = _middle(touched[:second]), _middle(touched[second:])
+    first, *one = (touch for touch in touches if touch.owner == 0)
+    second, *other = (touch for touch in touches if touch.owner == 1)
+    points = _middle(first, one), _middle(second, other)
     # (19): velocity (15) and turning (18) of the object, then the distance of the contacts, which
     # for a disc at a module is constant where the angle (14) is.
-    rates = _rates_of_two(grip, points, (second > 1, len(touched) > second + 1))
+    rates = _rates_of_two(grip, points, (bool(one), bool(other)))
     # The material moves with the member's start, turns with the member (16), and moves along it
     # with the roller, by which the object rolls (17).
     (lever, turn, back), (other_lever, other_turn, other_back) = (
-        (
-            (point - contacts.starts.item(k)).conjugate(),
-            1j / contacts.spans.item(k).conjugate(),
-            contacts.axes.item(k).conjugate(),
-        )
-        for k, point in zip((0, second), points, strict=True)
+        ((point - at.start).conjugate(), 1j / at.span.conjugate(), at.axis.conjugate())
+        for at, point in zip((first, second), points, strict=True)
     )
-    entries: list[tuple[complex, ...]] = []
-    rolls: list[tuple[float, float]] = []
+    entries: list[complex] = []
+    rolls: tuple[list[float], list[float]] = ([], [])
     for h, other_h, k, other_k in rates:
         turned = ((h * lever).imag + k) * turn
         other_turned = ((other_h * other_lever).imag + other_k) * other_turn
-        entries.append((h - turned, other_h - other_turned, turned, other_turned))
-        rolls.append(((h * back).real, (other_h * other_back).real))
-    by_node = np.zeros((len(rates), len(config.points)), dtype=np.complex128)
-    by_node[:, nodes.both] = entries
-    jacobian = config.roller_rows(by_node.view(np.float64))
-    jacobian[:, nodes.rollers] += np.array(rolls).take(nodes.driven, 1)
+        entries += (h - turned, other_h - other_turned, turned, other_turned)
+        rolls[0].append((h * back).real)
+        rolls[1].append((other_h * other_back).real)
+    by_node = np.zeros(len(rates) * len(config.points), dtype=np.complex128)
+    by_node[_entry_places(config.robot, grip.members, len(rates))] = entries
+    jacobian = config.roller_rows(by_node.view(np.float64).reshape(len(rates), -1))
+    nodes = find_members(config.robot, grip.members)
+    for member, roller in zip(nodes.driven.tolist(), nodes.rollers.tolist(), strict=True):
+        jacobian[:, roller] += rolls[member]
     return jacobian
+
+
+@functools.lru_cache(maxsize=256)
+def _entry_places(robot: Robot, members: tuple[str, ...], count: int) -> Indices:
+    """Return where the entries of so many rows on the members' nodes are, row after row."""
+    nodes = find_members(robot, members).both
+    return (robot.topology.n_nodes * np.arange(count)[:, None] + nodes).ravel()
+
+
+def _middle(first: Touch, others: list[Touch]) -> complex:
+    return 0.5 * (first.point + others[0].point) if others else first.point
 
 
 def _rates_of_two(
     grip: Grip, points: tuple[complex, complex], faces: tuple[bool, bool]
 ) -> list[tuple[complex, complex, float, float]]:
     """
-    Return the rows of `grip_jacobian` on the motion of two members.
+    Return the rows of `grip_jacobian` on the motion of two members, touched at points.
 
-    Where a face lies on a member the object turns with that member, else with the line through the
-    two points. The middle of both moves with both.
-
-    :param grip: of two members.
-    :param points: where they touch the object, the middle of a face, x + iy [m].
-    :param faces: on which of them a face lies.
-    :return: h1, h2, k1, k2 for each row Re(conj(h1) v1 + conj(h2) v2) + k1 w1 + k2 w2 on the
-        velocities v of the material at these points and the turning rates w of the members.
-    :raises GraspError: the points are one.
+    Each is h1, h2, k1, k2 of Re(conj(h1) v1 + conj(h2) v2) + k1 w1 + k2 w2, with the velocities v
+    of the material at the points and the turning rates w of the members. Where a face lies on a
+    member the object turns with it, else with the line through both; their middle moves with both.
     """
     apart = points[1] - points[0]
     distance = abs(apart)
@@ -209,10 +219,6 @@ def _rates_of_two(
         (-around, around, one, other),
         *kept,
     ]
-
-
-def _middle(points: list[complex]) -> complex:
-    return points[0] if len(points) == 1 else 0.5 * (points[0] + points[1])
 
 
 def _rows_of_three(config: Configuration, grip: Grip, contacts: GripContacts) -> Array:

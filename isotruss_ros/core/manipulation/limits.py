@@ -47,9 +47,9 @@ class Rows(NamedTuple):
         :param unit: of the bounds [m/s].
         :param largest: what takes the place of larger bounds, in that unit.
         """
-        with np.errstate(over='ignore'):
-            lower, upper = self.lower / unit, self.upper / unit
-        return Rows(self.matrix, np.maximum(lower, -largest), np.minimum(upper, largest))
+        bound = largest * unit  # before the division, which could overflow
+        lower, upper = np.maximum(self.lower, -bound) / unit, np.minimum(self.upper, bound) / unit
+        return Rows(self.matrix, lower, upper)
 
     def slack(self, speeds: Array) -> Array:
         """
@@ -178,34 +178,46 @@ def default_limits(robot: Robot) -> tuple[Limit, ...]:
     )
 
 
-def stack_rows(config: Configuration, limits: Sequence[Limit]) -> tuple[Rows, list[int]]:
+def find_rows(
+    config: Configuration, limits: Sequence[Limit], speeds: Array
+) -> tuple[list[Rows], bool]:
     """
-    Return the rows of all limits, one limit after the other, and how many each of them has.
+    Return the rows of each limit, and whether all of them admit roller speeds, however large.
 
     :param config: configuration of the robot.
     :param limits: the limits.
+    :param speeds: (r,) of the rollers [m/s].
     """
-    parts = [limit.rows(config) for limit in limits]
-    if not parts:
-        return Rows(np.zeros((0, len(config.roller_positions))), np.zeros(0), np.zeros(0)), []
-    stacked = Rows(*map(np.concatenate, zip(*parts, strict=True)))
-    return stacked, [len(part.upper) for part in parts]
+    parts, admit = [limit.rows(config) for limit in limits], True
+    for matrix, lower, upper in parts:
+        rates = matrix.dot(speeds)
+        admit = admit and ((rates <= upper) & (rates >= lower)).all()
+    return parts, admit
+
+
+def stack_rows(parts: Sequence[Rows]) -> Rows:
+    """
+    Return the rows of several limits, one limit after the other.
+
+    :param parts: of each limit, at least one.
+    """
+    return Rows(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def name_binding_rows(
-    config: Configuration, limits: Sequence[Limit], counts: Sequence[int], binding: Flags
+    config: Configuration, limits: Sequence[Limit], parts: Sequence[Rows], binding: Flags
 ) -> tuple[Status, tuple[str, ...]]:
     """
     Return the status of the first limit that binds, and the names of all rows that bind.
 
     :param config: configuration of the robot.
     :param limits: the limits.
-    :param counts: how many rows each of them has.
+    :param parts: the rows of each of them.
     :param binding: (k,) which of the rows bind.
     """
     found, names, stop = None, [], 0
-    for limit, count in zip(limits, counts, strict=True):
-        start, stop = stop, stop + count
+    for limit, part in zip(limits, parts, strict=True):
+        start, stop = stop, stop + len(part.upper)
         own = np.flatnonzero(binding[start:stop]).tolist()
         if own:
             found, known = found or limit, limit.row_names(config)

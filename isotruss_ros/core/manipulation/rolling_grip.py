@@ -31,14 +31,14 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.manipulation.grip_contacts import find_contacts
+from isotruss_ros.core.manipulation.grip_contacts import touch_members
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
 #: A face lies on a member that is inclined against it by at most this [rad]: less than what
-#: `find_contacts` takes for one, so that a face that comes to lie on a member does not snap.
+#: `touch_members` takes for one, so that a face that comes to lie on a member does not snap.
 FLAT = 1e-6
 MAX_STEPS = 50
 #: After so many steps the contacts stay those that they are: rounding may not decide on one.
@@ -81,13 +81,13 @@ class RollingGrip:
 
         :param config: configuration of the robot.
         :param grip: the grip, with the object in its place.
-        :raises GraspError: see `find_contacts`.
+        :raises GraspError: see `touch_members`.
         """
         body = grip.body
-        contacts = find_contacts(config, grip)
-        first = np.searchsorted(contacts.owners, np.arange(len(grip.members)))
-        sides = contacts.sides[first]
-        angles = np.angle(contacts.normals[first] * body.turn.conjugate())
+        by_member = {touch.owner: touch for touch in touch_members(config, grip)}
+        sides = np.array([touch.side for touch in by_member.values()])
+        normals = np.array([touch.normal for touch in by_member.values()])
+        angles = np.angle(normals * body.turn.conjugate())
         zeros = np.zeros(len(sides))
         rolling = cls(config, grip, angles, zeros, zeros, sides)
         touch = rolling._touch(config, body.center, body.pose.angle)
@@ -176,7 +176,7 @@ class RollingGrip:
     ) -> RollingGrip:
         """Return the grip with the object in its new place."""
         grip = self.grip.moved_to((center.real, center.imag, angle))
-        find_contacts(config, grip)  # raises where it left a member
+        touch_members(config, grip)  # raises where it left a member
         angles = self._unwrapped(normals, angle)
         return RollingGrip(config, grip, angles, self.gaps, self.anchors, self.sides, misfit)
 
@@ -265,7 +265,7 @@ def predict_grip(
     :raises ConfigurationError: there is no such configuration.
     """
     if not (before.any() or travel.any()):
-        find_contacts(config, grip)
+        touch_members(config, grip)
         return config, grip
     measured = config.predict(before) if before.any() else config
     predicted = config.predict(travel)

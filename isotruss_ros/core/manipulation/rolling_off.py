@@ -24,7 +24,7 @@ import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.grip_contacts import GripContacts
+from isotruss_ros.core.manipulation.grip_contacts import GripContacts, touch_members
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, rows_of_two
 from isotruss_ros.core.manipulation.task import (
     Motion,
@@ -59,9 +59,10 @@ def roll_off_faces(
     if least <= REACH_TOLERANCE:
         return motion
     contacts, hand, rigid = contact_rows(config, grip)
+    touches = touch_members(config, grip)
     inward = np.repeat(-contacts.normals, 2).view(np.float64).reshape(-1, 2, 2)[:, 0]
     for kept in rolled_corners(contacts, grip.friction):
-        tried = rows_of_two(config, grip, contacts.take(kept))
+        tried = rows_of_two(config, grip, [touches[k] for k in kept])
         found = Reach.of(tried[:, places], grip.body.arm)
         missed = _missed(found, twist)
         task = Task(found, twist, working)

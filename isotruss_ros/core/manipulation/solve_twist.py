@@ -23,6 +23,7 @@ from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import apply_limits, LimitHandling
 from isotruss_ros.core.manipulation.limits import (
     default_limits,
+    find_rows,
     Limit,
     name_binding_rows,
     stack_rows,
@@ -163,17 +164,17 @@ def carry_out(
     if task.speed == 0.0:
         return _standing(robot, len(desired), status, dof)
     velocities = task.roller_velocities
-    rows, counts = stack_rows(config, limits)
-    rates = rows.matrix.dot(velocities)
-    if ((rates <= rows.upper) & (rates >= rows.lower)).all():
+    parts, admitted = find_rows(config, limits, velocities)
+    if admitted:
         return RollerCommand(velocities, motion.rows.dot(velocities), 1.0, status, (), dof)
     max_speed = robot.description.max_speed
-    can_slide = np.array([limit.can_slide for limit in limits], dtype=bool).repeat(counts)
-    limited = apply_limits(working, task, rows, can_slide, max_speed, handling)
+    counts = [len(part.upper) for part in parts]
+    can_slide = np.repeat([limit.can_slide for limit in limits], counts)
+    limited = apply_limits(working, task, stack_rows(parts), can_slide, max_speed, handling)
     velocities = working.spread(limited.velocities)
     limiting: tuple[str, ...] = ()
     if limited.scale < 1.0:
-        slowed, limiting = name_binding_rows(config, limits, counts, limited.binding)
+        slowed, limiting = name_binding_rows(config, limits, parts, limited.binding)
         if task.reachable:
             status = Status.SLIDING if limited.slid else slowed
     achieved = motion.rows.dot(velocities)

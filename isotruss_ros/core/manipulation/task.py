@@ -194,11 +194,11 @@ class Task:
         if reach.directions is EVERYWHERE and opening_rate == 0.0:
             # In place of `_find_direction`, where nothing is projected.
             self.reachable = True
-            unit = reach.weights * (twist / size)
-            length = math.hypot(*unit.tolist())
+            vx, vy, turning = (reach.weights * (twist / size)).tolist()
+            length = math.hypot(vx, vy, turning)
             self.speed = size * length
             self.direction = np.zeros(len(self.equality))
-            self.direction[:3] = unit / length
+            self.direction[:3] = vx / length, vy / length, turning / length
         else:
             self._find_direction(reach, twist, size, opening_rate)
         if self.speed > 0.0:

@@ -10,14 +10,12 @@
 """Only robots that stand with locked rollers load, and the others are told what moves."""
 
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.kinematics.home import condition_number, require_determinate
 import numpy as np
 import pytest
 import robots
 from scipy.optimize import brentq
-from scipy.sparse import csc_matrix
 
 SEEDS = strategies.integers(0, 2**32 - 1)
 
@@ -51,26 +49,25 @@ def polygon(n, supports):
             {'P': ['x', 'y'], 'Q': ['x', 'y']},
             'supports: too many: 4 grounded coordinates; must be 3',
         ),
+        ({'P': ['y'], 'Q': ['y'], 'X': ['y']}, 'these joints can still move: P, Q, X'),
+        # Q can only move at a right angle to PQ: along y, which grounding its x does not stop.
+        (
+            {'P': ['x', 'y'], 'Q': ['x']},
+            'rollers locked: these joints can still move: Q, X',
+        ),
     ],
 )
-def test_wrong_number_of_supports_is_refused(supports, message):
+def test_supports_that_do_not_hold_the_robot_are_refused(supports, message):
     document = robots.example()
     document['supports'] = supports
     assert message in refusal(document)
 
 
-def test_supports_that_let_the_robot_slide_are_refused():
+def test_members_too_many_are_refused():
     document = robots.example()
-    document['supports'] = {'P': ['y'], 'Q': ['y'], 'X': ['y']}
-    assert 'these joints can still move: P, Q, X' in refusal(document)
-
-
-def test_supports_that_let_the_robot_turn_are_refused():
-    document = robots.example()
-    # Q can only move at a right angle to PQ: along y, which grounding its x does not stop.
-    document['supports'] = {'P': ['x', 'y'], 'Q': ['x']}
-    message = refusal(document)
-    assert 'not rigid with the rollers locked: these joints can still move: Q, X' in message
+    # Two tubes side by side through the same joints: each member is there twice.
+    document['tubes']['double'] = {'joints': ['P', 'Q', 'X'], 'passive': 'P'}
+    assert 'tubes: 6 members between 3 joints; must be at most 3' in refusal(document)
 
 
 def test_polygon_needs_a_support_for_each_joint():
@@ -96,14 +93,6 @@ def test_what_moves_is_named_and_what_stands_is_not():
     )
     document['supports']['U'] = ['y']
     robots.load(document)
-
-
-def test_members_too_many_are_refused():
-    document = robots.example()
-    # Two tubes side by side through the same joints: each member is there twice.
-    document['tubes']['double'] = {'joints': ['P', 'Q', 'X'], 'passive': 'P'}
-    message = refusal(document)
-    assert 'tubes: 6 members between 3 joints; must be at most 3' in message
 
 
 def test_hinges_in_line_are_refused():
@@ -150,12 +139,6 @@ def test_arch_steps_keep_the_robot_isostatic(seed):
         assert np.linalg.matrix_rank(robot.home.matrix) == len(robot.home.matrix)
 
 
-def test_matrix_of_the_nine_member_robot_is_square_and_of_full_rank():
-    matrix = load_robot('nine_member').home.matrix
-    assert matrix.shape == (48, 48)
-    assert np.linalg.matrix_rank(matrix) == 48
-
-
 def with_weakest_motion(motion, condition):
     """Return a topology and a matrix of this condition number; all other motions are stiff."""
     home = robots.load(robots.example()).home
@@ -185,32 +168,3 @@ def test_joints_are_named_that_move_by_a_thousandth_of_the_one_that_moves_most()
     motion[[0, 3, 4, 10]] = 0.3, 1.04e-3 * 0.3, 0.96e-3 * 0.3, 0.9
     with pytest.raises(RobotFileError, match=r'can still move: P, Q$'):
         require_determinate('robot', *with_weakest_motion(motion, 2e9))
-
-
-@robots.examples(50)
-@given(robots.generators(), strategies.integers(2, 30), strategies.floats(0.0, 12.0))
-def test_condition_number_is_neither_above_nor_far_below(rng, n, decades):
-    left, _, right = np.linalg.svd(rng.standard_normal((n, n)))
-    matrix = left @ np.diag(np.logspace(0.0, -decades, n)) @ right
-    exact = np.linalg.cond(matrix, 1)
-    # 1-norm and 2-norm differ by at most the square root of n, twice.
-    assert exact / n * 0.9 < condition_number(matrix) < exact * 1.01
-    assert exact / n * 0.9 < condition_number(csc_matrix(matrix)) < exact * 1.01
-
-
-def test_condition_number_sees_what_no_diagonal_shows():
-    matrix = np.array([[0.0, 1.0], [1e-9, 0.0]])
-    assert condition_number(matrix) == pytest.approx(1e9)
-    assert condition_number(matrix.T.copy()) == pytest.approx(1e9)
-
-
-def test_condition_number_of_a_singular_matrix_is_infinite():
-    for matrix in (np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0])):
-        assert condition_number(matrix) == np.inf
-        assert condition_number(csc_matrix(matrix)) == np.inf
-
-
-def test_condition_number_leaves_the_matrix_as_it_was():
-    matrix = np.array([[2.0, 1.0], [1.0, 3.0]])
-    condition_number(matrix)
-    assert matrix.tolist() == [[2.0, 1.0], [1.0, 3.0]]

@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 import robots
 from ruamel.yaml import YAML
-from scipy.optimize import least_squares
 
 SEEDS = strategies.integers(0, 2**32 - 1)
 
@@ -170,48 +169,6 @@ def test_home_of_the_mirrored_robot_is_the_mirror_image(seed, kind):
     mirrored = robots.load(document)
     assert mirrored.home.points == pytest.approx(-robot.home.points.conj(), abs=1e-12)
     assert mirrored.home.member_lengths == pytest.approx(robot.home.member_lengths, abs=1e-12)
-
-
-@robots.examples(20)
-@given(SEEDS, strategies.sampled_from(robots.KINDS))
-def test_home_is_what_a_general_solver_finds(seed, kind):
-    document = robots.random_document(seed, kind)
-    robot = robots.load(document)
-    s, h = document['module']['pinch_separation'], document['module']['rod_length']
-    modules = modules_of(document)
-    pairs = [(tube, joint) for tube, joint, *_ in modules]
-    places = np.array([complex(*document['joints'][joint]) for _, joint in pairs])
-    after = np.array([pairs.index((tube, joint)) for tube, _, joint, _, _ in modules])
-    before = np.array([pairs.index((tube, joint)) for tube, _, _, joint, _ in modules])
-
-    def constraints(flat):
-        b, c = flat.view(complex).reshape(2, -1)
-        v1 = 0.5 * (b + c) - places
-        v2, v3 = c[after] - b, b[before] - c
-        # (3) without the absolute values: the sines of both angles to the rod are opposite.
-        bend = v2 * v3 * v1.conj() ** 2
-        reach = np.hypot(h, 0.5 * s)
-        return np.concatenate(
-            [
-                abs(b - places) - reach,
-                abs(c - places) - reach,
-                abs(b - c) - s,
-                (bend / abs(bend)).imag,
-            ]
-        )
-
-    # Each rod a little off the bisector of the joints, B on the side of the next joint.
-    ahead, back = places[after] - places, places[before] - places
-    inward = ahead / abs(ahead) + back / abs(back)
-    inward /= abs(inward)
-    across = 1j * inward * np.sign((inward.conj() * ahead).imag)
-    start = np.concatenate([inward * h + across * 0.5 * s, inward * h - across * 0.5 * s])
-    start = (np.tile(places, 2) + start * np.exp(0.05j)).view(float)
-    found = least_squares(constraints, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    assert np.abs(constraints(found.x)).max() < 1e-10
-    b, c = found.x.view(complex).reshape(2, -1)
-    assert robot.home.points[robot.topology.b] == pytest.approx(b, abs=1e-8)
-    assert robot.home.points[robot.topology.c] == pytest.approx(c, abs=1e-8)
 
 
 @robots.examples(20)

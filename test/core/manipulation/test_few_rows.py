@@ -12,15 +12,10 @@
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import solve_twist
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.manipulation import few_rows, limit_handling
-from isotruss_ros.core.manipulation.limit_handling import LimitHandling
-from isotruss_ros.core.manipulation.limits import (
-    MemberLengthLimit,
-    RollerSpeedLimit,
-    Rows,
-    StackedRows,
-)
-from isotruss_ros.core.manipulation.task import WorkingRollers
+from isotruss_ros.core.manipulation import limit_handling
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling, solve_by_few_rows
+from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit, Rows
+from isotruss_ros.core.manipulation.twist_qp import maximize_progress
 import numpy as np
 import pytest
 import robots
@@ -51,8 +46,8 @@ def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
     twist = 10.0 ** rng.uniform(-2.0, 1.0) * rng.standard_normal(3)
     arguments = (config, grasp, twist, failed, limits, LimitHandling(slide, 0.005))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(few_rows, 'FIRST', first)
-        patch.setattr(few_rows, 'ADDED', first)
+        patch.setattr(limit_handling, 'FIRST', first)
+        patch.setattr(limit_handling, 'ADDED', first)
         every = solved(patch, 10**6, *arguments)
         few = solved(patch, 0, *arguments)
     assert few.scale == pytest.approx(every.scale, abs=1e-9)
@@ -63,8 +58,7 @@ def test_few_rows_give_the_solution_of_all(slide, first, robot, rng, number):
 
 def test_a_few_rows_do_where_none_binds():
     rng = np.random.default_rng(0)
-    lower, upper = -np.ones(40), np.full(40, 10.0)
-    rows = StackedRows([Rows(np.eye(40), lower, upper)])
+    rows = Rows(np.eye(40), -np.ones(40), np.full(40, 10.0))
     equality, wanted = rng.uniform(0.5, 1.0, (1, 40)), np.full(40, 2.0)
     counts = []
 
@@ -73,36 +67,26 @@ def test_a_few_rows_do_where_none_binds():
         return np.linalg.pinv(equality) @ task, 1.0
 
     task = equality @ wanted
-    speeds, progress = few_rows.solve_by_few_rows(
-        solve,
-        WorkingRollers(40, np.arange(40), np.eye(40), np.eye(40), True),
-        equality,
-        rows,
-        np.zeros(40),
-    )
+    speeds, progress = solve_by_few_rows(solve, np.eye(40), equality, rows, np.zeros(40))
     assert counts == [(16, 16, 16)]
     assert speeds == pytest.approx(np.linalg.pinv(equality) @ task)
     assert 1.0 < speeds.min() < speeds.max() < 10.0
     assert progress == 1.0
 
 
-def test_stacked_rows_are_those_of_the_limits_in_their_order():
-    rng = np.random.default_rng(0)
-    parts = [
-        Rows(rng.standard_normal((count, 5)), -np.ones(count), np.full(count, 2.0))
-        for count in (3, 0, 4)
-    ]
-    rows, every = StackedRows(parts), np.vstack([part.matrix for part in parts])
-    velocities = rng.standard_normal(5)
-    assert rows.rates(velocities) == pytest.approx(every @ velocities)
-    assert (rows.matrix == every).all()
-    assert rows.limit.tolist() == [0, 0, 0, 2, 2, 2, 2]
-    for numbers in ([0, 1, 2, 3, 4, 5, 6], [2], [3, 6], [1, 5], []):
-        chosen = np.array(numbers, dtype=int)
-        assert (rows.take(chosen).matrix == every[chosen]).all()
-    rates = every @ velocities
-    for share in (1.0, 0.9 * min(1.0 / max(-rates.min(), 1e-9), 2.0 / max(rates.max(), 1e-9))):
-        inside = (share * rates >= -1.0) & (share * rates <= 2.0)
-        assert rows.admit(share * velocities) == inside.all()
-    assert not rows.admit(velocities)
-    assert rows.admit(share * velocities)
+def test_rows_are_added_until_none_is_violated():
+    count = 40
+    solved = []
+
+    def farthest(cost, equality, rows):
+        solved.append(len(rows.upper))
+        return maximize_progress(cost, equality, np.ones(1), 100.0, rows)
+
+    # The even rollers do what the odd ones leave, which are at their bounds.
+    bound = np.where(np.arange(count) % 2, 0.1, 0.5)
+    rows, equality = Rows(np.eye(count), -bound, bound), np.ones((1, count))
+    speeds, progress = solve_by_few_rows(farthest, np.eye(count), equality, rows, np.zeros(count))
+    assert speeds == pytest.approx(bound, abs=1e-6)
+    assert progress == pytest.approx(20 * 0.1 + 20 * 0.5, abs=1e-5)
+    assert solved == sorted(set(solved))
+    assert solved[0] == 16 < solved[-1] <= count

@@ -198,13 +198,13 @@ def test_the_roller_at_either_end_of_a_member_moves_its_material(member):
     following = robot.topology.following[number]
     contacts = GripContacts(
         find_members(robot, (member,)),
-        np.array([start]),
-        np.array([end - start]),
-        np.array([axis]),
-        np.array([1j * axis]),
-        np.array([0.3 * start + 0.7 * end]),
-        np.array([-1.0]),
-        np.array([0]),
+        owners=np.array([0]),
+        starts=np.array([start]),
+        spans=np.array([end - start]),
+        axes=np.array([axis]),
+        normals=np.array([1j * axis]),
+        points=np.array([0.3 * start + 0.7 * end]),
+        sides=np.array([-1.0]),
     )
     velocity = hand_jacobian(config, contacts).T.copy().view(complex)[:, 0]
     velocities = config.node_jacobian.T.copy().view(complex)

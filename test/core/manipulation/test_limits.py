@@ -13,7 +13,12 @@ from grips import disc_grip
 from hypothesis import given
 from isotruss_ros.core import load_robot, RollingGrip, solve_twist, Status
 from isotruss_ros.core.errors import ConfigurationError, GraspError
-from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
+from isotruss_ros.core.manipulation.limits import (
+    find_rows,
+    MemberLengthLimit,
+    RollerSpeedLimit,
+    stack_rows,
+)
 import numpy as np
 import pytest
 import robots
@@ -61,6 +66,29 @@ def test_members_approach_their_bounds_in_a_tenth_of_a_second_where_nothing_else
     config = load_robot('nine_member').home
     rows = MemberLengthLimit(0.5, 2.0).rows(config)
     assert rows.upper == pytest.approx(10.0 * (2.0 - config.member_lengths))
+
+
+def test_rows_of_limits_are_stacked_in_their_order():
+    config = load_robot('nine_member').home
+    limits = [MemberLengthLimit(0.5, 2.0), RollerSpeedLimit(0.3), MemberLengthLimit(0.7, 1.5)]
+    speeds = np.random.default_rng(0).standard_normal(6)
+    parts, admitted = find_rows(config, limits, speeds)
+    assert not admitted
+    assert find_rows(config, limits, 0.0 * speeds)[1]
+    assert find_rows(config, [], speeds) == ([], True)
+    rows = stack_rows(parts)
+    assert [len(part.upper) for part in parts] == [9, 6, 9]
+    for limit, own in zip(limits, (slice(9), slice(9, 15), slice(15, 24)), strict=True):
+        for expected, found in zip(limit.rows(config), rows.take(np.arange(24)[own]), strict=True):
+            assert (expected == found).all()
+    rates = rows.matrix @ speeds
+    for size in (1.0, 0.9 * (0.3 / np.abs(speeds).max())):
+        inside = (size * rates <= rows.upper) & (size * rates >= rows.lower)
+        assert find_rows(config, limits, size * speeds)[1] == inside.all()
+    assert rows.slack(speeds) == pytest.approx(np.minimum(rows.upper - rates, rates - rows.lower))
+    halved = rows.scaled(2.0, 3.0)
+    assert halved.upper == pytest.approx(np.minimum(rows.upper / 2.0, 3.0))
+    assert halved.lower == pytest.approx(np.maximum(rows.lower / 2.0, -3.0))
 
 
 def narrow(shortest, longest):

@@ -12,7 +12,7 @@
 from hypothesis import assume, given, strategies
 from isotruss_ros.core.manipulation import task as task_module
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.manipulation.task import Reach, Task
+from isotruss_ros.core.manipulation.task import Reach, Task, WorkingRollers
 import numpy as np
 import pytest
 import random_grips
@@ -28,6 +28,11 @@ def random_rows(rng, count, rollers, rank):
     left, right = (np.linalg.qr(rng.standard_normal((n, n)))[0] for n in (count, rollers))
     rank = min(rank, count, rollers)
     return left[:, :rank] * 10.0 ** rng.uniform(-3.5, 0.5, rank) @ right[:rank]
+
+
+def working(count):
+    """Return rollers that all work, whose speeds cost alike."""
+    return WorkingRollers(count, np.arange(count), np.eye(count), np.eye(count), True)
 
 
 def kernel(rows):
@@ -90,7 +95,7 @@ def test_tasks_are_twists_of_any_size(rng, rollers):
     reach = Reach.of(rows, radius)
     twist = 10.0 ** rng.uniform(-200.0, 200.0) * rng.standard_normal(3)
     opening = float(rng.integers(2)) * np.abs(twist).max() * rng.uniform(0.5, 2.0)
-    task = Task(reach, twist, np.eye(rollers), opening)
+    task = Task(reach, twist, working(rollers), opening)
     weighted = np.array([1.0, 1.0, radius]) * twist
     nearest = reach.directions.T @ (reach.directions @ weighted)
     size = np.abs(weighted).max()
@@ -122,7 +127,7 @@ def test_no_more_rows_are_free_than_rollers_move(held, rollers, capfd):
 
 
 def test_a_grip_that_no_roller_opens_is_no_task():
-    task = Task(Reach.of(np.zeros((4, 0)), 1.0), np.zeros(3), np.eye(0), 1.0)
+    task = Task(Reach.of(np.zeros((4, 0)), 1.0), np.zeros(3), working(0), 1.0)
     assert task.speed == 0.0
 
 
@@ -144,7 +149,8 @@ def test_rows_that_are_independent_lead_where_singular_values_do(rng, held, more
     assert len(reach.directions) == 3
     twist = 10.0 ** rng.uniform(-6.0, 6.0) * rng.standard_normal(3)
     for opening in (0.0, float(np.abs(twist).max())):
-        short, long = (Task(way, twist, np.eye(rows.shape[1]), opening) for way in (reach, plain))
+        every = working(rows.shape[1])
+        short, long = (Task(way, twist, every, opening) for way in (reach, plain))
         size = np.abs(long.velocities).max()
         assert short.reachable
         assert long.reachable

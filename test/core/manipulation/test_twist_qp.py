@@ -15,7 +15,7 @@ from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.task import least_cost
-from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES
+from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
 import numpy as np
 import pytest
 import robots
@@ -105,6 +105,15 @@ def test_maximize_progress_returns_zero_where_nothing_may_move():
     assert s == pytest.approx(0.0, abs=1e-9)
 
 
+def test_rows_that_bounds_forbid_to_follow_stay_at_zero():
+    bound = np.full(2, 0.5)
+    for wanted, followed in ((0.4, 0.4), (1.0, 0.0)):
+        found = project_target(
+            np.eye(2), np.eye(2), np.array([0.3, wanted]), 1, Rows(np.eye(2), -bound, bound), 1e-9
+        )
+        assert found == pytest.approx([0.3, followed], abs=1e-6)
+
+
 def test_smaller_penalties_are_tried_before_an_error(monkeypatch):
     tried = []
 
@@ -117,6 +126,10 @@ def test_smaller_penalties_are_tried_before_an_error(monkeypatch):
             np.eye(1), np.eye(1), np.ones(1), 1.0, Rows(np.eye(1), -np.ones(1), np.ones(1))
         )
     assert tuple(tried) == PENALTIES
+    with pytest.raises(SolverError, match='close to a singular one'):
+        project_target(
+            np.eye(1), np.eye(1), np.ones(1), 1, Rows(np.eye(1), -np.ones(1), np.ones(1)), 1e-9
+        )
 
 
 @robots.examples(20)

@@ -174,180 +174,63 @@ def test_coordinate_that_is_not_finite_is_refused(value, tmp_path):
     assert 'must be a finite coordinate [m]' in message
 
 
-def replaced(*path_and_value):
-    *path, last, value = path_and_value
-
-    def change(document):
-        for part in path:
-            document = document[part]
-        document[last] = value
-
-    return change
-
-
-def removed(*path):
-    def change(document):
-        for part in path[:-1]:
-            document = document[part]
-        del document[path[-1]]
-
-    return change
-
-
-def renamed(old, new):
-    """Replace a key of the module block."""
-
-    def change(document):
-        document['module'][new] = document['module'].pop(old)
-
-    return change
-
-
-REFUSALS = {
-    'unknown joint': (
-        replaced('tubes', 'south', 'joints', ['P', 'Q', 'W']),
-        ["tubes.south.joints: unknown joint 'W'", 'known are P, Q, X'],
-    ),
-    'joint on no tube': (
-        replaced('joints', 'W', [3.0, 3.0]),
-        ['joints.W: on no tube', 'let a tube visit it or take it out'],
-    ),
-    'support of an unknown joint': (
-        replaced('supports', 'W', ['y']),
-        ["supports.W: unknown joint 'W'", 'known are P, Q, X'],
-    ),
-    'support along an unknown axis': (
-        replaced('supports', 'Q', ['z']),
-        ["supports.Q.0: 'z'", 'must be x or y'],
-    ),
-    'support along no axis': (
-        replaced('supports', 'Q', []),
-        ['supports.Q: []', 'grounded coordinates of this joint'],
-    ),
-    'support twice along one axis': (
-        replaced('supports', 'Q', ['y', 'y']),
-        ["supports.Q: ['y', 'y']", '[x], [y] or [x, y]'],
-    ),
-    'support as a word': (replaced('supports', 'Q', 'y'), ["supports.Q: 'y'", '[x, y]']),
-    'passive not on the tube': (
-        replaced('tubes', 'south', 'passive', 'W'),
-        ["tubes.south.passive: 'W' is not a joint of this tube", 'must be one of P, Q, X'],
-    ),
-    'passive missing': (
-        removed('tubes', 'south', 'passive'),
-        ["tubes.south: key 'passive' is missing", 'no motor'],
-    ),
-    'repeated joints': (
-        replaced('tubes', 'south', 'joints', ['P', 'Q', 'P', 'X']),
-        ['tubes.south.joints: ', 'three or more different joints'],
-    ),
-    'tube through two joints': (
-        replaced('tubes', 'south', 'joints', ['P', 'X']),
-        ["tubes.south.joints: ['P', 'X']", 'three or more different joints'],
-    ),
-    'number as the name of a joint in a tube': (
-        replaced('tubes', 'south', 'joints', ['P', 'Q', 7]),
-        ['tubes.south.joints.2: 7', 'must be the name of a joint'],
-    ),
-    'name with a slash': (
-        replaced('joints', 'a/b', [3.0, 3.0]),
-        ["'a/b'", 'letters, digits and underscores'],
-    ),
-    'name that ends in a newline': (
-        replaced('joints', 'W\n', [3.0, 3.0]),
-        ["'W\\n'", 'letters, digits and underscores'],
-    ),
-    'no tubes': (replaced('tubes', {}), ['tubes: {}', 'one or more tubes']),
-    'two joints in all': (
-        removed('joints', 'X'),
-        ['joints: ', 'three or more joints'],
-    ),
-    'coincident joints': (
-        replaced('joints', 'X', [1.0, 0.0]),
-        ['joints.X: [1.0, 0.0]', 'joint Q is there too', 'must be apart'],
-    ),
-    'position of three numbers': (
-        replaced('joints', 'X', [1.0, 0.0, 0.0]),
-        ['joints.X: [1.0, 0.0, 0.0]', 'two finite numbers'],
-    ),
-    'unknown key with a near miss': (
-        renamed('rod_length', 'rod_lenght'),
-        ["module: unknown key 'rod_lenght'", 'did you mean rod_length?', 'known are pinch_sep'],
-    ),
-    'missing key': (
-        renamed('rod_length', 'rod_lenght'),
-        ["module: key 'rod_length' is missing", 'h, joint to the midpoint'],
-    ),
-    'unknown key without a near miss': (
-        replaced('colour', 'red'),
-        ["top level: unknown key 'colour'", 'known are name, frame, joints'],
-    ),
-    'missing block': (
-        removed('rollers'),
-        ["top level: key 'rollers' is missing"],
-    ),
-    'block of the wrong type': (
-        replaced('module', [1, 2]),
-        ['module: [1, 2]: must be the dimensions'],
-    ),
-    'name as a number': (replaced('name', 5), ['name: 5: must be', 'non-empty string']),
-    'empty name': (replaced('name', ''), ["name: ''", 'non-empty string']),
-    'frame as a boolean': (replaced('frame', False), ['frame: False', 'non-empty string']),
-    'unknown stiffness model': (
-        replaced('tube', 'stiffness', {'model': 'spring'}),
-        ["tube.stiffness.model: 'spring'", 'inflatable_beam, power_law or section'],
-    ),
-    'stiffness model with the keys of another': (
-        replaced('tube', 'stiffness', {'model': 'inflatable_beam', 'axial': 1.0}),
-        ["tube.stiffness: unknown key 'axial'"],
-    ),
-    'stiffness law without its exponent': (
-        replaced(
-            'tube',
-            'stiffness',
-            {
-                'model': 'power_law',
-                'axial': {'C': 1.0, 'a': 1.0},
-                'transverse': {'C': 1.0, 'a': 1.0, 'b': -1.0},
-                'rotary': {'C': -1.0, 'a': 1.0, 'b': -1.0},
-            },
-        ),
-        ["tube.stiffness.axial: key 'b' is missing", 'tube.stiffness.rotary.C: -1.0'],
-    ),
-    'limits the wrong way round': (
-        replaced('members', {'min_length': 3.0, 'max_length': 0.25}),
-        ['members.min_length: 3.0', 'must be less than max_length, 0.25'],
-    ),
-    'member too long at home': (
-        replaced('members', {'min_length': 0.25, 'max_length': 0.7}),
-        ['members: south/P-Q is ', 'must be from min_length 0.25 to max_length 0.7'],
-    ),
-    'member too short at home': (
-        replaced('members', {'min_length': 1.2, 'max_length': 3.0}),
-        ['members: south/P-Q is ', 'must be from min_length 1.2 to max_length 3.0'],
-    ),
-    'guide rings that overlap': (
-        replaced('module', 'guide_ring_distance', 0.6),
-        ['module.guide_ring_distance: 0.6', 'south/P-Q', 'must be less than'],
-    ),
-    'module too large for its corner': (
-        replaced('module', 'pinch_separation', 2.5),
-        ['module south/', 'does not fit its corner', 'pinch_separation 2.5', 'smaller module'],
-    ),
-    'corner that is straight': (
-        replaced('joints', 'X', [2.0, 0.0]),
-        ['module south/P does not fit its corner', 'between 1 and 179 degrees'],
-    ),
-}
+#: Changes to a file, and what is said then; without a value a key is taken out.
+REFUSALS = r"""
+tubes.south.joints: [P, Q, W] -> tubes.south.joints: unknown joint 'W' | known are P, Q, X
+joints.W: [3.0, 3.0] -> joints.W: on no tube | let a tube visit it or take it out
+supports.W: [y] -> supports.W: unknown joint 'W' | known are P, Q, X
+supports.Q: [z] -> supports.Q.0: 'z' | must be x or y
+supports.Q: [] -> supports.Q: [] | grounded coordinates of this joint
+supports.Q: [y, y] -> supports.Q: ['y', 'y'] | [x], [y] or [x, y]
+supports.Q: y -> supports.Q: 'y' | [x, y]
+tubes.south.passive: W -> tubes.south.passive: 'W' is not a joint | must be one of P, Q, X
+tubes.south.passive -> tubes.south: key 'passive' is missing | no motor
+tubes.south.joints: [P, Q, P, X] -> tubes.south.joints: | three or more different joints
+tubes.south.joints: [P, X] -> tubes.south.joints: ['P', 'X'] | three or more different joints
+tubes.south.joints: [P, Q, 7] -> tubes.south.joints.2: 7 | must be the name of a joint
+joints.a/b: [3.0, 3.0] -> 'a/b' | letters, digits and underscores
+"joints.W\n": [3.0, 3.0] -> 'W\n' | letters, digits and underscores
+tubes: {} -> tubes: {} | one or more tubes
+joints.X -> joints: | three or more joints
+joints.X: [1.0, 0.0] -> joints.X: [1.0, 0.0] | joint Q is there too | must be apart
+joints.X: [1.0, 0.0, 0.0] -> joints.X: [1.0, 0.0, 0.0] | two finite numbers
+module.rod_lenght: 0.1 -> unknown key 'rod_lenght' | did you mean rod_length? | known are pinch_sep
+module.rod_length -> module: key 'rod_length' is missing | h, joint to the midpoint
+colour: red -> top level: unknown key 'colour' | known are name, frame, joints
+rollers -> top level: key 'rollers' is missing
+module: [1, 2] -> module: [1, 2]: must be the dimensions
+name: 5 -> name: 5: must be | non-empty string
+name: "" -> name: '' | non-empty string
+frame: false -> frame: False | non-empty string
+tube.stiffness: {model: spring} -> stiffness.model: 'spring' | inflatable_beam, power_law or
+tube.stiffness: {model: inflatable_beam, axial: 1.0} -> tube.stiffness: unknown key 'axial'
+tube.stiffness: {model: power_law, axial: {C: 1.0, a: 1.0}} -> stiffness.axial: key 'b' is missing
+tube.stiffness: {model: power_law, rotary: {C: -1.0, a: 1.0, b: -1.0}} -> stiffness.rotary.C: -1.0
+members: {min_length: 3.0, max_length: 0.25} -> min_length: 3.0 | be less than max_length, 0.25
+members.max_length: 0.7 -> members: south/P-Q is | must be from min_length 0.25 to max_length 0.7
+members.min_length: 1.2 -> members: south/P-Q is | must be from min_length 1.2 to max_length 3.0
+module.guide_ring_distance: 0.6 -> guide_ring_distance: 0.6 | south/P-Q | must be less than
+module.pinch_separation: 2.5 -> does not fit its corner | pinch_separation 2.5 | smaller module
+joints.X: [2.0, 0.0] -> module south/P does not fit its corner | between 1 and 179 degrees
+"""
 
 
-@pytest.mark.parametrize('case', REFUSALS)
+@pytest.mark.parametrize('case', REFUSALS.strip().splitlines())
 def test_refusal_says_where_and_what_would_be_right(case, tmp_path):
-    change, wanted = REFUSALS[case]
+    change, _, wanted = case.partition(' -> ')
+    if ':' in change:
+        ((path, value),) = YAML(typ='safe', pure=True).load(change).items()
+    else:
+        path, value = change, None
     document = robots.example()
-    change(document)
+    *blocks, key = path.split('.')
+    block = at(document, blocks)
+    if value is None:
+        del block[key]
+    else:
+        block[key] = value
     message = refusal(as_yaml(document), tmp_path)
-    for part in wanted:
+    for part in wanted.split(' | '):
         assert part in message, message
 
 
@@ -367,16 +250,6 @@ def test_all_complaints_are_told_at_once(tmp_path):
     document['colour'] = 'red'
     del document['tube']['pressure']
     assert len(refusal(as_yaml(document), tmp_path).splitlines()) == 3
-
-
-def test_file_full_of_mistakes_is_refused_with_the_first(tmp_path):
-    document = robots.example()
-    for i in range(2_000):
-        document[f'k{i}'] = i
-    lines = refusal(as_yaml(document), tmp_path).splitlines()
-    assert "unknown key 'k0'" in lines[0]
-    assert len(lines) == 51
-    assert lines[-1].endswith('and more like these')
 
 
 @pytest.mark.parametrize(('mistakes', 'lines'), [(49, 49), (50, 50), (51, 51), (2_000, 51)])

@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Discs, ellipses and rounded polygons against formulas of handbooks."""
+"""Discs, ellipses and rounded polygons against formulas of handbooks, and their ranges."""
 
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
 from isotruss_ros.core.errors import GraspError
@@ -15,6 +15,9 @@ import numpy as np
 import pytest
 
 TURN = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 13))
+#: The bounds that messages have, [m].
+MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
+SIZES = (MIN_DIAMETER, 0.05, 1.0, MAX_DISTANCE)
 
 
 def test_a_disc():
@@ -144,3 +147,49 @@ def test_arcs_of_a_rounded_square_are_about_its_inner_corners():
     centers = np.array([center for center, _ in square.arcs])
     wanted = np.array([0.0, 0.35 + 0.05j, 0.35 + 0.35j, 0.1 + 0.3j])
     assert centers == pytest.approx(wanted, abs=1e-12)
+
+
+@pytest.mark.parametrize('number', [float, np.float64])
+@pytest.mark.parametrize('size', SIZES)
+def test_diameters_within_range_are_taken_as_they_are(number, size):
+    disc = ConvexObject.disc((number(0.0), number(-0.25)), number(size))
+    assert disc.pose == (0.0, -0.25, 0.0)
+    assert disc.shape.diameter == size
+    assert {type(value) for value in (*disc.pose, disc.shape.diameter)} == {float}
+
+
+@pytest.mark.parametrize('number', [float, np.float64])
+@pytest.mark.parametrize(
+    ('center', 'size', 'words'),
+    [
+        ((0.0, 0.0), 0.0, 'must be positive'),
+        ((0.0, 0.0), -0.1, 'must be positive'),
+        ((0.0, 0.0), 0.99 * MIN_DIAMETER, 'must be from'),
+        ((0.0, 0.0), 1.01 * MAX_DISTANCE, 'must be from'),
+        ((1.01 * MAX_DISTANCE, 0.0), 0.1, 'must be within'),
+        ((0.0, -1.01 * MAX_DISTANCE), 0.1, 'must be within'),
+        ((-1.01 * MAX_DISTANCE, 0.0), 0.1, 'must be within'),
+        ((0.0, 1.01 * MAX_DISTANCE), 0.1, 'must be within'),
+        ((0.0, 0.0, 0.0), 0.1, "the object's centre"),
+        ((0.0,), 0.1, "the object's centre"),
+        ((np.nan, 0.0), 0.1, "the object's centre .* must be 2 finite numbers"),
+        ((0.0, 0.0), np.inf, "the object's diameter .* must be 1 finite number"),
+    ],
+)
+def test_what_is_out_of_range_is_refused(number, center, size, words):
+    with pytest.raises(GraspError, match=words):
+        ConvexObject.disc(tuple(map(number, center)), number(size))
+
+
+def test_places_up_to_the_largest_distance_are_taken():
+    for center in ((MAX_DISTANCE, -MAX_DISTANCE), (-MAX_DISTANCE, MAX_DISTANCE)):
+        assert ConvexObject.disc(center, 0.1).center == complex(*center)
+        assert ConvexObject.disc(np.array(center), 0.1).center == complex(*center)
+
+
+@pytest.mark.parametrize('what', [None, 'here', 'wide', 10**400])
+def test_what_is_no_number_is_refused(what):
+    with pytest.raises(GraspError, match=r'centre .* must be 2 finite numbers'):
+        ConvexObject.disc(what, 0.2)
+    with pytest.raises(GraspError, match=r'diameter .* must be 1 finite number'):
+        ConvexObject.disc((0.0, 0.0), what)

@@ -155,14 +155,6 @@ def test_a_polygon_of_many_sides_is_a_disc():
     assert polygon.gyration == pytest.approx(disc.gyration, rel=1e-3)
 
 
-def test_an_ellipse_with_equal_axes_is_a_disc():
-    points = np.append(0.2 * directions(np.random.default_rng(2)), [0.0, 0.03j, 0.03])
-    ellipse, disc = Ellipse((0.1, 0.1)).nearest(points), Disc(0.2).nearest(points)
-    assert ellipse.gaps == pytest.approx(disc.gaps, abs=1e-14)
-    assert ellipse.radii == pytest.approx(disc.radii)
-    assert np.delete(ellipse.normals, 40) == pytest.approx(np.delete(disc.normals, 40), abs=1e-12)
-
-
 def test_feet_of_points_on_the_axes_of_an_ellipse():
     ellipse = Ellipse((0.3, 0.1))
     # Inside of the evolute, up to 0.27 m, the foot is off the axis; beyond, at the vertex.
@@ -223,15 +215,6 @@ def test_the_largest_rounding_leaves_half_of_the_shorter_side_at_each_corner(see
     half = 0.5 * np.array([min(sides[i], sides[i - 1]) for i in range(len(sides))])
     # The arcs touch the sides as far from the corner as their radius times this.
     assert sharp.rounded(1e3).radii * np.tan(0.5 * sharp.turns) == pytest.approx(half, rel=1e-8)
-
-
-@robots.examples(100)
-@given(SEEDS)
-def test_reach_is_the_largest_distance_of_the_outline(seed):
-    generator = np.random.default_rng(seed)
-    shape = random_polygon(generator, 10.0 ** generator.uniform(-3.0, 0.0))
-    farthest = np.abs(dense_outline(shape, 4000)).max()
-    assert shape.reach == pytest.approx(farthest, rel=1e-4)
 
 
 WRONG = {
@@ -326,11 +309,3 @@ def test_an_object_moves_with_its_pose(seed):
     assert held.nearest(np.array([held.middle])).gaps[0] < 0.0
     normals = directions(generator)
     assert held.support(normals) == pytest.approx(shape.support(normals / turn), abs=1e-12)
-
-
-def test_a_cylinder_is_a_disc_in_its_place():
-    held = ConvexObject.disc((0.3, -0.2), 0.25)
-    assert held == ConvexObject(Disc(0.25), (0.3, -0.2, 0.0))
-    assert held.arm == 0.125
-    assert held is held
-    assert ConvexObject(Ellipse((0.125, 0.125))).arm == pytest.approx(0.125)

@@ -7,15 +7,102 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""The law of the barriers against its formulas, each term on its own."""
+"""Barriers: their law by its formulas, what of a motion is admissible, how commands are cut."""
 
-from isotruss_ros.core.safety.barrier_law import BarrierLaw
+from types import SimpleNamespace
+
+from hypothesis import assume, given, strategies
+from isotruss_ros.core import load_robot, Status
+from isotruss_ros.core.manipulation.solve_twist import RollerCommand
+from isotruss_ros.core.safety.barrier_law import (
+    _admissible_share,
+    ActiveValues,
+    BarrierLaw,
+    BarrierLimit,
+    BarrierViolation,
+)
+from isotruss_ros.core.safety.shape_guard import SAFETY_STEP, ShapeBounds, Watch
 import numpy as np
 import pytest
+import robots
 
+SHARES = np.linspace(0.0, 1.0, 50)
 LAW = BarrierLaw(bound=0.3, band=0.2)
 #: Of the defaults: rate, and the margin at which motion comes to rest.
 RATE, REST = 5.0, 0.01 * 0.2
+HOME = load_robot('nine_member').home
+PERIOD = 0.01
+
+
+@robots.examples(100)
+@given(
+    strategies.floats(1e-3, 1.0),
+    strategies.floats(-2.0, 2.0),
+    strategies.floats(0.1, 2.0),
+    strategies.sampled_from([-1.0, 1.0]),
+)
+def test_the_admissible_share_uses_up_the_room_of_a_parabola(room, slope, size, sign):
+    change = slope + sign * size
+    (share,) = _admissible_share(*np.array([[room], [slope], [change]]))
+    # slope s + (change - slope) s^2 falls to -room first at the share, or after the motion.
+    roots = np.roots([change - slope, slope, room])
+    assume(abs(slope**2 - 4.0 * (change - slope) * room) > 1e-3)
+    ahead = [root.real for root in roots if root.imag == 0.0 < root.real]
+    if len(ahead) or sign < 0.0:
+        assert share == pytest.approx(min([1.0, *ahead]), rel=1e-6)
+
+
+@robots.examples(100)
+@given(robots.generators())
+def test_a_motion_ends_where_the_parabola_through_the_margins_meets_the_bound(rng):
+    """However small margins and motions are; rows were found in the middle of the sample."""
+    size = 10.0 ** rng.uniform(-6.0, 0.0)
+    law, duration = BarrierLaw(0.5, size), rng.uniform(0.01, 0.1)
+    velocities, travel = rng.standard_normal(2) * size
+    slopes, margins = rng.standard_normal(3), size * rng.uniform(0.1, 2.0, 3)
+    before = margins - 0.5 * duration * velocities * slopes
+    after = before + size * rng.standard_normal(3)
+    barrier = SimpleNamespace(
+        law=law,
+        status=Status.SLOWED_RIGIDITY,
+        values=lambda *_: 0.5 + after,
+        names=lambda numbers: [f'value {i}' for i in numbers],
+    )
+    active = ActiveValues(np.arange(3), 0.5 + margins, np.zeros((3, 0)))
+    limit = BarrierLimit(barrier, active, slopes[:, None])
+    assume(before.min() > 0.0)
+    found = limit.violation(None, None, np.array([travel]), np.array([velocities]), duration)
+    longest = max(abs(travel), duration * abs(velocities))
+    bound = law.discrete_bound(before, duration, longest)
+    assert (found is None) == (after >= bound).all()
+    if found is None:
+        return
+    assert found.names == tuple(f'value {i}' for i in np.flatnonzero(after < bound))
+
+    def left(share):
+        first = slopes * travel * share
+        return (before + first + (after - before - slopes * travel) * share**2 - bound) / size
+
+    assert 0.0 <= found.share <= 1.0
+    # One of them is used up there, and none before.
+    assert np.abs(left(found.share)).min() == pytest.approx(0.0, abs=1e-9)
+    assert min(left(share * found.share)[after < bound].min() for share in SHARES) > -1e-9
+
+
+@pytest.mark.parametrize(
+    ('size', 'margin', 'checked'),
+    [
+        (0.9 * SAFETY_STEP, 0.049, True),
+        (0.9 * SAFETY_STEP, 0.051, False),
+        (1.1 * SAFETY_STEP, 0.051, True),
+        (1.1 * SAFETY_STEP, 0.2, True),
+    ],
+)
+def test_short_steps_are_checked_where_little_is_left(size, margin, checked):
+    law = SimpleNamespace(safety_margin=0.1)
+    limit = SimpleNamespace(margins=np.array([0.3, margin]), barrier=SimpleNamespace(law=law))
+    watch = Watch(None, None, (), (limit,))
+    assert watch._within_reach(size) == ((limit,) if checked else ())
 
 
 def test_margins_count_from_the_bound():
@@ -50,3 +137,81 @@ def test_what_is_beyond_the_bound_may_lose_the_square_of_the_travel(travel):
     for margin in (0.09 * REST, 0.0, -0.1):
         left = LAW.discrete_bound(np.array([margin]), 0.01, travel)[0]
         assert margin - left == pytest.approx(1e-9 + 0.2 * (travel / 0.05) ** 2, rel=0.01)
+
+
+def keep(speed, share_of, status=Status.OK):
+    """Return a command of a speed, and what is kept; a share of each travel is admissible."""
+
+    def violation(end, grasp, travel, velocities, duration):
+        assert duration == PERIOD
+        assert end.roller_positions == pytest.approx(travel - 0.5 * PERIOD * velocities)
+        share = share_of(travel[0])
+        return None if share is None else BarrierViolation(share, Status.SLOWED_OBJECT, ('it',))
+
+    law = SimpleNamespace(safety_margin=0.1)
+    limit = SimpleNamespace(
+        margins=np.zeros(1), barrier=SimpleNamespace(law=law), violation=violation
+    )
+    velocities = np.zeros(len(HOME.roller_positions))
+    velocities[0] = speed
+    before = np.linspace(-0.01, 0.02, len(velocities))
+    command = RollerCommand(velocities, np.array([0.1, 0.2, 0.3]), 0.9, status)
+    return command, Watch(HOME, None, (), (limit,)).keep(command, before, PERIOD)
+
+
+def kept(speed, share_of):
+    """Return which share of a command of a speed is kept."""
+    command, found = keep(speed, share_of)
+    share = found.roller_velocities[0] / speed
+    assert found.achieved_twist == pytest.approx(share * command.achieved_twist)
+    assert found.scale == pytest.approx(share * command.scale)
+    assert (found is command) == (share == 1.0)
+    if share < 1.0:
+        assert (found.status, found.limiting) == (Status.SLOWED_OBJECT, ('it',))
+    return share
+
+
+@pytest.mark.parametrize(
+    ('speed', 'share'), [(0.02, 1.0), (0.049, 1.0), (0.051, 0.8 / 1.02), (0.1, 0.4)]
+)
+def test_a_fifth_less_than_what_is_admissible_is_kept(speed, share):
+    """As long as the travel in a cycle of 10 ms is 0.5 mm or less, it is admissible."""
+    room = 5e-4
+    found = kept(speed, lambda travel: room / travel if travel > room else None)
+    assert found == pytest.approx(share)
+
+
+@pytest.mark.parametrize(('most', 'share'), [(0.9, 0.8), (0.55, 0.512), (0.45, 0.0)])
+def test_the_robot_stands_still_after_four_attempts(most, share):
+    found = kept(0.05, lambda travel: 1.0 if travel > 5e-4 * most else None)
+    assert found == pytest.approx(share)
+
+
+@pytest.mark.parametrize('status', [Status.UNREACHABLE, Status.SLIDING, Status.OK])
+@pytest.mark.parametrize('share', [0.0, 0.01, 0.5])
+def test_that_a_twist_was_bent_counts_for_more_than_that_it_is_slowed(status, share):
+    """As long as anything is left of it."""
+    room = 1e-3 * share
+    _, found = keep(0.1, lambda travel: room / travel if travel > room else None, status)
+    assert np.abs(found.roller_velocities).max() == pytest.approx(0.08 * share)
+    bent = status is not Status.OK and share > 0.0
+    assert found.status is (status if bent else Status.SLOWED_OBJECT)
+
+
+def test_a_robot_that_stands_still_is_not_slowed():
+    command, found = keep(0.0, lambda travel: 0.5)
+    assert found is command
+
+
+def test_shapes_keep_these_bounds():
+    assert vars(ShapeBounds()) == {
+        'min_rigidity': 0.2,
+        'min_clearance': 0.02,
+        'min_object_clearance': 0.02,
+        'rigidity_band': 0.2,
+        'clearance_band': 0.1,
+        'rate': 5.0,
+    }
+    # Any that are not negative are taken, the smallest ones too.
+    least = ShapeBounds(0.0, 0.0, 0.0, 1e-6, 1e-6, 1e-6)
+    assert (least.min_rigidity, least.clearance_band) == (0.0, 1e-6)

@@ -9,19 +9,16 @@
 
 """Grips of any members near their bounds, and what else is rare in the shapes of a robot."""
 
-from boxes import box_between, ROBOT, SIDES
+from boxes import box_between, ROBOT
 from isotruss_ros.core import (
     Configuration,
-    ConvexObject,
-    Disc,
-    Grip,
     load_robot,
     RollingGrip,
     ShapeGuard,
     Status,
 )
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
-from isotruss_ros.core.safety.barriers import Measured, ObjectBarrier
+from isotruss_ros.core.safety.barriers import ObjectBarrier
 from isotruss_ros.core.safety.margins import object_distances, shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
@@ -93,32 +90,6 @@ def test_a_command_ends_before_a_contact_is_lost():
     assert found.limiting == ('the contacts of the grip',)
     assert 0.0 < found.scale <= 0.4
     assert distances_after(found.roller_velocities).min() >= 0.0
-
-
-def test_far_parts_are_no_nearer_than_their_bounds():
-    exact = object_distances(ROBOT.home, GRIP.body, GRIP.members, np.inf)
-    far = np.flatnonzero((exact > 0.5) & np.isfinite(exact))
-    bounds = object_distances(ROBOT.home, GRIP.body, GRIP.members, 0.1, far)
-    assert (bounds <= exact[far]).all()
-    assert (bounds > 0.1).all()
-
-
-def test_a_measured_state_holds_for_the_same_object_nearby():
-    body = GRIP.body
-    measured = Measured(ROBOT.home, GRIP, 0.1)
-    for grasp, holds in (
-        (GRIP, True),
-        (Grip(SIDES, body.moved_to((body.pose.x + 0.099, *body.pose[1:]))), True),
-        (Grip(SIDES, body.moved_to((body.pose.x + 0.101, *body.pose[1:]))), False),
-        (Grip(SIDES, ConvexObject(Disc(0.4), body.pose)), False),
-        (Grip(('south/P-Q', 'east/Q-R'), body), False),
-        (None, False),
-    ):
-        assert measured.holds(ROBOT.home, grasp) == holds
-    reach = body.shape.reach
-    for angle, holds in ((0.098, True), (0.102, False)):
-        turned = body.moved_to((*body.pose[:2], body.pose.angle + angle / reach))
-        assert measured.holds(ROBOT.home, Grip(SIDES, turned)) == holds
 
 
 def test_a_shape_on_a_line_is_not_rigid():

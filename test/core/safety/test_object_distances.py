@@ -11,7 +11,6 @@
 
 from hypothesis import assume, given
 from isotruss_ros.core import ConvexObject, load_robot, Polygon, RollingGrip
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
 from isotruss_ros.core.safety.barriers import ObjectBarrier
@@ -89,9 +88,3 @@ def test_far_parts_have_a_lower_bound():
     assert (bounded < exact - 1e-3).any()
     two = object_distances(robot.home, body, members, 10.0, np.array([3, 4]))
     assert two == pytest.approx(exact[[3, 4]])
-
-
-def test_an_unknown_member_is_refused():
-    body = ConvexObject.disc((0.0, 0.0), 0.5)
-    with pytest.raises(GraspError, match='no such members'):
-        object_distances(load_robot('nine_member').home, body, ('nobody', 'north/R-P'))

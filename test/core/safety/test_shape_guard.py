@@ -23,7 +23,6 @@ from isotruss_ros.core import (
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
-from isotruss_ros.core.safety.barriers import SelfCollisionBarrier
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
 import pytest
@@ -275,31 +274,6 @@ def test_bounds_are_checked():
             ShapeBounds(**{name: wrong})
 
 
-def test_large_robot_is_watched_in_little_time():
-    """Only what could come near is measured again."""
-    robot = robots.random_robot(3, 'ring', 8)
-    barrier = SelfCollisionBarrier(robot, BarrierLaw(0.0, 0.1))
-    config = robot.home
-    barrier.active(config, None)
-    measured = []
-    model = barrier._model
-    original = model.distances
-
-    def count(config, pairs=slice(None)):
-        found = original(config, pairs)
-        measured.append(len(found))
-        return found
-
-    model.distances = count
-    try:
-        for step in range(1, 6):
-            moved = config.moved_to(np.full(len(robot.roller_names), 1e-4 * step))
-            barrier.active(moved, None)
-    finally:
-        del model.distances
-    assert sum(measured) < 0.1 * 5 * len(original(config))
-
-
 def test_without_an_object_all_but_its_barrier_is_watched():
     guard = ShapeGuard(walks.ROBOT, ShapeBounds(clearance_band=10.0, rigidity_band=10.0))
     config = walks.ROBOT.home
@@ -308,13 +282,3 @@ def test_without_an_object_all_but_its_barrier_is_watched():
     assert [limit.status for limit in held] == [*(x.status for x in bare), Status.SLOWED_OBJECT]
     for one, other in zip(held, bare, strict=False):
         assert one.rows(config).matrix == pytest.approx(other.rows(config).matrix, abs=0.0)
-
-
-def test_bounds_where_nothing_else_is_said():
-    bounds = ShapeBounds()
-    assert (bounds.min_rigidity, bounds.min_clearance, bounds.min_object_clearance) == (
-        0.2,
-        0.02,
-        0.02,
-    )
-    assert (bounds.rigidity_band, bounds.clearance_band, bounds.rate) == (0.2, 0.1, 5.0)
