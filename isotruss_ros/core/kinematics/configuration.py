@@ -14,7 +14,7 @@ from __future__ import annotations
 from functools import cached_property
 
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.kinematics.constraints import Constraints, Targets
+from isotruss_ros.core.kinematics.constraints import follow_branch, Targets
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -29,17 +29,8 @@ MIN_STEP = 1e-6
 #: A way that takes more steps than this passes next to a singular shape; two such searches take a
 #: loop 20 ms at most.
 MAX_STEPS = 50
-MAX_ITERATIONS = 12
 #: Travel of any roller up to which shapes are predicted to first order [m].
 FIRST_ORDER = 3e-3
-#: A factor is kept while each step with it shrinks the residual at least this much.
-KEEP_FACTOR_BELOW = 0.1
-#: What a step is expected to leave is not computed below this share of the tolerance.
-SURE_BELOW = 0.01
-#: A corrector longer than this share of the predictor may have left the branch.
-MAX_CORRECTION = 0.5
-#: Of a residual, as a share of the coordinates that it is computed from.
-ROUNDING = 64 * float(np.finfo(float).eps)
 
 
 class Configuration:
@@ -151,9 +142,11 @@ class Configuration:
             the straight line there in roller travel passes a singular configuration, or so near
             to one that it takes more than `MAX_STEPS` steps.
         """
-        robot = self.robot
-        start = self.roller_positions
-        goal = self._checked(roller_positions)
+        return self._reached(roller_positions, nearby)
+
+    def _reached(self, roller_positions: ArrayLike, nearby: Factor | None) -> Configuration:
+        """Do what `moved_to` does, where BLAS has one thread already."""
+        robot, start, goal = self.robot, self.roller_positions, self._checked(roller_positions)
         goal_targets = _targets(robot, goal)
         goal_lengths = goal_targets.lengths[: robot.topology.n_modules]
         shortest = float(goal_lengths.min())
@@ -244,59 +237,6 @@ class Configuration:
         return by_length.take(topology.driven, 1) - by_length.take(topology.before_driven, 1)
 
 
-def follow_branch(
-    constraints: Constraints,
-    points: Points,
-    targets: Targets,
-    factor: Factor | None = None,
-    tolerance: float = 1e-12,
-) -> Points | None:
-    """
-    Move nodes to new targets, staying on the branch that they are on.
-
-    A tangent step (12) is followed by Newton's method with as few factorizations as it takes.
-
-    :param constraints: the robot's constraints.
-    :param points: (n,) nodes that fulfil the constraints for nearby targets [m].
-    :param targets: the new lengths and ground.
-    :param factor: the factored matrix at `points`, if it is at hand.
-    :param tolerance: to which constraints hold, [m] and [rad]; rounding is 1e-15, hardware 1e-4.
-    :return: (n,) nodes, or None where the step is too long, or leads to no configuration.
-    """
-    tolerance = max(tolerance, ROUNDING * float(np.abs(points).max()))
-    residual = constraints.residual(points, targets)
-    error = np.abs(residual).max()
-    start, predictor = points, None
-    for _ in range(MAX_ITERATIONS):
-        if error <= tolerance:
-            return points
-        fresh = factor is None
-        try:
-            factor = factor or factorize(constraints.matrix(points))
-        except np.linalg.LinAlgError:
-            return None
-        moved = points - factor.solve(residual).view(np.complex128)
-        residual = constraints.residual(moved, targets)
-        previous, error = error, np.abs(residual).max()
-        if not error < np.inf:
-            return None
-        if predictor is None:
-            predictor = moved
-        else:
-            reach = MAX_CORRECTION * np.abs(predictor - start).max()
-            if np.abs(moved - predictor).max() > reach + tolerance:
-                return None
-        if fresh and error > previous:
-            return None
-        points = moved
-        if error > KEEP_FACTOR_BELOW * previous:
-            factor = None
-        elif error * error < SURE_BELOW * tolerance * previous:
-            # Steps with one factor shrink the residual alike: the next one leaves next to nothing.
-            return points - factor.solve(residual).view(np.complex128)
-    return points if error <= tolerance else None
-
-
 def _targets(robot: Mechanism, roller_positions: Array) -> Targets:
     lengths = robot.home_targets.lengths.copy()
     lengths[: robot.topology.n_modules] += robot.topology.incidence @ roller_positions
@@ -328,7 +268,7 @@ class ConfigurationTracker:
             if ahead is not None and ahead.has_factor_for(roller_positions):
                 start, nearby = ahead, ahead.factor
             try:
-                self._last = start.moved_to(roller_positions, nearby)
+                self._last = start._reached(roller_positions, nearby)
             except ConfigurationError:
                 self._last = self._home.moved_to(roller_positions)
         return self._last

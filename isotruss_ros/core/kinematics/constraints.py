@@ -21,11 +21,21 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.factorization import Factor, factorize
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
 #: Above this many coordinates sparse factors are quicker than dense ones (benchmarks/scaling.py).
 DENSE_UP_TO = 180
+MAX_ITERATIONS = 12
+#: A factor is kept while each step with it shrinks the residual at least this much.
+KEEP_FACTOR_BELOW = 0.1
+#: What a step is expected to leave is not computed below this share of the tolerance.
+SURE_BELOW = 0.01
+#: A corrector longer than this share of the predictor may have left the branch.
+MAX_CORRECTION = 0.5
+#: Of a residual, as a share of the coordinates that it is computed from.
+ROUNDING = 64 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -210,3 +220,56 @@ def _entries(topology: Topology) -> tuple[Indices, Points]:
     gather = [spans, spans, side, side, side[previous], rod, side[previous]]
     factors = np.repeat([1.0, -1.0, 1j, -1j, 1j, 1j * 2.0, -1j], [4 * m, 4 * m, m, m, m, m, m])
     return np.concatenate(gather), factors
+
+
+def follow_branch(
+    constraints: Constraints,
+    points: Points,
+    targets: Targets,
+    factor: Factor | None = None,
+    tolerance: float = 1e-12,
+) -> Points | None:
+    """
+    Move nodes to new targets, staying on the branch that they are on.
+
+    A tangent step (12) is followed by Newton's method with as few factorizations as it takes.
+
+    :param constraints: the robot's constraints.
+    :param points: (n,) nodes that fulfil the constraints for nearby targets [m].
+    :param targets: the new lengths and ground.
+    :param factor: the factored matrix at `points`, if it is at hand.
+    :param tolerance: to which constraints hold, [m] and [rad]; rounding is 1e-15, hardware 1e-4.
+    :return: (n,) nodes, or None where the step is too long, or leads to no configuration.
+    """
+    tolerance = max(tolerance, ROUNDING * float(np.abs(points).max()))
+    residual = constraints.residual(points, targets)
+    error = np.abs(residual).max()
+    start, predictor = points, None
+    for _ in range(MAX_ITERATIONS):
+        if error <= tolerance:
+            return points
+        fresh = factor is None
+        try:
+            factor = factor or factorize(constraints.matrix(points))
+        except np.linalg.LinAlgError:
+            return None
+        moved = points - factor.solve(residual).view(np.complex128)
+        residual = constraints.residual(moved, targets)
+        previous, error = error, np.abs(residual).max()
+        if not error < np.inf:
+            return None
+        if predictor is None:
+            predictor = moved
+        else:
+            reach = MAX_CORRECTION * np.abs(predictor - start).max()
+            if np.abs(moved - predictor).max() > reach + tolerance:
+                return None
+        if fresh and error > previous:
+            return None
+        points = moved
+        if error > KEEP_FACTOR_BELOW * previous:
+            factor = None
+        elif error * error < SURE_BELOW * tolerance * previous:
+            # Steps with one factor shrink the residual alike: the next one leaves next to nothing.
+            return points - factor.solve(residual).view(np.complex128)
+    return points if error <= tolerance else None

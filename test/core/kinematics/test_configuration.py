@@ -328,7 +328,7 @@ def test_tracker_starts_again_at_home_where_the_last_configuration_leads_nowhere
     def lost(*_):
         raise ConfigurationError('no way from here')
 
-    monkeypatch.setattr(last, 'moved_to', lost)
+    monkeypatch.setattr(last, '_reached', lost)
     found = tracker.configuration(np.array([0.05, 0.0]))
     np.testing.assert_allclose(found.points, robot.configuration([0.05, 0.0]).points, atol=1e-11)
 

@@ -11,7 +11,7 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core.kinematics.configuration import follow_branch
+from isotruss_ros.core.kinematics.constraints import follow_branch
 import numpy as np
 import pytest
 
