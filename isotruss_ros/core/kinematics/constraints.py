@@ -40,15 +40,10 @@ ROUNDING = 64 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Targets:
-    """
-    The values that the constraints are to have.
+    """The values that the constraints are to have."""
 
-    :ivar lengths: (4m,) of members, AB, AC and BC [m].
-    :ivar ground: (g,) grounded coordinates [m].
-    """
-
-    lengths: Array
-    ground: Array
+    lengths: Array  #: (4m,) of members, AB, AC and BC [m]
+    ground: Array  #: (g,) grounded coordinates [m]
 
 
 class Constraints:

@@ -44,17 +44,11 @@ ITERATIONS_AT_HOME = 60
 
 
 class Modes(NamedTuple):
-    """
-    The least rigid modes of motion, least first.
+    """The least rigid modes of motion, least first."""
 
-    :ivar values: (p,) singular values over the smallest one at home.
-    :ivar rows: (5m + g, p) left singular vectors: one number for each row of (12).
-    :ivar nodes: (2n, p) right singular vectors: how the nodes move.
-    """
-
-    values: Array
-    rows: Array
-    nodes: Array
+    values: Array  #: (p,) singular values over the smallest one at home
+    rows: Array  #: (5m + g, p) left singular vectors: one number for each row of (12)
+    nodes: Array  #: (2n, p) right singular vectors: how the nodes move
 
 
 class RigidityIndex:

@@ -47,25 +47,16 @@ class Touch(NamedTuple):
 class GripContacts(NamedTuple):
     """
     The k contacts of a grip, in the robot frame: one for each member, two where a face lies on it.
-
-    :ivar nodes: numbers of the grip's members and of their nodes.
-    :ivar owners: (k,) which member of the grip it is.
-    :ivar starts: (k,) of the members [m].
-    :ivar spans: (k,) members from start to end [m].
-    :ivar axes: (k,) their unit vectors.
-    :ivar normals: (k,) unit vectors out of the object into the member.
-    :ivar points: (k,) of the object's surface [m].
-    :ivar sides: (k,) +1 where the object is left of the member, -1 where it is right.
     """
 
-    nodes: MemberNodes
-    owners: Indices
-    starts: Points
-    spans: Points
-    axes: Points
-    normals: Points
-    points: Points
-    sides: Array
+    nodes: MemberNodes  #: numbers of the grip's members and of their nodes
+    owners: Indices  #: (k,) which member of the grip it is
+    starts: Points  #: (k,) of the members [m]
+    spans: Points  #: (k,) members from start to end [m]
+    axes: Points  #: (k,) their unit vectors
+    normals: Points  #: (k,) unit vectors out of the object into the member
+    points: Points  #: (k,) of the object's surface [m]
+    sides: Array  #: (k,) +1 where the object is left of the member, -1 where it is right
 
 
 def find_contacts(config: Configuration, grip: Grip) -> GripContacts:

@@ -82,17 +82,11 @@ def grasp_map(center: complex, contacts: GripContacts) -> Array:
 
 
 class ContactRows(NamedTuple):
-    """
-    Both sides of the constraint of a grip.
+    """Both sides of the constraint of a grip."""
 
-    :ivar contacts: the k contacts.
-    :ivar hand: (2 k, r) J_h, see `hand_jacobian`.
-    :ivar rigid: (2 k, 3) G^T, see `grasp_map`.
-    """
-
-    contacts: GripContacts
-    hand: Array
-    rigid: Array
+    contacts: GripContacts  #: the k contacts
+    hand: Array  #: (2 k, r) J_h, see `hand_jacobian`
+    rigid: Array  #: (2 k, 3) G^T, see `grasp_map`
 
 
 def contact_rows(config: Configuration, grip: Grip) -> ContactRows:

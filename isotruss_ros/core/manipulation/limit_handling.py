@@ -78,19 +78,12 @@ class LimitHandling:
 
 @dataclass(frozen=True, eq=False)
 class LimitedVelocities:
-    """
-    Roller speeds for a task within limits.
+    """Roller speeds for a task within limits."""
 
-    :ivar velocities: (w,) of the working rollers [m/s].
-    :ivar scale: component along the task as a share of it, 0 to 1.
-    :ivar slid: whether the direction differs from that of the task.
-    :ivar binding: (k,) which rows of the limits are at their bounds; none at scale 1.
-    """
-
-    velocities: Array
-    scale: float
-    slid: bool
-    binding: Flags
+    velocities: Array  #: (w,) of the working rollers [m/s]
+    scale: float  #: component along the task as a share of it, 0 to 1
+    slid: bool  #: whether the direction differs from that of the task
+    binding: Flags  #: (k,) which rows of the limits are at their bounds; none at scale 1
 
 
 def apply_limits(

@@ -28,17 +28,11 @@ import numpy as np
 
 
 class Rows(NamedTuple):
-    """
-    Rows lower <= matrix @ phidot <= upper, with lower <= 0 <= upper.
+    """Rows lower <= matrix @ phidot <= upper, with lower <= 0 <= upper."""
 
-    :ivar matrix: (k, r) on the roller speeds [-].
-    :ivar lower: (k,) [m/s].
-    :ivar upper: (k,) [m/s].
-    """
-
-    matrix: Array
-    lower: Array
-    upper: Array
+    matrix: Array  #: (k, r) on the roller speeds [-]
+    lower: Array  #: (k,) [m/s]
+    upper: Array  #: (k,) [m/s]
 
     def scaled(self, unit: float, largest: float) -> Rows:
         """
@@ -112,13 +106,9 @@ def speed_rows(count: int, max_speed: float) -> Rows:
 
 @dataclass(frozen=True)
 class RollerSpeedLimit:
-    """
-    No roller moves its tube faster than `max_speed`.
+    """No roller moves its tube faster than `max_speed`."""
 
-    :ivar max_speed: positive [m/s].
-    """
-
-    max_speed: float
+    max_speed: float  #: positive [m/s]
     status: ClassVar[Status] = Status.SLOWED_ROLLER_SPEED
     can_slide: ClassVar[bool] = False
 
@@ -138,15 +128,11 @@ class MemberLengthLimit:
 
     A member approaches a bound at most at `rate` times its distance from it, so a loop that runs
     at `rate` [Hz] or faster never violates the bound: lengths are linear in roller travel.
-
-    :ivar min_length: pinch to pinch [m].
-    :ivar max_length: pinch to pinch [m].
-    :ivar rate: of the approach to a bound [1/s].
     """
 
-    min_length: float
-    max_length: float
-    rate: float = 10.0
+    min_length: float  #: pinch to pinch [m]
+    max_length: float  #: pinch to pinch [m]
+    rate: float = 10.0  #: of the approach to a bound [1/s]
     status: ClassVar[Status] = Status.SLOWED_MEMBER_LENGTH
     can_slide: ClassVar[bool] = True
 

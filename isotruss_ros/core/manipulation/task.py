@@ -45,21 +45,13 @@ REACH_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class WorkingRollers:
-    """
-    The rollers that have not failed, and the cost of their speeds.
+    """The rollers that have not failed, and the cost of their speeds."""
 
-    :ivar count: number of all rollers.
-    :ivar places: (w,) their numbers among all rollers.
-    :ivar cost: (w, w) C^T C, the cost (11) of their speeds [-].
-    :ivar even: (w, w) E with |C E y| = |y|: speeds of equal cost [-].
-    :ivar whole: whether these are all rollers of the robot.
-    """
-
-    count: int
-    places: Indices
-    cost: Array
-    even: Array
-    whole: bool
+    count: int  #: number of all rollers
+    places: Indices  #: (w,) their numbers among all rollers
+    cost: Array  #: (w, w) C^T C, the cost (11) of their speeds [-]
+    even: Array  #: (w, w) E with |C E y| = |y|: speeds of equal cost [-]
+    whole: bool  #: whether these are all rollers of the robot
 
     def spread(self, speeds: Array) -> Array:
         """
@@ -153,15 +145,10 @@ class Reach(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """
-    What rollers do with an object in a grip, or with joints.
+    """What rollers do with an object in a grip, or with joints."""
 
-    :ivar rows: (k, r) of the motion on the speeds of all rollers, of a grip those of the twist.
-    :ivar reach: the motions that the working rollers can produce.
-    """
-
-    rows: Array
-    reach: Reach
+    rows: Array  #: (k, r) of the motion on the speeds of all rollers, of a grip those of the twist
+    reach: Reach  #: the motions that the working rollers can produce
 
 
 class Task:

@@ -139,17 +139,11 @@ class ConvexObject:
 
 
 class SegmentGaps(NamedTuple):
-    """
-    Where segments are nearest to an object; arrays over segments.
+    """Where segments are nearest to an object; arrays over segments."""
 
-    :ivar gaps: (k,) from the object's surface, negative where the line cuts into it [m].
-    :ivar normals: (k,) unit vectors out of the object toward the segments, robot frame.
-    :ivar shares: (k,) where along the segment that is, 0 to 1.
-    """
-
-    gaps: Array
-    normals: Points
-    shares: Array
+    gaps: Array  #: (k,) from the object's surface, negative where the line cuts into it [m]
+    normals: Points  #: (k,) unit vectors out of the object toward the segments, robot frame
+    shares: Array  #: (k,) where along the segment that is, 0 to 1
 
 
 def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGaps:

@@ -18,38 +18,23 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Module:
-    """
-    Dimensions [m], rigidities and mass of the roller modules (see docs/robot_file.md).
+    """Dimensions [m], rigidities and mass of the roller modules (see docs/robot_file.md)."""
 
-    :ivar pinch_separation: distance s of the pinch points B and C [m].
-    :ivar rod_length: length h of the rod from the joint to the middle of BC [m].
-    :ivar guide_ring_distance: distance g of the guide rings from the pinch points [m].
-    :ivar axial_rigidity: EA of the rigid parts [N].
-    :ivar flexural_rigidity: EI of the rigid parts [N m^2].
-    :ivar mass: of a module with its joint; None where it is not known [kg].
-    """
-
-    pinch_separation: float
-    rod_length: float
-    guide_ring_distance: float
-    axial_rigidity: float
-    flexural_rigidity: float
-    mass: float | None = None
+    pinch_separation: float  #: distance s of the pinch points B and C [m]
+    rod_length: float  #: length h of the rod from the joint to the middle of BC [m]
+    guide_ring_distance: float  #: distance g of the guide rings from the pinch points [m]
+    axial_rigidity: float  #: EA of the rigid parts [N]
+    flexural_rigidity: float  #: EI of the rigid parts [N m^2]
+    mass: float | None = None  #: of a module with its joint; None where it is not known [kg]
 
 
 @dataclass(frozen=True)
 class Tube:
-    """
-    The closed tube through `joints`; the module at joint `passive` has no motor.
+    """The closed tube through `joints`; the module at joint `passive` has no motor."""
 
-    :ivar name: of the tube.
-    :ivar joints: names of the joints in the order in which the tube visits them.
-    :ivar passive: name of the joint whose module has no motor.
-    """
-
-    name: str
-    joints: tuple[str, ...]
-    passive: str
+    name: str  #: of the tube
+    joints: tuple[str, ...]  #: names of the joints in the order in which the tube visits them
+    passive: str  #: name of the joint whose module has no motor
 
 
 @dataclass(frozen=True)

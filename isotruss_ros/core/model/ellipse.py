@@ -35,11 +35,10 @@ class Ellipse(Shape):
     """
     An ellipse around the origin of the object's frame, its axes along x and y.
 
-    :ivar semi_axes: half of its extent along x and along y [m].
     :raises GraspError: these are not two positive numbers within range.
     """
 
-    semi_axes: tuple[float, float]
+    semi_axes: tuple[float, float]  #: half of its extent along x and along y [m]
     centroid: ClassVar[complex] = 0j
 
     def __post_init__(self) -> None:

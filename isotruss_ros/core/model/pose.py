@@ -18,14 +18,8 @@ MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
 
 
 class Pose(NamedTuple):
-    """
-    Position x, y [m] and angle [rad] in the robot frame.
+    """Position x, y [m] and angle [rad] in the robot frame."""
 
-    :ivar x: in the robot frame [m].
-    :ivar y: in the robot frame [m].
-    :ivar angle: counter-clockwise from the x axis [rad].
-    """
-
-    x: float
-    y: float
-    angle: float
+    x: float  #: in the robot frame [m]
+    y: float  #: in the robot frame [m]
+    angle: float  #: counter-clockwise from the x axis [rad]

@@ -48,33 +48,20 @@ class SurfacePoints(NamedTuple):
 
 
 class TouchedPoints(NamedTuple):
-    """
-    Where a shape touches straight lines.
+    """Where a shape touches straight lines."""
 
-    :ivar owners: (k,) numbers of the lines: one for each, two where a face lies on it.
-    :ivar corners: (k,) numbers of the corners that are touched, see `Shape.corners_at`.
-    :ivar points: (k,) of the surface, x + iy in the object's frame [m].
-    """
-
-    owners: list[int]
-    corners: list[int]
-    points: list[complex]
+    owners: list[int]  #: (k,) numbers of the lines: one for each, two where a face lies on it
+    corners: list[int]  #: (k,) numbers of the corners that are touched, see `Shape.corners_at`
+    points: list[complex]  #: (k,) of the surface, x + iy in the object's frame [m]
 
 
 class Face(NamedTuple):
-    """
-    A straight face of a shape, seen from a corner at one of its ends.
+    """A straight face of a shape, seen from a corner at one of its ends."""
 
-    :ivar step: 1 where the face begins at that corner, counter-clockwise, -1 where it ends there.
-    :ivar corner: number of the corner at its other end.
-    :ivar normal: of the face, outward unit vector x + iy.
-    :ivar length: between the corners, of rounded ones between the centres of their arcs [m].
-    """
-
-    step: int
-    corner: int
-    normal: complex
-    length: float
+    step: int  #: 1 where the face begins at that corner, counter-clockwise, -1 where it ends there
+    corner: int  #: number of the corner at its other end
+    normal: complex  #: of the face, outward unit vector x + iy
+    length: float  #: between the corners, of rounded ones between the centres of their arcs [m]
 
 
 class Shape(ABC):
@@ -229,11 +216,10 @@ class Disc(Shape):
     """
     A circle around the origin of the object's frame.
 
-    :ivar diameter: its own diameter d [m].
     :raises GraspError: the diameter is not a positive number within range.
     """
 
-    diameter: float
+    diameter: float  #: its own diameter d [m]
     is_round: ClassVar[bool] = True
     centroid: ClassVar[complex] = 0j
 

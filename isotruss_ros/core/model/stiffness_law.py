@@ -30,17 +30,11 @@ RATIO_TOLERANCE = 1e-9
 
 
 class Law(NamedTuple):
-    """
-    An end stiffness k = C p^a L^b, all in SI units.
+    """An end stiffness k = C p^a L^b, all in SI units."""
 
-    :ivar C: factor.
-    :ivar a: exponent of the gauge pressure.
-    :ivar b: exponent of the length.
-    """
-
-    C: float
-    a: float
-    b: float
+    C: float  #: factor
+    a: float  #: exponent of the gauge pressure
+    b: float  #: exponent of the length
 
     def stiffness(self, length: Array, pressure: Array) -> Array:
         """

@@ -28,15 +28,11 @@ class Topology:
 
     Nodes are numbered joints first, then B and C of module after module. Member i leaves module i
     at B and enters module `following[i]` at C, so members and modules share their numbers.
-
-    :ivar joint_names: names of the joints, in the order of the robot file.
-    :ivar tube_names: names of the tubes, in the order of the robot file.
-    :ivar module_names: names t/j of the modules, tube by tube.
     """
 
-    joint_names: tuple[str, ...]
-    tube_names: tuple[str, ...]
-    module_names: tuple[str, ...]
+    joint_names: tuple[str, ...]  #: names of the joints, in the order of the robot file
+    tube_names: tuple[str, ...]  #: names of the tubes, in the order of the robot file
+    module_names: tuple[str, ...]  #: names t/j of the modules, tube by tube
     joint: Indices  #: (m,) node A of each module
     following: Indices  #: (m,) the module that follows along the tube
     previous: Indices  #: (m,) the module before it

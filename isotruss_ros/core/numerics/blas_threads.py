@@ -37,15 +37,10 @@ R = TypeVar('R')
 
 
 class Library(NamedTuple):
-    """
-    A BLAS library that has threads.
+    """A BLAS library that has threads."""
 
-    :ivar count: returns the number of its threads.
-    :ivar set_count: sets it.
-    """
-
-    count: Callable[[], int]
-    set_count: Callable[[int], None]
+    count: Callable[[], int]  #: returns the number of its threads
+    set_count: Callable[[int], None]  #: sets it
 
 
 @functools.cache

@@ -150,15 +150,10 @@ def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
 
 
 class Nearest(NamedTuple):
-    """
-    The point of a polyhedron that is nearest to the origin.
+    """The point of a polyhedron that is nearest to the origin."""
 
-    :ivar point: (f,) y.
-    :ivar active: (a,) numbers of the constraints that keep it from the origin.
-    """
-
-    point: Array
-    active: Indices
+    point: Array  #: (f,) y
+    active: Indices  #: (a,) numbers of the constraints that keep it from the origin
 
 
 def find_nearest(columns: Array, room: Array, size: float, relaxation: float) -> Nearest | None:

@@ -182,17 +182,11 @@ class Barrier(Protocol):
 
 
 class BarrierViolation(NamedTuple):
-    """
-    What keeps a motion from being admissible.
+    """What keeps a motion from being admissible."""
 
-    :ivar share: of the motion, which is admissible as far as one can tell.
-    :ivar status: of a command that is slowed by it.
-    :ivar names: what would come too near to its bound.
-    """
-
-    share: float
-    status: Status
-    names: tuple[str, ...]
+    share: float  #: of the motion, which is admissible as far as one can tell
+    status: Status  #: of a command that is slowed by it
+    names: tuple[str, ...]  #: what would come too near to its bound
 
 
 class BarrierLimit:

@@ -42,17 +42,11 @@ NO_PAIRS = np.zeros(0, dtype=np.intp)
 
 
 class Measured(NamedTuple):
-    """
-    A state in which distances were measured.
+    """A state in which distances were measured."""
 
-    :ivar config: where the robot was.
-    :ivar grip: what it held; None where no distance depends on that.
-    :ivar spare: how far the smallest of the distances was from being close [m].
-    """
-
-    config: Configuration
-    grip: Grip | None
-    spare: float
+    config: Configuration  #: where the robot was
+    grip: Grip | None  #: what it held; None where no distance depends on that
+    spare: float  #: how far the smallest of the distances was from being close [m]
 
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
         """

@@ -45,19 +45,12 @@ TINY = 1e-12
 
 
 class Nearest(NamedTuple):
-    """
-    The points of straight segments that are nearest to points; arrays over pairs.
+    """The points of straight segments that are nearest to points; arrays over pairs."""
 
-    :ivar away: from there to the point [m].
-    :ivar distance: the length of that [m].
-    :ivar share: where it is along the segment, 0 to 1.
-    :ivar along: the segment, from start to end [m].
-    """
-
-    away: Points
-    distance: Array
-    share: Array
-    along: Points
+    away: Points  #: from there to the point [m]
+    distance: Array  #: the length of that [m]
+    share: Array  #: where it is along the segment, 0 to 1
+    along: Points  #: the segment, from start to end [m]
 
     @property
     def normal(self) -> Points:
