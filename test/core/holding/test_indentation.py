@@ -16,7 +16,7 @@ from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import RoundSurface
 from isotruss_ros.core.holding import corner_dents, indentation
-from isotruss_ros.core.holding.indentation import (
+from isotruss_ros.core.holding.dents import (
     Indentation,
     POWER,
     Press,
