@@ -14,9 +14,10 @@ from types import SimpleNamespace
 from isotruss_ros.core.holding.contact_statics import (
     ANGLE,
     CENTER,
+    ContactStatics,
     MAX_STEPS,
+    MAX_TURN,
     Places,
-    solve_balance,
 )
 import numpy as np
 import pytest
