@@ -29,7 +29,7 @@ from isotruss_ros.core.errors import ConfigurationError, StructureError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_response import weakest_direction
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.held_utilisation import held_utilisation
+from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.mujoco_plant.plant import MujocoPlant

@@ -28,7 +28,7 @@ from isotruss_ros.core import (
     SimulatedRobot,
 )
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.holding.held_joints import held_joints
+from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot

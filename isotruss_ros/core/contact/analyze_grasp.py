@@ -211,7 +211,7 @@ def _by_member(
     """Return the fields of a `GraspAnalysis` that are by member."""
     robot = structure.config.robot
     gauge = np.array(structure.pressures)[robot.topology.tube]
-    wrinkling = find_wrinkling(structure, gauge, contact_points, contact)
+    wrinkling = find_wrinkling(structure, contact_points, contact)
     regions = contact_regions(contact_points, contact, extents, gauge, wrinkling.tension)
     names = robot.member_names
     touching = np.flatnonzero(regions.length).tolist()

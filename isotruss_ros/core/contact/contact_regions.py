@@ -154,13 +154,12 @@ def contact_extents(
 
 
 def find_wrinkling(
-    structure: Structure, pressure: Array, contact_points: ContactPoints, contact: ContactState
+    structure: Structure, contact_points: ContactPoints, contact: ContactState
 ) -> Wrinkling:
     """
     Return how near the members of a robot are to wrinkling under contact forces.
 
     :param structure: the frame of the robot.
-    :param pressure: (m,) p in each member, gauge [Pa].
     :param contact_points: points that the object could touch.
     :param contact: where it does, and with what force.
     """
@@ -178,9 +177,10 @@ def find_wrinkling(
     member, local = contact_points.member[touching], local[touching]
     points = SectionPoints(piece, within, member, contact_points.place[touching])
     couples = np.zeros(len(local))
-    sections = load_sections(structure, pressure, end_forces, points, local, couples)
+    sections = load_sections(structure, end_forces, points, local, couples)
 
     # The force points away from the object, which presses the wall together on its own side.
+    pressure = np.array(structure.pressures)[topology.tube]
     tension = (pressure * np.pi * radius**2)[contact_points.member]
     pressed = 2.0 / radius * sections.moment * np.sign(local.imag)
     tension[touching] += pressed - sections.compression

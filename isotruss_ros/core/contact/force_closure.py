@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import functools
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.least_distance import find_nearest
 import numpy as np
 import scipy
 
@@ -32,9 +33,11 @@ CLOSURE_TOLERANCE = 1e-6
 FACET_TOLERANCE = 1e-9
 #: Weight of small friction forces against a small residual: it makes them unique, and must not
 #: show in what is left.
-SMALL = 1e-8
+SMALL = 1e-6
 #: Precision of the shares, and steps of their search for each of them.
 PRECISION, MOST_STEPS = 1e-14, 10
+#: Segments that lean less than this against what is left are across it.
+ACROSS = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,28 +88,45 @@ def check_force_closure(
     )
     facets = (_facets_of_cone if levers is None else _facets)(segments)
     required, margin = _extremes(facets, -load, friction, tolerance)
-    shares, residual = _balance(segments, load, friction)
+    shares, residual = _balance(segments, facets, load, friction)
     forces = np.zeros(len(normal_forces))
     forces[touching] = shares * normal_forces[touching]
     return Closure(residual <= tolerance, residual, tolerance, forces, required, margin)
 
 
-def _balance(segments: Array, load: Array, friction: float) -> tuple[Array, float]:
+def _balance(
+    segments: Array, facets: tuple[Array, Array], load: Array, friction: float
+) -> tuple[Array, float]:
     """Return the shares (k,) in [-mu, mu] of the segments, and what they leave of the load."""
-    k = len(segments)
-    if k == 0 or friction == 0.0:
-        return np.zeros(k), float(np.linalg.norm(load))
-    # A load beyond all friction must not overflow in the search either.
-    size = max(float(np.abs(segments).max()), 1e-6 * float(np.abs(load).max()))
-    found = scipy.optimize.lsq_linear(
-        np.concatenate([segments.T / size, SMALL * np.eye(k)]),
-        np.concatenate([-load / size, np.zeros(k)]),
-        (-friction, friction),
-        method='bvls',
-        tol=PRECISION,
-        max_iter=MOST_STEPS * k,
-    ).x
-    return found, float(np.linalg.norm(segments.T @ found + load))
+    shares, free = np.zeros(len(segments)), np.ones(len(segments), dtype=bool)
+    if len(segments) == 0 or friction == 0.0:
+        return shares, float(np.linalg.norm(load))
+    # What is left when all friction is used points away from all that could take more of it: only
+    # shares across it are open, few of all.
+    normals, support = facets
+    offs = normals @ load
+    room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
+    size = float(np.linalg.norm(load))
+    left = find_nearest(np.concatenate([normals, -normals]).T, room, size, 0.0)
+    if left is not None and len(left.active):
+        lever = segments @ left.point
+        reach = np.linalg.norm(segments, axis=1) * np.linalg.norm(left.point)
+        free = np.abs(lever) <= ACROSS * reach
+        shares[~free] = -friction * np.sign(lever[~free])
+    if free.any():
+        open_, rest = segments[free], load + shares @ segments
+        # A load beyond all friction must not overflow in the search either.
+        size = max(float(np.abs(open_).max()), 1e-6 * float(np.abs(rest).max()))
+        count = len(open_)
+        shares[free] = scipy.optimize.lsq_linear(
+            np.concatenate([open_.T / size, SMALL * np.eye(count)]),
+            np.concatenate([-rest / size, np.zeros(count)]),
+            (-friction, friction),
+            method='bvls',
+            tol=PRECISION,
+            max_iter=MOST_STEPS * count,
+        ).x
+    return shares, float(np.linalg.norm(segments.T @ shares + load))
 
 
 def _extremes(

@@ -30,9 +30,8 @@ from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
 from isotruss_ros.core.control.loop_gains import choose_gain, gains_of, LoopGains, SLOW
 from isotruss_ros.core.control.travel_trend import TravelTrend
 from isotruss_ros.core.holding.held_grip import HeldGrip, LEFT_MARGIN
-from isotruss_ros.core.holding.held_utilisation import held_utilisation
 from isotruss_ros.core.holding.hold_status import HoldStatus
-from isotruss_ros.core.holding.natural_frequency import lowest_frequency
+from isotruss_ros.core.holding.loaded_frame import held_utilisation, lowest_frequency
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip

@@ -14,10 +14,16 @@ from __future__ import annotations
 
 import itertools
 
-from isotruss_ros.core.holding.balance import CENTER, Closure, ContactForces, MAX_STEPS
 from isotruss_ros.core.holding.build_statics import AS_MODELLED, build_statics, start_at
 from isotruss_ros.core.holding.contact_closures import find_anchors, rest
-from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
+from isotruss_ros.core.holding.contact_statics import (
+    CENTER,
+    Closure,
+    ContactForces,
+    ContactStatics,
+    MAX_STEPS,
+    TubeModel,
+)
 from isotruss_ros.core.holding.held_grip import HeldGrip, MOST, scaled_wrench, travel_into
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.holding.pressed_contacts import find_pressed, PressedContacts

@@ -13,11 +13,9 @@
 from __future__ import annotations
 
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
-from isotruss_ros.core.holding.corner_dents import corner_dents
-from isotruss_ros.core.holding.indentation import (
-    Dents,
+from isotruss_ros.core.holding.dents import (
+    corner_dents,
     Indentation,
-    NoIndentation,
     skin_indentation,
     SkinIndentation,
 )
@@ -56,7 +54,7 @@ def build_statics(
     compliance = MemberCompliance(structure, contacts.members, tubes.stiffness_scale)
     aside = (compliance.axis.conj() * (body.middle - compliance.start)).imag
     sides = np.where(aside > 0.0, -1.0, 1.0)
-    dents: Dents = NoIndentation()
+    dents = Indentation()
     if tubes.flattening:
         pressures = None if tubes.pressure is None else structure.pressures
         bent = 1j * sides * compliance.axis if normals is None else normals

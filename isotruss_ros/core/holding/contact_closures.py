@@ -16,8 +16,7 @@ little as the balance needs: it settles what is stiff, and the measured pose wha
 
 from __future__ import annotations
 
-from isotruss_ros.core.holding.balance import ANGLE, Closure
-from isotruss_ros.core.holding.contact_statics import ContactStatics
+from isotruss_ros.core.holding.contact_statics import ANGLE, Closure, ContactStatics
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 

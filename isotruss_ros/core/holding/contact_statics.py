@@ -18,33 +18,130 @@ Of any shape, at k contacts on two members or three:
 
 with p(nu) the point of the surface whose normal is nu, and rho_i from there to the centre line.
 A beam bends away from what presses on it: of a polygon it touches corners, and a face that lies on
-it with both of its ends. `contact_closures` has the k rows that statics leaves open.
+it with both of its ends. Unknowns are the object's pose, where along the members the contacts are,
+how the bent tubes are inclined there, and the contact forces. Rows are touch along and across the
+members, inclination, balance, and the k rows of `contact_closures` that statics leaves open.
 """
 
 from __future__ import annotations
 
 import cmath
+from collections.abc import Callable
 from dataclasses import dataclass
 import functools
+import math
 from typing import NamedTuple
 
-from isotruss_ros.core.holding.balance import (
-    ANGLE,
-    Closure,
-    ContactForces,
-    MAX_STEPS,
-    MAX_TURN,
-    Places,
-    POSE,
-    solve_balance,
-)
-from isotruss_ros.core.holding.indentation import Dents
+from isotruss_ros.core.holding.dents import Indentation
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.member_compliance import MemberCompliance
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
+from scipy.linalg import lapack
+
+#: Forces balance to this share of the squeeze, contact points touch to this length [m].
+FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
+MAX_STEPS = 40
+#: In one step contacts and object move at most this share of the object's size ...
+MAX_MOVE = 0.5
+#: ... and tubes incline at most by this [rad]. A tube that inclines by more than the other has
+#: folded long before: there the linear structure has balances that mean nothing.
+MAX_TURN, MAX_INCLINATION = 0.2, 0.5
+#: Rows that settle what statics leaves open: residual (k,) and derivative (k, 3 + 4k) in a state.
+Closure = Callable[[Array, Points], tuple[Array, Array]]
+
+#: Places of the pose among the unknowns.
+CENTER, ANGLE, POSE = slice(0, 2), 2, 3
+
+
+class Places(NamedTuple):
+    """
+    Places of k contacts among the unknowns, and of the equations.
+
+    :ivar feet: where along the members they are.
+    :ivar inclinations: of the bent tubes.
+    :ivar normal: forces.
+    :ivar friction: forces.
+    :ivar balance: rows fx, fy, m.
+    :ivar closure: rows that statics leaves open.
+    :ivar size: number of unknowns.
+    """
+
+    feet: slice
+    inclinations: slice
+    normal: slice
+    friction: slice
+    balance: slice
+    closure: slice
+    size: int
+
+    @classmethod
+    @functools.lru_cache(maxsize=16)
+    def of(cls, count: int) -> Places:
+        """
+        Return those of some contacts.
+
+        :param count: k.
+        """
+        begins = [POSE + i * count for i in range(5)]
+        unknowns = [slice(begins[i], begins[i + 1]) for i in range(4)]
+        rows = slice(3 * count, 3 * count + 3), slice(3 * count + 3, None)
+        return cls(*unknowns, *rows, 4 * count + 3)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactForces:
+    """
+    Pose, contacts and forces of an object at k contacts.
+
+    :ivar unknowns: (3 + 4k,) x, y [m], angle [rad], feet s_i [m], inclinations of the bent tubes
+        beta_i [rad], normal forces N_i [N], friction forces on the tubes T_i [N],
+        counter-clockwise around the object.
+    :ivar normals: (k,) from the object toward the tubes.
+    :ivar jacobian: (3 + 4k, 3 + 4k) of the equations there.
+    """
+
+    unknowns: Array
+    normals: Points
+    jacobian: Array
+
+    @functools.cached_property
+    def places(self) -> Places:
+        """Return where what is among the unknowns."""
+        return Places.of(len(self.normals))
+
+    @property
+    def center(self) -> complex:
+        """Return the origin of the object's frame, x + iy [m]."""
+        return complex(self.unknowns[0], self.unknowns[1])
+
+    @functools.cached_property
+    def feet(self) -> Array:
+        """Return where along the members the contacts are, (k,) [m]."""
+        return self.unknowns[self.places.feet]
+
+    @functools.cached_property
+    def normal_forces(self) -> Array:
+        """Return (k,) [N], positive where object and tube press on each other."""
+        return self.unknowns[self.places.normal]
+
+    @functools.cached_property
+    def friction_forces(self) -> Array:
+        """Return (k,) on the tubes, counter-clockwise around the object [N]."""
+        return self.unknowns[self.places.friction]
+
+    def jacobian_with(self, closing: Array) -> Array:
+        """
+        Return the Jacobian of the equations with another closure, (3 + 4k, 3 + 4k).
+
+        :param closing: (k, 3 + 4k) derivative of what settles the equations that statics leaves
+            open.
+        """
+        jacobian = self.jacobian.copy()
+        jacobian[self.places.closure] = closing
+        return jacobian
 
 
 class TubeModel(NamedTuple):
@@ -81,7 +178,7 @@ class ContactStatics:
     contacts: PressedContacts
     tube_radius: float
     sides: Array
-    indentation: Dents
+    indentation: Indentation
 
     @functools.cached_property
     def places(self) -> Places:
@@ -121,58 +218,60 @@ class ContactStatics:
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param closure: the remaining equations, of friction or of rolling.
         """
-        places, count, axis = self.places, len(self.sides), self.compliance.axis
+        places, count = self.places, len(self.sides)
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
         feet, turned, normal, friction = unknowns[POSE:].reshape(4, count)
         local = 1j * self.sides * np.exp(1j * turned)  # normals along and across the members
-        normals, slopes = axis * local, np.tan(turned)
+        normals = self.compliance.axis * local
         points, radii = self.body.shape.surface_at(
             self.contacts.corners, normals * turn.conjugate()
         )
-        arms = turn * points
-        depth, soft = self.indentation(normal)
-        skin = self.tube_radius - depth
-        force = (normal + 1j * friction) * local
-        loads = np.array([force.real, force.imag, -skin * friction]).T
-        contact = self.compliance.at(feet)
-        give = contact.respond(loads)
+        depths, softs = self.indentation(normal)
+        gaps, loads, touch, pushes, balance = [], [], [], [], []
+        total, turning, swing = 0j, 0.0, 0.0
+        # Single numbers of Python are several times quicker than arrays over a few contacts.
+        of_tubes = self.compliance.axis, self.compliance.start, local, turned, depths, softs
+        of_contacts = *of_tubes, points, radii, feet, normal, friction
+        for axis, start, own, bent, depth, soft, point, radius, foot, presses, rubs in zip(
+            *(values.tolist() for values in of_contacts), strict=True
+        ):
+            arm, skin, force = turn * point, self.tube_radius - depth, complex(presses, rubs) * own
+            back, lever, slope = axis.conjugate(), arm.conjugate() / self.arm, math.tan(bent)
+            total, turning = total + axis * force, turning + (lever * axis * force).imag
+            gap = back * (start - center - arm) + foot - skin * own
+            gaps.append((gap.real, gap.imag, -slope))
+            loads.append((force.real, force.imag, -skin * rubs))
+            # As the object turns under a tube, the point that touches moves back on its surface.
+            swung = 1j * (arm - radius * axis * own)
+            swing += (swung.conjugate() * 1j * axis * force).real / self.arm
+            inclined = -1j * (radius + skin) * own
+            moved = (-back, -1j * back, -back * swung, 1.0 + 0j, inclined, soft * own)
+            touch.append((*(z.real for z in moved), *(z.imag for z in moved), -1.0 - slope**2))
+            # By inclination, normal force and friction force.
+            for change, moment, less in (
+                (1j * force, 0.0, radius * presses / self.arm),
+                (own, soft * rubs, 0.0),
+                (1j * own, -skin, 0.0),
+            ):
+                pushed = axis * change
+                pushes.append((change.real, change.imag, moment))
+                balance.append((-pushed.real, -pushed.imag, less - (lever * pushed).imag))
 
         residual, jacobian = np.empty(places.size), np.zeros((places.size, places.size))
-        back = axis.conj()
-        gap = back * (self.compliance.start - center - arms) + feet - skin * local
-        touching = np.array([gap.real, gap.imag, -slopes]) + give.T
-        residual[: places.balance.start] = touching.ravel()
-        bending = slice(places.inclinations.start, None)  # inclinations and forces
-        # Forces by inclinations, normal forces and friction forces, which follow each other.
-        changes = np.array([1j * force, local, 1j * local])
-        moments = np.array([np.zeros(count), soft * friction, -skin])
-        pushed, lever = axis * changes, arms.conj() / self.arm
-        torques, total = (lever * pushed).imag, -1j * pushed[0].sum()
-        turning = -float((lever * pushed[0]).real.sum())
+        contact, acting = self.compliance.at(feet), np.array(loads)
+        touching = (contact.matrix.reshape(3 * count, -1) @ acting.ravel()).reshape(count, 3)
+        residual[: 3 * count] = (touching + gaps).T.ravel()
         residual[places.balance] = wrench - (total.real, total.imag, turning)
-
-        rows = jacobian[: 3 * count].reshape(3, count, -1).transpose(1, 0, 2)  # contact, response
-        rows[:, :, places.feet] = contact.rates(loads)
-        rows[:, :, bending] = contact.respond_each(changes.ravel(), moments.ravel())
-        # As the object turns under a tube, the point that touches moves back on its surface.
-        swung = 1j * (arms - radii * normals)
-        touch = np.array(
-            [
-                -back,
-                -1j * back,
-                -back * swung,
-                np.ones(count),
-                -1j * (radii + skin) * local,
-                soft * local,
-            ]
-        )
-        jacobian.ravel()[_touch_places(count)] += np.array([touch.real, touch.imag], order='C')
-        torques[0] -= radii * normal / self.arm
-        own = np.arange(count)
-        jacobian[own + 2 * count, own + places.inclinations.start] -= 1.0 + slopes**2
-        balance = jacobian[places.balance]
-        balance[2, ANGLE] = (swung.conj() * 1j * pushed[0]).imag.sum() / self.arm
-        balance[:, bending] = -np.array([pushed.real, pushed.imag, torques]).reshape(3, -1)
+        bending = slice(places.inclinations.start, None)  # inclinations and forces
+        rows = jacobian[: 3 * count].reshape(3, count, -1)  # response, contact
+        rows[:, :, places.feet] = contact.rates(acting).transpose(1, 0, 2)
+        changes = np.reshape(pushes, (count, 3, 3))
+        bends = np.einsum('raic,inc->arni', contact.matrix, changes)
+        rows[:, :, bending] = bends.reshape(3, count, -1)
+        jacobian.ravel()[_touch_places(count)] += touch
+        of_balance = np.reshape(balance, (count, 3, 3)).transpose(2, 1, 0)
+        jacobian[places.balance, bending] = of_balance.reshape(3, -1)
+        jacobian[places.balance.start + 2, ANGLE] = swing
         residual[places.closure], jacobian[places.closure] = closure(unknowns, normals)
         return residual, jacobian, normals
 
@@ -204,24 +303,49 @@ class ContactStatics:
         :param steps: most states that are looked at.
         """
 
-        def equations(unknowns: Array) -> tuple[Array, Array, Points]:
-            return self.equations(unknowns, wrench, closure)
+        places, unknowns = self.places, start.copy()
+        longest = _longest_step(len(self.sides), self.arm)
+        for _ in range(steps):
+            residual, jacobian, normals = self.equations(unknowns, wrench, closure)
+            least = np.full(places.size, LENGTH_TOLERANCE)
+            least[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
+            # What is no number is no solution either.
+            if (np.abs(residual) <= least).all():
+                folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
+                return None if folded else ContactForces(unknowns, normals, jacobian)
+            _, _, step, singular = lapack.dgesv(jacobian, -residual)
+            size = np.abs(step)
+            if singular or not size.max() < np.inf:
+                return None
+            unknowns = unknowns + step / max(1.0, float((size / longest).max()))
+        return None
 
-        return solve_balance(equations, start, self.arm, MAX_TURN, steps)
+
+@functools.lru_cache(maxsize=16)
+def _longest_step(count: int, arm: float) -> Array:
+    """Return by how much the unknowns (3 + 4k,) of k contacts change in one step at most."""
+    places = Places.of(count)
+    longest = np.full(places.size, MAX_MOVE * arm)
+    longest[ANGLE], longest[places.inclinations] = MAX_TURN, MAX_TURN
+    longest[places.normal] = longest[places.friction] = np.inf
+    longest.flags.writeable = False
+    return longest
 
 
 @functools.lru_cache(maxsize=16)
 def _touch_places(count: int) -> Indices:
     """
-    Return where in the Jacobian, flat, the derivatives of touch are, (2, 6, k).
+    Return where in the Jacobian, flat, the derivatives of touch and inclination are, (k, 13).
 
     Rows are along and across the members; columns are x, y, the angle, and foot, inclination and
-    normal force of the contact itself.
+    normal force of the contact itself. The last is that of the inclination by itself.
 
     :param count: k.
     """
     places, own = Places.of(count), np.arange(count)
     pose = np.broadcast_to(np.arange(POSE)[:, None], (POSE, count))
     each = [place.start + own for place in (places.feet, places.inclinations, places.normal)]
-    rows = np.stack([own, own + count])[:, None]
-    return rows * places.size + np.concatenate([pose, each])
+    columns = np.concatenate([pose, each])
+    along = own * places.size + columns
+    inclined = (own + 2 * count) * places.size + places.inclinations.start + own
+    return np.concatenate([along, along + count * places.size, inclined[None]]).T

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isotruss_ros.core.holding.balance import ContactForces
+from isotruss_ros.core.holding.contact_statics import ContactForces
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 from scipy.linalg import lapack

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import functools
 import math
 
-from isotruss_ros.core.holding.balance import ContactForces
-from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
+from isotruss_ros.core.holding.contact_statics import ContactForces, ContactStatics, TubeModel
 from isotruss_ros.core.holding.grip_response import find_response, GripResponse, slip_margin
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.holding.pressed_contacts import PressedContacts

@@ -20,8 +20,8 @@ from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip, MOST
-from isotruss_ros.core.holding.held_utilisation import held_sections
 from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.loaded_frame import held_sections
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.convex_object import ConvexObject

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.held_utilisation import held_utilisation
+from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.requirements import GraspRequirements
 

@@ -22,7 +22,7 @@ import functools
 import itertools
 import operator
 
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.interior import ClampedBeam
 from isotruss_ros.core.statics.structure import Structure, tube_pieces
 import numpy as np
@@ -56,11 +56,8 @@ class ContactCompliance:
 
     matrix: Array
     _loads: Array  # (3 k, 6 k) displacements where loads are by the ends
-    _rate: Array  # (3 k, 6 k) derivative of these and of the responses by the ends
-    _by_ends: Array  # (3 k, 6 k) responses to forces on the ends
-    _to_ends: Array  # (6 k, 3 k) displacements of the ends under loads
-    _by_response: Array  # (3 k, 3 k) what loads do, ends held, by the place of the response
-    _by_load: Array  # (3 k, 3 k) the same by the place of the load
+    _by_load: Array  # (3 k, k, 3) derivatives of the matrix by the place of the load
+    _by_response: Array  # (3 k, 3 k) the same by the place of the response
 
     def respond(self, loads: Array) -> Array:
         """
@@ -70,19 +67,6 @@ class ContactCompliance:
         """
         size = loads.size
         return (self.matrix.reshape(size, size) @ loads.ravel()).reshape(-1, 3)
-
-    def respond_each(self, forces: Points, moments: Array) -> Array:
-        """
-        Return the responses of all members to each of some loads, (k, 3, n k).
-
-        :param forces: (n k,) on one member after the other, n times, along and across it [N].
-        :param moments: (n k,) with them [N m].
-        """
-        size, count = 3 * len(self.matrix), len(forces)
-        loads = np.array([forces.real, forces.imag, moments])
-        # Of each contact what acts on it, the others nothing.
-        each = (_own_loads(len(self.matrix), count) * loads).reshape(size, count)
-        return (self.matrix.reshape(size, size) @ each).reshape(-1, 3, count)
 
     def carried(self, loads: Array) -> Array:
         """
@@ -98,14 +82,10 @@ class ContactCompliance:
 
         :param loads: (k, 3) forces along and across the member [N] and moment [N m].
         """
-        count = len(loads)
-        flat = loads.ravel()
-        # Of each contact what its own loads do, as columns.
-        each = _columns(count) * flat[:, None]
-        rates = self._by_ends @ (self._rate.T @ each) + self._by_load @ each
-        own = self._rate @ (self._to_ends @ flat) + self._by_response @ flat
-        rates += _columns(count) * own[:, None]
-        return rates.reshape(count, 3, count)
+        own = np.arange(len(loads))
+        rates = np.einsum('ric,ic->ri', self._by_load, loads).reshape(-1, 3, len(loads))
+        rates[own, :, own] += (self._by_response @ loads.ravel()).reshape(-1, 3)
+        return rates
 
 
 class MemberCompliance:
@@ -189,10 +169,12 @@ class MemberCompliance:
         responses, loads, rate = flat.take(shapes_at)
         inside, by_response, by_load = flat.take(inside_at) / self._scale
         ends = self._ends(tuple(numbers))
-        to_ends = ends @ loads.T
-        matrix = (responses @ to_ends + inside).reshape(count, 3, count, 3)
+        to_ends, by_ends = ends @ loads.T, responses @ ends
         return ContactCompliance(
-            matrix, loads, rate, responses @ ends, to_ends, by_response, by_load
+            matrix=(responses @ to_ends + inside).reshape(count, 3, count, 3),
+            _loads=loads,
+            _by_load=(by_ends @ rate.T + by_load).reshape(-1, count, 3),
+            _by_response=rate @ to_ends + by_response,
         )
 
     def _of_place(self, i: int, number: int, x: float) -> list[float]:
@@ -245,19 +227,3 @@ def _templates(count: int, pairs: tuple[tuple[int, int], ...]) -> tuple[Indices,
     for n, (i, j) in enumerate(pairs):
         inside[:, i, :, j] = np.where(INFLUENCE < 0, zero, begin + OF_PAIR * n + INFLUENCE)
     return shapes.reshape(3, 3 * count, -1), inside.reshape(3, 3 * count, -1)
-
-
-@functools.lru_cache(maxsize=8)
-def _columns(count: int) -> Array:
-    """Return (3 k, k): which of all responses are those of each contact, as zeros and ones."""
-    columns = np.eye(count).repeat(3, axis=0)
-    columns.flags.writeable = False
-    return columns
-
-
-@functools.lru_cache(maxsize=8)
-def _own_loads(count: int, loads: int) -> Array:
-    """Return (k, 1, n k): which of some loads act on each contact, as zeros and ones."""
-    own = np.tile(np.eye(count), (1, loads // count))[:, None]
-    own.flags.writeable = False
-    return own

@@ -75,7 +75,6 @@ class SectionPoints(NamedTuple):
 
 def load_sections(
     structure: Structure,
-    pressure: Array,
     end_forces: Array,
     points: SectionPoints,
     local: Points,
@@ -88,7 +87,6 @@ def load_sections(
     of a piece of tube.
 
     :param structure: the frame of the robot.
-    :param pressure: (m,) p in each member, gauge [Pa].
     :param end_forces: (k, 6) on all members of the frame, see `FrameState.end_forces`.
     :param points: where the loads act.
     :param local: (c,) the forces along + i across these members of the frame [N].
@@ -116,6 +114,7 @@ def load_sections(
     own = np.arange(m)
     of_pieces = np.concatenate([own, topology.previous, own])
     member = np.concatenate([points.member, points.member, of_pieces, of_pieces])
+    pressure = np.array(structure.pressures)[topology.tube]
     left += (pressure * (np.pi * radius**2))[member]
     used = np.full(len(moments), np.inf)
     np.divide(np.abs(moments), 0.5 * radius * left, out=used, where=left > 0.0)

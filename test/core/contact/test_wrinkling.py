@@ -40,6 +40,7 @@ def clamped(shear):
     module = SimpleNamespace(guide_ring_distance=0.0)
     structure.config.robot.description = SimpleNamespace(tube_diameter=2 * RADIUS, module=module)
     structure.config.member_lengths = np.array([LENGTH])
+    structure.pressures = (PRESSURE,)
     return structure
 
 
@@ -52,9 +53,7 @@ def test_a_clamped_tube_under_one_force(shear, share, angle):
     at = int(np.abs(found.points - share * LENGTH).argmin())
     forces = np.where(np.arange(len(found.points)) == at, force, 0.0)
     normals = np.full(len(forces), 1j * np.exp(1j * angle))
-    result = find_wrinkling(
-        structure, np.array([PRESSURE]), found, pressed(found, forces, normals)
-    )
+    result = find_wrinkling(structure, found, pressed(found, forces, normals))
     # The tables: end moments F a b^2 / L^2 and F a^2 b / L^2; shear changes them but at midspan.
     a, b = share * LENGTH, (1.0 - share) * LENGTH
     across, along = force * np.cos(angle), -force * np.sin(angle)
@@ -85,7 +84,7 @@ def test_more_compression_than_pull_is_beyond_all_bounds():
     forces = np.zeros(len(found.points))
     forces[len(forces) // 2] = 5.0 * PULL
     state = pressed(found, forces, np.full(len(forces), 1.0 + 0j))
-    result = find_wrinkling(structure, np.array([PRESSURE]), found, state)
+    result = find_wrinkling(structure, found, state)
     assert result.utilisation.tolist() == [np.inf]
     # A slack wall has no tension.
     assert result.tension.min() == 0.0
@@ -95,14 +94,14 @@ def test_more_compression_than_pull_is_beyond_all_bounds():
 @given(robots.robots(), robots.generators(), strategies.floats(0.05, 0.5))
 def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, diameter):
     config = robots.random_state(robot, rng)
-    structure, m = structure_of(config), robot.topology.n_modules
+    gauge = rng.uniform(2e4, 6e4, len(robot.description.pressures))
+    structure, pressure = structure_of(config, gauge), gauge[robot.topology.tube]
     center = config.points[rng.integers(len(config.points))] + 0.1 * complex(*rng.normal(size=2))
     found = find_contact_points(structure, RoundSurface(center, diameter), 0.02)
     some = np.sort(rng.permutation(len(found.points))[:8])
     forces, normals = np.zeros(len(found.points)), np.exp(6.3j * rng.random(len(found.points)))
     forces[some] = rng.uniform(0.0, 20.0, len(some))
-    pressure = rng.uniform(2e4, 6e4, m)
-    result = find_wrinkling(structure, pressure, found, pressed(found, forces, normals))
+    result = find_wrinkling(structure, found, pressed(found, forces, normals))
 
     frame, nodes = tubes.robot_with_nodes(structure, found.points[some])
     loads = np.zeros((len(frame.points), 3))
@@ -125,6 +124,7 @@ def test_where_hardly_a_pull_is_left_the_moment_still_has_a_bound():
     state = pressed(found, forces, np.full(len(forces), np.exp(1j)))
     # Half of what pushes along compresses the piece behind it; all moments are an eighth.
     pull = np.cos(1.0) + 0.05
-    result = find_wrinkling(structure, np.array([pull / (np.pi * RADIUS**2)]), found, state)
+    structure.pressures = (pull / (np.pi * RADIUS**2),)
+    result = find_wrinkling(structure, found, state)
     moment = 2.0 * np.sin(1.0) * LENGTH / 8.0
     assert result.utilisation == pytest.approx([moment / (0.5 * RADIUS * 0.05)], rel=1e-6)

@@ -9,13 +9,29 @@
 
 """Newton's method for the balance of a held object, on equations whose solution is known."""
 
-from isotruss_ros.core.holding.balance import ANGLE, CENTER, MAX_STEPS, Places, solve_balance
+from types import SimpleNamespace
+
+from isotruss_ros.core.holding.contact_statics import (
+    ANGLE,
+    CENTER,
+    ContactStatics,
+    MAX_STEPS,
+    MAX_TURN,
+    Places,
+)
 import numpy as np
 import pytest
 
 PLACES = Places.of(1)
-ARM, MAX_TURN = 0.2, 0.3
+ARM = 0.2
 START = np.zeros(PLACES.size)
+
+
+def solve_balance(equations, arm):
+    """Solve made-up equations of one contact."""
+    statics = SimpleNamespace(places=PLACES, sides=np.ones(1), arm=arm)
+    statics.equations = lambda unknowns, _wrench, _closure: equations(unknowns)
+    return ContactStatics.solve(statics, START, None, None)
 
 
 def linear(goal, matrix, tried):
@@ -41,7 +57,7 @@ def test_linear_equations_take_one_step():
     rng, tried = np.random.default_rng(0), []
     goal = goal_of(center=(0.05, -0.08), angle=0.2, feet=0.09, inclinations=-0.1, friction=-1e3)
     matrix = rng.normal(size=(PLACES.size, PLACES.size)) + 5.0 * np.eye(PLACES.size)
-    found = solve_balance(linear(goal, matrix, tried), START, 2.0 * ARM, MAX_TURN)
+    found = solve_balance(linear(goal, matrix, tried), 2.0 * ARM)
     assert found.unknowns == pytest.approx(goal, rel=1e-9, abs=1e-12)
     assert len(tried) == 2
 
@@ -51,14 +67,14 @@ def test_linear_equations_take_one_step():
     [
         ({'center': (0.0, -1.0)}, 10),
         ({'feet': 0.5}, 5),
-        ({'angle': -0.9}, 3),
+        ({'angle': -3.0 * MAX_TURN}, 3),
         ({'inclinations': 0.4}, 2),
     ],
 )
 def test_steps_are_no_longer_than_they_may(parts, steps):
     tried = []
     goal = goal_of(**parts)
-    found = solve_balance(linear(goal, np.eye(PLACES.size), tried), START, ARM, MAX_TURN)
+    found = solve_balance(linear(goal, np.eye(PLACES.size), tried), ARM)
     assert found.unknowns == pytest.approx(goal)
     assert np.array(tried) == pytest.approx(np.linspace(0.0, 1.0, steps + 1)[:, None] * goal)
 
@@ -71,11 +87,11 @@ def test_what_has_no_solution_or_a_folded_one_gives_none():
         def equations(unknowns, matrix=matrix):
             return np.ones(PLACES.size), matrix, np.ones(1, dtype=complex)
 
-        assert solve_balance(equations, START, ARM, MAX_TURN) is None
+        assert solve_balance(equations, ARM) is None
     for inclination in (0.51, -0.51):
         folded = linear(goal_of(inclinations=inclination), np.eye(PLACES.size), [])
-        assert solve_balance(folded, START, ARM, MAX_TURN) is None
+        assert solve_balance(folded, ARM) is None
     tried = []
     far = linear(goal_of(feet=ARM * MAX_STEPS), np.eye(PLACES.size), tried)
-    assert solve_balance(far, START, ARM, MAX_TURN) is None
+    assert solve_balance(far, ARM) is None
     assert len(tried) == MAX_STEPS

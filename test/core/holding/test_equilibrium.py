@@ -15,12 +15,11 @@ from grips import gripped
 from held_grips import BOX, held
 from isotruss_ros.core import HoldStatus
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.balance import ANGLE, CENTER
 from isotruss_ros.core.holding.build_statics import build_statics, start_at
 from isotruss_ros.core.holding.contact_closures import find_anchors, rest, stick
-from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.contact_statics import ANGLE, CENTER, TubeModel
+from isotruss_ros.core.holding.dents import Indentation
 from isotruss_ros.core.holding.held_grip import scaled_wrench
-from isotruss_ros.core.holding.indentation import NoIndentation
 from isotruss_ros.core.holding.roll_grip import NOTHING
 import numpy as np
 import pytest
@@ -41,7 +40,7 @@ def dents(forces):
     return 1e-4 * forces + 1e-6 * forces**2, 1e-4 + 2e-6 * forces
 
 
-@pytest.mark.parametrize('indentation', [NoIndentation(), dents])
+@pytest.mark.parametrize('indentation', [Indentation(), dents])
 def test_the_equilibrium_balances_and_touches(statics, indentation):
     statics = replace(statics, indentation=indentation)
     wrench = np.array([1.0, -2.0, 0.5])

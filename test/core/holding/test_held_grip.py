@@ -35,7 +35,7 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.build_statics import build_statics
 from isotruss_ros.core.holding.contact_closures import rest, stick
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.corner_dents import corner_dents
+from isotruss_ros.core.holding.dents import corner_dents
 from isotruss_ros.core.holding.pressed_contacts import find_pressed
 from isotruss_ros.core.holding.roll_grip import lay_down, roll_contacts, roll_grip
 from isotruss_ros.core.kinematics.depths import member_depths

@@ -12,7 +12,7 @@
 from carries import Carry, GRASPS, make_robot, place
 from isotruss_ros.core import deform
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_joints import held_joints
+from isotruss_ros.core.holding.loaded_frame import held_joints
 from mujoco_worlds import needs_mujoco
 import numpy as np
 import pytest

@@ -13,7 +13,7 @@ import frames
 from grips import gripped
 from held_grips import BOX, held
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.held_utilisation import held_sections, held_utilisation
+from isotruss_ros.core.holding.loaded_frame import held_sections, held_utilisation
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest

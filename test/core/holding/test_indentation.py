@@ -15,8 +15,8 @@ from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import RoundSurface
-from isotruss_ros.core.holding import corner_dents, indentation
-from isotruss_ros.core.holding.indentation import (
+from isotruss_ros.core.holding import dents
+from isotruss_ros.core.holding.dents import (
     Indentation,
     POWER,
     Press,
@@ -38,7 +38,7 @@ def test_between_its_depths_the_table_is_the_contact(diameter):
     table = skin_indentation(ROBOT, 0, radius)
     for share in (0.005, 0.02, 0.1, 0.4, 0.75):
         depth = share * min(radius, 0.051)
-        force = indentation._press(flattening_of(ROBOT), 0, radius, depth).forces.sum()
+        force = dents._press_disc(flattening_of(ROBOT), 0, radius, depth).forces.sum()
         assert table(force)[0] == pytest.approx(depth, rel=0.02)
 
 
@@ -79,9 +79,9 @@ def test_dents_are_those_of_the_librarys_spline(rng, count, size):
 def test_a_larger_object_dents_less_and_the_contact_points_do_not_count(monkeypatch):
     depths = [skin_indentation(ROBOT, 0, 0.5 * d)(20.0)[0] for d in (0.0254, 0.1, 0.3, 0.7)]
     assert depths == sorted(depths, reverse=True)
-    coarse = indentation._press(flattening_of(ROBOT), 0, 0.15, 0.01).forces.sum()
-    monkeypatch.setattr(indentation, 'POINTS', 121)
-    assert indentation._press(flattening_of(ROBOT), 0, 0.15, 0.01).forces.sum() == pytest.approx(
+    coarse = dents._press_disc(flattening_of(ROBOT), 0, 0.15, 0.01).forces.sum()
+    monkeypatch.setattr(dents, 'POINTS', 121)
+    assert dents._press_disc(flattening_of(ROBOT), 0, 0.15, 0.01).forces.sum() == pytest.approx(
         coarse, rel=5e-3
     )
 
@@ -104,7 +104,7 @@ def test_how_many_points_a_face_has_does_not_count(cut):
     places, heights = places[kept], heights[kept]
     fine = np.unique(np.append(places, np.linspace(places[0], places[-1], 3000)))
     forces = [
-        corner_dents._press(
+        dents._press_corner(
             flattening_of(ROBOT), 0, *profile, np.array([np.inf, np.inf]), 0.01
         ).forces.sum()
         for profile in ((places, heights), (fine, np.interp(fine, places, heights)))
@@ -117,7 +117,7 @@ def test_a_profile_dents_as_its_mirror_image():
     heights = np.array([0.5, 0.02, 0.0, 0.004, 0.3])
     reach = np.array([0.05, 0.03])
     forces = [
-        corner_dents._press(flattening_of(ROBOT), 0, *profile, 0.01).forces.sum()
+        dents._press_corner(flattening_of(ROBOT), 0, *profile, 0.01).forces.sum()
         for profile in ((places, heights, reach), (-places[::-1], heights[::-1], reach[::-1]))
     ]
     assert forces[0] == pytest.approx(forces[1], rel=1e-9)
@@ -131,9 +131,7 @@ def test_each_tube_dents_by_its_own_pressure():
         even = (pressures[tube],) * len(names)
         for table in (
             lambda gauge, tube=tube: skin_indentation(ROBOT, tube, 0.15, gauge),
-            lambda gauge, tube=tube: corner_dents.corner_dents(
-                ROBOT, tube, shape, 1j, 0, whole, gauge
-            ),
+            lambda gauge, tube=tube: dents.corner_dents(ROBOT, tube, shape, 1j, 0, whole, gauge),
         ):
             assert table(pressures)(20.0) == pytest.approx(table(even)(20.0))
 
@@ -159,7 +157,7 @@ def test_the_pressure_rate_is_that_of_the_depth(shape, force):
         if shape == 'disc':
             return skin_indentation(ROBOT, 0, 0.15, given)
         whole, ellipse = (np.inf, np.inf), Ellipse((0.2, 0.1))
-        return corner_dents.corner_dents(ROBOT, 0, ellipse, 1j, 0, whole, given)
+        return dents.corner_dents(ROBOT, 0, ellipse, 1j, 0, whole, given)
 
     # So short that the same points are closed on both sides.
     pressure, step = 34e3, 5.0

@@ -8,11 +8,14 @@
 # language governing permissions and limitations under the License.
 
 """
-How deep a tube's skin dents under a cylinder that presses on it with a given force.
+How deep a tube's skin dents under what presses on it at one contact with a given force.
 
 The contact of the analysis on a tube whose centre line stands still: what is left is the dent of
-`flattening`. It depends on the tube and the cylinder alone, so that a table of it serves every
-grasp; in the 2/3 power of the force, as of a point contact, it is close to straight.
+`flattening`. Each point of the skin presses across the tube, as in `sliding_contact`, so that the
+heights of the object's surface above its lowest point settle how far the dent goes: a sharp corner
+dents the skin deeply, a face that lies on it hardly. A dent depends on the tube and the object
+alone, so that a table of it serves every grasp; in the 2/3 power of the force, as of a point
+contact, it is close to straight.
 """
 
 from __future__ import annotations
@@ -21,20 +24,25 @@ from bisect import bisect_right
 from collections.abc import Sequence
 import functools
 import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from isotruss_ros.core.contact.flattening import Flattening, flattening_of
 from isotruss_ros.core.kinematics.mechanism import Mechanism
+from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.lcp import solve_complementarity
 import numpy as np
 import scipy
 
-#: Depths of the table as shares of the tube's or the object's radius, whichever is smaller ...
-DEPTHS = 0.8 * np.linspace(0.0, 1.0, 15)[1:] ** 2
-#: ... and contact points across the chord in which the object overlaps the round tube.
+#: Depths of the table of a disc as shares of the tube's or its own radius, whichever is smaller;
+#: of a corner of any shape, as shares of the tube's radius.
+DISC_DEPTHS, CORNER_DEPTHS = (0.8 * np.linspace(0.0, 1.0, n)[1:] ** 2 for n in (15, 10))
+#: Contact points across the chord in which the object overlaps the round tube.
 POINTS = 41
 POWER = 2.0 / 3.0
+#: Tables of corners are for normals in steps of this [rad], of outlines with points so far apart
+#: [m]; beyond this many tube radii from the contact nothing is counted as part of it.
+ANGLE_STEP, OUTLINE, REACH = 0.01, 1e-3, 4.0
 
 
 class Press(NamedTuple):
@@ -78,16 +86,19 @@ class SkinIndentation:
 
         :param force: [N]; a pulling one has a depth below zero, for a search that passes it.
         """
+        piece, x, beyond, per_force = self._locate(force)
+        a, b, c, d = self._pieces[piece]
+        slope = (3.0 * a * x + 2.0 * b) * x + c
+        depth = ((a * x + b) * x + c) * x + d + slope * beyond
+        return math.copysign(depth, force), slope * per_force
+
+    def _locate(self, force: float) -> tuple[int, float, float, float]:
+        """Return the piece of the table, where in it, how far beyond all, and place by force."""
         size = max(abs(force), 1e-9)
         place = size**POWER
-        last = self._places[-1]
-        inside = min(place, last)
+        inside = min(place, self._places[-1])
         piece = min(bisect_right(self._places, inside), len(self._pieces)) - 1
-        a, b, c, d = self._pieces[piece]
-        x = inside - self._places[piece]
-        slope = (3.0 * a * x + 2.0 * b) * x + c
-        depth = ((a * x + b) * x + c) * x + d + slope * (place - inside)
-        return math.copysign(depth, force), slope * POWER * place / size
+        return piece, inside - self._places[piece], place - inside, POWER * place / size
 
     def pressure_rate(self, force: float) -> float:
         """
@@ -95,15 +106,13 @@ class SkinIndentation:
 
         :param force: [N].
         """
-        place, last = max(abs(force), 1e-9) ** POWER, self._places[-1]
-        inside = min(place, last)
-        piece = min(bisect_right(self._places, inside), len(self._pieces)) - 1
-        x, moved = inside - self._places[piece], self._place_rates[piece]
+        piece, x, beyond, _ = self._locate(force)
+        moved = self._place_rates[piece]
         a, b, c, _ = self._pieces[piece]
         da, db, dc = self._piece_rates[:, piece]
         rate = ((da * x + db) * x + dc) * x - moved * ((3.0 * a * x + 2.0 * b) * x + c)
         slope = (3.0 * da * x + 2.0 * db) * x + dc - moved * (6.0 * a * x + 2.0 * b)
-        return math.copysign(1.0, force) * (rate + slope * (place - inside))
+        return math.copysign(1.0, force) * (rate + slope * beyond)
 
     @functools.cached_property
     def _place_rates(self) -> Array:
@@ -146,8 +155,16 @@ class SkinIndentation:
         return np.array([by_a, 0.5 * bent[:-1], by_c])
 
 
-class Dents(Protocol):
-    """The depths of the dents at k contacts by the normal forces there."""
+class Indentation:
+    """
+    The dents of the tubes at k contacts with one object.
+
+    :param tables: of the k tubes; none where tubes stay round.
+    :param scale: stiffness of the tubes against that of the tables.
+    """
+
+    def __init__(self, tables: Sequence[SkinIndentation] = (), scale: float = 1.0) -> None:
+        self._tables, self._scale = tables, scale
 
     def __call__(self, forces: Array) -> tuple[Array, Array]:
         """
@@ -155,50 +172,10 @@ class Dents(Protocol):
 
         :param forces: (k,) normal forces [N].
         """
-
-    def pressure_rates(self, forces: Array) -> Array:
-        """
-        Return the derivatives of the depths by the gauge pressure in each tube (k,) [m/Pa].
-
-        :param forces: (k,) normal forces [N].
-        """
-
-
-class NoIndentation:
-    """Tubes that stay round."""
-
-    def __call__(self, forces: Array) -> tuple[Array, Array]:
-        """Return no depths, and no derivatives."""
-        return np.zeros(len(forces)), np.zeros(len(forces))
-
-    def pressure_rates(self, forces: Array) -> Array:
-        """
-        Return no derivatives.
-
-        :param forces: (k,) normal forces [N].
-        """
-        return np.zeros(len(forces))
-
-
-class Indentation:
-    """
-    The dents of several tubes by one object.
-
-    :param tables: of the k tubes.
-    :param scale: stiffness of the tubes against that of the tables.
-    """
-
-    def __init__(self, tables: Sequence[SkinIndentation], scale: float) -> None:
-        self._tables, self._scale = tables, scale
-
-    def __call__(self, forces: Array) -> tuple[Array, Array]:
-        """Return depths (k,) [m] and their derivatives by the normal forces (k,) [m/N]."""
-        found = np.array(
-            [
-                table(force / self._scale)
-                for table, force in zip(self._tables, forces.tolist(), strict=True)
-            ]
-        )
+        if not self._tables:
+            return np.zeros(len(forces)), np.zeros(len(forces))
+        pressing = zip(self._tables, forces.tolist(), strict=True)
+        found = np.array([table(force / self._scale) for table, force in pressing])
         return found[:, 0], found[:, 1] / self._scale
 
     def pressure_rates(self, forces: Array) -> Array:
@@ -207,6 +184,8 @@ class Indentation:
 
         :param forces: (k,) normal forces [N].
         """
+        if not self._tables:
+            return np.zeros(len(forces))
         pressing = zip(self._tables, forces.tolist(), strict=True)
         return np.array([table.pressure_rate(force / self._scale) for table, force in pressing])
 
@@ -216,20 +195,20 @@ def skin_indentation(
     robot: Mechanism, tube: int, radius: float, pressures: tuple[float, ...] | None = None
 ) -> SkinIndentation:
     """
-    Return the dents of one tube by one object; the tables of the last few are kept.
+    Return the dents of one tube by a disc; the tables of the last few are kept.
 
     :param robot: the robot.
     :param tube: number of the tube.
     :param radius: of the object [m].
     :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
     """
-    depths = DEPTHS * min(radius, 0.5 * robot.description.tube_diameter)
+    depths = DISC_DEPTHS * min(radius, 0.5 * robot.description.tube_diameter)
     kernel = flattening_of(robot, pressures)
-    presses = [_press(kernel, tube, radius, depth) for depth in depths]
+    presses = [_press_disc(kernel, tube, radius, depth) for depth in depths]
     return SkinIndentation(depths, presses, kernel, tube)
 
 
-def _press(kernel: Flattening, tube: int, radius: float, depth: float) -> Press:
+def _press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> Press:
     """Return how a cylinder presses on a tube that it dents this deep."""
     half = np.sqrt(radius**2 - (radius - depth) ** 2)
     place = half * np.linspace(-1.0, 1.0, POINTS)
@@ -251,3 +230,93 @@ def press_on_skin(kernel: Flattening, tube: int, spacing: float, gaps: Array) ->
     dents = kernel.compliance(spacing * np.arange(count), alike, alike + tube, spacing)
     forces, _ = solve_complementarity(dents, gaps, np.ones(count, dtype=bool))
     return Press(spacing, forces)
+
+
+def corner_dents(
+    robot: Mechanism,
+    tube: int,
+    shape: Shape,
+    normal: complex,
+    corner: int,
+    cuts: tuple[float, float],
+    pressures: tuple[float, ...] | None = None,
+) -> SkinIndentation:
+    """
+    Return the dents under one contact of an object; tables of the last contacts are kept.
+
+    :param robot: the robot.
+    :param tube: number of the tube.
+    :param shape: of the object.
+    :param normal: unit vector out of the object across the tube, in the object's frame.
+    :param corner: number of the corner that is touched, see `Shape.corners_at`.
+    :param cuts: how far the contact reaches before and behind the point that is touched,
+        counter-clockwise around the object: half of a face where its other end is a contact of
+        its own; may be infinite [m].
+    :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
+    """
+    angle = ANGLE_STEP * round(float(np.angle(normal)) / ANGLE_STEP)
+    return _table(robot, tube, shape, angle, corner, cuts, pressures)
+
+
+@functools.lru_cache(maxsize=256)
+def _table(
+    robot: Mechanism,
+    tube: int,
+    shape: Shape,
+    angle: float,
+    corner: int,
+    cuts: tuple[float, float],
+    pressures: tuple[float, ...] | None,
+) -> SkinIndentation:
+    """Return what `corner_dents` does."""
+    radius = 0.5 * robot.description.tube_diameter
+    point = shape.point_at(corner, complex(np.exp(1j * angle)))
+    places, heights = _profile(shape, angle, point)
+    reach = np.minimum(cuts, REACH * radius)
+    depths = CORNER_DEPTHS * radius
+    kernel = flattening_of(robot, pressures)
+    presses = [_press_corner(kernel, tube, places, heights, reach, depth) for depth in depths]
+    return SkinIndentation(depths, presses, kernel, tube)
+
+
+def _profile(shape: Shape, angle: float, point: complex) -> tuple[Array, Array]:
+    """
+    Return places along a tube and heights of the surface above a point of it, (p,) each [m].
+
+    Places rise counter-clockwise around the object.
+    """
+    inward = -np.exp(1j * angle)
+    seen = (shape.outline(OUTLINE) - point) * inward.conjugate()
+    # Along the tube counter-clockwise, and into the object.
+    along, height = -seen.imag, seen.real
+    first, last = int(along.argmin()), int(along.argmax())
+    count = (last - first) % len(along)
+    chain = (first + np.arange(count + 1)) % len(along)
+    places, found = along[chain], np.maximum(height[chain], 0.0)
+    # The point itself may be between two of the outline.
+    place = int(np.searchsorted(places, 0.0))
+    return np.insert(places, place, 0.0), np.insert(found, place, 0.0)
+
+
+def _press_corner(
+    kernel: Flattening, tube: int, places: Array, heights: Array, reach: Array, depth: float
+) -> Press:
+    """Return how a surface presses on a tube that it dents this deep."""
+    low = np.flatnonzero(heights <= depth)
+    first, last = max(low[0] - 1, 0), min(low[-1] + 1, len(places) - 1)
+    begin = _crossing(places, heights, first, low[0], depth)
+    end = _crossing(places, heights, last, low[-1], depth)
+    begin, end = max(begin, -float(reach[0])), min(end, float(reach[1]))
+    spacing = max(end - begin, 1e-6) / POINTS
+    # Points in the middle of pieces, so that these end where the contact may.
+    gaps = np.interp(begin + (np.arange(POINTS) + 0.5) * spacing, places, heights) - depth
+    return press_on_skin(kernel, tube, spacing, gaps)
+
+
+def _crossing(places: Array, heights: Array, outside: int, inside: int, depth: float) -> float:
+    """Return where the surface is as high as a depth, between two points of it [m]."""
+    rise = float(heights[outside] - heights[inside])
+    if rise <= 0.0:
+        return float(places[inside])
+    share = (depth - float(heights[inside])) / rise
+    return float(places[inside] + share * (places[outside] - places[inside]))

@@ -1,0 +1,144 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+The frame of a robot under the forces of an object that it holds: joints, wrinkling, oscillation.
+
+A wrench on the object moves it, and the modules with it. Of the oscillation the lowest natural
+frequency is looked for among the three motions that three independent wrenches cause (Rayleigh and
+Ritz):
+
+    omega^2 = min over w of  w^T C w / (w^T M w),
+
+C the compliance of the held object and M the masses times the squares of what a unit wrench moves
+them by. The true frequency is not above it by more than what other motions of the modules would
+lower it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.statics.structure import frame_layout, structure_of
+from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads, SectionPoints
+import numpy as np
+import scipy.linalg
+
+
+@single_threaded
+def held_joints(grip: HeldGrip) -> Array:
+    """
+    Return the joints (j, 2) of a robot that holds an object, in `Topology.joint_names` order [m].
+
+    They are off those of `Configuration.nodes` by what the contact forces do to the frame.
+
+    :param grip: how the object is held.
+    :raises StructureError: see `structure_of`.
+    """
+    state = grip.state
+    moved = _displace_nodes(grip, state.normal_forces[:, None], state.friction_forces[:, None])
+    count = len(grip.config.robot.topology.joint_names)
+    return grip.config.nodes[:count] + moved[:count, :2, 0]
+
+
+def held_utilisation(grip: HeldGrip) -> Array:
+    """
+    Return the largest |M| / M_w of each member under the forces of a held object, (m,) [-].
+
+    :param grip: how the object is held.
+    :raises StructureError: see `structure_of`.
+    """
+    return held_sections(grip).largest(grip.config.robot.topology.n_modules)[0]
+
+
+def held_sections(grip: HeldGrip) -> SectionLoads:
+    """
+    Return what the sections of the tubes bear under the forces of a held object.
+
+    :param grip: how the object is held.
+    :raises StructureError: see `structure_of`.
+    """
+    structure = structure_of(grip.config, grip.tubes.pressure)
+    compliance, feet = grip.statics.compliance, grip.state.feet
+    loads = grip.statics.loads(grip.state.unknowns)
+    piece, within = compliance.locate(feet)
+    # Of a piece that runs backward along its member.
+    local = (loads[:, 0] + 1j * loads[:, 1]) * compliance.axis / structure.frame.axis[piece]
+    return load_sections(
+        structure,
+        structure.frame.end_forces(piece, compliance.at(feet).carried(loads)),
+        SectionPoints(piece, within, grip.contacts.members, feet),
+        local,
+        loads[:, 2],
+    )
+
+
+def _displace_nodes(grip: HeldGrip, normal: Array, friction: Array) -> Array:
+    """Return displacements (n, 3, c) of the frame's nodes under c cases (k, c) of forces [m]."""
+    compliance, feet, state = grip.statics.compliance, grip.state.feet, grip.state
+    local = (compliance.axis.conj() * state.normals)[:, None]
+    forces = (normal + 1j * friction) * local
+    # Friction acts at the skin of a tube, so that it turns the tube as well.
+    skin = grip.statics.tube_radius - grip.statics.indentation(state.normal_forces)[0]
+    loads = np.stack([forces.real, forces.imag, -skin[:, None] * friction], axis=1)
+    at_feet, piece = compliance.at(feet), compliance.locate(feet)[0]
+    carried = [at_feet.carried(case).ravel() for case in loads.transpose(2, 0, 1)]
+    frame = structure_of(grip.config, grip.tubes.pressure).frame
+    return frame.displacements(piece, np.column_stack(carried)) / grip.tubes.stiffness_scale
+
+
+def lowest_frequency(grip: HeldGrip) -> float | None:
+    """
+    Return the lowest natural frequency of an object held in equilibrium, undamped [rad/s].
+
+    Contacts stick. The masses are those of the robot file and of the object: a module's in the
+    middle of its pinch points, half of a member's tube at each of its ends.
+
+    :param grip: how the object is held.
+    :return: None where the mass of modules or object is not known, or the equilibrium indifferent.
+    :raises StructureError: see `structure_of`.
+    """
+    body, response = grip.body, grip.response
+    if grip.config.robot.description.module.mass is None or body.mass is None or response is None:
+        return None
+    arm = grip.arm
+    moved = response.pose
+    own = body.shape.centroid if body.center_of_mass is None else complex(*body.center_of_mass)
+    lever = own * complex(math.cos(grip.pose.angle), math.sin(grip.pose.angle))
+    of_middle = moved[0] + 1j * moved[1] + 1j * lever * moved[2]
+    inertia = body.mass * (
+        np.outer(of_middle.conj(), of_middle).real
+        + body.shape.gyration**2 * np.outer(moved[2], moved[2])
+    )
+    compliance = moved * np.array([[1.0], [1.0], [arm]])
+    inertia += _inertia_of_robot(grip)
+    squares = scipy.linalg.eigh(
+        0.5 * (compliance + compliance.T), inertia, eigvals_only=True, check_finite=False
+    )
+    return math.sqrt(squares[0]) if squares[0] > 0.0 else None
+
+
+def _inertia_of_robot(grip: HeldGrip) -> Array:
+    """Return what the masses of modules and tubes are under each pair of unit wrenches (3, 3)."""
+    description, topology = grip.config.robot.description, grip.config.robot.topology
+    response = grip.response
+    moved = _displace_nodes(grip, response.normal, response.friction)
+    nodes, first = moved[:, 0] + 1j * moved[:, 1], frame_layout(grip.config.robot).b
+    b, c = nodes[first], nodes[first + 1]
+    middle = 0.5 * (b + c)
+    half = 0.5 * description.tube_mass * grip.config.member_lengths
+    at_c = half[topology.previous]
+    return (
+        description.module.mass * (middle.conj().T @ middle)
+        + b.conj().T @ (half[:, None] * b)
+        + c.conj().T @ (at_c[:, None] * c)
+    ).real
