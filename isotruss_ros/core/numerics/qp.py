@@ -58,7 +58,7 @@ class QuadraticProgram(NamedTuple):
     :ivar gradient: (n,) q.
     :ivar rows: (l, n) G.
     :ivar bounds: (l,) h; infinite where there is no bound.
-    :ivar lower: (n,) bounds of x; infinite where there is none, None if there are none at all.
+    :ivar lower: (n,) of x, infinite where there is no bound; None for none at all.
     :ivar upper: (n,), None together with `lower`.
     :ivar equality: (k, n) A, of full row rank; None if there is none.
     :ivar target: (k,) b.

@@ -125,7 +125,7 @@ class ActiveValues(NamedTuple):
     :ivar indices: (k,) numbers of the values.
     :ivar values: (k,) the values.
     :ivar node_rows: (k, 2n) their derivatives by the node coordinates.
-    :ivar roller_rows: (k, r) those by the travel of the rollers besides; none if None.
+    :ivar roller_rows: (k, r) those by the travel of the rollers besides; None for none.
     """
 
     indices: Indices
