@@ -40,9 +40,6 @@ class Configuration:
     :ivar robot: the robot.
     :ivar roller_positions: (r,) travel of the tube through each roller since home [m].
     :ivar points: (n,) node positions x + iy in the robot's frame [m].
-    :param robot: the robot.
-    :param roller_positions: (r,) travel of the tube through each roller since home [m].
-    :param points: (n,) node positions x + iy that fulfil the constraints [m].
     :param nearby: factored matrix of a shape nearby, to predict and to move with; None for that
         of this shape.
     """

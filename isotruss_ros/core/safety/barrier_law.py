@@ -197,9 +197,7 @@ class BarrierLimit:
     :ivar indices: (k,) numbers of the values.
     :ivar matrix: (k, r) their derivatives by roller travel.
     :ivar margins: (k,) what is left of them.
-    :param barrier: the barrier.
     :param active: its values that are near their bound.
-    :param matrix: (k, r) their derivatives by roller travel.
     """
 
     can_slide = True

@@ -85,7 +85,6 @@ class ShapeGuard:
 
     :ivar bounds: what its shapes must keep.
     :param robot: the robot.
-    :param bounds: what its shapes must keep.
     :param barriers: those beside rigidity, self-collision and the object.
     """
 
