@@ -9,6 +9,8 @@
 
 """Roller velocities for an object between any members, against the constraint itself."""
 
+from dataclasses import replace
+
 from grips import disc_grip
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
@@ -98,8 +100,10 @@ def test_reachable_twists_are_those_that_keep_the_contacts(kind, count, data, rn
         assert not command.roller_velocities.any()
 
 
-@pytest.mark.parametrize('flat', [None, False, True])
-@pytest.mark.parametrize(('kind', 'count'), KINDS)
+@pytest.mark.parametrize(
+    ('flat', 'kind', 'count'),
+    [(flat, *kind) for flat in (None, False, True) for kind in KINDS if not flat or kind[1] == 2],
+)
 @robots.examples(10)
 @given(strategies.data(), robots.generators())
 def test_rollers_are_those_of_the_least_cost_that_keep_the_contacts(flat, kind, count, data, rng):
@@ -110,6 +114,7 @@ def test_rollers_are_those_of_the_least_cost_that_keep_the_contacts(flat, kind, 
     else:
         config, grip = random_grips.random_convex_grip(robot, rng, kind, count, flat)
     assume(grip is not None and well_posed(config, grip))
+    grip = replace(grip, friction=0.0)  # a polygon does not roll off its face
     twist = rng.standard_normal(3) / surface(grip)
     command = solve_twist(config, grip, twist, limits=())
     rollers, nearest = least_cost(config, grip, twist)
@@ -118,13 +123,11 @@ def test_rollers_are_those_of_the_least_cost_that_keep_the_contacts(flat, kind, 
     assert command.scale == 1.0
     if flat is None:
         assert command.status is (Status.OK if missed < 1e-9 else Status.UNREACHABLE)
-    elif command.status is Status.OK and missed > 1e-6 * size:
-        return  # a polygon rolls off its face
     assert command.roller_velocities == pytest.approx(rollers, abs=1e-8 * size)
     assert command.achieved_twist * surface(grip) == pytest.approx(
         nearest * surface(grip), abs=1e-8 * size
     )
-    if flat and count == 2:
+    if flat:
         # The face neither lifts from the member nor turns against it.
         start, end = random_grips.member_ends(config, grip.members[0])
         names = [*robot.node_names]
