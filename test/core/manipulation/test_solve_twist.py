@@ -336,35 +336,6 @@ def test_nearest_twist_is_found_where_the_wanted_one_is_out_of_reach(robot, rng,
     assert jacobian[3] @ command.roller_velocities == pytest.approx(0.0, abs=1e-9)
 
 
-def test_nearest_twist_is_the_one_that_slsqp_finds():
-    robot, grasp = TRIANGLE, SMALL
-    jacobian, twist = grip_jacobian(robot.home, grasp), np.array([0.01, 0.02, 0.1])
-    found = minimize(
-        lambda u: np.sum((surface(grasp) * (jacobian[:3] @ u - twist)) ** 2) * 1e4,
-        np.zeros(2),
-        constraints={'type': 'eq', 'fun': lambda u: jacobian[3] @ u},
-        method='SLSQP',
-        options={'ftol': 1e-15},
-    )
-    command = solve_twist(robot.home, grasp, twist)
-    assert command.status is Status.UNREACHABLE
-    assert command.roller_velocities == pytest.approx(found.x, abs=1e-6)
-
-
-def test_grounded_grip_cannot_follow():
-    robot = NINE
-    config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
-    grasp = disc_grip(config, 'south/X', 0.3)
-    jacobian = grip_jacobian(config, grasp)
-    # X stands on the ground and is the seam: what is left is to turn about it, if anything.
-    assert np.linalg.matrix_rank(jacobian, tol=1e-6) < 4
-    twist = np.array([0.01, 0.0, 0.0])
-    command = solve_twist(config, grasp, twist)
-    assert command.status is Status.UNREACHABLE
-    assert np.linalg.norm(command.achieved_twist[:2] - twist[:2]) > 1e-3
-    assert jacobian[3] @ command.roller_velocities == pytest.approx(0.0, abs=1e-12)
-
-
 def test_a_zero_twist_and_no_working_rollers_move_nothing():
     idle = solve_twist(HOME, GRIP, [0.0, -0.0, 0.0])
     stuck = solve_twist(HOME, GRIP, [0.01, 0.0, 0.0], failed=NINE.roller_names)
