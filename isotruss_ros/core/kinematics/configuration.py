@@ -40,9 +40,6 @@ class Configuration:
     :ivar robot: the robot.
     :ivar roller_positions: (r,) travel of the tube through each roller since home [m].
     :ivar points: (n,) node positions x + iy in the robot's frame [m].
-    :param robot: the robot.
-    :param roller_positions: (r,) travel of the tube through each roller since home [m].
-    :param points: (n,) node positions x + iy that fulfil the constraints [m].
     :param nearby: factored matrix of a shape nearby, to predict and to move with; None for that
         of this shape.
     """
@@ -66,27 +63,18 @@ class Configuration:
         """Return the (n, 2) node positions in `Robot.node_names` order, robot frame [m]."""
         return self.points.view(np.float64).reshape(-1, 2)
 
-    @property
+    @cached_property
     def member_lengths(self) -> Array:
         """Return the (m,) member lengths, pinch to pinch, in `Robot.member_names` order [m]."""
-        return self.span_lengths[: self.robot.topology.n_modules]
-
-    @cached_property
-    def spans(self) -> Points:
-        """Return the (4m,) members, AB, AC and BC, from start to end, x + iy [m]."""
-        return self.robot.constraints.spans(self.points)
-
-    @cached_property
-    def span_lengths(self) -> Array:
-        """Return the (4m,) lengths of members, AB, AC and BC [m]."""
-        lengths = np.abs(self.spans)
+        members = self.robot.constraints.spans(self.points)[: self.robot.topology.n_modules]
+        lengths = np.abs(members)
         lengths.flags.writeable = False
         return lengths
 
     @cached_property
     def gradients(self) -> Points:
         """Return the entries of the matrix of (12), see `Constraints.gradients`."""
-        return self.robot.constraints.gradients(self.spans, self.span_lengths)
+        return self.robot.constraints.gradients(self.points)
 
     @cached_property
     def matrix(self) -> Array:

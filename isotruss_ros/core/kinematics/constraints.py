@@ -133,19 +133,18 @@ class Constraints:
         :param points: (n,) nodes [m].
         :return: (5m + g, 2n), dense or, for a large robot, sparse.
         """
-        spans = self.spans(points)
-        return self.matrix_of(self.gradients(spans, np.abs(spans)))
+        return self.matrix_of(self.gradients(points))
 
-    def gradients(self, spans: Points, lengths: Array) -> Points:
+    def gradients(self, points: Points) -> Points:
         """
         Return the entries of the matrix: the gradient of a row by a node, as a complex number.
 
-        :param spans: (4m,) see `spans` [m].
-        :param lengths: (4m,) their lengths [m].
+        :param points: (n,) nodes [m].
         :return: (13m,) of members, AB, AC and BC [-], four and four; of bisection [1/m], five.
         """
         m = self._topology.n_modules
-        spans, lengths = spans.reshape(4, m), lengths.reshape(4, m)
+        spans = self.spans(points).reshape(4, m)
+        lengths = np.abs(spans)
         parts = np.empty((6, m), dtype=np.complex128)
         np.divide(spans, lengths, out=parts[:4])
         np.divide(parts[0], lengths[0], out=parts[4])

@@ -34,7 +34,7 @@ class Grip:
 
     :ivar members: names `t/j-k` of two members, or three.
     :ivar body: the object in its place in the robot frame.
-    :ivar friction: coefficient between tubes and object; of an object that has its own, that one.
+    :ivar friction: coefficient between tubes and object; that of the object if it has one.
     :raises GraspError: not two or three different names, no such object, or no such coefficient.
     """
 
@@ -110,24 +110,14 @@ def members_at(robot: Robot, module: str) -> tuple[str, str]:
 
 
 class MemberNodes(NamedTuple):
-    """
-    Members and the nodes at their ends.
+    """Members and the nodes at their ends."""
 
-    :ivar members: (k,) numbers of the members, which are those of the modules that they leave.
-    :ivar starts: (k,) nodes B at which they start.
-    :ivar ends: (k,) nodes C at which they end.
-    :ivar both: (2 k,) nodes at which they start, then those at which they end.
-    :ivar driven: (d,) which of the k members start at a module with a roller, a passive one has
-        none.
-    :ivar rollers: (d,) numbers of these rollers.
-    """
-
-    members: Indices
-    starts: Indices
-    ends: Indices
-    both: Indices
-    driven: Indices
-    rollers: Indices
+    members: Indices  #: (k,) numbers of the members: those of the modules that they leave
+    starts: Indices  #: (k,) nodes B at which they start
+    ends: Indices  #: (k,) nodes C at which they end
+    both: Indices  #: (2 k,) nodes at which they start, then those at which they end
+    driven: Indices  #: (d,) which of the k members start at a module with a roller
+    rollers: Indices  #: (d,) numbers of these rollers
 
 
 @functools.lru_cache(maxsize=256)

@@ -45,9 +45,7 @@ class Touch(NamedTuple):
 
 
 class GripContacts(NamedTuple):
-    """
-    The k contacts of a grip, in the robot frame: one for each member, two where a face lies on it.
-    """
+    """The k contacts of a grip, robot frame: one for each member, two where a face lies on it."""
 
     nodes: MemberNodes  #: numbers of the grip's members and of their nodes
     owners: Indices  #: (k,) which member of the grip it is

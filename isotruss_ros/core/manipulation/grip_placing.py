@@ -100,22 +100,16 @@ def tangent_center(
     (depth,) = finite_array([indentation], 1, 'indentation [m]', GraspError)
     nodes, points = find_members(config.robot, members_at(config.robot, module)), config.points
     # The member ahead starts at the module's B, the one behind ends at its C.
-    b, c = points.item(nodes.starts[0]), points.item(nodes.ends[1])
-    ahead, back = points.item(nodes.ends[0]) - b, points.item(nodes.starts[1]) - c
-    side = 1.0 if (ahead.conjugate() * back).imag > 0.0 else -1.0
-    own_radius = 0.5 * Disc(diameter).diameter
-    reach = own_radius + 0.5 * config.robot.description.tube_diameter
-    normals = np.array([1j * side * ahead / abs(ahead), -1j * side * back / abs(back)])
+    feet = np.array([points[nodes.starts[0]], points[nodes.ends[1]]])
+    spans = np.array([points[nodes.ends[0]], points[nodes.starts[1]]]) - feet
+    side = 1.0 if (spans[0].conjugate() * spans[1]).imag > 0.0 else -1.0
+    normals = side * np.array([1j, -1j]) * spans / np.abs(spans)
     # Distance from both lines is `reach`: Re(conj(normal) (center - foot)) = reach.
-    right = (normals.conj() * np.array([b, c])).real + reach
+    reach = 0.5 * (Disc(diameter).diameter + config.robot.description.tube_diameter)
+    right = (normals.conj() * feet).real + reach
     x, y = np.linalg.solve(normals.view(np.float64).reshape(2, 2), right)
     center = complex(x, y) - depth * complex(normals.sum() / abs(normals.sum()))
-    along = np.array(
-        [
-            (ahead.conjugate() * (center - b)).real / abs(ahead) ** 2,
-            (back.conjugate() * (center - c)).real / abs(back) ** 2,
-        ]
-    )
+    along = ((center - feet) / spans).real
     if along.min() < 0.0 or along.max() > 1.0:
         raise GraspError(
             f'an object of diameter {diameter} m does not fit between the members at module '

@@ -90,7 +90,7 @@ def apply_limits(
     working: WorkingRollers,
     task: Task,
     rows: Rows,
-    can_slide: Flags,
+    can_slide: Flags | None,
     max_speed: float,
     handling: LimitHandling,
 ) -> LimitedVelocities:
@@ -100,7 +100,7 @@ def apply_limits(
     :param working: the working rollers.
     :param task: the task.
     :param rows: all rows of the limits, see `stack_rows`.
-    :param can_slide: (k,) along which of them a command may go on.
+    :param can_slide: (k,) along which of them a command may go on; None for none.
     :param max_speed: largest speed of a roller [m/s].
     :param handling: what to do where they bind.
     :raises SolverError: a quadratic program was not solved.
@@ -123,10 +123,10 @@ def apply_limits(
         return maximize_progress(cost, equality, direction, reach, limited, penalty)
 
     guess = task.free / gain
-    fixed = bounds.take(~can_slide) if handling.slide_along_limits else bounds
+    fixed = bounds if can_slide is None else bounds.take(~can_slide)
     solution, progress = _solve(working, task, farthest, fixed, guess if held else None)
     slack = bounds.slack(solution)
-    slid = handling.slide_along_limits and bool((slack < -BINDING_TOLERANCE).any())
+    slid = can_slide is not None and bool((slack < -BINDING_TOLERANCE).any())
     if slid:
         target = progress * direction
         weight = handling.slide_weight if held else LEAST_REGULARIZATION

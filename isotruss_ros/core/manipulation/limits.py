@@ -174,11 +174,12 @@ def find_rows(
     :param limits: the limits.
     :param speeds: (r,) of the rollers [m/s].
     """
-    parts, admit = [limit.rows(config) for limit in limits], True
+    parts = [limit.rows(config) for limit in limits]
     for matrix, lower, upper in parts:
         rates = matrix.dot(speeds)
-        admit = admit and ((rates <= upper) & (rates >= lower)).all()
-    return parts, admit
+        if not ((rates <= upper) & (rates >= lower)).all():
+            return parts, False
+    return parts, True
 
 
 def stack_rows(parts: Sequence[Rows]) -> Rows:
@@ -201,10 +202,10 @@ def name_binding_rows(
     :param parts: the rows of each of them.
     :param binding: (k,) which of the rows bind.
     """
-    found, names, stop = None, [], 0
+    found, names, stop, places = None, [], 0, np.flatnonzero(binding).tolist()
     for limit, part in zip(limits, parts, strict=True):
         start, stop = stop, stop + len(part.upper)
-        own = np.flatnonzero(binding[start:stop]).tolist()
+        own = [place - start for place in places if start <= place < stop]
         if own:
             found, known = found or limit, limit.row_names(config)
             names += [known[i] for i in own]

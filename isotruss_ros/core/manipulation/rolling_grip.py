@@ -32,7 +32,6 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.grip_contacts import touch_members
-from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
@@ -98,12 +97,8 @@ class RollingGrip:
     @property
     def pose(self) -> Pose:
         """Return the object's pose; the angle is in (-pi, pi]."""
-        x, y, angle = self._body.pose
+        x, y, angle = self.grip.body.pose
         return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
-
-    @property
-    def _body(self) -> ConvexObject:
-        return self.grip.body
 
     def moved_to(self, config: Configuration) -> RollingGrip:
         """
@@ -119,11 +114,11 @@ class RollingGrip:
         rolled = self._rolled(config)
         if rolled.misfit <= MISFIT:
             return rolled
-        touched = self._body.shape.touch_lines(np.exp(1j * self.angles).tolist(), FLAT)
+        touched = self.grip.body.shape.touch_lines(np.exp(1j * self.angles).tolist(), FLAT)
         if len(touched.owners) == len(self.sides):
             return rolled
         # A face lay on a member, and may have lifted at one of its ends.
-        before = self._touch(self.config, self._body.center, self._body.pose.angle)
+        before = self._touch(self.config, self.grip.body.center, self.grip.body.pose.angle)
         ends = [np.flatnonzero(before.owners == i).tolist() for i in range(len(self.sides))]
         for chosen in itertools.product(*([own, *([k] for k in own)] for own in ends)):
             kept = np.array([k for own in chosen for k in own])
@@ -137,14 +132,14 @@ class RollingGrip:
     def _clears(self, before: _Touch) -> bool:
         """Tell whether the corners that touched before do not enter the members now."""
         kept = (before.owners, before.corners)
-        touch = self._touch(self.config, self._body.center, self._body.pose.angle, kept)
+        touch = self._touch(self.config, self.grip.body.center, self.grip.body.pose.angle, kept)
         return bool((touch.gaps >= self.gaps[before.owners] - self.misfit - MISFIT).all())
 
     def _rolled(
         self, config: Configuration, fixed: tuple[Indices, Indices] | None = None
     ) -> RollingGrip:
         """Return the grip in another configuration, with given corners as contacts if any."""
-        body, kept, lines = self._body, fixed, _lines(config, self.grip, self.sides)
+        body, kept, lines = self.grip.body, fixed, _lines(config, self.grip, self.sides)
         center, angle = body.center, body.pose.angle
         for step in range(MAX_STEPS):
             touch = self._touch(config, center, angle, kept, lines)
@@ -162,7 +157,10 @@ class RollingGrip:
                 # What rolling keeps is linear for a disc.
                 off += rows.dot(change)
                 misfit = float(np.abs(off).max())
-                return self._settled(config, center, angle, misfit, lines.normals)
+                grip = self.grip.moved_to((center.real, center.imag, angle))
+                touch_members(config, grip)  # raises where it left a member
+                angles = self._unwrapped(lines.normals, angle)
+                return replace(self, config=config, grip=grip, angles=angles, misfit=misfit)
             if not size <= body.arm:
                 break
             kept = (touch.owners, touch.corners) if step >= FREE_STEPS else fixed
@@ -170,15 +168,6 @@ class RollingGrip:
             'the object does not roll to the new configuration: go there in smaller steps, or '
             'with rollers that keep its contacts'
         )
-
-    def _settled(
-        self, config: Configuration, center: complex, angle: float, misfit: float, normals: Points
-    ) -> RollingGrip:
-        """Return the grip with the object in its new place."""
-        grip = self.grip.moved_to((center.real, center.imag, angle))
-        touch_members(config, grip)  # raises where it left a member
-        angles = self._unwrapped(normals, angle)
-        return RollingGrip(config, grip, angles, self.gaps, self.anchors, self.sides, misfit)
 
     def _unwrapped(self, normals: Points, angle: float) -> Array:
         """Return the angles of normals (m,) in the object, within half a turn of those before."""
@@ -194,7 +183,7 @@ class RollingGrip:
         lines: _Lines | None = None,
     ) -> _Touch:
         """Return what rolling keeps, of an object in a place, and its derivative by the place."""
-        shape, turn = self._body.shape, cmath.rect(1.0, angle)
+        shape, turn = self.grip.body.shape, cmath.rect(1.0, angle)
         starts, axes, normals, travel = lines or _lines(config, self.grip, self.sides)
         own = normals * turn.conjugate()
         if kept is None:

@@ -105,9 +105,7 @@ def solve_joint_velocity(
     )
     nodes = np.array([names.index(joint) for joint in velocities])
     columns = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
-    rows = np.zeros((len(columns), 2 * len(config.points)))
-    rows[np.arange(len(columns)), columns] = 1.0
-    jacobian = config.roller_rows(rows)
+    jacobian = config.roller_rows(np.eye(2 * len(config.points))[columns])
     working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
     motion = Motion(jacobian, Reach.of_points(jacobian[:, working.places]))
     limits = default_limits(robot) if limits is None else limits

@@ -168,8 +168,10 @@ def carry_out(
     if admitted:
         return RollerCommand(velocities, motion.rows.dot(velocities), 1.0, status, (), dof)
     max_speed = robot.description.max_speed
-    counts = [len(part.upper) for part in parts]
-    can_slide = np.repeat([limit.can_slide for limit in limits], counts)
+    can_slide = None
+    if handling.slide_along_limits:
+        counts = [len(part.upper) for part in parts]
+        can_slide = np.repeat([limit.can_slide for limit in limits], counts)
     limited = apply_limits(working, task, stack_rows(parts), can_slide, max_speed, handling)
     velocities = working.spread(limited.velocities)
     limiting: tuple[str, ...] = ()

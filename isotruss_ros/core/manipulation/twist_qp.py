@@ -65,7 +65,7 @@ def maximize_progress(
     rows[:count, :r], rows[count:-2, :r] = inequality, -inequality
     rows[-2, r], rows[-1, r] = 1.0, -1.0
     bounds = np.concatenate([upper, -lower, [reach, 0.0]])
-    equations = np.column_stack([equality, -direction])
+    equations = np.concatenate([equality, -direction[:, None]], axis=1)
     problem = QuadraticProgram(
         hessian, slope, rows, bounds, equality=equations, target=np.zeros(len(direction))
     )

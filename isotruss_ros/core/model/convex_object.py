@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 import cmath
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 import math
 from typing import NamedTuple
 
@@ -59,15 +59,7 @@ class ConvexObject:
         """Check the numbers."""
         if not callable(getattr(self.shape, 'nearest', None)):
             raise GraspError(f'shape {self.shape!r}: must be a Disc, a Polygon or an Ellipse')
-        pose = finite_array(self.pose, 3, "the object's pose (x, y, angle) [m, rad]", GraspError)
-        if np.abs(pose).max() > MAX_DISTANCE:
-            raise GraspError(f"the object's pose {self.pose!r}: must be within {MAX_DISTANCE:g} m")
-        x, y, angle = map(float, pose)
-        center, turn = complex(x, y), cmath.rect(1.0, angle)
-        object.__setattr__(self, 'pose', Pose(x, y, angle))
-        object.__setattr__(self, 'center', center)
-        object.__setattr__(self, 'turn', turn)
-        object.__setattr__(self, 'middle', center + turn * self.shape.centroid)
+        self._put(self.pose)
         object.__setattr__(self, 'arm', self.shape.perimeter / (2.0 * math.pi))
         if self.mass is not None:
             (mass,) = finite_array([self.mass], 1, "the object's mass [kg]", GraspError)
@@ -110,7 +102,21 @@ class ConvexObject:
         :param pose: of its frame in the robot frame (x, y, angle) [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
         """
-        return replace(self, pose=pose)
+        moved = object.__new__(ConvexObject)
+        # What has been checked need not be checked again.
+        moved.__dict__.update(self.__dict__)
+        moved._put(pose)
+        return moved
+
+    def _put(self, pose: ArrayLike) -> None:
+        """Set the pose and what follows from it."""
+        place = finite_array(pose, 3, "the object's pose (x, y, angle) [m, rad]", GraspError)
+        x, y, angle = place.tolist()
+        if max(abs(x), abs(y), abs(angle)) > MAX_DISTANCE:
+            raise GraspError(f"the object's pose {pose!r}: must be within {MAX_DISTANCE:g} m")
+        center, turn = complex(x, y), cmath.rect(1.0, angle)
+        middle = center + turn * self.shape.centroid
+        self.__dict__.update(pose=Pose(x, y, angle), center=center, turn=turn, middle=middle)
 
     def support(self, normals: Points) -> Array:
         """

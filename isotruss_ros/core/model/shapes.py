@@ -37,8 +37,7 @@ class SurfacePoints(NamedTuple):
     What points find nearest to them on a surface; the foot of a point is `point - gap * normal`.
 
     :ivar gaps: (c,) distance from the surface, negative inside [m].
-    :ivar normals: (c,) outward unit normals at the feet, x + iy; at a sharp corner one within its
-        normal cone.
+    :ivar normals: (c,) outward unit normals at the feet, x + iy; at a corner one within its cone.
     :ivar radii: (c,) radius of curvature there [m]: 0 at a sharp corner, infinite on a face.
     """
 

@@ -58,7 +58,7 @@ class QuadraticProgram(NamedTuple):
     :ivar gradient: (n,) q.
     :ivar rows: (l, n) G.
     :ivar bounds: (l,) h; infinite where there is no bound.
-    :ivar lower: (n,) bounds of x; infinite where there is none, None if there are none at all.
+    :ivar lower: (n,) of x, infinite where there is no bound; None for none at all.
     :ivar upper: (n,), None together with `lower`.
     :ivar equality: (k, n) A, of full row rank; None if there is none.
     :ivar target: (k,) b.
@@ -144,7 +144,7 @@ def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
     packed, tau, _, _ = lapack.dgeqrf(np.asfortranarray(problem.equality.T))
     square = np.zeros((n, n), order='F')
     square[:, :k] = packed
-    basis, _, _ = lapack.dorgqr(square, np.append(tau, np.zeros(n - k)))
+    basis, _, _ = lapack.dorgqr(square, tau)
     start, _ = lapack.dtrtrs(packed[:k], problem.target, trans=1)
     return basis[:, k:], basis[:, :k] @ start
 
@@ -175,17 +175,17 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
     if beyond <= relaxation * size:
         return Nearest(np.zeros(len(columns)), np.zeros(0, dtype=np.intp))
     size = max(size, beyond)
-    matrix = np.concatenate([-normals, -bounds[None] / size])
+    matrix = np.concatenate([normals, bounds[None] / size])
     if relaxation:
-        matrix[-1] -= relaxation * (1.0 + np.arange(len(bounds)) * GOLDEN_RATIO % 1.0)
+        matrix[-1] += relaxation * (1.0 + np.arange(len(bounds)) * GOLDEN_RATIO % 1.0)
     corner = np.zeros(len(matrix))
-    corner[-1] = 1.0
+    corner[-1] = -1.0
     try:
         weights, _ = scipy.optimize.nnls(matrix, corner, maxiter=MAX_EXCHANGES)
     except RuntimeError:
         return None
     active = np.flatnonzero(weights)
-    left = 1.0 - matrix[-1, active] @ weights[active]
+    left = 1.0 + matrix[-1, active] @ weights[active]
     # Nothing is left where constraints contradict, none is active where the relaxation put the
     # origin inside.
     if not EPSILON < left <= 1.0 or not len(active):

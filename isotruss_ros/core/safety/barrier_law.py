@@ -125,7 +125,7 @@ class ActiveValues(NamedTuple):
     :ivar indices: (k,) numbers of the values.
     :ivar values: (k,) the values.
     :ivar node_rows: (k, 2n) their derivatives by the node coordinates.
-    :ivar roller_rows: (k, r) those by the travel of the rollers besides; none if None.
+    :ivar roller_rows: (k, r) those by the travel of the rollers besides; None for none.
     """
 
     indices: Indices
@@ -197,9 +197,7 @@ class BarrierLimit:
     :ivar indices: (k,) numbers of the values.
     :ivar matrix: (k, r) their derivatives by roller travel.
     :ivar margins: (k,) what is left of them.
-    :param barrier: the barrier.
     :param active: its values that are near their bound.
-    :param matrix: (k, r) their derivatives by roller travel.
     """
 
     can_slide = True

@@ -52,21 +52,15 @@ class ShapeBounds:
     """
     What a shape must keep, and how far from there the robot is slowed.
 
-    :ivar min_rigidity: the least rigidity, as a share of that at home; see `rigidity_index`.
-    :ivar min_clearance: the least distance between parts of the robot, see `CollisionModel` [m].
-    :ivar min_object_clearance: that between the robot and the object, beside the grip [m].
-    :ivar rigidity_band: the robot is slowed where the rigidity is less than this above its bound.
-    :ivar clearance_band: the same for the distances [m].
-    :ivar rate: a small margin shrinks by at most this share of itself in a second [1/s].
     :raises ConfigurationError: a number is out of its range.
     """
 
-    min_rigidity: float = 0.2
-    min_clearance: float = 0.02
-    min_object_clearance: float = 0.02
-    rigidity_band: float = 0.2
-    clearance_band: float = 0.1
-    rate: float = 5.0
+    min_rigidity: float = 0.2  #: least rigidity, as a share of that at home; see `rigidity_index`
+    min_clearance: float = 0.02  #: least distance between parts of the robot [m]
+    min_object_clearance: float = 0.02  #: between the robot and the object, beside the grip [m]
+    rigidity_band: float = 0.2  #: the robot is slowed where less than this is left to the bound
+    clearance_band: float = 0.1  #: the same for the distances [m]
+    rate: float = 5.0  #: a small margin shrinks by at most this share of itself in a second [1/s]
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -91,7 +85,6 @@ class ShapeGuard:
 
     :ivar bounds: what its shapes must keep.
     :param robot: the robot.
-    :param bounds: what its shapes must keep.
     :param barriers: those beside rigidity, self-collision and the object.
     """
 

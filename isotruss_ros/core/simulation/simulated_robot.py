@@ -130,7 +130,6 @@ class SimulatedRobot:
     :ivar config: where the robot is.
     :ivar roller_positions: (r,) travel as the encoders tell it; that of `config` without slip [m].
     :ivar roller_velocities: (r,) speeds during the last step as the encoders tell them [m/s].
-    :param config: where it starts.
     :param simulated: the object: `RigidObject`, `ElasticObject` or one's own.
     :param faults: how the rollers differ from perfect ones.
     :param seed: of the noise.

@@ -72,20 +72,21 @@ def test_command_ahead_is_the_plain_one_for_the_state_ahead():
     assert np.abs(command.roller_velocities - plain.roller_velocities).max() > 1e-5
 
 
-def test_zero_twist_stays_idle_ahead():
-    command = solve_twist_ahead(HOME, START.grip, [0.0, 0.0, 0.0], 0.1)
-    assert command.status is Status.IDLE
-
-
-@pytest.mark.parametrize('lead', [-1e-3, np.nan, np.inf])
-def test_lead_that_makes_no_sense_is_refused(lead):
-    with pytest.raises(GraspError, match=r'lead .* must be a finite number, not negative'):
-        solve_twist_ahead(HOME, START.grip, [0.0, 0.01, 0.0], lead)
-
-
-def test_lead_beyond_all_shapes_is_refused():
-    with pytest.raises(ConfigurationError, match='nine_member'):
-        solve_twist_ahead(HOME, START.grip, [0.0, 0.05, 0.0], 1e3)
+@pytest.mark.parametrize(
+    ('lead', 'error', 'words'),
+    [
+        *(
+            (lead, GraspError, r'lead .* be a finite number, not negative')
+            for lead in (-1e-3, np.inf)
+        ),
+        (np.nan, GraspError, 'lead nan s: must be'),
+        (1e3, ConfigurationError, 'nine_member'),
+    ],
+)
+def test_leads_that_make_no_sense_or_lead_beyond_all_shapes_are_refused(lead, error, words):
+    with pytest.raises(error, match=words):
+        solve_twist_ahead(HOME, START.grip, [0.0, 0.05, 0.0], lead)
+    assert solve_twist_ahead(HOME, START.grip, np.zeros(3), 0.1).status is Status.IDLE
 
 
 def drift(rate, lead, seconds=2.0):

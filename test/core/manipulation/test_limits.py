@@ -12,7 +12,6 @@
 from grips import disc_grip
 from hypothesis import given
 from isotruss_ros.core import load_robot, RollingGrip, solve_twist, Status
-from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.manipulation.limits import (
     find_rows,
     MemberLengthLimit,
@@ -190,28 +189,3 @@ def test_corner_of_several_limits_is_never_an_error():
             assert (command.scale < 1.0) == bool(command.limiting)
             answers += command.scale < 1e-6
     assert answers > 5
-
-
-@robots.examples(12)
-@given(robots.robots(('arch', 'ring')), robots.generators())
-def test_walks_of_random_robots_stay_within_limits(robot, rng):
-    module = str(rng.choice(robot.module_names))
-    document_limits = MemberLengthLimit(
-        0.97 * robot.home.member_lengths.min(), 1.03 * robot.home.member_lengths.max()
-    )
-    limits = [RollerSpeedLimit(0.1), document_limits]
-    try:
-        held = RollingGrip.attach(robot.home, disc_grip(robot.home, module, 0.2))
-    except GraspError:
-        return
-    for _ in range(60):
-        try:
-            twist = rng.standard_normal(3)
-            command = solve_twist(held.config, held.grip, twist, limits=limits)
-            held = moved(held, 0.05 * command.roller_velocities)
-        except ConfigurationError:
-            return  # the walk came to a singular shape, which no limit here forbids
-        assert np.abs(command.roller_velocities).max() <= 0.1 + 1e-9
-        lengths = held.config.member_lengths
-        assert lengths.min() >= document_limits.min_length - 1e-9
-        assert lengths.max() <= document_limits.max_length + 1e-9

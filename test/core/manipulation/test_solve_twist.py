@@ -33,6 +33,9 @@ from scipy.optimize import linprog, minimize
 
 NUMBERS = strategies.integers(0, 10**6)
 UNLIMITED = ()
+NINE, TRIANGLE = load_robot('nine_member'), load_robot('triangle')
+HOME = NINE.home
+GRIP, SMALL = disc_grip(HOME, 'east/Q', 0.3), disc_grip(TRIANGLE.home, 'main/T', 0.2)
 
 
 def full_program(config, grip, ends, twist):
@@ -153,9 +156,9 @@ def test_rollers_are_those_of_the_full_program(robot, rng, number):
     assert moved == pytest.approx(velocity, abs=1e-5 * np.abs(velocity).max())
 
 
-@pytest.mark.parametrize('module', load_robot('nine_member').module_names)
+@pytest.mark.parametrize('module', NINE.module_names)
 def test_nine_member_robot_follows_the_full_program_at_every_grip(module):
-    robot = load_robot('nine_member')
+    robot = NINE
     config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
     grasp = disc_grip(config, module, 0.3)
     twist = np.array([0.01, 0.02, -0.05])
@@ -276,9 +279,7 @@ def test_commands_grow_with_the_twist_until_limits_bind(robot, rng, number):
 
 
 def test_smallest_and_largest_numbers_stay_numbers():
-    robot = load_robot('nine_member')
-    config = robot.home
-    grasp = disc_grip(config, 'east/Q', 0.3)
+    config, grasp = HOME, GRIP
     for size in (5e-324, 1e-310, 1e-300, 1e300, 1.7e308):
         command = solve_twist(config, grasp, [size, -size, size])
         assert np.isfinite(command.roller_velocities).all()
@@ -335,58 +336,23 @@ def test_nearest_twist_is_found_where_the_wanted_one_is_out_of_reach(robot, rng,
     assert jacobian[3] @ command.roller_velocities == pytest.approx(0.0, abs=1e-9)
 
 
-def test_nearest_twist_is_the_one_that_slsqp_finds():
-    robot = load_robot('triangle')
-    grasp = disc_grip(robot.home, 'main/T', 0.2)
-    jacobian, twist = grip_jacobian(robot.home, grasp), np.array([0.01, 0.02, 0.1])
-    found = minimize(
-        lambda u: np.sum((surface(grasp) * (jacobian[:3] @ u - twist)) ** 2) * 1e4,
-        np.zeros(2),
-        constraints={'type': 'eq', 'fun': lambda u: jacobian[3] @ u},
-        method='SLSQP',
-        options={'ftol': 1e-15},
+def test_a_zero_twist_and_no_working_rollers_move_nothing():
+    idle = solve_twist(HOME, GRIP, [0.0, -0.0, 0.0])
+    stuck = solve_twist(HOME, GRIP, [0.01, 0.0, 0.0], failed=NINE.roller_names)
+    assert (idle.status, idle.scale, stuck.status) == (Status.IDLE, 1.0, Status.UNREACHABLE)
+    for command in (idle, stuck):
+        assert command.roller_velocities.tolist() == [0.0] * 6
+        assert command.achieved_twist.tolist() == [0.0] * 3
+    # The name of one failed roller may stand alone.
+    alone, listed = (
+        solve_twist(HOME, GRIP, [0.0, 0.01, 0.0], failed=failed)
+        for failed in ('south/Q', ['south/Q'])
     )
-    command = solve_twist(robot.home, grasp, twist)
-    assert command.status is Status.UNREACHABLE
-    assert command.roller_velocities == pytest.approx(found.x, abs=1e-6)
-
-
-def test_grounded_grip_cannot_follow():
-    robot = load_robot('nine_member')
-    config = robot.configuration([0.03, -0.02, 0.01, 0.04, -0.03, 0.02])
-    grasp = disc_grip(config, 'south/X', 0.3)
-    jacobian = grip_jacobian(config, grasp)
-    # X stands on the ground and is the seam: what is left is to turn about it, if anything.
-    assert np.linalg.matrix_rank(jacobian, tol=1e-6) < 4
-    twist = np.array([0.01, 0.0, 0.0])
-    command = solve_twist(config, grasp, twist)
-    assert command.status is Status.UNREACHABLE
-    assert np.linalg.norm(command.achieved_twist[:2] - twist[:2]) > 1e-3
-    assert jacobian[3] @ command.roller_velocities == pytest.approx(0.0, abs=1e-12)
-
-
-def test_no_working_rollers_move_nothing():
-    robot = load_robot('nine_member')
-    grasp = disc_grip(robot.home, 'east/Q', 0.3)
-    command = solve_twist(robot.home, grasp, [0.01, 0.0, 0.0], failed=robot.roller_names)
-    assert command.status is Status.UNREACHABLE
-    assert not command.roller_velocities.any()
-    assert not command.achieved_twist.any()
-
-
-def test_zero_twist_is_idle():
-    robot = load_robot('nine_member')
-    grasp = disc_grip(robot.home, 'east/Q', 0.3)
-    command = solve_twist(robot.home, grasp, [0.0, -0.0, 0.0])
-    assert command.status is Status.IDLE
-    assert command.scale == 1.0
-    assert command.roller_velocities.tolist() == [0.0] * 6
-    assert command.achieved_twist.tolist() == [0.0] * 3
+    assert alone.roller_velocities.tolist() == listed.roller_velocities.tolist()
 
 
 def test_own_limits_replace_those_of_the_file():
-    robot = load_robot('nine_member')
-    grasp = disc_grip(robot.home, 'east/Q', 0.3)
+    robot, grasp = NINE, GRIP
     twist = [0.0, 0.05, 0.0]
     free = solve_twist(robot.home, grasp, twist, limits=UNLIMITED)
     assert free.scale == 1.0
@@ -400,8 +366,7 @@ def test_own_limits_replace_those_of_the_file():
 
 
 def test_member_at_its_limit_is_named():
-    robot = load_robot('nine_member')
-    grasp = disc_grip(robot.home, 'east/Q', 0.3)
+    robot, grasp = NINE, GRIP
     twist = [0.0, 0.01, 0.0]
     free = solve_twist(robot.home, grasp, twist)
     growing = robot.topology.incidence @ free.roller_velocities
@@ -440,31 +405,21 @@ def test_member_at_its_limit_is_named():
     ids=lambda value: repr(value)[:20],
 )
 def test_twist_that_makes_no_sense_is_refused(twist):
-    robot = load_robot('triangle')
-    grasp = disc_grip(robot.home, 'main/T', 0.2)
+    robot, grasp = TRIANGLE, SMALL
     with pytest.raises(GraspError, match=r'the twist \(vx, vy .* must be 3 finite numbers'):
         solve_twist(robot.home, grasp, twist)
 
 
 def test_unknown_names_are_refused_even_for_no_motion():
-    robot = load_robot('triangle')
-    grasp = disc_grip(robot.home, 'main/T', 0.2)
+    robot, grasp = TRIANGLE, SMALL
     # main/L is a module, but it has no motor that could fail.
     for failed in ({'main/W'}, ['main/L'], 'T', [None]):
         with pytest.raises(GraspError, match='no such rollers; its rollers are main/R, main/T'):
             solve_twist(robot.home, grasp, [0.0, 0.0, 0.0], failed=failed)
 
 
-def test_name_of_one_failed_roller_may_stand_alone():
-    robot = load_robot('nine_member')
-    grasp = disc_grip(robot.home, 'east/Q', 0.3)
-    alone = solve_twist(robot.home, grasp, [0.0, 0.01, 0.0], failed='south/Q')
-    listed = solve_twist(robot.home, grasp, [0.0, 0.01, 0.0], failed=['south/Q'])
-    assert alone.roller_velocities.tolist() == listed.roller_velocities.tolist()
-
-
 def test_object_that_is_not_touched_is_refused():
-    robot = load_robot('triangle')
+    robot = TRIANGLE
     grip = Grip.at_module(robot, 'main/T', ConvexObject.disc((5.0, 0.3), 0.2))
     with pytest.raises(GraspError, match='member main/T-L does not touch the object at'):
         solve_twist(robot.home, grip, [0.0, 0.0, 0.0])
@@ -476,7 +431,7 @@ def test_object_that_is_not_touched_is_refused():
 @pytest.mark.parametrize('module', ['north/Z', 'east/R'])
 @pytest.mark.parametrize('twist', [(0.0, 0.0, 0.0), (0.01, -0.02, 0.1)])
 def test_the_contacts_move_apart_at_the_rate_asked_for(module, twist):
-    config = load_robot('nine_member').home
+    config = HOME
     grasp = disc_grip(config, module, 0.3)
     b, b_end, c, c_end = ends = robots.side_ends(config, module)
     before, depth = abs(np.angle((b_end - b) / (c_end - c))), contact_depth(config, grasp, ends)
@@ -491,7 +446,7 @@ def test_the_contacts_move_apart_at_the_rate_asked_for(module, twist):
 
 
 def test_limits_scale_the_opening_with_the_twist():
-    config = load_robot('nine_member').home
+    config = HOME
     grasp = disc_grip(config, 'north/Z', 0.3)
     free = solve_twist(config, grasp, (0.01, 0.0, 0.0), opening_rate=-0.004)
     slowed = solve_twist(config, grasp, (1.0, 0.0, 0.0), opening_rate=-0.4)
@@ -502,7 +457,7 @@ def test_limits_scale_the_opening_with_the_twist():
 
 
 def test_the_grip_opens_while_the_object_slides_along_limits():
-    config = load_robot('nine_member').home
+    config = HOME
     grasp = disc_grip(config, 'north/Z', 0.3)
     length = config.member_lengths.min()
     limits = [RollerSpeedLimit(0.5), MemberLengthLimit(length - 2e-3, length + 2e-3)]

@@ -88,9 +88,10 @@ def test_minimum_without_constraints():
 
 
 def test_nearest_point_of_a_half_plane():
-    rows = np.array([[3.0, 4.0]])
-    program = QuadraticProgram(np.eye(2), np.zeros(2), rows, np.array([-5.0]), *free(2)[2:])
-    assert solve_qp(program) == pytest.approx([-0.6, -0.8])
+    rows, bounds = np.array([[3.0, 4.0]]), np.array([-5.0])
+    for limits in (free(2)[2:], ()):
+        program = QuadraticProgram(np.eye(2), np.zeros(2), rows, bounds, *limits)
+        assert solve_qp(program) == pytest.approx([-0.6, -0.8])
 
 
 @pytest.mark.parametrize('size', [1e-6, 1e6])
@@ -104,12 +105,6 @@ def test_solution_is_of_any_size_and_rows_of_any_length(size, length):
         program = QuadraticProgram(np.eye(5), np.zeros(5), rows, bounds, *free(5)[2:])
         # The nearest point of the half-plane.
         assert solve_qp(program) == pytest.approx(row * bound / (row @ row), rel=1e-9)
-
-
-def test_variables_without_bounds_need_none():
-    rows, bounds = np.array([[3.0, 4.0]]), np.array([-5.0])
-    program = QuadraticProgram(np.eye(2), np.zeros(2), rows, bounds)
-    assert solve_qp(program) == pytest.approx([-0.6, -0.8])
 
 
 @pytest.mark.parametrize('length', [1e-6, 1.0, 1e6])

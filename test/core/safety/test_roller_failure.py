@@ -72,6 +72,16 @@ def test_stuck_roller_is_found_in_the_stated_time(speed, time):
     assert time <= found['b'] <= time + 0.02
 
 
+@pytest.mark.parametrize('speed', [0.0025, 0.005, 0.015])
+@pytest.mark.parametrize('time', [0.3, 1.0, 3.0])
+def test_slow_commands_take_no_longer_once_2_mm_are_sent(speed, time):
+    rollers = Rollers(noise=2e-5)
+    rollers.works[1] = 0.0
+    found = run(detector(time=time), rollers, steady([speed] * 4, 4.0))
+    assert set(found) == {'b'}
+    assert time <= found['b'] <= max(time, 0.002 / speed + 0.2) + 0.02
+
+
 @robots.examples(40)
 @given(robots.generators(), strategies.floats(0.1, 4.5))
 def test_swinging_commands_find_who_is_stuck_and_no_other(rng, frequency):
