@@ -185,4 +185,4 @@ def find_wrinkling(
     pressed = 2.0 / radius * sections.moment * np.sign(local.imag)
     tension[touching] += pressed - sections.compression
     tension /= 2.0 * np.pi * radius
-    return Wrinkling(*sections.largest(topology.n_modules), np.maximum(tension, 0.0))
+    return Wrinkling(sections.utilisation, sections.place, np.maximum(tension, 0.0))

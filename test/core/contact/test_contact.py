@@ -194,7 +194,7 @@ def test_candidates_of_any_shape_are_those_within_its_tangents(kind, rng, spacin
     found = find_contact_points(straight(), surface, spacing, flat if flattening else None)
     outline = dense_outline(shape, 4000) * body.turn + body.center - surface.center
     assert surface.reach >= np.abs(outline).max() + margin - 1e-9
-    normals, distances = surface.tangents()
+    normals, distances = surface.tangents
     farthest = (outline[:, None] * normals.conj()).real.max(axis=0, initial=-np.inf)
     assert distances == pytest.approx(farthest + margin, abs=1e-5)
     if isinstance(shape, Polygon):
