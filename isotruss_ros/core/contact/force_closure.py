@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import functools
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.numerics.least_distance import find_nearest
+from isotruss_ros.core.numerics.least_distance import find_nearest, solve_least_squares
 import numpy as np
 import scipy
 
@@ -115,6 +115,10 @@ def _balance(
         shares[~free] = -friction * np.sign(lever[~free])
     if free.any():
         open_, rest = segments[free], load + shares @ segments
+        # Without what is left in any case, the smallest shares show.
+        across = rest + solve_least_squares(open_.T, -rest) @ open_
+        if left is not None and np.linalg.norm(across - left.point) <= ACROSS * size:
+            rest -= across
         # A load beyond all friction must not overflow in the search either.
         size = max(float(np.abs(open_).max()), 1e-6 * float(np.abs(rest).max()))
         count = len(open_)
