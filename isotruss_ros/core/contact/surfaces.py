@@ -102,8 +102,8 @@ class RoundSurface:
         """
         sizes = np.abs(away)
         # That of a point at the very centre is any, say upward.
-        normals = np.divide(away, sizes, out=np.full(len(away), 1j), where=sizes > 0.0)
-        return SurfacePoints(sizes - self.reach, normals, np.full(len(away), self.reach))
+        away, known = np.where(sizes > 0.0, away, 1j), np.where(sizes > 0.0, sizes, 1.0)
+        return SurfacePoints(sizes - self.reach, away / known, np.full(len(away), self.reach))
 
     def facing(self, away: Points, axis: Points) -> Points:
         """
