@@ -87,8 +87,7 @@ def press(
     points = _contact_points(tube, pressure, places, flattens)
     contact = solve_contact(points, RoundSurface(center, radius))
     force = -float((contact.forces * contact.normals).imag.sum())
-    length, _, _ = contact_extents(points, contact, 1)
-    return Pressed(force / depth, float(length[0]))
+    return Pressed(force / depth, float(contact_extents(points, contact, 1).length[0]))
 
 
 def _contact_points(

@@ -211,27 +211,25 @@ def _by_member(
     """Return the fields of a `GraspAnalysis` that are by member."""
     robot = structure.config.robot
     gauge = np.array(structure.pressures)[robot.topology.tube]
-    wrinkling = find_wrinkling(structure, contact_points, contact)
-    regions = contact_regions(contact_points, contact, extents, gauge, wrinkling.tension)
-    names = robot.member_names
-    touching = np.flatnonzero(regions.length).tolist()
+    sections, tension = find_wrinkling(structure, contact_points, contact)
+    regions = contact_regions(contact_points, contact, gauge, tension)
+    names, spans = robot.member_names, extents.spans.tolist()
+    touching = np.flatnonzero(extents.length).tolist()
     wide = touching if contact_points.dents.any() else []
 
     def named(values: Array, members: Iterable[int] = range(len(names))) -> dict[str, float]:
         return {names[i]: values.item(i) for i in members}
 
     return {
-        'contact_lengths': named(regions.length, touching),
-        'contact_spans': {
-            names[i]: (regions.start.item(i), regions.end.item(i)) for i in touching
-        },
+        'contact_lengths': named(extents.length, touching),
+        'contact_spans': {names[i]: tuple(spans[i]) for i in touching},
         'contact_forces': named(regions.force, touching),
         'contact_widths': named(regions.width, wide),
         'contact_areas': named(regions.area, wide),
         'contact_pressures': named(regions.pressure, wide),
         'peak_pressures': named(regions.peak_pressure, wide),
-        'utilisation': named(wrinkling.utilisation),
-        'utilisation_places': named(wrinkling.place),
+        'utilisation': named(sections.utilisation),
+        'utilisation_places': named(sections.place),
     }
 
 

@@ -166,7 +166,8 @@ def _settle_normals(
         if failed:
             raise SolverError('the contact compliance is not positive definite')
         moved = moving @ pressing
-        turned = surface.normals_of(away + moved[:count] + 1j * moved[count:], axis)
+        met = axis * (away + moved[:count] + 1j * moved[count:])
+        turned = axis.conj() * surface.nearest(met).normals
         forces = pressing * local
         change = float(np.abs(turned - local).max())
         local = turned

@@ -18,25 +18,20 @@ pressure.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.structure import Structure
-from isotruss_ros.core.statics.wrinkling import load_sections, SectionPoints
+from isotruss_ros.core.statics.wrinkling import load_sections, SectionLoads, SectionPoints
 import numpy as np
 
 
-@dataclass(frozen=True, eq=False)
-class ContactRegions:
+class ContactRegions(NamedTuple):
     """
-    Where tubes touch the object; one number for each of the m members, zero where none does.
+    How tubes press on the object; one number for each of the m members, zero where none does.
 
     :ivar force: (m,) sum of the normal forces [N].
-    :ivar length: (m,) of tube in contact [m].
-    :ivar start: (m,) where contact begins, from the member's start; inf without [m].
-    :ivar end: (m,) where it ends, from the member's start; -inf without [m].
     :ivar width: (m,) the largest, around the tube [m]; zero in the paper's model, as all below.
     :ivar area: (m,) [m^2].
     :ivar pressure: (m,) mean [Pa].
@@ -44,30 +39,10 @@ class ContactRegions:
     """
 
     force: Array
-    length: Array
-    start: Array
-    end: Array
     width: Array
     area: Array
     pressure: Array
     peak_pressure: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Wrinkling:
-    """
-    How near the tubes are to wrinkling.
-
-    :ivar utilisation: (m,) largest |M| / M_w of each member; infinite where compression alone
-        takes all of the pull.
-    :ivar place: (m,) where along the member that is, from its start [m].
-    :ivar tension: (c,) of the wall along the tube, on the side of the object, at the contact
-        points; not negative [N/m].
-    """
-
-    utilisation: Array
-    place: Array
-    tension: Array
 
 
 class ContactExtents(NamedTuple):
@@ -75,45 +50,37 @@ class ContactExtents(NamedTuple):
     How far contact goes on each of the m members.
 
     :ivar length: (m,) of tube in contact, zero where there is none [m].
-    :ivar start: (m,) where contact begins, from the member's start; inf without [m].
-    :ivar end: (m,) where it ends, from the member's start; -inf without [m].
+    :ivar spans: (m, 2) where contact begins and ends, from the member's start; inf, -inf without
+        [m].
     """
 
     length: Array
-    start: Array
-    end: Array
+    spans: Array
 
 
 def contact_regions(
-    contact_points: ContactPoints,
-    contact: ContactState,
-    extents: ContactExtents,
-    pressure: Array,
-    tension: Array,
+    contact_points: ContactPoints, contact: ContactState, pressure: Array, tension: Array
 ) -> ContactRegions:
     """
     Return the contact regions of all members.
 
     :param contact_points: points that the object could touch.
     :param contact: where it does.
-    :param extents: of the contact, see `contact_extents`.
     :param pressure: (m,) p in each member, gauge [Pa].
-    :param tension: (c,) of the wall along the tube at the points, see `Wrinkling` [N/m].
+    :param tension: (c,) of the wall along the tube at the points, see `find_wrinkling` [N/m].
     """
     count, spacing = len(pressure), contact_points.spacing
     forces, member = contact.forces, contact_points.member
-    force = np.bincount(member, forces, count)
-    length, start, end = extents
-    zero = np.zeros(count)
+    force, zero = np.bincount(member, forces, count), np.zeros(count)
     if not contact_points.dents.any():
-        return ContactRegions(force, length, start, end, zero, zero, zero, zero)
+        return ContactRegions(force, zero, zero, zero, zero)
     local = pressure[member] + tension / contact.radii
     area = np.bincount(member, forces / local, count)
     width, peak = zero.copy(), zero.copy()
     np.maximum.at(width, member, forces / local / spacing)
     np.maximum.at(peak, member, np.where(forces > 0.0, local, 0.0))
     mean = np.divide(force, area, out=zero, where=area > 0.0)
-    return ContactRegions(force, length, start, end, width, area, mean, peak)
+    return ContactRegions(force, width, area, mean, peak)
 
 
 def contact_extents(
@@ -147,21 +114,23 @@ def contact_extents(
     after[:-1], before[1:] = np.where(joined, share, 0.5), np.where(joined, share, 0.5)
     before[:1], after[-1:] = 0.5, 0.5
     length = np.bincount(member, spacing * touching * (before + after), count)
-    start, end = np.full(count, np.inf), np.full(count, -np.inf)
-    np.minimum.at(start, member[touching], (place - spacing * before)[touching])
-    np.maximum.at(end, member[touching], (place + spacing * after)[touching])
-    return ContactExtents(length, start, end)
+    spans = np.tile([np.inf, -np.inf], (count, 1))
+    np.minimum.at(spans[:, 0], member[touching], (place - spacing * before)[touching])
+    np.maximum.at(spans[:, 1], member[touching], (place + spacing * after)[touching])
+    return ContactExtents(length, spans)
 
 
 def find_wrinkling(
     structure: Structure, contact_points: ContactPoints, contact: ContactState
-) -> Wrinkling:
+) -> tuple[SectionLoads, Array]:
     """
-    Return how near the members of a robot are to wrinkling under contact forces.
+    Return what the sections of a robot's tubes bear under contact forces, and their tension.
 
     :param structure: the frame of the robot.
     :param contact_points: points that the object could touch.
     :param contact: where it does, and with what force.
+    :return: (c,) tension of the wall along the tube, on the side of the object, at the contact
+        points; not negative [N/m].
     """
     frame, topology = structure.frame, structure.config.robot.topology
     radius = 0.5 * structure.config.robot.description.tube_diameter
@@ -185,4 +154,4 @@ def find_wrinkling(
     pressed = 2.0 / radius * sections.moment * np.sign(local.imag)
     tension[touching] += pressed - sections.compression
     tension /= 2.0 * np.pi * radius
-    return Wrinkling(*sections.largest(topology.n_modules), np.maximum(tension, 0.0))
+    return sections, np.maximum(tension, 0.0)

@@ -11,33 +11,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.interior import interior_points
 from isotruss_ros.core.statics.structure import structure_of, tube_pieces
 import numpy as np
 
 #: Points on each of the three pieces of a member: B to D, D to E', E' to C'.
 SAMPLES = (2, 13, 2)
-
-
-class TubeLoad(NamedTuple):
-    """
-    Forces at points inside members of a frame.
-
-    :ivar piece: (c,) number of the member of the frame that each force acts on.
-    :ivar place: (c,) distance from that member's start [m].
-    :ivar local: (c,) the forces along + i across that member [N].
-    """
-
-    piece: Indices
-    place: Array
-    local: Points
 
 
 def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
@@ -49,21 +32,41 @@ def deformed_lines(config: Configuration, analysis: GraspAnalysis) -> Points:
     :raises StructureError: the robot is a mechanism.
     """
     topology, frame = config.robot.topology, structure_of(config).frame
-    m = topology.n_modules
-    first, last, middle = tube_pieces(m)
+    first, last, middle = tube_pieces(topology.n_modules)
     touching = analysis.normal_forces > 0.0
     forces = analysis.normals[touching] @ np.array([1.0, 1.0j]) * analysis.normal_forces[touching]
-    loaded, places = _on_pieces(config, analysis.members[touching], analysis.places[touching])
-    load = TubeLoad(loaded, places, forces * frame.axis[loaded].conj())
-    moved = _displacements(frame, load)
-    # C' is where the last piece starts, E' where it ends.
-    parts = [(first, False), (middle, False), (last[topology.following], True)]
-    lines = []
-    for (piece, backward), count in zip(parts, SAMPLES, strict=True):
-        line = _line(frame, piece, count, load, moved)
-        lines.append(line[:, ::-1] if backward else line)
-    # Where a piece ends the next begins.
-    return np.concatenate([lines[0], lines[1][:, 1:], lines[2][:, 1:]], axis=1)
+    loaded, at_loads = _on_pieces(config, analysis.members[touching], analysis.places[touching])
+    # Points of the lines, then of the forces. C' is where the last piece starts, E' where it ends;
+    # where a piece ends the next begins.
+    parts = [(first, np.linspace(0.0, 1.0, SAMPLES[0]))]
+    parts += [(middle, np.linspace(0.0, 1.0, SAMPLES[1])[1:])]
+    parts += [(last[topology.following], np.linspace(1.0, 0.0, SAMPLES[2])[1:])]
+    along = [frame.length[piece][:, None] * shares for piece, shares in parts]
+    pieces = [np.repeat(piece[:, None], len(shares), axis=1) for piece, shares in parts]
+    lines = np.concatenate(pieces, axis=1)
+    piece = np.append(lines.ravel(), loaded)
+    place = np.append(np.concatenate(along, axis=1).ravel(), at_loads)
+    drawn = lines.size
+    inside = interior_points(frame, piece, np.arange(len(piece)), place)
+    shapes, local = inside.shapes(), forces * frame.axis[loaded].conj()
+    # What moves the ends of the pieces as the forces do.
+    bearing, which = np.unique(loaded, return_inverse=True)
+    pushed = np.zeros((len(bearing), 6))
+    of_loads = shapes[drawn:]
+    carried = local.real[:, None] * of_loads[:, 0] + local.imag[:, None] * of_loads[:, 1]
+    np.add.at(pushed, which, carried)
+    moved = frame.displacements(bearing, pushed.reshape(-1, 1))[:, :, 0]
+    own, drawn_on = frame.members, piece[:drawn]
+    ends = np.concatenate([moved[own.start[drawn_on]], moved[own.end[drawn_on]]], axis=1)
+    ends = np.einsum('cij,cj->ci', frame.to_member_frame(drawn_on), ends)
+    bent = np.einsum('cie,ce->ci', shapes[:drawn], ends) @ np.array([1.0, 1.0j])
+    # What the pieces that carry forces give besides.
+    here = np.flatnonzero(np.isin(piece, bearing))
+    places = interior_points(frame, bearing, np.searchsorted(bearing, piece[here]), place[here])
+    pulled, pressed = places.compliance()[:, :, here >= drawn]
+    bent[here[here < drawn]] += (pulled @ local.real + 1j * (pressed @ local.imag))[here < drawn]
+    start, axis = frame.points[own.start[drawn_on]], frame.axis[drawn_on]
+    return (start + axis * (place[:drawn] + bent)).reshape(lines.shape)
 
 
 def force_lines(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
@@ -123,40 +126,3 @@ def _on_pieces(config: Configuration, member: Indices, place: Array) -> tuple[In
     )
     along = np.select([place < ring, place > length - ring], [place, length - place], place - ring)
     return pieces, along
-
-
-def _displacements(frame: Frame, load: TubeLoad) -> Array:
-    """Return the displacements of the nodes, (n, 3), see `FrameState`."""
-    shapes = interior_points(frame, load.piece, np.arange(len(load.piece)), load.place).shapes()
-    # What moves the ends of the members as the forces do.
-    carried = load.local.real[:, None] * shapes[:, 0] + load.local.imag[:, None] * shapes[:, 1]
-    pushed = np.einsum('cji,cj->ci', frame.to_member_frame(load.piece), carried)
-    loads = np.zeros((len(frame.points), 3))
-    np.add.at(loads, frame.members.start[load.piece], pushed[:, :3])
-    np.add.at(loads, frame.members.end[load.piece], pushed[:, 3:])
-    return frame.solve(loads).displacements
-
-
-def _line(frame: Frame, pieces: Indices, count: int, load: TubeLoad, ends: Array) -> Points:
-    """Return points (p, count) of bent pieces, by displacements (n, 3) of the nodes [m]."""
-    start, axis = frame.points[frame.members.start[pieces]], frame.axis[pieces]
-    place = frame.length[pieces, None] * np.linspace(0.0, 1.0, count)
-    member = np.repeat(np.arange(len(pieces)), count)
-    shapes = (
-        interior_points(frame, pieces, member, place.ravel()).shapes()
-        @ frame.to_member_frame(pieces)[member]
-    )
-    moved = np.concatenate(
-        [ends[frame.members.start[pieces]], ends[frame.members.end[pieces]]], axis=1
-    )
-    local = np.einsum('cie,ce->ci', shapes, moved[member]) @ np.array([1.0, 1.0j])
-    local = local.reshape(place.shape)
-    for i in np.flatnonzero(np.isin(pieces, load.piece)):
-        here = load.piece == pieces[i]
-        both = np.concatenate([place[i], load.place[here]])
-        alone = np.zeros(len(both), dtype=int)
-        along, across = interior_points(frame, pieces[[i]], alone, both).compliance()
-        pull = load.local[here]
-        bent = along[:count, count:] @ pull.real + 1j * (across[:count, count:] @ pull.imag)
-        local[i] += bent
-    return start[:, None] + axis[:, None] * (place + local)

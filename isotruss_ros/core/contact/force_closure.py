@@ -23,7 +23,11 @@ from dataclasses import dataclass
 import functools
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.numerics.least_distance import find_nearest
+from isotruss_ros.core.numerics.least_distance import (
+    find_nearest,
+    Nearest,
+    solve_least_squares,
+)
 import numpy as np
 import scipy
 
@@ -114,19 +118,30 @@ def _balance(
         free = np.abs(lever) <= ACROSS * reach
         shares[~free] = -friction * np.sign(lever[~free])
     if free.any():
-        open_, rest = segments[free], load + shares @ segments
-        # A load beyond all friction must not overflow in the search either.
-        size = max(float(np.abs(open_).max()), 1e-6 * float(np.abs(rest).max()))
-        count = len(open_)
-        shares[free] = scipy.optimize.lsq_linear(
-            np.concatenate([open_.T / size, SMALL * np.eye(count)]),
-            np.concatenate([-rest / size, np.zeros(count)]),
-            (-friction, friction),
-            method='bvls',
-            tol=PRECISION,
-            max_iter=MOST_STEPS * count,
-        ).x
+        shares[free] = _smallest(segments[free], load + shares @ segments, friction, left)
     return shares, float(np.linalg.norm(segments.T @ shares + load))
+
+
+def _smallest(segments: Array, load: Array, friction: float, left: Nearest | None) -> Array:
+    """Return the smallest shares (k,) in [-mu, mu] that leave the least of a load, if known."""
+    shares = solve_least_squares(segments.T, -load)
+    if np.abs(shares).max() <= friction:
+        return shares
+    # A load beyond all friction must not overflow in the search either.
+    size = max(float(np.abs(segments).max()), 1e-6 * float(np.abs(load).max()))
+    # Without what is left in any case, the smallest shares show.
+    across = load + shares @ segments
+    if left is not None and np.linalg.norm(across - left.point) <= ACROSS * size:
+        load = load - across
+    count = len(segments)
+    return scipy.optimize.lsq_linear(
+        np.concatenate([segments.T / size, SMALL * np.eye(count)]),
+        np.concatenate([-load / size, np.zeros(count)]),
+        (-friction, friction),
+        method='bvls',
+        tol=PRECISION,
+        max_iter=MOST_STEPS * count,
+    ).x
 
 
 def _extremes(

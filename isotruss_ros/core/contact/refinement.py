@@ -109,12 +109,10 @@ def refine_contact(
         names = structure.config.robot.member_names
         before = np.array([previous.spans.get(name, -EVERYWHERE) for name in names])
         found, fits = search.solve(before, previous, limited=True)
-        settled = fits and (
-            budget is not None or _is_division_clear(_regions(found.extents), spacing)
-        )
+        settled = fits and (budget is not None or _is_division_clear(found.extents.spans, spacing))
     if not settled:
         found = search.estimate()
-        if not _touched(_regions(found.extents)).any():
+        if not _touched(found.extents.spans).any():
             return search.solve_everywhere()
     for step in range(MAX_STEPS):
         if settled:
@@ -123,13 +121,13 @@ def refine_contact(
             {}, found.points.member, found.points.place, found.contact.normals
         )
         limited = step < MAX_STEPS - 1
-        found, settled = search.solve(_regions(found.extents), around, limited)
+        found, settled = search.solve(found.extents.spans, around, limited)
         # The search goes by tangents, which may be touched where the surface is not.
-        touches = budget is None or _touched(_regions(found.extents)).any()
+        touches = budget is None or _touched(found.extents.spans).any()
         if not len(found.points.points) or not touches:
             return search.solve_everywhere()
     # Whatever the search began with, the answer is the same.
-    within = _within(found.points, _regions(found.extents) + search.room)
+    within = _within(found.points, found.extents.spans + search.room)
     return found._replace(kept=np.flatnonzero(within))
 
 
@@ -172,7 +170,7 @@ class _Search:
         within = limited & _touched(regions)
         windows = np.where(within, regions + SEARCH * self.room, EVERYWHERE)
         solved = self._found(self.spacing / division, windows, begin)
-        found = _regions(solved.extents)
+        found = solved.extents.spans
         # A member whose contact has left its window may be touched elsewhere.
         inside = ((found + self.room - windows) * self.room <= 0.0).all()
         fits = inside and (_touched(found) >= within).all()
@@ -209,11 +207,6 @@ def _carry_over(before: PreviousContact, points: ContactPoints) -> Points:
     known, normals = known[order], before.normals[order]
     found = np.interp(wanted, known, normals.real) + 1j * np.interp(wanted, known, normals.imag)
     return normalize(found)
-
-
-def _regions(extents: ContactExtents) -> Array:
-    """Return where contact begins and ends on each member, (m, 2); inf, -inf without [m]."""
-    return np.stack([extents.start, extents.end], axis=1)
 
 
 def _division(regions: Array, spacing: float, budget: int | None = None) -> int:

@@ -19,10 +19,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.shapes import normalize, Shape, SurfacePoints
+from isotruss_ros.core.model.shapes import Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
 
@@ -36,10 +36,12 @@ class Surface(Protocol):
 
     :ivar center: a point inside, x + iy; all else is relative to it [m].
     :ivar reach: the largest distance of the surface from there [m].
+    :ivar tangents: normals (k,) and distances (k,) [m] of tangents that bound it besides.
     """
 
     center: complex
     reach: float
+    tangents: tuple[Points, Array]
 
     def support(self, normals: Points) -> Array | float:
         """
@@ -55,14 +57,6 @@ class Surface(Protocol):
         :param away: (c,) x + iy, from the centre [m].
         """
 
-    def normals_of(self, away: Points, axis: Points) -> Points:
-        """
-        Return the normals (c,) at the feet of points, along and across the tubes.
-
-        :param away: (c,) from the centre, along + i across the tubes [m].
-        :param axis: (c,) directions of the tubes.
-        """
-
     def facing(self, away: Points, axis: Points) -> Points:
         """
         Return the normals (c,) with which tubes meet the object that do not bend yet.
@@ -70,9 +64,6 @@ class Surface(Protocol):
         :param away: (c,) points of the centre lines, from the centre; they may be inside [m].
         :param axis: (c,) directions of the tubes.
         """
-
-    def tangents(self) -> tuple[Points, Array]:
-        """Return normals (k,) and distances (k,) [m] of tangents that bound it besides `reach`."""
 
     def resolved(self, spacing: float) -> Surface:
         """
@@ -93,6 +84,7 @@ class RoundSurface:
 
     center: complex
     reach: float
+    tangents: ClassVar = np.zeros(0, dtype=np.complex128), np.zeros(0)
 
     def support(self, normals: Points) -> float:
         """
@@ -109,16 +101,9 @@ class RoundSurface:
         :param away: (c,) x + iy, from the centre [m].
         """
         sizes = np.abs(away)
-        return SurfacePoints(sizes - self.reach, normalize(away), np.full(len(away), self.reach))
-
-    def normals_of(self, away: Points, axis: Points) -> Points:
-        """
-        Return the normals (c,) at the feet of points, along and across the tubes.
-
-        :param away: (c,) from the centre, along + i across the tubes [m].
-        :param axis: (c,) directions of the tubes.
-        """
-        return normalize(away)
+        # That of a point at the very centre is any, say upward.
+        away, known = np.where(sizes > 0.0, away, 1j), np.where(sizes > 0.0, sizes, 1.0)
+        return SurfacePoints(sizes - self.reach, away / known, np.full(len(away), self.reach))
 
     def facing(self, away: Points, axis: Points) -> Points:
         """
@@ -127,11 +112,7 @@ class RoundSurface:
         :param away: (c,) from the centre [m].
         :param axis: (c,) directions of the tubes.
         """
-        return normalize(away)
-
-    def tangents(self) -> tuple[Points, Array]:
-        """Return none: the circle bounds itself."""
-        return np.zeros(0, dtype=np.complex128), np.zeros(0)
+        return self.nearest(away).normals
 
     def resolved(self, spacing: float) -> RoundSurface:
         """
@@ -189,15 +170,6 @@ class ConvexSurface:
         gaps, normals, radii = self.shape.nearest(away * turn.conjugate() + self._inside)
         return SurfacePoints(gaps - self.margin, normals * turn, radii + self.margin)
 
-    def normals_of(self, away: Points, axis: Points) -> Points:
-        """
-        Return the normals (c,) at the feet of points, along and across the tubes.
-
-        :param away: (c,) from the centre, along + i across the tubes [m].
-        :param axis: (c,) directions of the tubes.
-        """
-        return axis.conj() * self.nearest(axis * away).normals
-
     def facing(self, away: Points, axis: Points) -> Points:
         """
         Return the normals (c,) at points of the centre lines, pulled back until they are outside.
@@ -211,6 +183,7 @@ class ConvexSurface:
         back = np.maximum(short + CLEARANCE * self.body.arm, 0.0)
         return self.nearest(away + back * outward).normals
 
+    @cached_property
     def tangents(self) -> tuple[Points, Array]:
         """Return normals (k,) and distances (k,) [m] of tangents that bound it besides `reach`."""
         normals = self.body.shape.bounding_normals * self.body.turn

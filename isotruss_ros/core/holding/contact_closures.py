@@ -16,7 +16,12 @@ little as the balance needs: it settles what is stiff, and the measured pose wha
 
 from __future__ import annotations
 
-from isotruss_ros.core.holding.contact_statics import ANGLE, Closure, ContactStatics
+from isotruss_ros.core.holding.contact_statics import (
+    ANGLE,
+    Closure,
+    ContactStatics,
+    Places,
+)
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
@@ -37,56 +42,54 @@ def rest(statics: ContactStatics, center: complex, angle: float) -> Closure:
     :param center: measured origin of the object's frame, x + iy [m].
     :param angle: measured [rad].
     """
-    owners, places = statics.contacts.owners, statics.places
+    owners, places, count = statics.contacts.owners, statics.places, len(statics.sides)
     members = int(owners[-1]) + 1
     ends = [np.flatnonzero(owners == i) for i in range(members)]
-    faces = [own for own in ends if len(own) == 2]
+    alike = [(own[:1], own[1:], -1.0) for own in ends if len(own) == 2]
+    faces, across = bool(alike), members == 2
+    if faces and across:
+        alike.append((ends[0], ends[1], 1.0))
+    # Of three members the friction of the first ones, or their differences, that is to be none.
+    signs = np.eye(members)[: count - len(alike) - (not faces)]
+    if not faces:
+        signs = signs - np.roll(signs, 1, axis=1)
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
-        count = len(owners)
         left, derivative = np.zeros(count), np.zeros((count, places.size))
-        number = 0
-        normal, friction = unknowns[places.normal], unknowns[places.friction]
-        squeeze = max(float(np.abs(normal).sum()), 1e-3)
-        scale = SOFTNESS / squeeze
-
-        def alike(one: Indices, other: Indices, sign: float) -> None:
-            """Add the row T_one N_other + sign T_other N_one = 0."""
-            nonlocal number
-            sums = [
-                float(values[own].sum()) for own in (one, other) for values in (friction, normal)
-            ]
-            rubs, presses, rubs_too, presses_too = sums
-            left[number] = scale * (rubs * presses_too + sign * rubs_too * presses)
-            row = derivative[number]
-            row[places.friction.start + one] += scale * presses_too
-            row[places.normal.start + other] += scale * rubs
-            row[places.friction.start + other] += scale * sign * presses
-            row[places.normal.start + one] += scale * sign * rubs_too
-            number += 1
-
-        for own in faces:
-            alike(own[:1], own[1:], -1.0)
-        if members == 2:
+        for number, pair in enumerate(alike):
+            left[number] = _use_alike(unknowns, places, *pair, derivative[number])
+        number = len(alike)
+        if across:
             left[number] = _along(statics, unknowns, normals, ends, center, derivative[number])
             number += 1
-            if faces:
-                alike(ends[0], ends[1], 1.0)
-                return left, derivative
         if not faces:
             left[number] = statics.arm * (unknowns[ANGLE] - angle)
             derivative[number, ANGLE] = statics.arm
             number += 1
-        if members > 2:
+        if not across:
+            friction = unknowns[places.friction]
             sums = np.array([friction[own].sum() for own in ends])
-            signs = np.eye(members)[: len(left) - number]
-            if not faces:
-                signs = signs - np.roll(signs, 1, axis=1)
             left[number:] = SOFTNESS * (signs @ sums)
             derivative[number:, places.friction] = SOFTNESS * signs[:, owners]
         return left, derivative
 
     return rows
+
+
+def _use_alike(
+    unknowns: Array, places: Places, one: Indices, other: Indices, sign: float, row: Array
+) -> float:
+    """Return T_one N_other + sign T_other N_one of some contacts, in the row its derivative."""
+    normal, friction = unknowns[places.normal], unknowns[places.friction]
+    scale = SOFTNESS / max(float(np.abs(normal).sum()), 1e-3)
+    rubs, presses, rubs_too, presses_too = (
+        float(values[own].sum()) for own in (one, other) for values in (friction, normal)
+    )
+    row[places.friction.start + one] = scale * presses_too
+    row[places.normal.start + other] = scale * rubs
+    row[places.friction.start + other] = scale * sign * presses
+    row[places.normal.start + one] = scale * sign * rubs_too
+    return scale * (rubs * presses_too + sign * rubs_too * presses)
 
 
 def _along(
@@ -99,16 +102,17 @@ def _along(
 ) -> float:
     """Return how far the object has moved across the chord of two members' normals [m]."""
     one, other = int(ends[0][0]), int(ends[1][0])
-    chord = complex(normals[one] - normals[other])
+    first, second = normals.item(one), normals.item(other)
+    chord = first - second
     size = max(abs(chord), 1e-9)
     along = 1j * chord / size
     away = complex(unknowns[0], unknowns[1]) - center
     row[0], row[1] = along.real, along.imag
-    for i, sign in ((one, 1.0), (other, -1.0)):
-        moved = sign * 1j * complex(normals[i])  # of the chord, as the tube inclines
-        turned = (chord.conjugate() * moved).imag / size**2
-        place = statics.places.inclinations.start + i
-        row[place] = turned * ((1j * along).conjugate() * away).real
+    lever = (along.conjugate() * -1j * away).real / size**2
+    inclinations = statics.places.inclinations.start
+    # Of the chord, as the tubes incline.
+    row[inclinations + one] = (chord.conjugate() * 1j * first).imag * lever
+    row[inclinations + other] = -(chord.conjugate() * 1j * second).imag * lever
     return (along.conjugate() * away).real
 
 

@@ -57,7 +57,7 @@ def held_utilisation(grip: HeldGrip) -> Array:
     :param grip: how the object is held.
     :raises StructureError: see `structure_of`.
     """
-    return held_sections(grip).largest(grip.config.robot.topology.n_modules)[0]
+    return held_sections(grip).utilisation
 
 
 def held_sections(grip: HeldGrip) -> SectionLoads:

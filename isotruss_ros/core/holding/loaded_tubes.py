@@ -15,9 +15,8 @@ from typing import NamedTuple
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.statics.cut_frame import CutFrame, FrameRates
+from isotruss_ros.core.statics.cut_frame import CutFrame, FrameRates, structure_rates
 from isotruss_ros.core.statics.structure import structure_of, tube_pieces
-from isotruss_ros.core.statics.structure_rates import structure_rates
 import numpy as np
 
 

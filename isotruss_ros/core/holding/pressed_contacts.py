@@ -28,18 +28,21 @@ LEAST_FACE = 1.0
 @dataclass(frozen=True, eq=False)
 class PressedContacts:
     """
-    The k contacts of an object with members.
+    The k contacts of an object with members, which rise.
 
     :ivar members: (k,) numbers of the members.
-    :ivar owners: (k,) 0 for the first of the grasping members, 1 for the next one.
     :ivar corners: (k,) corners of a polygon; zero of other shapes.
     :ivar cuts: (k, 2) how far the contact reaches before and behind, see `corner_dents` [m].
     """
 
     members: Indices
-    owners: Indices
     corners: Indices
     cuts: Array
+
+    @cached_property
+    def owners(self) -> Indices:
+        """Return (k,) 0 for the first of the grasping members, 1 for the next one."""
+        return np.unique(self.members, return_inverse=True)[1]
 
     @cached_property
     def has_faces(self) -> bool:
@@ -52,11 +55,10 @@ class PressedContacts:
 
         :param dropped: number of the contact that lets go.
         """
-        kept = np.delete(np.arange(len(self.members)), dropped)
         cuts = self.cuts.copy()
         cuts[self.owners == self.owners[dropped]] = np.inf
-        owners = np.unique(self.members[kept], return_inverse=True)[1]
-        return PressedContacts(self.members[kept], owners, self.corners[kept], cuts[kept])
+        every = self.members, self.corners, cuts
+        return PressedContacts(*(np.delete(each, dropped, axis=0) for each in every))
 
     def with_others(self, others: PressedContacts) -> tuple[PressedContacts, Indices]:
         """
@@ -65,13 +67,13 @@ class PressedContacts:
         :param others: the contacts of the other member.
         :return: all; and (k,) numbers of these, then of the others, in the order of all.
         """
-        members = np.concatenate([self.members, others.members])
-        order = np.argsort(members, kind='stable')
-        owners = np.unique(members, return_inverse=True)[1]
-        corners = np.concatenate([self.corners, others.corners])
-        cuts = np.concatenate([self.cuts, others.cuts])
-        every = PressedContacts(members[order], owners[order], corners[order], cuts[order])
-        return every, order
+        order = np.argsort(np.append(self.members, others.members), kind='stable')
+        pairs = (
+            (self.members, others.members),
+            (self.corners, others.corners),
+            (self.cuts, others.cuts),
+        )
+        return PressedContacts(*(np.concatenate(pair)[order] for pair in pairs)), order
 
     def with_corner(self, k: int, corner: int) -> PressedContacts:
         """
@@ -97,7 +99,6 @@ class PressedContacts:
         cuts[k] = own
         laid = PressedContacts(
             np.insert(self.members, place, self.members[k]),
-            np.insert(self.owners, place, self.owners[k]),
             np.insert(self.corners, place, face.corner),
             np.insert(cuts, place, other, axis=0),
         )
@@ -110,30 +111,31 @@ def find_pressed(config: Configuration, body: ConvexObject, members: Indices) ->
 
     :param config: configuration of the robot.
     :param body: the object in its place.
-    :param members: (m,) numbers of the members.
+    :param members: (m,) numbers of the members, which rise.
     """
     if not body.shape.faces_at(0):
-        none = np.zeros(len(members), dtype=np.intp)
+        count = len(members)
         return PressedContacts(
-            members, np.arange(len(members)), none, np.full((len(members), 2), np.inf)
+            members, np.zeros(count, dtype=np.intp), np.full((count, 2), np.inf)
         )
     starts, normals = member_lines(config, body, members)
     own = normals * body.turn.conjugate()
     away = ((starts - body.center) * normals.conj()).real
     radius = 0.5 * config.robot.description.tube_diameter
     found: list[tuple[int, int, float, float]] = []
-    for owner, (normal, distance) in enumerate(zip(own.tolist(), away.tolist(), strict=True)):
+    for member, normal, distance in zip(
+        members.tolist(), own.tolist(), away.tolist(), strict=True
+    ):
         corner = body.shape.corners_at(normal, 0.0)[0]
         face = _deeper_face(body.shape, corner, normal)
         if face is None or not _is_laid(body.shape, corner, face, normal, distance, radius):
-            found.append((owner, corner, np.inf, np.inf))
+            found.append((member, corner, np.inf, np.inf))
             continue
         one, other = (corner, face.corner)[:: face.step]
         half = 0.5 * face.length
-        found += [(owner, one, np.inf, half), (owner, other, half, np.inf)]
-    owners = np.array([row[0] for row in found])
-    corners = np.array([row[1] for row in found])
-    return PressedContacts(members[owners], owners, corners, np.array([row[2:] for row in found]))
+        found += [(member, one, np.inf, half), (member, other, half, np.inf)]
+    numbers, corners, before, behind = zip(*found, strict=True)
+    return PressedContacts(np.array(numbers), np.array(corners), np.column_stack([before, behind]))
 
 
 def _is_laid(

@@ -157,7 +157,8 @@ def assess_equilibrium(given: Pose, found: HeldGrip | HoldStatus, friction: floa
     moved = np.array(found.pose) - given
     moved[2] = math.remainder(moved[2], 2.0 * math.pi)
     all_names = found.config.robot.member_names
-    used, places = held_sections(found).largest(len(all_names))
+    sections = held_sections(found)
+    used, places = sections.utilisation, sections.place
     hold, reason = _judge(found, float(np.hypot(*moved[:2])), friction, used)
     names, normal, rubs = found.member_names, found.normal_forces, found.friction_forces
     with np.errstate(divide='ignore', invalid='ignore'):

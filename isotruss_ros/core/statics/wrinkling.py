@@ -34,27 +34,15 @@ class SectionLoads(NamedTuple):
 
     :ivar moment: (c,) inside the pieces, just before the loads [N m].
     :ivar compression: (c,) there, the larger of both sides of the load [N].
-    :ivar utilisation: (2c + 6m,) |M| / M_w before the loads, behind them, at the starts and at the
-        ends of all pieces.
-    :ivar member: (2c + 6m,) the members on which that is.
-    :ivar place: (2c + 6m,) where on these that is, from their starts [m].
+    :ivar utilisation: (m,) largest |M| / M_w of each member; infinite where compression alone
+        takes all of the pull.
+    :ivar place: (m,) where along the member that is, from its start [m].
     """
 
     moment: Array
     compression: Array
     utilisation: Array
-    member: Indices
     place: Array
-
-    def largest(self, count: int) -> tuple[Array, Array]:
-        """
-        Return the largest utilisation of each member, and where along it that is [m], (m,) each.
-
-        :param count: of the members, m.
-        """
-        order = np.lexsort((self.utilisation, self.member))
-        last = order[np.searchsorted(self.member[order], np.arange(count), side='right') - 1]
-        return self.utilisation[last], self.place[last]
 
 
 class SectionPoints(NamedTuple):
@@ -119,5 +107,7 @@ def load_sections(
     used = np.full(len(moments), np.inf)
     np.divide(np.abs(moments), 0.5 * radius * left, out=used, where=left > 0.0)
     place = np.concatenate([points.place, points.place, starts, stops])
+    order = np.lexsort((used, member))
+    last = order[np.searchsorted(member[order], own, side='right') - 1]
     larger = np.maximum(compression, compression + along)
-    return SectionLoads(moment, larger, used, member, place)
+    return SectionLoads(moment, larger, used[last], place[last])

@@ -11,15 +11,9 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.core.contact.contact_regions import (
-    contact_extents,
-    contact_regions,
-    ContactExtents,
-)
+from isotruss_ros.core.contact.contact_regions import contact_extents, contact_regions
 import numpy as np
 import pytest
-
-NONE = np.zeros(2)
 
 
 def test_pressure_is_that_of_the_gas_and_of_the_walls_tension_around_the_object():
@@ -29,8 +23,7 @@ def test_pressure_is_that_of_the_gas_and_of_the_walls_tension_around_the_object(
         forces=np.array([2.0, 0.05, 0.0, 0.0]), radii=np.array([0.5, 0.1, 0.01, 0.2])
     )
     tension = np.array([100.0, 300.0, 500.0, 700.0])
-    extents = ContactExtents(NONE, NONE, NONE)
-    found = contact_regions(points, contact, extents, np.array([1e4, 2e4]), tension)
+    found = contact_regions(points, contact, np.array([1e4, 2e4]), tension)
     # p + T / r
     local = np.array([1e4 + 200.0, 1e4 + 3000.0])
     area = (contact.forces[:2] / local).sum()
@@ -55,5 +48,5 @@ def test_points_at_the_ends_of_members_stand_for_half_a_spacing_to_both_sides(fl
     found = contact_extents(points, SimpleNamespace(forces=forces, gaps=gaps), 4)
     last = 0.25 if flattening else 0.5
     assert found.length == pytest.approx([0.03, 0.01 * (1.5 + last), 0.01, 0.0])
-    assert found.start == pytest.approx([0.025, -0.005, 0.065, np.inf])
-    assert found.end == pytest.approx([0.055, 0.01 * (1.0 + last), 0.075, -np.inf])
+    assert found.spans[:, 0] == pytest.approx([0.025, -0.005, 0.065, np.inf])
+    assert found.spans[:, 1] == pytest.approx([0.055, 0.01 * (1.0 + last), 0.075, -np.inf])

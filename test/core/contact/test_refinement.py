@@ -135,7 +135,7 @@ def test_the_answer_has_all_points_from_a_spacing_before_contact_to_one_behind()
         flattening_of(ROBOT, structure.pressures),
         solve_sliding_contact,
     )
-    first, last = extents.start[points.member] - SPACING, extents.end[points.member] + SPACING
+    first, last = extents.spans[points.member].T + SPACING * np.array([[-1.0], [1.0]])
     within = (points.place >= first) & (points.place <= last)
     assert kept.tolist() == np.flatnonzero(within).tolist()
     assert 0 < len(kept) < len(points.points)
@@ -177,9 +177,7 @@ def test_a_contact_that_is_known_is_solved_once():
     surface = RoundSurface(cylinder.center, 0.5 * cylinder.shape.diameter)
     given_to = (structure, surface, SPACING, flattening_of(ROBOT, structure.pressures), solver)
     points, contact, extents, kept = refine_contact(*given_to)
-    spans = dict(
-        zip(ROBOT.member_names, zip(extents.start, extents.end, strict=True), strict=True)
-    )
+    spans = dict(zip(ROBOT.member_names, extents.spans.tolist(), strict=True))
     previous = PreviousContact(spans, points.member, points.place, contact.normals)
     calls.clear()
     again, _, _, same = refine_contact(*given_to, previous=previous)

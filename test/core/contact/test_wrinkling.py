@@ -53,7 +53,7 @@ def test_a_clamped_tube_under_one_force(shear, share, angle):
     at = int(np.abs(found.points - share * LENGTH).argmin())
     forces = np.where(np.arange(len(found.points)) == at, force, 0.0)
     normals = np.full(len(forces), 1j * np.exp(1j * angle))
-    result = find_wrinkling(structure, found, pressed(found, forces, normals))
+    result, tension = find_wrinkling(structure, found, pressed(found, forces, normals))
     # The tables: end moments F a b^2 / L^2 and F a^2 b / L^2; shear changes them but at midspan.
     a, b = share * LENGTH, (1.0 - share) * LENGTH
     across, along = force * np.cos(angle), -force * np.sin(angle)
@@ -75,7 +75,7 @@ def test_a_clamped_tube_under_one_force(shear, share, angle):
         assert result.place[0] == pytest.approx(expected_place)
     # On the side of the object the wall loses what bending takes.
     expected = (PULL - worst) / (2 * np.pi * RADIUS) - middle / (np.pi * RADIUS**2)
-    assert result.tension[at] == pytest.approx(max(expected, 0.0), rel=1e-6)
+    assert tension[at] == pytest.approx(max(expected, 0.0), rel=1e-6)
 
 
 def test_more_compression_than_pull_is_beyond_all_bounds():
@@ -84,10 +84,10 @@ def test_more_compression_than_pull_is_beyond_all_bounds():
     forces = np.zeros(len(found.points))
     forces[len(forces) // 2] = 5.0 * PULL
     state = pressed(found, forces, np.full(len(forces), 1.0 + 0j))
-    result = find_wrinkling(structure, found, state)
+    result, tension = find_wrinkling(structure, found, state)
     assert result.utilisation.tolist() == [np.inf]
     # A slack wall has no tension.
-    assert result.tension.min() == 0.0
+    assert tension.min() == 0.0
 
 
 @robots.examples(15)
@@ -101,7 +101,7 @@ def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, di
     some = np.sort(rng.permutation(len(found.points))[:8])
     forces, normals = np.zeros(len(found.points)), np.exp(6.3j * rng.random(len(found.points)))
     forces[some] = rng.uniform(0.0, 20.0, len(some))
-    result = find_wrinkling(structure, found, pressed(found, forces, normals))
+    result, tension = find_wrinkling(structure, found, pressed(found, forces, normals))
 
     frame, nodes = tubes.robot_with_nodes(structure, found.points[some])
     loads = np.zeros((len(frame.points), 3))
@@ -113,7 +113,7 @@ def test_moments_are_those_of_a_robot_in_which_loads_are_on_nodes(robot, rng, di
     assert result.utilisation == pytest.approx(expected, rel=1e-5, abs=1e-9)
     assert (result.place >= -1e-9).all()
     assert (result.place <= config.member_lengths + 1e-9).all()
-    assert (result.tension >= 0.0).all()
+    assert (tension >= 0.0).all()
 
 
 def test_where_hardly_a_pull_is_left_the_moment_still_has_a_bound():
@@ -125,6 +125,6 @@ def test_where_hardly_a_pull_is_left_the_moment_still_has_a_bound():
     # Half of what pushes along compresses the piece behind it; all moments are an eighth.
     pull = np.cos(1.0) + 0.05
     structure.pressures = (pull / (np.pi * RADIUS**2),)
-    result = find_wrinkling(structure, found, state)
+    result, _ = find_wrinkling(structure, found, state)
     moment = 2.0 * np.sin(1.0) * LENGTH / 8.0
     assert result.utilisation == pytest.approx([moment / (0.5 * RADIUS * 0.05)], rel=1e-6)

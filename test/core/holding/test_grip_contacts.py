@@ -36,7 +36,7 @@ import pytest
 def test_ends_of_faces_and_third_members_pull_below_zero(owners, forces, presses, pulling):
     numbers = np.array(owners)
     grip = SimpleNamespace(
-        contacts=PressedContacts(numbers, numbers, numbers, np.full((len(owners), 2), np.inf)),
+        contacts=PressedContacts(numbers, numbers, np.full((len(owners), 2), np.inf)),
         state=SimpleNamespace(normal_forces=np.array(forces)),
     )
     assert HeldGrip.presses.fget(grip) == presses
@@ -45,9 +45,7 @@ def test_ends_of_faces_and_third_members_pull_below_zero(owners, forces, presses
 
 def test_faces_are_tried_with_both_ends_first_then_with_one_of_each():
     cuts = np.tile([[np.inf, 0.1], [0.1, np.inf]], (2, 1))
-    contacts = PressedContacts(
-        np.array([3, 3, 5, 5]), np.array([0, 0, 1, 1]), np.array([0, 1, 2, 3]), cuts
-    )
+    contacts = PressedContacts(np.array([3, 3, 5, 5]), np.arange(4), cuts)
     tried = [set(chosen.corners.tolist()) for chosen in _choices(contacts)]
     assert tried[0] == {0, 1, 2, 3}
     assert [len(corners) for corners in tried] == [4, 3, 3, 3, 3, 2, 2, 2, 2]

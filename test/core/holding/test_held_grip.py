@@ -64,12 +64,6 @@ def turned_disc(angle):
     return CYLINDER.moved_to((*CYLINDER.pose[:2], angle))
 
 
-def test_angles_are_those_within_half_a_turn():
-    for angle, within in ((3.1, 3.1), (3.5, 3.5 - 2.0 * np.pi), (-9.0, 2.0 * np.pi - 9.0)):
-        grasp = attach_grip(CONFIG, turned_disc(angle))
-        assert grasp.pose.angle == pytest.approx(within, abs=0.05)
-
-
 @pytest.mark.parametrize(('shape', 'angle', 'members', 'count'), CASES)
 def test_the_jacobian_is_that_of_differences(shape, angle, members, count):
     grip = held(shape, angle, members, external_wrench=np.array([0.3, -0.2, 0.1]))
@@ -329,15 +323,6 @@ def test_round_sections_press_harder_and_need_no_table():
         assert stiff.statics.indentation(np.ones(count))[0] == pytest.approx(np.zeros(count))
         moved = roll_grip(stiff, HOME, np.array([0.1, 0.0, 0.0]))
         assert moved.wrench[0] == 0.1
-
-
-def test_members_that_open_one_by_one_open_all():
-    grip = held(Disc(0.65), 0.0, LOOP)
-    response = grip.response
-    both = 0.5 * response.openings.sum(axis=1)
-    assert np.bincount(response.owners, weights=response.opening) == pytest.approx(both, rel=1e-9)
-    assert (np.diag(response.openings) < 0.0).all()
-    assert response.squeeze_stiffness == pytest.approx(both.mean(), rel=1e-9)
 
 
 def test_three_members_hold_a_disc_by_equal_friction():

@@ -23,7 +23,6 @@ from isotruss_ros.core import (
     load_robot,
     RollingGrip,
     settle_grasp,
-    solve_twist,
     tangent_center,
 )
 from isotruss_ros.core.contact.contact import solve_contact
@@ -174,18 +173,6 @@ def test_the_margin_is_the_smallest_wrench_of_all_directions():
     assert left.min() == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize('degrees', [30.0, 35.0])
-def test_the_squeeze_falls_by_the_opening_as_rolling_says(degrees):
-    config, cylinder = gripped(degrees, squeeze=0.08)
-    grasp = attach_grip(config, cylinder)
-    held = Grip.at_module(HOME.robot, 'north/Z', grasp.body)
-    command = solve_twist(config, held, np.zeros(3), opening_rate=1e-4, limits=())
-    opened = roll_grip(grasp, config.moved_to(config.roller_positions + command.roller_velocities))
-    found = (opened.squeeze - grasp.squeeze) / 1e-4
-    # Its members also turn, about the module, and press as much less deep as the contacts roll.
-    assert grasp.squeeze_stiffness() == pytest.approx(found, rel=0.1)
-
-
 def test_stiffness_is_what_a_small_wrench_meets():
     grasp = attach_grip(CONFIG, CYLINDER)
     stiffness = settle_grasp(CONFIG, CYLINDER, FRICTION).stiffness
@@ -221,19 +208,6 @@ def test_what_lies_deep_in_one_tube_and_far_from_the_other_is_not_in_the_grip():
     settled = settle_grasp(CONFIG, moved(CYLINDER, 0.05 * across / abs(across)), FRICTION)
     assert settled.hold is HoldStatus.FAR
     assert not settled.held
-
-
-def test_a_cylinder_that_three_members_press_on_is_held_by_these():
-    cylinder, names = (
-        ConvexObject.disc((0.0, -0.8267), 0.65),
-        ('south/P-Q', 'south/Q-X', 'south/X-P'),
-    )
-    settled = settle_grasp(HOME, cylinder, FRICTION)
-    assert settled.held
-    assert {*settled.normal_forces} == {*names}
-    assert np.ptp([*settled.normal_forces.values()]) < 1e-6  # in the middle of the triangle
-    again = settle_grasp(HOME, cylinder, FRICTION, members=names)
-    assert settled.slip_margin == again.slip_margin > 1.0
 
 
 def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatch):
