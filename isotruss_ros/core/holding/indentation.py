@@ -89,21 +89,28 @@ class SkinIndentation:
         depth = ((a * x + b) * x + c) * x + d + slope * (place - inside)
         return math.copysign(depth, force), slope * POWER * place / size
 
-    def pressure_rate(self, force: float) -> float:
+    def second_rates(self, force: float) -> tuple[float, float, float]:
         """
-        Return the derivative of the depth by the gauge pressure in the tube [m/Pa].
+        Return the second derivative of the depth by the force [m/N^2], and what pressure changes.
 
         :param force: [N].
+        :return: besides it the derivatives, by the gauge pressure in the tube, of the depth [m/Pa]
+            and of its derivative by the force [m/(N Pa)].
         """
-        place, last = max(abs(force), 1e-9) ** POWER, self._places[-1]
-        inside = min(place, last)
+        size = max(abs(force), 1e-9)
+        place, last = size**POWER, self._places[-1]
+        inside, stretch = min(place, last), POWER * place / size
         piece = min(bisect_right(self._places, inside), len(self._pieces)) - 1
         x, moved = inside - self._places[piece], self._place_rates[piece]
         a, b, c, _ = self._pieces[piece]
         da, db, dc = self._piece_rates[:, piece]
-        rate = ((da * x + db) * x + dc) * x - moved * ((3.0 * a * x + 2.0 * b) * x + c)
-        slope = (3.0 * da * x + 2.0 * db) * x + dc - moved * (6.0 * a * x + 2.0 * b)
-        return math.copysign(1.0, force) * (rate + slope * (place - inside))
+        slope, bend = (3.0 * a * x + 2.0 * b) * x + c, 6.0 * a * x + 2.0 * b
+        rate = ((da * x + db) * x + dc) * x - moved * slope
+        steeper = (3.0 * da * x + 2.0 * db) * x + dc - moved * bend
+        sign = math.copysign(1.0, force)
+        # The spline is natural: it does not bend where the table ends.
+        curve = bend * stretch**2 + slope * stretch * (POWER - 1.0) / size
+        return sign * curve, sign * (rate + steeper * (place - inside)), steeper * stretch
 
     @functools.cached_property
     def _place_rates(self) -> Array:
@@ -156,11 +163,13 @@ class Dents(Protocol):
         :param forces: (k,) normal forces [N].
         """
 
-    def pressure_rates(self, forces: Array) -> Array:
+    def second_rates(self, forces: Array) -> Array:
         """
-        Return the derivatives of the depths by the gauge pressure in each tube (k,) [m/Pa].
+        Return second derivatives of the depths, and those by the gauge pressure in each tube.
 
         :param forces: (k,) normal forces [N].
+        :return: (3, k) second derivatives by the normal forces [m/N^2]; by the pressures, those of
+            the depths [m/Pa] and of their derivatives by the normal forces [m/(N Pa)].
         """
 
 
@@ -171,13 +180,13 @@ class NoIndentation:
         """Return no depths, and no derivatives."""
         return np.zeros(len(forces)), np.zeros(len(forces))
 
-    def pressure_rates(self, forces: Array) -> Array:
+    def second_rates(self, forces: Array) -> Array:
         """
         Return no derivatives.
 
         :param forces: (k,) normal forces [N].
         """
-        return np.zeros(len(forces))
+        return np.zeros((3, len(forces)))
 
 
 class Indentation:
@@ -201,14 +210,15 @@ class Indentation:
         )
         return found[:, 0], found[:, 1] / self._scale
 
-    def pressure_rates(self, forces: Array) -> Array:
+    def second_rates(self, forces: Array) -> Array:
         """
-        Return the derivatives of the depths by the gauge pressure in each tube (k,) [m/Pa].
+        Return second derivatives (3, k), see `Dents`.
 
         :param forces: (k,) normal forces [N].
         """
         pressing = zip(self._tables, forces.tolist(), strict=True)
-        return np.array([table.pressure_rate(force / self._scale) for table, force in pressing])
+        found = np.array([table.second_rates(force / self._scale) for table, force in pressing])
+        return (found / (self._scale**2, 1.0, self._scale)).T
 
 
 @functools.lru_cache(maxsize=32)
