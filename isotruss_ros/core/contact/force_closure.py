@@ -22,6 +22,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 import functools
 
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 import scipy
@@ -89,6 +90,44 @@ def check_force_closure(
     forces = np.zeros(len(normal_forces))
     forces[touching] = shares * normal_forces[touching]
     return Closure(residual <= tolerance, residual, tolerance, forces, required, margin)
+
+
+def closure_margin_rates(
+    segments: Array,
+    segment_rates: Array,
+    load: Array,
+    load_rates: Array,
+    friction: tuple[float, Array],
+) -> tuple[Array, Array]:
+    """
+    Return how the margin of `Closure` changes with p parameters, (p,), and the wrench it is for.
+
+    :param segments: (k, 3) tangents and levers times normal forces, see `check_force_closure` [N].
+    :param segment_rates: (k, 3, p) of these.
+    :param load: (3,) resultant of all else on the object [N].
+    :param load_rates: (3, p) of that.
+    :param friction: mu, and (p,) how it changes.
+    :return: besides, (3,) the unit wrench of which friction balances the least more.
+    :raises GraspError: all segments are along one line.
+    """
+    first, second = _pairs(len(segments))
+    normals, reach = np.cross(segments[first], segments[second]), np.linalg.norm(segments, axis=1)
+    sizes = np.linalg.norm(normals, axis=1)
+    good = np.flatnonzero(sizes > FACET_TOLERANCE * reach[first] * reach[second])
+    if not len(good):
+        raise GraspError('friction is along one line: the closure margin has no derivatives')
+    normals = normals[good] / sizes[good, None]
+    support, need = np.abs(normals @ segments.T).sum(axis=1), normals @ load
+    nearest = int((friction[0] * support - np.abs(need)).argmin())
+    i, j, normal = first[good[nearest]], second[good[nearest]], normals[nearest]
+    turned = np.cross(segment_rates[i], segments[j], axisa=0, axisc=0)
+    turned += np.cross(segments[i], segment_rates[j], axisb=0, axisc=0)
+    turned = (turned - np.outer(normal, normal @ turned)) / sizes[good[nearest]]
+    signs, side = np.sign(segments @ normal), np.sign(need[nearest])
+    signs[[i, j]] = 0.0  # both are in the facet
+    widened = signs @ (normal @ segment_rates + segments @ turned)
+    rates = friction[1] * support[nearest] + friction[0] * widened
+    return rates - side * (normal @ load_rates + load @ turned), side * normal
 
 
 def _balance(segments: Array, load: Array, friction: float) -> tuple[Array, float]:
