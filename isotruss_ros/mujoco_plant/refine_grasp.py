@@ -85,8 +85,9 @@ def refine_grasp(
         step = np.linalg.lstsq(slopes, -off, rcond=None)[0]
         step /= max(1.0, float(np.abs(step).max()) / LARGEST)
         config = config.moved_to(config.roller_positions + step)
-    path, shares = grasp.path.copy(), np.linspace(0.0, 1.0, len(grasp.path) - grasp.touch)
-    path[grasp.touch :] += np.outer(shares, config.roller_positions - path[-1])
+    path, touch = grasp.path.copy(), grasp.touch
+    shares = np.linspace(0.0, 1.0, len(path) - touch)
+    path[touch:] += np.outer(shares, config.roller_positions - path[-1])
     path[-1] = config.roller_positions
     return RefinedGrasp(replace(grasp, config=config, path=path), np.array(found), agrees)
 

@@ -115,7 +115,7 @@ class RandomGrasp:
         self.flattening = number % 5 > 0
 
     def step(self, parameters, sizes):
-        """Return a step (p,) in a random direction, by the sizes of what changes."""
+        """Return how parameters change, (p,), in a random direction, by the sizes of that."""
         step = np.zeros(parameters.size)
         for name, size in sizes.items():
             place = getattr(parameters, name)

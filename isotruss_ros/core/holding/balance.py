@@ -120,7 +120,8 @@ class ContactForces:
     @property
     def forces(self) -> Array:
         """Return normal and friction forces, (2k,) [N]."""
-        return self.unknowns[self.places.normal.start :]
+        begin = self.places.normal.start
+        return self.unknowns[begin:]
 
     def jacobian_with(self, closing: Array) -> Array:
         """

@@ -175,9 +175,6 @@ def slip_conditions(owners: Indices, friction: float) -> Array:
     :return: (2m + k, 2k).
     """
     members = np.eye(int(owners[-1]) + 1)[owners].T
-    (slips, count), presses = members.shape, friction * members
-    rows = np.zeros((2 * slips + count, 2 * count))
-    rows[: 2 * slips, :count] = np.concatenate([presses, presses])
-    rows[: 2 * slips, count:] = np.concatenate([-members, members])
-    rows[2 * slips :, :count] = np.eye(count)
-    return rows
+    presses, alone = friction * members, np.eye(len(owners), 2 * len(owners))
+    slips = np.hstack([presses, -members]), np.hstack([presses, members])
+    return np.concatenate([*slips, alone])
