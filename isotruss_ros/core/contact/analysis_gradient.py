@@ -60,65 +60,32 @@ def analysis_gradient(analysis: GraspAnalysis) -> AnalysisGradient:
     :raises GraspError: fewer than two points touch the object, or friction is along one line.
     """
     fast, touching = analysis.solution, np.flatnonzero(analysis.solution.contact.forces > 0.0)
-    points, contact, body = fast.points, fast.contact, fast.body
+    points, body = fast.points, fast.body
     if len(touching) < 2:
         raise GraspError(f'{len(touching)} points of contact: a gradient takes two or more')
     parameters = GraspParameters.of(fast.structure.config)
-    chosen, count = np.eye(parameters.size), len(touching)
-    before, after = find_neighbours(points)[:, touching]
-    used = np.unique(np.concatenate([touching, before, after])) if fast.sliding else touching
-    own, before, after = (np.searchsorted(used, places) for places in (touching, before, after))
-    push, normals = contact.push[touching], contact.normals[touching, None]
-    sizes = np.abs(push)
-    # How skins and centre lines move by each force, and by its turn.
-    back = points.axis[touching].conj()
-    local = back * np.stack([push / sizes, 1j * push])
-    given = points.compliance(used)[..., own]
-    by_force = np.einsum('rufa,fca->ruca', given, np.stack([local.real, local.imag]))
-    skins = points.axis[used, None] * (by_force[0] + 1j * by_force[1]).reshape(len(used), -1)
-    dents = points.dents[used[:, None], touching][:, None] * local.imag
-    lines = skins - 1j * points.axis[used, None] * dents.reshape(len(used), -1)
-    skin_rates, line_rates = _still_rates(fast, used, chosen, parameters)
-    x, y, spin = chosen[parameters.place]
-    reached = (points.skin + contact.displacements)[touching, None]
-    surface = x + 1j * y + 1j * spin * (reached - body.center)
-
-    def turns(skins: Points, lines: Points, spin: Array | float) -> Array:
-        """Return how much forces turn as skins, against the surface, and centre lines move."""
-        if fast.sliding:
-            return ((lines[after] - lines[before]) / chords).imag
-        return (normals.conj() * skins[own]).imag / radii + spin
-
-    radii, chords = contact.radii[touching, None], 1.0
-    if fast.sliding:
-        depths = points.dents @ (contact.push * points.axis.conj()).imag
-        bent = (points.points + contact.displacements - 1j * points.axis * depths)[used]
-        chords = (bent[after] - bent[before])[:, None]
-    skin_rates[own] -= surface
-    matrix = np.concatenate([(normals.conj() * skins[own]).real, -turns(skins, lines, 0.0)])
-    matrix[count:, count:] += np.eye(count)
-    right = [-(normals.conj() * skin_rates[own]).real, turns(skin_rates, line_rates, spin)]
-    change = np.linalg.solve(matrix, np.concatenate(right))
-    pressed, turned = change[:count], change[count:]
-    moved = skin_rates[own] + skins[own] @ change
+    chosen = np.eye(parameters.size)
+    x, y, _ = chosen[parameters.place]
+    pressed, turned, moved, leant = _contact_rates(fast, touching, chosen, parameters)
+    push, found = fast.contact.push[touching, None], fast.contact.normals[touching, None]
     # The normals of the answer; those that lean no more turn with the forces.
-    assessed = fast.turned.normals[touching, None]
-    leant = (normals.conj() * moved).imag / radii + spin
-    leant = np.where(np.isclose(assessed, normals), leant, turned) if fast.sliding else turned
-    forces, lean = fast.turned.forces[touching, None], np.angle(assessed / push[:, None])
+    normals, forces = fast.turned.normals[touching, None], fast.turned.forces[touching, None]
+    leant = np.where(np.isclose(normals, found), leant, turned)
+    lean = np.angle(normals / push)
     normal_forces = pressed / np.cos(lean) + forces * np.tan(lean) * (leant - turned)
-    pushed = push[:, None] * (pressed / sizes[:, None] + 1j * turned)
-    arms = reached - body.center - fast.margin * assessed
-    swung = moved + surface - x - 1j * y - 1j * fast.margin * leant * assessed
-    total, torques = pushed.sum(axis=0), np.zeros(parameters.size)
-    levers, lever_rates = np.ones((count, 1)), np.zeros((count, parameters.size))
-    if not body.shape.is_round:
-        torques = (swung.conj() * push[:, None] + arms.conj() * pushed).imag.sum(axis=0)
-        levers = (arms * assessed.conj()).real / body.arm
-        lever_rates = ((swung - 1j * leant * arms) * assessed.conj()).real / body.arm
-    wrench = -np.stack([total.real, total.imag, torques])
-    tangents = np.stack([-assessed.imag, assessed.real, levers])
-    tangent_rates = np.stack([-(assessed * leant).real, -(assessed * leant).imag, lever_rates])
+    pushed = push * (pressed / np.abs(push) + 1j * turned)
+    # From the origin of the object's frame to where the forces act on its own surface.
+    arms = (points.skin + fast.contact.displacements)[touching, None] - body.center
+    arms = arms - fast.margin * normals
+    swung = moved - x - 1j * y - 1j * fast.margin * leant * normals
+    torques = (swung.conj() * push + arms.conj() * pushed).imag.sum(axis=0)
+    levers = (arms * normals.conj()).real / body.arm
+    lever_rates = ((swung - 1j * leant * arms) * normals.conj()).real / body.arm
+    if body.shape.is_round:
+        torques, levers, lever_rates = 0.0 * torques, np.ones_like(levers), 0.0 * lever_rates
+    wrench = -np.stack([pushed.real.sum(axis=0), pushed.imag.sum(axis=0), torques])
+    tangents = np.stack([-normals.imag, normals.real, levers])
+    tangent_rates = np.stack([-(normals * leant).real, -(normals * leant).imag, lever_rates])
     scale = np.array([1.0, 1.0, body.arm])
     margin, opening = closure_margin_rates(
         (tangents * forces)[..., 0].T,
@@ -130,6 +97,48 @@ def analysis_gradient(analysis: GraspAnalysis) -> AnalysisGradient:
     by_point = np.zeros((len(points.points), parameters.size))
     by_point[touching] = normal_forces
     return AnalysisGradient(parameters, by_point[fast.kept], wrench, margin, opening)
+
+
+def _contact_rates(
+    fast: HeldFast, touching: Indices, chosen: Array, parameters: GraspParameters
+) -> tuple[Array, Array, Points, Array]:
+    """Return how forces grow and turn, skins move, and the surface's normals turn, (a, p) each."""
+    points, contact, body, count = fast.points, fast.contact, fast.body, len(touching)
+    before, after = find_neighbours(points)[:, touching]
+    used = np.unique(np.concatenate([touching, before, after])) if fast.sliding else touching
+    own, before, after = (np.searchsorted(used, places) for places in (touching, before, after))
+    push, normals = contact.push[touching], contact.normals[touching, None]
+    # How skins and centre lines move by each force, and by its turn.
+    local = points.axis[touching].conj() * np.stack([push / np.abs(push), 1j * push])
+    given = points.compliance(used)[..., own]
+    by_force = np.einsum('rufa,fca->ruca', given, np.stack([local.real, local.imag]))
+    skins = points.axis[used, None] * (by_force[0] + 1j * by_force[1]).reshape(len(used), -1)
+    dents = points.dents[used[:, None], touching][:, None] * local.imag
+    lines = skins - 1j * points.axis[used, None] * dents.reshape(len(used), -1)
+    skin_rates, line_rates = _still_rates(fast, used, chosen, parameters)
+    x, y, spin = chosen[parameters.place]
+    reached = (points.skin + contact.displacements)[touching, None]
+    surface = x + 1j * y + 1j * spin * (reached - body.center)
+    radii, chords = contact.radii[touching, None], np.ones((count, 1))
+    if fast.sliding:
+        depths = points.dents @ (contact.push * points.axis.conj()).imag
+        bent = (points.points + contact.displacements - 1j * points.axis * depths)[used]
+        chords = (bent[after] - bent[before])[:, None]
+
+    def turns(skins: Points, lines: Points, spin: Array | float) -> Array:
+        """Return how much forces turn as skins, against the surface, and centre lines move."""
+        if fast.sliding:
+            return ((lines[after] - lines[before]) / chords).imag
+        return (normals.conj() * skins).imag / radii + spin
+
+    skins, apart = skins[own], skin_rates[own] - surface
+    matrix = np.concatenate([(normals.conj() * skins).real, -turns(skins, lines, 0.0)])
+    matrix[count:, count:] += np.eye(count)
+    right = -(normals.conj() * apart).real, turns(apart, line_rates, spin)
+    change = np.linalg.solve(matrix, np.concatenate(right))
+    slid = apart + skins @ change
+    leant = (normals.conj() * slid).imag / radii + spin
+    return change[:count], change[count:], slid + surface, leant
 
 
 def _still_rates(
