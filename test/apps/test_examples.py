@@ -35,7 +35,7 @@ PRINTED = {
     'grasps_in_processes': '200 of 200 hold the disc',
     'learning_loop': 'towards the goal: 0.',
     'limits': 'slowed roller speed',
-    'optimise_grasp': '; held: True',
+    'optimise_grasp': 'utilisation 0.60, held: True',
     'own_robot': 'module.rod_length: -0.15: must be',
     'pick_box': 'turned     ',
     'plan_grasp': 'margin',

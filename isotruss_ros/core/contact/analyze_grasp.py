@@ -24,7 +24,7 @@ from isotruss_ros.core.contact.contact_regions import (
 )
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.force_closure import check_force_closure
-from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis, HeldFast
 from isotruss_ros.core.contact.place_points import find_contact_points
 from isotruss_ros.core.contact.refinement import (
     ContactSolver,
@@ -100,7 +100,10 @@ def analyze_grasp(
         solved = _solve_flattening(structure, surface, gap, solver, previous)
     else:
         solved = _solve_straight(structure, surface, gap, solver, previous)
-    contact_points, contact, extents, kept = solved
+    contact_points, found, extents, kept = solved
+    sliding = flattening and not round_
+    # Of corners, which sliding tubes fold over.
+    contact = turn_at_corners(contact_points, found, surface) if sliding else found
     normals = as_xy(contact.normals)
     tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
     pressed, levers = _pressed(body, contact_points, contact, margin, round_)
@@ -122,6 +125,9 @@ def analyze_grasp(
         required_friction=closure.required_friction,
         closure_margin=closure.margin,
         stiffness=_stiffness(contact_points, contact, body.center),
+        solution=HeldFast(
+            structure, body, contact_points, kept, found, contact, sliding, margin, mu, wrench
+        ),
         **_by_member(structure, contact_points, contact, extents),
     )
 
@@ -137,10 +143,7 @@ def _solve_flattening(
     sliding = solver is solve_sliding_contact
     kernel = flattening_of(structure.config.robot, structure.pressures)
     budget, before = BUDGET if sliding else None, _contact_before(previous)
-    found = refine_contact(structure, surface, spacing, kernel, solver, before, budget)
-    if not sliding:
-        return found
-    return found._replace(contact=turn_at_corners(found.points, found.contact, surface))
+    return refine_contact(structure, surface, spacing, kernel, solver, before, budget)
 
 
 def _solve_straight(

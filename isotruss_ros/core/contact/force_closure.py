@@ -22,12 +22,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 import functools
 
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.numerics.least_distance import (
-    find_nearest,
-    Nearest,
-    solve_least_squares,
-)
 import numpy as np
 import scipy
 
@@ -37,11 +33,9 @@ CLOSURE_TOLERANCE = 1e-6
 FACET_TOLERANCE = 1e-9
 #: Weight of small friction forces against a small residual: it makes them unique, and must not
 #: show in what is left.
-SMALL = 1e-6
+SMALL = 1e-8
 #: Precision of the shares, and steps of their search for each of them.
 PRECISION, MOST_STEPS = 1e-14, 10
-#: Segments that lean less than this against what is left are across it.
-ACROSS = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,56 +86,66 @@ def check_force_closure(
     )
     facets = (_facets_of_cone if levers is None else _facets)(segments)
     required, margin = _extremes(facets, -load, friction, tolerance)
-    shares, residual = _balance(segments, facets, load, friction)
+    shares, residual = _balance(segments, load, friction)
     forces = np.zeros(len(normal_forces))
     forces[touching] = shares * normal_forces[touching]
     return Closure(residual <= tolerance, residual, tolerance, forces, required, margin)
 
 
-def _balance(
-    segments: Array, facets: tuple[Array, Array], load: Array, friction: float
-) -> tuple[Array, float]:
+def closure_margin_rates(
+    segments: Array,
+    segment_rates: Array,
+    load: Array,
+    load_rates: Array,
+    friction: tuple[float, Array],
+) -> tuple[Array, Array]:
+    """
+    Return how the margin of `Closure` changes with p parameters, (p,), and the wrench it is for.
+
+    :param segments: (k, 3) tangents and levers times normal forces, see `check_force_closure` [N].
+    :param segment_rates: (k, 3, p) of these.
+    :param load: (3,) resultant of all else on the object [N].
+    :param load_rates: (3, p) of that.
+    :param friction: mu, and (p,) how it changes.
+    :return: besides, (3,) the unit wrench of which friction balances the least more.
+    :raises GraspError: all segments are along one line.
+    """
+    first, second = _pairs(len(segments))
+    normals, reach = np.cross(segments[first], segments[second]), np.linalg.norm(segments, axis=1)
+    sizes = np.linalg.norm(normals, axis=1)
+    good = np.flatnonzero(sizes > FACET_TOLERANCE * reach[first] * reach[second])
+    if not len(good):
+        raise GraspError('friction is along one line: the closure margin has no derivatives')
+    normals = normals[good] / sizes[good, None]
+    support, need = np.abs(normals @ segments.T).sum(axis=1), normals @ load
+    nearest = int((friction[0] * support - np.abs(need)).argmin())
+    i, j, normal = first[good[nearest]], second[good[nearest]], normals[nearest]
+    turned = np.cross(segment_rates[i], segments[j], axisa=0, axisc=0)
+    turned += np.cross(segments[i], segment_rates[j], axisb=0, axisc=0)
+    turned = (turned - np.outer(normal, normal @ turned)) / sizes[good[nearest]]
+    signs, side = np.sign(segments @ normal), np.sign(need[nearest])
+    signs[[i, j]] = 0.0  # both are in the facet
+    widened = signs @ (normal @ segment_rates + segments @ turned)
+    rates = friction[1] * support[nearest] + friction[0] * widened
+    return rates - side * (normal @ load_rates + load @ turned), side * normal
+
+
+def _balance(segments: Array, load: Array, friction: float) -> tuple[Array, float]:
     """Return the shares (k,) in [-mu, mu] of the segments, and what they leave of the load."""
-    shares, free = np.zeros(len(segments)), np.ones(len(segments), dtype=bool)
-    if len(segments) == 0 or friction == 0.0:
-        return shares, float(np.linalg.norm(load))
-    # What is left when all friction is used points away from all that could take more of it: only
-    # shares across it are open, few of all.
-    normals, support = facets
-    offs = normals @ load
-    room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
-    size = float(np.linalg.norm(load))
-    left = find_nearest(np.concatenate([normals, -normals]).T, room, size, 0.0)
-    if left is not None and len(left.active):
-        lever = segments @ left.point
-        reach = np.linalg.norm(segments, axis=1) * np.linalg.norm(left.point)
-        free = np.abs(lever) <= ACROSS * reach
-        shares[~free] = -friction * np.sign(lever[~free])
-    if free.any():
-        shares[free] = _smallest(segments[free], load + shares @ segments, friction, left)
-    return shares, float(np.linalg.norm(segments.T @ shares + load))
-
-
-def _smallest(segments: Array, load: Array, friction: float, left: Nearest | None) -> Array:
-    """Return the smallest shares (k,) in [-mu, mu] that leave the least of a load, if known."""
-    shares = solve_least_squares(segments.T, -load)
-    if np.abs(shares).max() <= friction:
-        return shares
+    k = len(segments)
+    if k == 0 or friction == 0.0:
+        return np.zeros(k), float(np.linalg.norm(load))
     # A load beyond all friction must not overflow in the search either.
     size = max(float(np.abs(segments).max()), 1e-6 * float(np.abs(load).max()))
-    # Without what is left in any case, the smallest shares show.
-    across = load + shares @ segments
-    if left is not None and np.linalg.norm(across - left.point) <= ACROSS * size:
-        load = load - across
-    count = len(segments)
-    return scipy.optimize.lsq_linear(
-        np.concatenate([segments.T / size, SMALL * np.eye(count)]),
-        np.concatenate([-load / size, np.zeros(count)]),
+    found = scipy.optimize.lsq_linear(
+        np.concatenate([segments.T / size, SMALL * np.eye(k)]),
+        np.concatenate([-load / size, np.zeros(k)]),
         (-friction, friction),
         method='bvls',
         tol=PRECISION,
-        max_iter=MOST_STEPS * count,
+        max_iter=MOST_STEPS * k,
     ).x
+    return found, float(np.linalg.norm(segments.T @ found + load))
 
 
 def _extremes(

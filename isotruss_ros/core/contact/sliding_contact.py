@@ -157,15 +157,7 @@ class _Lattice:
 
     def __init__(self, contact_points: ContactPoints) -> None:
         self._points = contact_points
-        member, place = contact_points.member, contact_points.place
-        order = np.lexsort((place, member))
-        alike = member[order][1:] == member[order][:-1]
-        # The neighbours of each point on its member; itself where there is none.
-        before, after = order.copy(), order.copy()
-        before[1:] = np.where(alike, order[:-1], order[1:])
-        after[:-1] = np.where(alike, order[1:], order[:-1])
-        self._before, self._after = np.empty_like(order), np.empty_like(order)
-        self._before[order], self._after[order] = before, after
+        self._before, self._after = find_neighbours(contact_points)
 
     def bend(self, displacements: Points, push: Points) -> Points:
         """Return the directions of the bent centre lines at the points, (c,)."""
@@ -179,6 +171,22 @@ class _Lattice:
         size: Array = np.abs(turned)
         turned = np.divide(turned, size, out=np.ones_like(turned), where=size > 0.0)
         return turned * points.axis
+
+
+def find_neighbours(contact_points: ContactPoints) -> Indices:
+    """
+    Return the neighbours of each point on its member, (2, c); itself where there is none.
+
+    :param contact_points: the points.
+    """
+    member, place = contact_points.member, contact_points.place
+    order = np.lexsort((place, member))
+    alike = member[order][1:] == member[order][:-1]
+    found = np.empty((2, len(order)), dtype=np.intp)
+    found[:, order] = order
+    found[0, order[1:]] = np.where(alike, order[:-1], order[1:])
+    found[1, order[:-1]] = np.where(alike, order[1:], order[:-1])
+    return found
 
 
 def turn_at_corners(

@@ -100,19 +100,26 @@ class SkinIndentation:
         piece = min(bisect_right(self._places, inside), len(self._pieces)) - 1
         return piece, inside - self._places[piece], place - inside, POWER * place / size
 
-    def pressure_rate(self, force: float) -> float:
+    def second_rates(self, force: float) -> tuple[float, float, float]:
         """
-        Return the derivative of the depth by the gauge pressure in the tube [m/Pa].
+        Return the second derivative of the depth by the force [m/N^2], and what pressure changes.
 
         :param force: [N].
+        :return: besides it the derivatives, by the gauge pressure in the tube, of the depth [m/Pa]
+            and of its derivative by the force [m/(N Pa)].
         """
-        piece, x, beyond, _ = self._locate(force)
+        size = max(abs(force), 1e-9)
+        piece, x, beyond, stretch = self._locate(force)
         moved = self._place_rates[piece]
         a, b, c, _ = self._pieces[piece]
         da, db, dc = self._piece_rates[:, piece]
-        rate = ((da * x + db) * x + dc) * x - moved * ((3.0 * a * x + 2.0 * b) * x + c)
-        slope = (3.0 * da * x + 2.0 * db) * x + dc - moved * (6.0 * a * x + 2.0 * b)
-        return math.copysign(1.0, force) * (rate + slope * beyond)
+        slope, bend = (3.0 * a * x + 2.0 * b) * x + c, 6.0 * a * x + 2.0 * b
+        rate = ((da * x + db) * x + dc) * x - moved * slope
+        steeper = (3.0 * da * x + 2.0 * db) * x + dc - moved * bend
+        sign = math.copysign(1.0, force)
+        # The spline is natural: it does not bend where the table ends.
+        curve = bend * stretch**2 + slope * stretch * (POWER - 1.0) / size
+        return sign * curve, sign * (rate + steeper * beyond), steeper * stretch
 
     @functools.cached_property
     def _place_rates(self) -> Array:
@@ -178,16 +185,19 @@ class Indentation:
         found = np.array([table(force / self._scale) for table, force in pressing])
         return found[:, 0], found[:, 1] / self._scale
 
-    def pressure_rates(self, forces: Array) -> Array:
+    def second_rates(self, forces: Array) -> Array:
         """
-        Return the derivatives of the depths by the gauge pressure in each tube (k,) [m/Pa].
+        Return second derivatives of the depths, and those by the gauge pressure in each tube.
 
         :param forces: (k,) normal forces [N].
+        :return: (3, k) second derivatives by the normal forces [m/N^2]; by the pressures, those of
+            the depths [m/Pa] and of their derivatives by the normal forces [m/(N Pa)].
         """
         if not self._tables:
-            return np.zeros(len(forces))
+            return np.zeros((3, len(forces)))
         pressing = zip(self._tables, forces.tolist(), strict=True)
-        return np.array([table.pressure_rate(force / self._scale) for table, force in pressing])
+        found = np.array([table.second_rates(force / self._scale) for table, force in pressing])
+        return (found / (self._scale**2, 1.0, self._scale)).T
 
 
 @functools.lru_cache(maxsize=32)

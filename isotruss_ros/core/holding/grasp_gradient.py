@@ -12,37 +12,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
+from isotruss_ros.core.contact.grasp_parameters import GraspParameters
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.grip_response import slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_tubes import ContactRates, LoadedTubes
+from isotruss_ros.core.holding.response_rates import response_rates
 from isotruss_ros.core.holding.settle_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
-
-
-class GraspParameters(NamedTuple):
-    """
-    Places of the p parameters among the columns of a `GraspGradient`.
-
-    :ivar rollers: travel of the r rollers [m].
-    :ivar place: x, y, angle of the pose at which the object is set down [m, rad].
-    :ivar pressures: gauge, of the t tubes in the order of the robot file [Pa].
-    :ivar friction: coefficient.
-    :ivar wrench: fx, fy, m on the object [N, N m].
-    :ivar stiffness: that of robot and tubes against the model's [-].
-    :ivar size: p.
-    """
-
-    rollers: slice
-    place: slice
-    pressures: slice
-    friction: int
-    wrench: slice
-    stiffness: int
-    size: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +40,9 @@ class GraspGradient:
     :ivar required_friction: (p,) of the member that needs the most.
     :ivar needs_most: its name.
     :ivar squeeze: (p,) of the mean normal force of the members.
+    :ivar slip_margin: (p,) of the member that slips, or lets go, under the least wrench.
+    :ivar gives_way: its name.
+    :ivar stiffness: (3, 3, p).
     :ivar utilisation: (n, p) of the place of each member where it is largest, in the order of
         `Robot.member_names`.
     :ivar most_used: the name of the member with the largest.
@@ -72,6 +55,9 @@ class GraspGradient:
     required_friction: Array
     needs_most: str
     squeeze: Array
+    slip_margin: Array
+    gives_way: str
+    stiffness: Array
     utilisation: Array
     most_used: str
 
@@ -90,33 +76,43 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     grip = settled.equilibrium
     if grip is None:
         raise GraspError(f'a grasp without equilibrium has no derivatives: {settled.reason}')
-    parameters = _parameters_of(grip)
-    chosen = np.eye(parameters.size)
+    if grip.response is None:
+        raise GraspError('an indifferent equilibrium has no derivatives')
+    parameters = GraspParameters.of(grip.config)
+    # Three columns more, for the response to a wrench.
+    chosen = np.eye(parameters.size, parameters.size + 3)
     nodes = grip.config.node_jacobian.T.copy().view(np.complex128).T
     moved = nodes @ chosen[parameters.rollers]
     tubes = LoadedTubes(grip, moved, chosen[parameters.pressures])
-    dents = _dent_rates(grip, chosen, parameters)
-    state, places = grip.state, grip.state.places
+    dents, softened = _dent_rates(grip, chosen, parameters)
+    state, statics, places = grip.state, grip.statics, grip.state.places
     left = _equation_rates(grip, tubes, dents, chosen, parameters)
-    try:
-        change = -np.linalg.solve(state.jacobian, left)
-    except np.linalg.LinAlgError as error:
-        raise GraspError('an indifferent equilibrium has no derivatives') from error
+    tangent = state.jacobian_with(statics.rolling_rows(state.unknowns, state.normals))
+    change = -np.linalg.solve(state.jacobian, left)
+    change[:, -3:] = -np.linalg.inv(tangent)[:, places.balance]
     normal, friction = change[places.normal], change[places.friction]
-    soft = grip.statics.indentation(state.normal_forces)[1]
+    soft = statics.indentation(state.normal_forces)[1]
     contacts = ContactRates(
         change[places.feet],
         tubes.spins + change[places.inclinations],
         normal + 1j * friction,
         dents + soft[:, None] * normal,
     )
-    used, utilisation = tubes.utilisation(tubes.respond(contacts)[2])
+    rates = tubes.respond(contacts)
+    softer = -chosen[parameters.stiffness] / grip.tubes.stiffness_scale
+    answer = response_rates(grip, tubes, contacts, rates, change, (softened, softer))
+    used, utilisation = tubes.utilisation(rates.ends)
+    change = change[:, :-3]
+    margin, gives_way = _slip_margin_rates(settled, change, answer, parameters)
     members = np.eye(len(grip.members))[grip.contacts.owners].T
-    presses, rubs = members @ normal, members @ friction
+    presses, rubs = members @ change[places.normal], members @ change[places.friction]
     needs = np.abs(grip.friction_forces) / grip.normal_forces
     most = int(needs.argmax())
     sign = float(np.sign(grip.friction_forces[most]))
     needed = (sign * rubs[most] - needs[most] * presses[most]) / grip.normal_forces[most]
+    inverse = np.linalg.inv(grip.response.pose)
+    stiffer = -np.einsum('ia,apb,bj->ijp', inverse, answer[:3], inverse)
+    stiffer[2] *= grip.arm
     return GraspGradient(
         parameters,
         change[:3],
@@ -125,34 +121,45 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         needed,
         grip.member_names[most],
         presses.mean(axis=0),
-        utilisation,
+        margin,
+        gives_way,
+        stiffer,
+        utilisation[:, :-3],
         grip.config.robot.member_names[int(used.argmax())],
     )
 
 
-def _parameters_of(grip: HeldGrip) -> GraspParameters:
-    """Return the places of the parameters of a grasp."""
-    rollers = len(grip.config.roller_positions)
-    tubes = rollers + 3 + len(grip.config.robot.description.pressures)
-    return GraspParameters(
-        rollers=slice(0, rollers),
-        place=slice(rollers, rollers + 3),
-        pressures=slice(rollers + 3, tubes),
-        friction=tubes,
-        wrench=slice(tubes + 1, tubes + 4),
-        stiffness=tubes + 4,
-        size=tubes + 5,
-    )
+def _slip_margin_rates(
+    settled: SettledGrasp, change: Array, answer: Array, parameters: GraspParameters
+) -> tuple[Array, str]:
+    """Return how the slip margin changes (p,) [N], and the name of the member that gives way."""
+    grip = settled.equilibrium
+    owners, response, begin = grip.contacts.owners, grip.response, grip.state.places.normal.start
+    rows = slip_conditions(owners, settled.friction)
+    reserve, slope = rows @ grip.state.forces, rows @ response.forces
+    size = np.hypot.reduce(slope, axis=1)
+    nearest = int((reserve / size).argmin())
+    row, way = rows[nearest], slope[nearest] / size[nearest]
+    # With friction the conditions change, but not those of contacts that let go.
+    presses = slip_conditions(owners, 1.0)[nearest] - slip_conditions(owners, 0.0)[nearest]
+    left, longer = row @ change[begin:], np.einsum('a,apw,w->p', row, answer[begin:], way)
+    left[parameters.friction] += presses @ grip.state.forces
+    longer[parameters.friction] += presses @ response.forces @ way
+    names = [*2 * grip.member_names, *(grip.member_names[i] for i in owners)]
+    return (left - reserve[nearest] / size[nearest] * longer) / size[nearest], names[nearest]
 
 
-def _dent_rates(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> Array:
-    """Return how the dents change by the parameters alone, the forces as they are, (k, p) [m]."""
+def _dent_rates(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> tuple[Array, Array]:
+    """Return how dents and their derivatives by the forces change, the forces as they are."""
     forces, scale = grip.state.normal_forces, grip.tubes.stiffness_scale
     indentation, topology = grip.statics.indentation, grip.config.robot.topology
-    softer = np.outer(indentation(forces)[1] * forces / scale, chosen[parameters.stiffness])
-    tubes = topology.tube[grip.contacts.members]
-    inflated = chosen[parameters.pressures][tubes]
-    return indentation.pressure_rates(forces)[:, None] * inflated - softer
+    soft, (curves, dents, softened) = indentation(forces)[1], indentation.second_rates(forces)
+    inflated = chosen[parameters.pressures][topology.tube[grip.contacts.members]]
+    stiffer = chosen[parameters.stiffness] / scale
+    return (
+        dents[:, None] * inflated - np.outer(soft * forces, stiffer),
+        softened[:, None] * inflated - np.outer(curves * forces + soft, stiffer),
+    )
 
 
 def _equation_rates(
@@ -167,7 +174,7 @@ def _equation_rates(
     places, axis = state.places, statics.compliance.axis[:, None]
     normals, scale = state.normals[:, None], grip.tubes.stiffness_scale
     zero, spins = np.zeros_like(dents), tubes.spins
-    give, slope, _ = tubes.respond(ContactRates(zero, spins, zero + 0j, dents))
+    give, slope, *_ = tubes.respond(ContactRates(zero, spins, zero + 0j, dents))
     softer = -chosen[parameters.stiffness] / scale
     own = statics.compliance.at(state.feet).respond(statics.loads(state.unknowns))
     points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)

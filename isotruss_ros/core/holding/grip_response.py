@@ -48,6 +48,11 @@ class GripResponse:
     openings: Array
 
     @property
+    def forces(self) -> Array:
+        """Return the change of normal and of friction forces, (2k, 3) [-]."""
+        return np.concatenate([self.normal, self.friction])
+
+    @property
     def stiffness(self) -> Array:
         """Return the wrench (fx, fy, m) that a displacement takes, (3, 3) [N/m, N, N m]."""
         stiffness = np.linalg.inv(self.pose)
@@ -132,7 +137,8 @@ def slip_margin(
     :param more: (3,) wrench (fx, fy, m / arm) that is added to that of the equilibrium [N].
     :return: negative where a member slips or a contact pulls already.
     """
-    reserve, slope = _conditions(state, response, friction)
+    rows = slip_conditions(response.owners, friction)
+    reserve, slope = rows @ state.forces, rows @ response.forces
     if more is not None:
         reserve = reserve + slope @ more
     return float((reserve / _sizes(slope)).min())
@@ -146,9 +152,10 @@ def weakest_direction(state: ContactForces, response: GripResponse, friction: fl
     :param response: how its forces change with the wrench.
     :param friction: coefficient mu.
     """
-    reserve, slope = _conditions(state, response, friction)
+    rows = slip_conditions(response.owners, friction)
+    slope = rows @ response.forces
     size = _sizes(slope)
-    nearest = int((reserve / size).argmin())
+    nearest = int((rows @ state.forces / size).argmin())
     return -slope[nearest] / size[nearest]
 
 
@@ -157,19 +164,17 @@ def _sizes(slope: Array) -> Array:
     return np.hypot.reduce(slope, axis=1)
 
 
-def _conditions(
-    state: ContactForces, response: GripResponse, friction: float
-) -> tuple[Array, Array]:
-    """Return what is left until m members slip and k contacts let go (2m + k,), and slopes."""
-    normal, rubs = state.normal_forces, state.friction_forces
-    by_normal, by_friction = response.normal, response.friction
-    members = np.eye(int(response.owners[-1]) + 1)[response.owners].T
-    normal, rubs = members @ normal, members @ rubs
-    by_normal, by_friction = members @ by_normal, members @ by_friction
-    reserve = [friction * normal - rubs, friction * normal + rubs, state.normal_forces]
-    slope = [
-        friction * by_normal - by_friction,
-        friction * by_normal + by_friction,
-        response.normal,
-    ]
-    return np.concatenate(reserve), np.concatenate(slope)
+def slip_conditions(owners: Indices, friction: float) -> Array:
+    """
+    Return how much is left of the forces (N, T) until m members slip, or k contacts let go.
+
+    Members slip clockwise around the object, or counter-clockwise.
+
+    :param owners: (k,) to which member of the grip each contact belongs.
+    :param friction: coefficient mu.
+    :return: (2m + k, 2k).
+    """
+    members = np.eye(int(owners[-1]) + 1)[owners].T
+    presses, alone = friction * members, np.eye(len(owners), 2 * len(owners))
+    slips = np.hstack([presses, -members]), np.hstack([presses, members])
+    return np.concatenate([*slips, alone])

@@ -11,11 +11,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.statics.cut_frame import CutFrame, FrameRates, structure_rates
+from isotruss_ros.core.statics.frame import FrameState
 from isotruss_ros.core.statics.structure import structure_of, tube_pieces
 import numpy as np
 
@@ -34,6 +36,26 @@ class ContactRates(NamedTuple):
     normals: Array
     forces: Points
     dents: Array
+
+
+class TubeRates(NamedTuple):
+    """
+    How the tubes of a robot change with p parameters.
+
+    :ivar give: (k, p) displacements of the contacts, along + i across the members [m].
+    :ivar slope: (k, p) of the bent centre lines there [-].
+    :ivar displacements: (n, 3, p) of the nodes of the cut frame [m, rad].
+    :ivar ends: (c, 6, p) end forces of its members [N], [N m].
+    :ivar multipliers: (e, p) of its constraints.
+    :ivar frame: how the frame itself changes.
+    """
+
+    give: Points
+    slope: Array
+    displacements: Array
+    ends: Array
+    multipliers: Array
+    frame: FrameRates
 
 
 class LoadedTubes:
@@ -60,43 +82,78 @@ class LoadedTubes:
         self.spins: Array = (ahead / span[:, None]).imag
         self._push = (state.normal_forces + 1j * state.friction_forces) * state.normals
         self._skin = statics.tube_radius - statics.indentation(state.normal_forces)[0]
-        loads = np.zeros((len(self._frame.points), 3))
         couples = -self._skin * state.friction_forces
-        loads[self._frame.nodes] = np.column_stack([self._push.real, self._push.imag, couples])
-        self._state = self._frame.solve(loads)
+        self._state = self._frame.solve(self._loads(self._push[:, None], couples[:, None])[..., 0])
 
-    def respond(self, contacts: ContactRates) -> tuple[Points, Array, Array]:
+    def respond(self, contacts: ContactRates) -> TubeRates:
         """
-        Return how the tubes give along + i across the members, and by slope, and the end forces.
+        Return how the tubes give.
 
         :param contacts: how these change.
-        :return: (k, p) [m], (k, p) [-] and (c, 6, p) of the members of the cut frame [N], [N m].
         """
         grip, frame, state = self._grip, self._frame, self._grip.state
-        axis, nodes = grip.statics.compliance.axis[:, None], self._frame.nodes
+        axis = grip.statics.compliance.axis[:, None]
         forces = contacts.forces * state.normals[:, None]
         forces += 1j * contacts.normals * self._push[:, None]
         couples = contacts.dents * state.friction_forces[:, None]
         couples -= self._skin[:, None] * contacts.forces.imag
-        loads = np.zeros((len(frame.points), 3, forces.shape[1]))
-        loads[nodes] = np.stack([forces.real, forces.imag, couples], axis=1)
         places = self.starts + axis * (1j * self.spins * state.feet[:, None] + contacts.feet)
         rates = FrameRates(
             np.concatenate([self._rates.points, places]),
             self._rates.flexibility[:, frame.whole],
             self._rates.rows,
         )
-        moved, ends = frame.rates(self._state, rates, loads)
-        still = self._state.displacements[nodes]
+        changes = frame.rates(self._state, rates, self._loads(forces, couples))
+        return TubeRates(*self._give(self._state, rates, *changes[:2]), *changes, rates)
+
+    def respond_again(
+        self, rates: TubeRates, place: int, forces: Points, couples: Array
+    ) -> tuple[Points, Array]:
+        """
+        Return how much more the tubes give once one of the parameters has changed.
+
+        That one moves contacts along their members and changes their forces, nothing else.
+
+        :param rates: of all parameters.
+        :param place: of the one among them.
+        :param forces: (k, p) mixed second derivatives of the forces, x + iy [N].
+        :param couples: (k, p) the same of the couples [N m].
+        :return: give (k, p) and slope (k, p), mixed second derivatives, see `TubeRates`.
+        """
+        frame, own = self._frame, self._frame.members
+        points = rates.frame.points[:, place]
+        longer = ((points[own.end] - points[own.start]) / frame.axis).real
+        changes = rates.displacements, rates.ends
+        still = frame.mixed_rates(self._state, changes, rates.frame, longer)
+        state = replace(
+            self._state,
+            displacements=rates.displacements[..., place],
+            end_forces=rates.ends[..., place],
+            multipliers=rates.multipliers[:, place],
+        )
+        moved, ends, _ = frame.rates(state, rates.frame, self._loads(forces, couples), still)
+        return self._give(state, rates.frame, moved, ends)
+
+    def _loads(self, forces: Points, couples: Array) -> Array:
+        """Return loads (n, 3, p) on the nodes: those at the contacts."""
+        loads = np.zeros((len(self._frame.points), 3, forces.shape[1]))
+        loads[self._frame.nodes] = np.stack([forces.real, forces.imag, couples], axis=1)
+        return loads
+
+    def _give(
+        self, state: FrameState, rates: FrameRates, moved: Array, ends: Array
+    ) -> tuple[Points, Array]:
+        """Return how contacts give as the frame changes from a state, see `TubeRates`."""
+        frame, nodes = self._frame, self._frame.nodes
+        still = state.displacements[nodes]
         give = moved[nodes, 0] + 1j * moved[nodes, 1]
-        give = (give - 1j * self.spins * (still[:, 0] + 1j * still[:, 1])[:, None]) / axis
+        give -= 1j * self.spins * (still[:, 0] + 1j * still[:, 1])[:, None]
         # The mean slope of both sides is that of the section, sheared by the mean force across.
         sheared = 0.5 * (ends[frame.before, 4] - ends[frame.behind, 1])
-        own = self._state.end_forces
-        across = 0.5 * (own[frame.before, 4] - own[frame.behind, 1])
+        across = 0.5 * (state.end_forces[frame.before, 4] - state.end_forces[frame.behind, 1])
         slope = moved[nodes, 2] + sheared / frame.members.shear[frame.before, None]
         slope += across[:, None] * rates.flexibility[2, frame.before]
-        return give, slope, ends
+        return give / self._grip.statics.compliance.axis[:, None], slope
 
     def utilisation(self, ends: Array) -> tuple[Array, Array]:
         """

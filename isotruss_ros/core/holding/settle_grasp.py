@@ -65,6 +65,7 @@ class SettledGrasp:
     :ivar stiffness: (3, 3) wrench (fx, fy, m) that a displacement (dx, dy, dtheta) of the object
         takes while the contacts stick [N/m, N, N m]; zero without an equilibrium.
     :ivar equilibrium: to begin with for a similar grasp; None where there is none.
+    :ivar friction: coefficient between tube and object with which it was settled.
     """
 
     hold: HoldStatus
@@ -80,6 +81,7 @@ class SettledGrasp:
     utilisation_places: dict[str, float] = field(default_factory=dict)
     stiffness: Array = field(default_factory=lambda: np.zeros((3, 3)))
     equilibrium: HeldGrip | None = None
+    friction: float = FRICTION
 
     @property
     def held(self) -> bool:
@@ -153,7 +155,7 @@ def assess_equilibrium(given: Pose, found: HeldGrip | HoldStatus, friction: floa
     """
     sticks = found if isinstance(found, HoldStatus) else found.hold(friction)
     if isinstance(found, HoldStatus) or sticks in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
-        return SettledGrasp(sticks, sticks.value, given, np.zeros(3))
+        return SettledGrasp(sticks, sticks.value, given, np.zeros(3), friction=friction)
     moved = np.array(found.pose) - given
     moved[2] = math.remainder(moved[2], 2.0 * math.pi)
     all_names = found.config.robot.member_names
@@ -178,6 +180,7 @@ def assess_equilibrium(given: Pose, found: HeldGrip | HoldStatus, friction: floa
         dict(zip(all_names, places.tolist(), strict=True)),
         np.zeros((3, 3)) if response is None else response.stiffness,
         found,
+        friction,
     )
 
 

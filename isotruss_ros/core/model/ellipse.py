@@ -88,6 +88,16 @@ class Ellipse(Shape):
         a, b = self.semi_axes
         return self.support_points(normals), (a * b) ** 2 / self.support(normals) ** 3
 
+    def radius_rates(self, normals: Points) -> Array:
+        """
+        Return how the radii of curvature change as the normals turn, (k,) [m/rad].
+
+        :param normals: (k,) outward unit normals, x + iy.
+        """
+        points, radii = self.surface_at(np.zeros(0, dtype=np.intp), normals)
+        # h(n) changes by how far the point is along the tangent.
+        return -3.0 * radii * (points * normals.conj()).imag / self.support(normals)
+
     def nearest(self, points: Points) -> SurfacePoints:
         """Return what is nearest on the surface; see `Shape.nearest`."""
         a, b = self.semi_axes

@@ -156,6 +156,16 @@ class Shape(ABC):
         :param normals: (k,) outward unit normals, x + iy.
         """
 
+    def radius_rates(self, normals: Points) -> Array:
+        """
+        Return how the radii of curvature change as the normals turn, (k,) [m/rad].
+
+        Zero, of circles and arcs; a shape whose radius changes has its own.
+
+        :param normals: (k,) outward unit normals, x + iy.
+        """
+        return np.zeros(len(normals))
+
     def touch_lines(self, normals: list[complex], sine: float) -> TouchedPoints:
         """
         Return where the shape touches straight lines, one line after the other.

@@ -90,17 +90,22 @@ class CutFrame(Frame):
             frame._rows,
         )
 
-    def rates(self, state: FrameState, rates: FrameRates, loads: Array) -> tuple[Array, Array]:
+    def rates(
+        self, state: FrameState, rates: FrameRates, loads: Array, still: Array | None = None
+    ) -> tuple[Array, Array, Array]:
         """
-        Return how displacements (n, 3, p) and end forces (k, 6, p) change.
+        Return how displacements (n, 3, p), end forces (k, 6, p) and multipliers (c, p) change.
 
         :param state: under the loads.
         :param rates: of the frame.
         :param loads: (n, 3, p) of the loads.
+        :param still: (k, 6, p) of the end forces besides, as the nodes stay; see `mixed_rates`.
         """
         pattern, rows, count = self._pattern, self._rows, loads.shape[2]
         factor, scale = self._system
         spin, changed = self._still_rates(state, rates)
+        if still is not None:
+            changed += still
         # On the members, in the plane: turned with them.
         forces = state.end_forces[:, :, None]
         turned = np.empty_like(changed)
@@ -122,7 +127,46 @@ class CutFrame(Frame):
         displacements = np.zeros_like(left)
         displacements[pattern.solved] = found[:free]
         changed += self._local @ (self._turn @ displacements[pattern.places])
-        return displacements.reshape(-1, 3, count), changed
+        return displacements.reshape(-1, 3, count), changed, found[free:]
+
+    def mixed_rates(
+        self, state: FrameState, changes: tuple[Array, Array], rates: FrameRates, cuts: Array
+    ) -> Array:
+        """
+        Return by how much more end forces change while the nodes stay where cuts have moved.
+
+        :param state: under the loads.
+        :param changes: of displacements (n, 3, p) and end forces (k, 6, p), see `rates`.
+        :param rates: of the frame.
+        :param cuts: (k,) how much longer its parts get as the cuts move along the members [m].
+        :return: (k, 6, p), mixed second derivatives, see `rates`.
+        """
+        own, length, share = self.members, self.length[:, None], (cuts / self.length)[:, None]
+        span = (rates.points[own.end] - rates.points[own.start]) / self.axis[:, None]
+        spin, longer = span.imag / length, 2.0 * span.real / length
+        by_axial, by_bending, by_shear = rates.flexibility
+        places = self._pattern.places
+        stretch, sway = self._sways(state.displacements.reshape(-1, 1)[places])
+        swayed = self._sways(changes[0].reshape(-1, changes[0].shape[2])[places])[1]
+        moments, moments_rate = state.end_forces[:, [2, 5], None], changes[1][:, [2, 5]]
+        both, both_rate = moments.sum(axis=1), moments_rate.sum(axis=1)
+        pulled = -share * (
+            changes[1][:, 3] + own.axial[:, None] * by_axial * state.end_forces[:, 3, None]
+        )
+        sheared = (both_rate - longer * both) / own.shear[:, None] + by_shear * both
+        turned = (share / length * (swayed - spin * stretch - longer * sway + sheared))[:, None]
+        bending = moments_rate / own.flexural[:, None, None] + by_bending[:, None] * moments
+        turned = turned - (share * length)[:, None] / 6.0 * (
+            3.0 * bending - bending.sum(axis=1)[:, None]
+        )
+        bent = self._local[:, [2, 5]][:, :, [2, 5]] @ turned
+        across = (bent.sum(axis=1) - share * (both_rate - 0.5 * longer * both)) / length
+        return np.stack([-pulled, across, bent[:, 0], pulled, -across, bent[:, 1]], axis=1)
+
+    def _sways(self, ends: Array) -> tuple[Array, Array]:
+        """Return how far ends (k, 6, p) move apart, along members and across them, (k, p)."""
+        ends = self._turn @ ends
+        return ends[:, 3] - ends[:, 0], ends[:, 4] - ends[:, 1]
 
     def _still_rates(self, state: FrameState, rates: FrameRates) -> tuple[Array, Array]:
         """Return spins (k, p), and rates (k, 6, p) of end forces while the nodes stay."""
@@ -130,8 +174,7 @@ class CutFrame(Frame):
         span = (rates.points[own.end] - rates.points[own.start]) / self.axis[:, None]
         spin, longer = span.imag / length, span.real
         by_axial, by_bending, by_shear = rates.flexibility
-        ends = (self._turn @ state.displacements.ravel()[self._pattern.places][:, :, None])[..., 0]
-        stretch, sway = (ends[:, 3:5] - ends[:, :2]).T[:, :, None]
+        stretch, sway = self._sways(state.displacements.reshape(-1, 1)[self._pattern.places])
         moments, pull = state.end_forces[:, [2, 5]][:, :, None], state.end_forces[:, 3, None]
         # Deformations as the nodes stay: stretch, and rotation of both ends against the chord.
         pulled = spin * sway - pull * (longer / own.axial[:, None] + length * by_axial)

@@ -65,12 +65,12 @@ def test_a_disc_is_the_same_at_any_angle(flattening):
     wrench = (0.3, 0.2, 0.05)
     one = analyze_grasp(HOME, DISC, 0.5, wrench, flattening=flattening)
     other = analyze_grasp(HOME, held_alike(Disc(0.3), 1.0), 0.5, wrench, flattening=flattening)
-    for field in fields(one):
-        value, again = getattr(one, field.name), getattr(other, field.name)
+    for name in (field.name for field in fields(one) if field.name != 'solution'):
+        value, again = getattr(one, name), getattr(other, name)
         if isinstance(value, dict):
             assert value == again
         else:
-            assert np.array_equal(value, again), field.name
+            assert np.array_equal(value, again), name
 
 
 def test_polygons_of_many_sides_converge_to_the_disc():

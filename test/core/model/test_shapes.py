@@ -105,6 +105,16 @@ def test_gap_and_normal_turn_as_the_radius_of_curvature_says(seed):
 
 @robots.examples(100)
 @given(SEEDS)
+def test_radii_change_as_normals_turn(seed):
+    generator = np.random.default_rng(seed)
+    shape = Ellipse(generator.uniform(0.1, 0.3, 2))
+    normals, turn = directions(generator), np.exp(1e-5j)
+    ahead, behind = (shape.surface_at(None, normals * by)[1] for by in (turn, 1.0 / turn))
+    assert shape.radius_rates(normals) == pytest.approx((ahead - behind) / 2e-5, abs=1e-6)
+
+
+@robots.examples(100)
+@given(SEEDS)
 def test_area_centroid_and_gyration_are_those_of_the_outline(seed):
     shape = random_shape(np.random.default_rng(seed))
     z = dense_outline(shape, 4000)

@@ -1,0 +1,89 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+How the response of a settled grasp changes: second derivatives of the equations of equilibrium.
+
+With contacts that stick, J y_w = -F_w gives the response y_w to a wrench, J the Jacobian with the
+closure of rolling. So (y_w)' = -J^-1 J' y_w, and J' y_w is the mixed second derivative of F by
+the response and by the change of the grasp, both of which stay.
+"""
+
+from __future__ import annotations
+
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.loaded_tubes import ContactRates, LoadedTubes, TubeRates
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+
+def response_rates(
+    grip: HeldGrip,
+    tubes: LoadedTubes,
+    contacts: ContactRates,
+    rates: TubeRates,
+    change: Array,
+    softened: tuple[Array, Array],
+) -> Array:
+    """
+    Return how the response to a unit wrench changes, (3 + 4k, n, 3).
+
+    :param grip: how the object is held.
+    :param tubes: under its forces.
+    :param contacts: how the contacts change, with n parameters and, in three columns more, as a
+        unit wrench (fx, fy, m / arm) acts while they stick.
+    :param rates: how the tubes do.
+    :param change: (3 + 4k, n + 3) how the unknowns do.
+    :param softened: (k, n + 3) how the dents' derivatives by the normal forces change at forces
+        that stay, and (n + 3,) how the compliance of the tubes does, as a share.
+    """
+    statics, state, places = grip.statics, grip.state, grip.state.places
+    normals, turn = state.normals[:, None], grip.body.turn
+    points, radii = grip.body.shape.surface_at(statics.contacts.corners, state.normals / turn)
+    radius_rates = grip.body.shape.radius_rates(state.normals / turn)[:, None]
+    axis, radii, arms = statics.compliance.axis[:, None], radii[:, None], (turn * points)[:, None]
+    rubs, scale = state.friction_forces[:, None], grip.tubes.stiffness_scale
+    push = state.normal_forces[:, None] + 1j * rubs
+    skin = statics.tube_radius - statics.indentation(state.normal_forces)[0][:, None]
+    curves = statics.indentation.second_rates(state.normal_forces)[0][:, None]
+    turns, angles, spins = contacts.normals, change[2], tubes.spins
+    slopes = np.tan(state.unknowns[places.inclinations])[:, None]
+    # How arms and forces change, in the plane.
+    swung = 1j * (angles * arms + radii * normals * (turns - angles))
+    pushed = (contacts.forces + 1j * turns * push) * normals
+    tangent = state.jacobian_with(statics.rolling_rows(state.unknowns, state.normals))
+    left = np.empty((places.size, change.shape[1] - 3, 3))
+    for i, j in enumerate(range(-3, 0)):
+        turned, angle = turns[:, j, None], angles[j]
+        dents = (curves * contacts.forces.real + softened[0]) * contacts.forces[:, j, None].real
+        forces = contacts.forces * turned + contacts.forces[:, j, None] * turns
+        forces = (1j * forces - turns * turned * push) * normals
+        couples = dents * rubs + contacts.dents * contacts.forces[:, j, None].imag
+        couples += contacts.dents[:, j, None] * contacts.forces.imag
+        give, slope = tubes.respond_again(rates, j, forces, couples)
+        give, slope = give / scale, slope / scale
+        give += softened[1] * rates.give[:, j, None] / scale
+        slope += softened[1] * rates.slope[:, j, None] / scale
+        # The point that touches moves on the surface, whose radius there changes.
+        grown = radius_rates * (turns - angles)
+        arm_rates = 1j * grown * (turned - angle) * normals - angles * angle * arms
+        arm_rates -= radii * normals * (turns * turned - angles * angle)
+        away = -(change[0, j] + 1j * change[1, j]) - swung[:, j, None]
+        away = away + (contacts.dents[:, j, None] - 1j * skin * turned) * normals
+        apart = dents + 1j * contacts.dents * turned + 1j * contacts.dents[:, j, None] * turns
+        apart = (apart + skin * turns * turned) * normals - arm_rates - 1j * spins * away
+        gap = apart / axis + give
+        bends = change[places.inclinations]
+        slope -= 2.0 * slopes * (1.0 + slopes**2) * bends * bends[:, j, None]
+        torque = arm_rates.conj() * push * normals + swung.conj() * pushed[:, j, None]
+        torque += swung[:, j, None].conj() * pushed + arms.conj() * forces
+        balance = np.stack([forces.real, forces.imag, torque.imag / statics.arm]).sum(axis=1)
+        closure = grown * (angle - turned)
+        left[..., i] = np.concatenate([gap.real, gap.imag, slope, -balance, closure])[:, :-3]
+    return -np.linalg.solve(tangent, left.reshape(places.size, -1)).reshape(left.shape)

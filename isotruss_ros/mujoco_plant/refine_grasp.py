@@ -1,0 +1,130 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Correct planned grasps by what MuJoCo measures: squeeze and slip margin, by their gradients."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from isotruss_ros.core import grasp_gradient, settle_grasp
+from isotruss_ros.core.holding.grip_response import slip_conditions
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+
+#: Where an object waits while the rollers move: x, y [m], angle [rad].
+AWAY = (5.0, 5.0, 0.0)
+#: Duration of a motion of the rollers, and of the rest after it [s].
+MOTION, REST = 2.0, 2.0
+#: Pulls are this share of the planned slip margin, and last so long [s].
+SHARE, PULL = 0.1, 0.5
+#: No roller is corrected by more in a round [m].
+LARGEST = 0.03
+
+
+class RefinedGrasp(NamedTuple):
+    """
+    A grasp that was corrected by what a plant measures.
+
+    :ivar grasp: the plan, with other roller positions behind where its members touch; the rest of
+        it is as planned.
+    :ivar measured: (n, 2) squeeze and slip margin in each round [N].
+    :ivar agrees: whether the last ones are those that were planned.
+    """
+
+    grasp: PlannedGrasp
+    measured: Array
+    agrees: bool
+
+
+def refine_grasp(
+    grasp: PlannedGrasp, plant: MujocoPlant, tolerance: float = 0.02, rounds: int = 6
+) -> RefinedGrasp:
+    """
+    Correct a planned grasp until the plant presses, and bears, what was planned.
+
+    In each round the tubes bend around the object, which is held fast at its planned place without
+    friction, and then let it go. The rollers are corrected by the gradients of squeeze and slip
+    margin at the equilibrium where the object rests.
+
+    :param grasp: the plan, of an object that two members hold.
+    :param plant: of the same robot with the same object as its only one; nothing else pulls.
+    :param tolerance: by which squeeze and slip margin may differ, as a share of the planned ones.
+    :param rounds: most measurements.
+    :raises PlantError: the simulation became unstable.
+    :raises GraspError: where the object rests our model has no equilibrium.
+    """
+    planned, found = np.array([grasp.squeeze, grasp.slip_margin]), []
+    config, grip, step = grasp.config, grasp.grip, None
+    while True:
+        _press(plant, grasp, config.roller_positions)
+        found.append(_measure(plant, grasp))
+        off = found[-1] / planned - 1.0
+        agrees = bool((np.abs(off) <= tolerance).all())
+        if agrees or len(found) == rounds:
+            break
+        if step is None:
+            resting = grip.body.moved_to(plant.object_pose())
+            settled = settle_grasp(config, resting, grip.friction, members=grip.members)
+            gradient = grasp_gradient(settled)
+            slopes = np.stack([gradient.squeeze, gradient.slip_margin])
+            slopes = slopes[:, gradient.parameters.rollers] / planned[:, None]
+        else:
+            # Broyden's update: what the last step did is known.
+            change = (found[-1] - found[-2]) / planned - slopes @ step
+            slopes = slopes + np.outer(change, step) / (step @ step)
+        step = np.linalg.lstsq(slopes, -off, rcond=None)[0]
+        step /= max(1.0, float(np.abs(step).max()) / LARGEST)
+        config = config.moved_to(config.roller_positions + step)
+    path, touch = grasp.path.copy(), grasp.touch
+    shares = np.linspace(0.0, 1.0, len(path) - touch)
+    path[touch:] += np.outer(shares, config.roller_positions - path[-1])
+    path[-1] = config.roller_positions
+    return RefinedGrasp(replace(grasp, config=config, path=path), np.array(found), agrees)
+
+
+def _press(plant: MujocoPlant, grasp: PlannedGrasp, travel: Array) -> None:
+    """Let the members press on the object in its planned place, and let go of it."""
+    plant.set_friction(0.0)
+    plant.hold_object(AWAY)
+    plant.advance(MOTION, (travel - plant.travel) / MOTION)
+    plant.hold_object(grasp.grip.body.pose)
+    plant.settle(REST)
+    plant.set_friction(grasp.grip.friction)
+    plant.release_object()
+    plant.settle(REST)
+
+
+def _measure(plant: MujocoPlant, grasp: PlannedGrasp) -> Array:
+    """Return squeeze and slip margin, by small pulls both ways, (2,) [N]."""
+    arm, state, pull = grasp.grip.body.arm, plant.save(), SHARE * grasp.slip_margin
+    forces, changes = _forces(plant, grasp), []
+    for wrench in pull * np.diag([1.0, 1.0, arm]):
+        ends = []
+        for sign in (1.0, -1.0):
+            plant.restore(state)
+            plant.pull(sign * wrench)
+            plant.settle(PULL)
+            ends.append(_forces(plant, grasp))
+        changes.append((ends[0] - ends[1]) / (2.0 * pull))
+    plant.restore(state)
+    members = np.arange(len(grasp.grip.members))
+    rows = slip_conditions(members, grasp.grip.friction)
+    sizes = np.linalg.norm(rows @ np.array(changes).T, axis=1)
+    return np.array([forces[members].mean(), (rows @ forces / sizes).min()])
+
+
+def _forces(plant: MujocoPlant, grasp: PlannedGrasp) -> Array:
+    """Return normal and friction forces of the members, (2m,) [N]."""
+    by_member = plant.contact_forces()
+    forces = [by_member[name] for name in grasp.grip.members]
+    return np.array([each.normal for each in forces] + [each.friction for each in forces])
