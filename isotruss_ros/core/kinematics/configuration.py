@@ -66,8 +66,9 @@ class Configuration:
     @cached_property
     def member_lengths(self) -> Array:
         """Return the (m,) member lengths, pinch to pinch, in `Robot.member_names` order [m]."""
-        members = self.robot.constraints.spans(self.points)[: self.robot.topology.n_modules]
-        lengths = np.abs(members)
+        topology, points = self.robot.topology, self.points
+        ends = points.take(topology.c.take(topology.following))
+        lengths = np.abs(ends - points.take(topology.b))
         lengths.flags.writeable = False
         return lengths
 
