@@ -132,17 +132,6 @@ class ContactForces:
         """Return (k,) on the tubes, counter-clockwise around the object [N]."""
         return self.unknowns[self.places.friction]
 
-    def jacobian_with(self, closing: Array) -> Array:
-        """
-        Return the Jacobian of the equations with another closure, (3 + 4k, 3 + 4k).
-
-        :param closing: (k, 3 + 4k) derivative of what settles the equations that statics leaves
-            open.
-        """
-        jacobian = self.jacobian.copy()
-        jacobian[self.places.closure] = closing
-        return jacobian
-
 
 class TubeModel(NamedTuple):
     """

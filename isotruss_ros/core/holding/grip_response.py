@@ -89,8 +89,10 @@ def find_response(
     right = np.zeros((places.size, 3 + columns))
     right[places.balance, :3] = -np.eye(3)
     right[: 2 * count, 3:] = -np.concatenate([moving.real, moving.imag])
-    change = solve_change(state.jacobian_with(rolling), right)
-    if change is None:
+    jacobian = state.jacobian.copy()
+    jacobian[places.closure] = rolling
+    _, _, change, singular = lapack.dgesv(jacobian, right)
+    if singular or lapack.dgetrf(change[:3, :3])[2]:
         return None
     normal, friction = change[places.normal], change[places.friction]
     return GripResponse(
@@ -102,17 +104,6 @@ def find_response(
         opening=normal[:, 3],
         openings=np.eye(columns - 1)[owners].T @ normal[:, 4:],
     )
-
-
-def solve_change(jacobian: Array, right: Array) -> Array | None:
-    """
-    Return by how much the unknowns change; None where the equilibrium is indifferent.
-
-    :param jacobian: (3 + 4k, 3 + 4k) of the equations of equilibrium.
-    :param right: (3 + 4k, n) right-hand sides, the first three those of the wrench.
-    """
-    _, _, change, singular = lapack.dgesv(jacobian, right)
-    return None if singular or lapack.dgetrf(change[:3, :3])[2] else change
 
 
 def slip_margin(
@@ -135,7 +126,8 @@ def slip_margin(
     reserve, slope = _conditions(state, response, friction)
     if more is not None:
         reserve = reserve + slope @ more
-    return float((reserve / _sizes(slope)).min())
+    # Of any friction, the squares of slopes may overflow.
+    return float((reserve / np.hypot.reduce(slope, axis=1)).min())
 
 
 def weakest_direction(state: ContactForces, response: GripResponse, friction: float) -> Array:
@@ -147,29 +139,22 @@ def weakest_direction(state: ContactForces, response: GripResponse, friction: fl
     :param friction: coefficient mu.
     """
     reserve, slope = _conditions(state, response, friction)
-    size = _sizes(slope)
+    size = np.hypot.reduce(slope, axis=1)
     nearest = int((reserve / size).argmin())
     return -slope[nearest] / size[nearest]
-
-
-def _sizes(slope: Array) -> Array:
-    """Return the lengths of rows; of any friction, their squares may overflow."""
-    return np.hypot.reduce(slope, axis=1)
 
 
 def _conditions(
     state: ContactForces, response: GripResponse, friction: float
 ) -> tuple[Array, Array]:
     """Return what is left until m members slip and k contacts let go (2m + k,), and slopes."""
-    normal, rubs = state.normal_forces, state.friction_forces
-    by_normal, by_friction = response.normal, response.friction
     members = np.eye(int(response.owners[-1]) + 1)[response.owners].T
-    normal, rubs = members @ normal, members @ rubs
-    by_normal, by_friction = members @ by_normal, members @ by_friction
-    reserve = [friction * normal - rubs, friction * normal + rubs, state.normal_forces]
-    slope = [
-        friction * by_normal - by_friction,
-        friction * by_normal + by_friction,
-        response.normal,
-    ]
-    return np.concatenate(reserve), np.concatenate(slope)
+    # Of the forces, and of their changes by the wrench.
+    limits = []
+    for normal, rubs in (
+        (state.normal_forces, state.friction_forces),
+        (response.normal, response.friction),
+    ):
+        bound, rubbed = friction * (members @ normal), members @ rubs
+        limits.append(np.concatenate([bound - rubbed, bound + rubbed, normal]))
+    return limits[0], limits[1]
