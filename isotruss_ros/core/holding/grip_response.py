@@ -94,8 +94,8 @@ def find_response(
     right = np.zeros((places.size, 3 + columns))
     right[places.balance, :3] = -np.eye(3)
     right[: 2 * count, 3:] = -np.concatenate([moving.real, moving.imag])
-    change = solve_change(state.jacobian_with(rolling), right)
-    if change is None:
+    _, _, change, singular = lapack.dgesv(state.jacobian_with(rolling), right)
+    if singular or lapack.dgetrf(change[:3, :3])[2]:
         return None
     normal, friction = change[places.normal], change[places.friction]
     return GripResponse(
@@ -107,17 +107,6 @@ def find_response(
         opening=normal[:, 3],
         openings=np.eye(columns - 1)[owners].T @ normal[:, 4:],
     )
-
-
-def solve_change(jacobian: Array, right: Array) -> Array | None:
-    """
-    Return by how much the unknowns change; None where the equilibrium is indifferent.
-
-    :param jacobian: (3 + 4k, 3 + 4k) of the equations of equilibrium.
-    :param right: (3 + 4k, n) right-hand sides, the first three those of the wrench.
-    """
-    _, _, change, singular = lapack.dgesv(jacobian, right)
-    return None if singular or lapack.dgetrf(change[:3, :3])[2] else change
 
 
 def slip_margin(

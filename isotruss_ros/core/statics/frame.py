@@ -199,23 +199,20 @@ class Frame:
     def _under_end_loads(self, members: Indices) -> tuple[Array, Array]:
         """Return all unknowns, with a zero behind, and what `compliance` returns; both kept."""
         key = members.tobytes()
-        if key not in self._loaded:
-            self._loaded[key] = self._respond_to_ends(members)
-        return self._loaded[key]
-
-    def _respond_to_ends(self, members: Indices) -> tuple[Array, Array]:
-        """Compute what `_under_end_loads` returns."""
+        if key in self._loaded:
+            return self._loaded[key]
         size, (factor, scale) = 6 * len(members), self._system
-        if size == 0:
-            return np.zeros((len(scale) + 1, 0)), np.zeros((0, 0))
         # What is held is the last row: not loaded, and it does not move.
         unknown, turn = self._pattern.ends[members].ravel(), self._turn[members]
         found, count = np.zeros((len(scale) + 1, size)), len(scale)
         columns = np.arange(size).reshape(-1, 1, 6).repeat(6, axis=1).reshape(size, 6)
         found[unknown[:, None], columns] = turn.transpose(0, 2, 1).reshape(size, 6)
-        found[:count] = scale[:, None] * factor.solve(scale[:, None] * found[:count])
+        if size:
+            found[:count] = scale[:, None] * factor.solve(scale[:, None] * found[:count])
         found[count] = 0.0
-        return found, (turn @ found[unknown].reshape(-1, 6, size)).reshape(size, size)
+        ends = (turn @ found[unknown].reshape(len(members), 6, size)).reshape(size, size)
+        self._loaded[key] = found, ends
+        return found, ends
 
     def solve(self, loads: Array) -> FrameState:
         """
