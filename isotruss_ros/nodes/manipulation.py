@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-import time
 
 from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core import load_robot, Status, TwistServo
@@ -220,7 +219,9 @@ class Manipulation(ManagedNode):
         if servo.failed:
             details['failed rollers'] = ', '.join(sorted(servo.failed))
             details['reachable twists'] = describe_reachable_twists(servo)
-        return details | self._report.summary(servo.period)
+        status = self._report.status
+        details |= {'status': status.name, 'status code': int(status)}
+        return details | ({'cycles': 0} if self.cycle is None else self.cycle.summary())
 
     def _wait_for_zero(self) -> bool:
         """Return whether the subscribers have received the last command, zero."""
@@ -379,12 +380,10 @@ class Manipulation(ManagedNode):
             servo.twist = None
 
     def _step(self, now: Time) -> None:
-        began = time.perf_counter()
         self._check_others()
         decision = self._trajectory.decide(1e-9 * now.nanoseconds)
         self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, now)
-        self._report.add_cycle_time(time.perf_counter() - began)
 
 
 #: Run the manipulation node until it is interrupted.

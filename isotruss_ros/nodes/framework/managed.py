@@ -183,33 +183,25 @@ class ManagedNode(LifecycleNode):
             self._release()
         return result
 
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """
-        Activate: publishers first, then the timers that publish.
-
-        :param state: the state before.
-        """
+    def on_activate(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Activate: publishers first, then the timers that publish."""
         self._failure = None
         self._before['active'] = self._list_entities()
         self.active = True
-        super().on_activate(state)
+        super().on_activate(_state)
         self.diagnostics.set_status(Level.OK, 'active')
         result = self._try_step('activate', self.activate)
         if result != SUCCESS:
-            self._disable(state)
+            self._disable(_state)
             return result
         names = ', '.join(map(self.resolve_topic_name, self.awaited))
         self.get_logger().info(f'active, waits for {names}')
         return result
 
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """
-        Deactivate; after an error that escaped a callback this leads to the error state.
-
-        :param state: the state before.
-        """
+    def on_deactivate(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Deactivate; after an error that escaped a callback this leads to the error state."""
         self._try_step('deactivate', self.deactivate)
-        self._disable(state)
+        self._disable(_state)
         if self._failure is not None:
             return ERROR
         self.diagnostics.set_status(Level.WARN, 'inactive')
@@ -222,27 +214,19 @@ class ManagedNode(LifecycleNode):
         self.diagnostics.set_status(Level.WARN, 'unconfigured')
         return SUCCESS
 
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """
-        Stop from any state.
-
-        :param state: the state before.
-        """
+    def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop from any state."""
         if self.active:
             self._try_step('deactivate', self.deactivate)
-            self._disable(state)
+            self._disable(_state)
         self._try_step('clean up', self._release)
         self.diagnostics.set_status(Level.WARN, 'finalized')
         return SUCCESS
 
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """
-        Release everything: the node can be configured again unless that fails too.
-
-        :param state: the state before.
-        """
+    def on_error(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Release everything: the node can be configured again unless that fails too."""
         if self.active:
-            self._disable(state)
+            self._disable(_state)
         return SUCCESS if self._try_step('clean up', self._release) == SUCCESS else FAILURE
 
     def _try_step(self, what: str, step: Callable[[], None]) -> TransitionCallbackReturn:
@@ -262,10 +246,10 @@ class ManagedNode(LifecycleNode):
         self.diagnostics.set_status(Level.ERROR, f'could not {what}: {reason}')
         return FAILURE if known else ERROR
 
-    def _disable(self, state: LifecycleState) -> None:
+    def _disable(self, _state: LifecycleState) -> None:
         """Destroy what `activate` created and disable the publishers."""
         self._destroy_since('active')
-        super().on_deactivate(state)
+        super().on_deactivate(_state)
         self.active = False
 
     def _release(self) -> None:
