@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-import time
 
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import ConvexObject, IsotrussError, load_robot
@@ -24,7 +23,7 @@ from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.sensors import describe_ages, subscribe_joint_states
-from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.components.single_goal import SingleGoal
 from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.plan_messages import (
     read_goal,
@@ -42,10 +41,8 @@ WORKERS = params.Spec(
     'workers', 0, 'Processes that search, one for each core if 0', read_only=True
 )
 SPECS = (common.ROBOT, common.OBJECT, common.COMMAND_TIMEOUT, WORKERS)
-#: Periods at which the node polls a search, and publishes feedback [s].
-PERIOD, FEEDBACK_PERIOD = 0.02, 0.1
-#: How the action ends with each outcome; with all others it is aborted.
-ENDINGS = {Outcome.FOUND: Ending.SUCCEEDED, Outcome.CANCELLED: Ending.CANCELED}
+#: The node polls a search this often [s].
+PERIOD = 0.02
 
 
 @dataclass
@@ -81,7 +78,6 @@ class GraspPlanner(ManagedNode):
         self._described: ConvexObject | None = None
         self._shape: TrackedShape | None = None
         self._goal: SingleGoal | None = None
-        self._feedback_time = 0.0
         self.start()
 
     def configure(self) -> None:
@@ -104,9 +100,9 @@ class GraspPlanner(ManagedNode):
             self,
             PlanGrasp,
             'plan_grasp',
-            ready=lambda: self.active and not self._goal.active,
-            begin=self._begin,
-            cancelled=self._searcher.cancel,
+            self._begin,
+            self._searcher.cancel,
+            ready=lambda: not self._goal.active,
         )
         self.diagnostics.hardware_id = self._robot.name
 
@@ -169,9 +165,8 @@ class GraspPlanner(ManagedNode):
         answer = self._searcher.answer()
         if answer is not None:
             self._end(answer)
-        elif self._goal.active and time.monotonic() - self._feedback_time >= FEEDBACK_PERIOD:
-            self._feedback_time = time.monotonic()
-            self._goal.publish_feedback(to_feedback_message(self._searcher.progress()))
+        elif self._goal.active:
+            self._goal.publish_feedback(lambda: to_feedback_message(self._searcher.progress()))
 
     def _abort(self, why: str) -> None:
         """Abort the goal, if there is one, and end the processes."""
@@ -181,11 +176,8 @@ class GraspPlanner(ManagedNode):
 
     def _end(self, answer: Answer) -> None:
         """Publish the result of the goal."""
-        self._goal.end(
-            ENDINGS.get(answer.outcome, Ending.ABORTED), to_result_message(answer, self._robot)
-        )
-        text = f'{answer.outcome.name.lower().replace("_", " ")}: {answer.message}'
-        self.report_end('no search', text, good=answer.outcome in ENDINGS)
+        result = to_result_message(answer, self._robot)
+        self._goal.report_end(answer.outcome, result, 'no search')
 
 
 #: Run the planner until it is interrupted.

@@ -35,7 +35,7 @@ from isotruss_ros.nodes.components.sensors import (
     subscribe_joint_states,
     subscribe_object_pose,
 )
-from isotruss_ros.nodes.components.single_goal import describe_lost_client, Ending, SupervisedGoal
+from isotruss_ros.nodes.components.single_goal import SingleGoal
 from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
 from isotruss_ros.nodes.conversions.path_messages import (
     read_object_path,
@@ -83,10 +83,6 @@ SPECS = (
     SMOOTH_PATH,
     *FORESIGHT_SPECS,
 )
-#: Feedback is published this often [Hz].
-FEEDBACK_RATE = 10.0
-#: How the action ends with each outcome; with all others it is aborted.
-ENDINGS = {Outcome.REACHED: Ending.SUCCEEDED, Outcome.CANCELLED: Ending.CANCELED}
 
 
 class PathFollower(ManagedNode):
@@ -104,8 +100,7 @@ class PathFollower(ManagedNode):
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('path_follower', SPECS, parameter_overrides)
         self._servo: PathServo | None = None
-        self._goal: SupervisedGoal | None = None
-        self.cycles = 0
+        self._goal: SingleGoal | None = None
         self._last: Tracking | None = None
         #: A path that is being foreseen, in a thread, so that inputs are received meanwhile.
         self._thread = ThreadPoolExecutor(max_workers=1)
@@ -133,14 +128,14 @@ class PathFollower(ManagedNode):
             'servo_feedback',
         )
         # There while the node is inactive too, so that a goal that ends then gets its result.
-        self._goal = SupervisedGoal(
+        self._goal = SingleGoal(
             self,
             FollowObjectPath,
             'follow_object_path',
-            ready=lambda: self.active,
-            begin=self._begin,
-            preempted=lambda: self._end(Outcome.PREEMPTED, 'a newer goal took over'),
+            self._begin,
             cancelled=lambda: self._end(Outcome.CANCELLED, 'cancelled by the client'),
+            preempted=lambda: self._end(Outcome.PREEMPTED, 'a newer goal took over'),
+            supervised=True,
         )
         self.diagnostics.hardware_id = self._robot.name
 
@@ -193,7 +188,7 @@ class PathFollower(ManagedNode):
 
     def _begin(self, goal: FollowObjectPath.Goal) -> None:
         """Begin to foresee a path, or abort the goal with the reason."""
-        self.cycles, self._last = 0, None
+        self._last = None
         values = self.values
         try:
             settings = TrackingSettings(
@@ -248,18 +243,15 @@ class PathFollower(ManagedNode):
         self._waiting = None
         self._publish_twist(np.zeros(3))
         result = to_result_message(outcome, message, self._servo.tracker, self._last)
-        self._goal.end(ENDINGS.get(outcome, Ending.ABORTED), result)
-        text = f'{outcome.name.lower().replace("_", " ")}: {message}'
-        good = outcome in (Outcome.REACHED, Outcome.CANCELLED, Outcome.PREEMPTED)
-        self.report_end('no path to follow', text, good)
+        self._goal.report_end(outcome, result, 'no path to follow')
 
     # -- The cycle --
 
     def _step(self, now: Time) -> None:
         if not self._goal.active:
             return
-        if self._goal.has_lost_client(self._servo.timeout):
-            self._end(Outcome.STOPPED, describe_lost_client(self._servo.timeout))
+        if (loss := self._goal.find_loss(self._servo.timeout)) is not None:
+            self._end(Outcome.STOPPED, loss)
             return
         if self._waiting is not None:
             self._publish_twist(np.zeros(3))
@@ -271,10 +263,8 @@ class PathFollower(ManagedNode):
             self._end(step.outcome, step.message)
             return
         self._publish_twist(step.twist)
-        if self.cycles % max(1, round(self.values[RATE] / FEEDBACK_RATE)) == 0:
-            self._goal.publish_feedback(to_feedback_message(step.tracking))
-            self.diagnostics.set_status(Level.OK, step.tracking.phase.name.lower())
-        self.cycles += 1
+        self._goal.publish_feedback(lambda: to_feedback_message(step.tracking))
+        self.diagnostics.set_status(Level.OK, step.tracking.phase.name.lower())
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""

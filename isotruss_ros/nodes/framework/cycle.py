@@ -104,8 +104,7 @@ class Cycle:
             'cycles': len(times),
             'cycle time, median [s]': round(times[len(times) // 2], 6),
             'cycle time, longest [s]': round(times[-1], 6),
-            'overruns': len(times)
-            - bisect.bisect_right(times, period),
+            'overruns': len(times) - bisect.bisect_right(times, period),
         }
 
     def _tick(self) -> None:

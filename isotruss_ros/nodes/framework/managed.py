@@ -155,20 +155,6 @@ class ManagedNode(LifecycleNode):
         if self.active:
             self.trigger_deactivate()
 
-    def report_end(self, idle: str, text: str, good: bool) -> None:
-        """
-        Report how a goal has ended, in the diagnostics and the log.
-
-        :param idle: what the node does from now on.
-        :param text: how the goal ended.
-        :param good: whether that is no warning.
-        """
-        self.diagnostics.set_status(Level.OK if good else Level.WARN, f'{idle}; last goal {text}')
-        if good:
-            self.get_logger().info(text)
-        else:
-            self.get_logger().warning(text)
-
     # -- Transitions, as rclpy calls them --
 
     def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
