@@ -11,7 +11,7 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.nodes.components.simulator_restart import SimulatorRestart
+from isotruss_ros.nodes.components.view_requests import SimulatorRestart
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
