@@ -104,7 +104,7 @@ def module_index(robot: Robot, name: str) -> int:
         return robot.module_names.index(name)
     except ValueError:
         raise GraspError(
-            f'module {name!r}: robot {robot.name} has no such module; '
+            f'module {quote(name)}: robot {robot.name} has no such module; '
             f'its modules are {", ".join(robot.module_names)}'
         ) from None
 

@@ -28,13 +28,7 @@ from isotruss_msgs.action import (
     PlanGrasp,
 )
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    IsotrussError,
-    Pose,
-    Robot,
-)
+from isotruss_ros.core import ConvexObject, Disc, IsotrussError, Pose, Robot
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh, StampedInput
 from isotruss_ros.core.control.path_tracking import (
     pose_error,
