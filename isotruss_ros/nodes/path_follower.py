@@ -16,7 +16,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
-from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import IsotrussError, load_robot
@@ -25,7 +24,6 @@ from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedback
 from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
 from isotruss_ros.core.errors import NoMotionError
-from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.path_foresight import check_path
 from isotruss_ros.nodes.components.path_foresight import SPECS as FORESIGHT_SPECS
@@ -36,7 +34,7 @@ from isotruss_ros.nodes.components.sensors import (
     subscribe_object_pose,
 )
 from isotruss_ros.nodes.components.single_goal import SingleGoal
-from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
+from isotruss_ros.nodes.components.twists import create_twist_publisher
 from isotruss_ros.nodes.conversions.path_messages import (
     read_object_path,
     to_feedback_message,
@@ -46,7 +44,6 @@ from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 import numpy as np
 from rclpy.parameter import Parameter
@@ -113,9 +110,8 @@ class PathFollower(ManagedNode):
         self._robot = load_robot(values[common.ROBOT])
         self._servo = PathServo(1.0 / values[RATE], values[common.COMMAND_TIMEOUT])
         values.on_change(self._apply)
-        self._stamped = values[common.USE_STAMPED_TWIST]
-        self._twists = self.create_lifecycle_publisher(
-            TwistStamped if self._stamped else Twist, 'cmd_vel', RELIABLE
+        self._publish_twist = create_twist_publisher(
+            self, values[common.USE_STAMPED_TWIST], self._robot.frame
         )
         subscribe_object_pose(self, self._robot, self._servo)
         subscribe_joint_states(self, self._robot, self._servo)
@@ -274,13 +270,6 @@ class PathFollower(ManagedNode):
         """Abort the goal: while the clock is stopped, old inputs do not age."""
         self._clear_inputs()
         self._end(Outcome.STOPPED, f'simulated time stopped at {now}')
-
-    def _publish_twist(self, twist: Array) -> None:
-        message = to_twist_message(twist)
-        if self._stamped:
-            message = TwistStamped(twist=message)
-            stamp_header(message.header, self.get_clock().now(), self._robot.frame)
-        self._twists.publish(message)
 
 
 #: Run the path follower until it is interrupted.

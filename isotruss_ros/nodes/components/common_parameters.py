@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from isotruss_ros.core import ConvexObject, read_object, Robot
+from isotruss_ros.core import ConvexObject, Disc, read_object, Robot
 from isotruss_ros.core.manipulation.grip import FEWEST, members_at, MOST
 from isotruss_ros.nodes.framework.parameters import ParameterError, Parameters, Spec, Value
 
@@ -62,6 +62,16 @@ def read_described(values: Parameters) -> ConvexObject | None:
     :raises IsotrussError: the description is unusable.
     """
     return read_object(values[OBJECT]) if values[OBJECT] else None
+
+
+def read_body(values: Parameters) -> ConvexObject:
+    """
+    Return the object that `object` describes, or else the disc of `object_diameter`, anywhere.
+
+    :param values: of a node.
+    :raises IsotrussError: the description is unusable.
+    """
+    return read_described(values) or ConvexObject(Disc(values[OBJECT_DIAMETER]))
 
 
 def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:

@@ -28,7 +28,7 @@ from isotruss_msgs.action import (
     PlanGrasp,
 )
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import ConvexObject, Disc, IsotrussError, Pose, Robot
+from isotruss_ros.core import IsotrussError, Pose, Robot
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh, StampedInput
 from isotruss_ros.core.control.path_tracking import (
     pose_error,
@@ -224,8 +224,7 @@ class GraspSequences:
         pose = self.pose.value
         config = self._shape.configuration(self._node.now(), self.timeout, self.rollers)
         check_grip(state.grasping_members)
-        diameter = self._node.values[common.OBJECT_DIAMETER]
-        body = (self._described or ConvexObject(Disc(diameter))).moved_to(pose)
+        body = common.read_body(self._node.values).moved_to(pose)
         planned: Future[Release] = self._thread.submit(
             plan_release, config, body, state.grasping_members, goal.clearance
         )

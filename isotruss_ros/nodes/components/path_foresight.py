@@ -11,10 +11,9 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core import ConvexObject, ObjectPath, Robot
+from isotruss_ros.core import ObjectPath, Robot
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.errors import GraspError, PathError
-from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.framework.parameters import Parameters
@@ -43,7 +42,7 @@ def check_path(
         (state,) = require_fresh(now, values[common.COMMAND_TIMEOUT], joint_states=rollers)
     except InputError:
         return
-    body = common.read_described(values) or ConvexObject(Disc(values[common.OBJECT_DIAMETER]))
+    body = common.read_body(values)
     friction = values[common.FRICTION] if body.friction is None else body.friction
     config = robot.configuration(state.value.positions)
     try:
