@@ -63,9 +63,7 @@ FLATTENING = params.Spec(
 )
 SPECS = (
     common.ROBOT,
-    common.OBJECT_DIAMETER,
-    common.OBJECT,
-    common.FRICTION,
+    *common.OBJECT_SPECS,
     RATE,
     common.COMMAND_TIMEOUT,
     SPACING,

@@ -18,15 +18,14 @@ from functools import partial
 
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import IsotrussError, load_robot
-from isotruss_ros.core.control.inputs import InputError
+from isotruss_ros.core import IsotrussError, load_robot, Robot
+from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedback
 from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
-from isotruss_ros.core.errors import NoMotionError
+from isotruss_ros.core.errors import GraspError, NoMotionError, PathError
+from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.path_foresight import check_path
-from isotruss_ros.nodes.components.path_foresight import SPECS as FORESIGHT_SPECS
 from isotruss_ros.nodes.components.sensors import (
     describe_ages,
     subscribe_input,
@@ -78,7 +77,7 @@ SPECS = (
     RAMP_TIME,
     PROGRESS_TIMEOUT,
     SMOOTH_PATH,
-    *FORESIGHT_SPECS,
+    *common.OBJECT_SPECS,
 )
 
 
@@ -270,6 +269,41 @@ class PathFollower(ManagedNode):
         """Abort the goal: while the clock is stopped, old inputs do not age."""
         self._clear_inputs()
         self._end(Outcome.STOPPED, f'simulated time stopped at {now}')
+
+
+def check_path(
+    robot: Robot, values: params.Parameters, rollers: Input, path: ObjectPath, now: float
+) -> None:
+    """
+    Check that the model of the held object can follow a path with the squeeze that it has.
+
+    Without roller positions, or where no members hold the object as it is described at the
+    beginning of the path, nothing is foreseen: what members push has no slip margin.
+
+    :param robot: the robot.
+    :param values: of the node.
+    :param rollers: the measured state of the rollers.
+    :param path: of the object.
+    :param now: time on the clock of the inputs [s].
+    :raises PathError: names the place where the path would end, and why.
+    """
+    try:
+        (state,) = require_fresh(now, values[common.COMMAND_TIMEOUT], joint_states=rollers)
+    except InputError:
+        return
+    body = common.read_body(values)
+    friction = values[common.FRICTION] if body.friction is None else body.friction
+    config = robot.configuration(state.value.positions)
+    try:
+        found = foresee_grip(config, body.moved_to(path.poses[0]), friction, path.poses)
+    except GraspError:
+        return
+    if found is not None and found.why:
+        x, y, angle = np.round(found.pose, 4).tolist()
+        raise PathError(
+            f'the path would end {100.0 * found.share:.0f} % of the way, at ({x:g}, {y:g}) m, '
+            f'{angle:g} rad: {found.why}'
+        )
 
 
 #: Run the path follower until it is interrupted.

@@ -36,13 +36,7 @@ from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.runner import run
 from rclpy.parameter import Parameter
 
-SPECS = (
-    common.ROBOT,
-    common.OBJECT_DIAMETER,
-    common.OBJECT,
-    common.FRICTION,
-    common.COMMAND_TIMEOUT,
-)
+SPECS = (common.ROBOT, *common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: A sequence is taken on this often [s].
 PERIOD = 0.02
 

@@ -75,16 +75,7 @@ RATE = params.Spec('rate', 20.0, 'Pictures per second [Hz]', bounds=(5.0, 60.0),
 MAX_SPEED = params.Spec(
     'max_speed', 0.05, 'Largest speed of what is dragged [m/s]', bounds=(0.001, 1.0)
 )
-SPECS = (
-    common.ROBOT,
-    common.OBJECT_DIAMETER,
-    common.OBJECT,
-    common.FRICTION,
-    HOST,
-    PORT,
-    RATE,
-    MAX_SPEED,
-)
+SPECS = (common.ROBOT, *common.OBJECT_SPECS, HOST, PORT, RATE, MAX_SPEED)
 #: Parameters of other nodes by the name of a request.
 SETTINGS = {
     'friction': ('friction', ('manipulation', 'grasp_analysis', 'pick_and_place')),

@@ -41,6 +41,8 @@ GRIP = Spec(
 FRICTION = Spec(
     'friction', 0.5, 'Coefficient of friction between tube and object', bounds=(0.0, 10.0)
 )
+#: The object, where it may be held anywhere.
+OBJECT_SPECS = (OBJECT_DIAMETER, OBJECT, FRICTION)
 # Not below the rate of MemberLengthLimit, which keeps members in their limits in quicker loops.
 RATE = Spec('rate', 100.0, 'Cycles per second [Hz]', bounds=(10.0, 2000.0))
 COMMAND_TIMEOUT = Spec(
