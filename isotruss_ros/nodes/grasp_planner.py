@@ -12,12 +12,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import ConvexObject, IsotrussError, load_robot
-from isotruss_ros.core.control.inputs import Input, InputError
+from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
@@ -45,19 +44,6 @@ SPECS = (common.ROBOT, common.OBJECT, common.COMMAND_TIMEOUT, WORKERS)
 PERIOD = 0.02
 
 
-@dataclass
-class PlannerInputs:
-    """
-    Measured inputs of the planner.
-
-    :ivar timeout: largest age [s].
-    :ivar rollers: StampedInput of the RollerState.
-    """
-
-    timeout: float
-    rollers: Input = None
-
-
 class GraspPlanner(ManagedNode):
     """
     Execute one goal at a time, and reject others meanwhile.
@@ -74,7 +60,6 @@ class GraspPlanner(ManagedNode):
         # First of all: where a parameter is of a wrong type the node is destroyed at once.
         self._searcher: Searcher | None = None
         super().__init__('grasp_planner', SPECS, parameter_overrides)
-        self._inputs: PlannerInputs | None = None
         self._described: ConvexObject | None = None
         self._shape: TrackedShape | None = None
         self._goal: SingleGoal | None = None
@@ -91,10 +76,9 @@ class GraspPlanner(ManagedNode):
         self._robot = load_robot(self.values[common.ROBOT])
         self._described = common.read_described(self.values)
         self._searcher = Searcher(workers)
-        self._shape = TrackedShape(self._robot)
-        self._inputs = PlannerInputs(self.values[common.COMMAND_TIMEOUT])
+        self._shape = TrackedShape(self._robot, self.values[common.COMMAND_TIMEOUT])
         self.values.on_change(self._apply)
-        subscribe_joint_states(self, self._robot, self._inputs)
+        subscribe_joint_states(self, self._robot, self._shape)
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -117,7 +101,7 @@ class GraspPlanner(ManagedNode):
 
     def cleanup(self) -> None:
         """Release the robot."""
-        self._goal = self._shape = self._inputs = None
+        self._goal = self._shape = None
 
     def destroy_node(self) -> None:
         """Destroy the node and end the processes."""
@@ -130,7 +114,7 @@ class GraspPlanner(ManagedNode):
         if self._goal is None:
             return {}
         details: dict[str, object] = {'searching': self._goal.active} | describe_ages(
-            self.now(), joint_states=self._inputs.rollers
+            self.now(), joint_states=self._shape.rollers
         )
         progress = self._searcher.progress()
         if progress is not None:
@@ -138,7 +122,7 @@ class GraspPlanner(ManagedNode):
         return details
 
     def _apply(self) -> None:
-        self._inputs.timeout = self.values[common.COMMAND_TIMEOUT]
+        self._shape.timeout = self.values[common.COMMAND_TIMEOUT]
 
     # -- The action --
 
@@ -150,9 +134,7 @@ class GraspPlanner(ManagedNode):
             self._end(Answer(Outcome.BAD_GOAL, str(error)))
             return
         try:
-            config = self._shape.configuration(
-                self.now(), self._inputs.timeout, self._inputs.rollers
-            )
+            config = self._shape.configuration(self.now())
         except (InputError, ConfigurationError) as error:
             self._end(Answer(Outcome.NO_JOINT_STATES, str(error)))
             return
@@ -161,7 +143,7 @@ class GraspPlanner(ManagedNode):
 
     def _poll(self) -> None:
         """Publish feedback of the search, or end the goal with its answer."""
-        self._shape.track(self._inputs.rollers)
+        self._shape.track()
         answer = self._searcher.answer()
         if answer is not None:
             self._end(answer)

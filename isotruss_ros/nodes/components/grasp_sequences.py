@@ -75,13 +75,11 @@ INPUT_TIME = 1.0
 PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedback
 
 
-class GraspSequences:
+class GraspSequences(TrackedShape):
     """
     Sequences over the actions of planner, manipulation and path follower.
 
     :ivar stage: constant of the feedback, where the present sequence is.
-    :ivar timeout: largest age of an input [s].
-    :ivar rollers: StampedInput of the RollerState.
     :ivar pose: StampedInput of the object's Pose.
     :ivar grasp: StampedInput of the GraspState.
     :param node: has the clients, until it is destroyed.
@@ -89,14 +87,12 @@ class GraspSequences:
     """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
+        super().__init__(robot, node.values[common.COMMAND_TIMEOUT])
         self._node, self._robot = node, robot
         self.stage = 0
-        self.timeout = node.values[common.COMMAND_TIMEOUT]
-        self.rollers: Input = None
         self.pose: Input = None
         self.grasp: Input = None
         self._described = common.read_described(node.values)
-        self._shape = TrackedShape(robot)
         # Before the actions: who has discovered their clients has discovered it, too.
         alive = node.create_lifecycle_publisher(GoalInfo, SUPERVISION, RELIABLE)
         self._planner = ActionStep(node, PlanGrasp, 'plan_grasp', alive)
@@ -106,10 +102,6 @@ class GraspSequences:
         self._object = ActionStep(node, FollowObjectPath, 'follow_object_path', alive)
         self._parameters = node.create_client(SetParameters, 'manipulation/set_parameters')
         self._thread = ThreadPoolExecutor(max_workers=1)
-
-    def track(self) -> None:
-        """Follow the shape of the robot, which depends on the path of the rollers."""
-        self._shape.track(self.rollers)
 
     def close(self) -> None:
         """End the thread."""
@@ -222,7 +214,7 @@ class GraspSequences:
         self.stage = PLACE.PLANNING
         state = yield from self._await_held(Outcome.NOT_READY)
         pose = self.pose.value
-        config = self._shape.configuration(self._node.now(), self.timeout, self.rollers)
+        config = self.configuration(self._node.now())
         check_grip(state.grasping_members)
         body = common.read_body(self._node.values).moved_to(pose)
         planned: Future[Release] = self._thread.submit(
