@@ -28,7 +28,7 @@ from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.control.twist_servo import Decision
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
 from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
-from isotruss_ros.nodes.components.sparse_messages import subscribe_once
+from isotruss_ros.nodes.components.sparse_messages import NewestMessage
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.conversions.trajectory_messages import (
     read_roller_trajectory,
@@ -76,7 +76,7 @@ class TrajectoryFollowing:
     def subscribe(self) -> None:
         """Accept trajectories from now on."""
         self._outcome = None
-        subscribe_once(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
+        NewestMessage(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
 
     def decide(self, now: float) -> Decision:
         """
