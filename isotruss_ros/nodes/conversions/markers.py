@@ -90,9 +90,7 @@ def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
     arrow, thin = (ARROW_WIDTH, 2.0 * ARROW_WIDTH, 0.0), (0.5 * LINE_WIDTH, 0.0, 0.0)
     return [
         *(
-            _make_marker(
-                'members', i, strip, UNDEFORMED, (0.5 * LINE_WIDTH, 0.0, 0.0), _flat(line)
-            )
+            _make_marker('members', i, strip, UNDEFORMED, thin, _flat(line))
             for i, line in enumerate(member_lines(grasp.config))
         ),
         *(
