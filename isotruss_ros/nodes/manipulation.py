@@ -135,7 +135,7 @@ class Manipulation(ManagedNode):
             self._apply_stop,
             self._wait_for_zero,
         )
-        self._failed_rollers = FailedRollers(self, lambda: self._servo, self._apply_failures)
+        self._failed_rollers = FailedRollers(self, self._apply_failures)
         self.create_service(SetBool, 'set_joint_mode', self._set_joint_mode)
         self.start()
 
@@ -157,7 +157,7 @@ class Manipulation(ManagedNode):
         apply_settings(self._servo, values)
         self._apply_mode()
         self._apply_squeeze()
-        self._failed_rollers.restore_detected()
+        self._failed_rollers.follow(self._servo.detector, self._robot)
         self._others = None
         self._apply_failures()
         self._commands = RollerCommands(self, len(self._robot.roller_names))
@@ -196,7 +196,6 @@ class Manipulation(ManagedNode):
 
     def cleanup(self) -> None:
         """Release the robot; which rollers failed is kept."""
-        self._failed_rollers.keep_detected()
         self._servo = self._trajectory = None
 
     def details(self) -> dict[str, object]:
