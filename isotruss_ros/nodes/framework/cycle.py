@@ -32,6 +32,39 @@ LEAD = 1e-3
 LONGEST_WAIT = 0.02
 
 
+class CycleTimes:
+    """Durations since the last report; adding one costs next to nothing."""
+
+    def __init__(self) -> None:
+        # Bounded, should reports fail to come.
+        self._times: deque[float] = deque(maxlen=10_000)
+
+    def add(self, duration: float) -> None:
+        """
+        Add the duration of a cycle.
+
+        :param duration: computing time [s].
+        """
+        self._times.append(duration)
+
+    def summary(self, period: float) -> dict[str, object]:
+        """
+        Return count, median, maximum and overruns by name, and start again.
+
+        :param period: from cycle to cycle [s]; those that took longer are overruns.
+        """
+        times = sorted(self._times)
+        self._times.clear()
+        if not times:
+            return {'cycles': 0}
+        return {
+            'cycles': len(times),
+            'cycle time, median [s]': round(times[len(times) // 2], 6),
+            'cycle time, longest [s]': round(times[-1], 6),
+            'overruns': len(times) - bisect.bisect_right(times, period),
+        }
+
+
 class Cycle:
     """
     Call back at a rate until it is destroyed with the node's other timers.
@@ -60,10 +93,9 @@ class Cycle:
         self._last = self._read = 0
         self._changed = time.monotonic()
         self.duration = 0.0
-        # Bounded, should reports fail to come.
-        self._durations: deque[float] = deque(maxlen=10_000)
+        self._times = CycleTimes()
         self.is_steady = not node.get_parameter('use_sim_time').value
-        self._times = [each for each in node.subscriptions if each.topic_name == '/clock']
+        self._clocks = [each for each in node.subscriptions if each.topic_name == '/clock']
         # Timers of the system's clock would stop for an hour when that is set back by an hour.
         create_timer = partial(create_steady_timer, node) if self.is_steady else node.create_timer
         self._timer = create_timer(1.0 / rate, self._tick)
@@ -95,21 +127,12 @@ class Cycle:
         self._tick()
 
     def summary(self) -> dict[str, object]:
-        """Return count, durations and overruns of the cycles since it was called last, by name."""
-        times, period = sorted(self._durations), 1e-9 * self._timer.timer_period_ns
-        self._durations.clear()
-        if not times:
-            return {'cycles': 0}
-        return {
-            'cycles': len(times),
-            'cycle time, median [s]': round(times[len(times) // 2], 6),
-            'cycle time, longest [s]': round(times[-1], 6),
-            'overruns': len(times) - bisect.bisect_right(times, period),
-        }
+        """Return what `CycleTimes` has of the cycles since this was called last."""
+        return self._times.summary(1e-9 * self._timer.timer_period_ns)
 
     def _tick(self) -> None:
         # After a long callback the inputs may be newer than the time that was taken before it.
-        for subscription in self._times:
+        for subscription in self._clocks:
             for message in take_waiting([], subscription, 1):
                 subscription.callback(message)
         began, now = time.perf_counter(), self._clock.now()
@@ -118,7 +141,7 @@ class Cycle:
         self._last = now.nanoseconds
         self._step(now)
         self.duration = time.perf_counter() - began
-        self._durations.append(self.duration)
+        self._times.add(self.duration)
 
     def _check(self) -> None:
         now, elapsed = self._clock.now(), time.monotonic()
