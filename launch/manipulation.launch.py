@@ -13,7 +13,6 @@ from pathlib import Path
 
 from isotruss_ros.nodes import viewer
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components import path_foresight
 from isotruss_ros.nodes.components.launching import describe_launch
 from launch import LaunchDescription
 
@@ -32,14 +31,11 @@ def generate_launch_description() -> LaunchDescription:
                 common.USE_STAMPED_TWIST,
                 common.REQUIRE_EMERGENCY_STOP,
             ),
-            'grasp_analysis': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION),
-            'path_follower': (
-                *path_foresight.SPECS,
-                common.USE_STAMPED_TWIST,
-            ),
+            'grasp_analysis': common.OBJECT_SPECS,
+            'path_follower': (*common.OBJECT_SPECS, common.USE_STAMPED_TWIST),
             'grasp_planner': (common.OBJECT,),
-            'pick_and_place': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION),
-            'viewer': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION, viewer.PORT),
+            'pick_and_place': common.OBJECT_SPECS,
+            'viewer': (*common.OBJECT_SPECS, viewer.PORT),
         },
         required=(common.ROBOT, common.OBJECT_DIAMETER, common.GRIP_MODULE),
     )

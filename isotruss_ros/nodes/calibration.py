@@ -67,7 +67,7 @@ class Calibration(StoppableNode):
         create_steady_timer(self, 1.0, lambda: None)
 
     def _measure(self) -> MeasuredJoints:
-        return self._markers.measure(1e-9 * self.get_clock().now().nanoseconds)
+        return self._markers.measure(self.now())
 
     def _calibrate_home(
         self, _request: Trigger.Request, response: Trigger.Response

@@ -41,7 +41,7 @@ from isotruss_ros.nodes.conversions.markers import GraspMarkers
 from isotruss_ros.nodes.conversions.messages import name_object_frame, stamp_header, to_time
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
-from isotruss_ros.nodes.framework.diagnostics import CycleTimes, Level, WarningThrottle
+from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
@@ -63,9 +63,7 @@ FLATTENING = params.Spec(
 )
 SPECS = (
     common.ROBOT,
-    common.OBJECT_DIAMETER,
-    common.OBJECT,
-    common.FRICTION,
+    *common.OBJECT_SPECS,
     RATE,
     common.COMMAND_TIMEOUT,
     SPACING,
@@ -88,7 +86,6 @@ class GraspAnalysisNode(ManagedNode):
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('grasp_analysis', SPECS, parameter_overrides)
         self._throttle = WarningThrottle(self.get_logger())
-        self._cycle_times = CycleTimes()
         self._monitor: GraspMonitor | None = None
         self._drawn = 0.0
         self.start()
@@ -150,7 +147,7 @@ class GraspAnalysisNode(ManagedNode):
             object_pose=monitor.pose,
             external_wrench=monitor.wrench,
         )
-        return ages | self._cycle_times.summary(1.0 / self.values[RATE])
+        return ages | ({'cycles': 0} if self.cycle is None else self.cycle.summary())
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
@@ -182,7 +179,6 @@ class GraspAnalysisNode(ManagedNode):
         return response
 
     def _step(self, now: Time) -> None:
-        began = time.perf_counter()
         report = self._monitor.report(1e-9 * now.nanoseconds)
         state = to_state_message(report, self._robot.frame)
         self._states.publish(state)
@@ -207,7 +203,6 @@ class GraspAnalysisNode(ManagedNode):
             self._throttle.warn(report.code.name, f'{report.code}: {report.message}')
             self.diagnostics.set_status(Level.ERROR, f'{report.code}: {report.message}')
         self._draw(report)
-        self._cycle_times.add(time.perf_counter() - began)
 
     def _draw(self, report: GraspReport) -> None:
         """Publish markers if there is a subscriber, at the rate at which they are drawn."""

@@ -12,19 +12,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
-import time
 
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import ConvexObject, IsotrussError, load_robot
-from isotruss_ros.core.control.inputs import Input, InputError
+from isotruss_ros.core.control.inputs import InputError
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.planning.searcher import Answer, Outcome, Searcher
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.sensors import describe_ages, subscribe_joint_states
-from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.components.single_goal import SingleGoal
 from isotruss_ros.nodes.components.tracked_shape import TrackedShape
 from isotruss_ros.nodes.conversions.plan_messages import (
     read_goal,
@@ -42,23 +40,8 @@ WORKERS = params.Spec(
     'workers', 0, 'Processes that search, one for each core if 0', read_only=True
 )
 SPECS = (common.ROBOT, common.OBJECT, common.COMMAND_TIMEOUT, WORKERS)
-#: Periods at which the node polls a search, and publishes feedback [s].
-PERIOD, FEEDBACK_PERIOD = 0.02, 0.1
-#: How the action ends with each outcome; with all others it is aborted.
-ENDINGS = {Outcome.FOUND: Ending.SUCCEEDED, Outcome.CANCELLED: Ending.CANCELED}
-
-
-@dataclass
-class PlannerInputs:
-    """
-    Measured inputs of the planner.
-
-    :ivar timeout: largest age [s].
-    :ivar rollers: StampedInput of the RollerState.
-    """
-
-    timeout: float
-    rollers: Input = None
+#: The node polls a search this often [s].
+PERIOD = 0.02
 
 
 class GraspPlanner(ManagedNode):
@@ -77,11 +60,9 @@ class GraspPlanner(ManagedNode):
         # First of all: where a parameter is of a wrong type the node is destroyed at once.
         self._searcher: Searcher | None = None
         super().__init__('grasp_planner', SPECS, parameter_overrides)
-        self._inputs: PlannerInputs | None = None
         self._described: ConvexObject | None = None
         self._shape: TrackedShape | None = None
         self._goal: SingleGoal | None = None
-        self._feedback_time = 0.0
         self.start()
 
     def configure(self) -> None:
@@ -95,18 +76,17 @@ class GraspPlanner(ManagedNode):
         self._robot = load_robot(self.values[common.ROBOT])
         self._described = common.read_described(self.values)
         self._searcher = Searcher(workers)
-        self._shape = TrackedShape(self._robot)
-        self._inputs = PlannerInputs(self.values[common.COMMAND_TIMEOUT])
+        self._shape = TrackedShape(self._robot, self.values[common.COMMAND_TIMEOUT])
         self.values.on_change(self._apply)
-        subscribe_joint_states(self, self._robot, self._inputs)
+        subscribe_joint_states(self, self._robot, self._shape)
         # There while the node is inactive too, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
             PlanGrasp,
             'plan_grasp',
-            ready=lambda: self.active and not self._goal.active,
-            begin=self._begin,
-            cancelled=self._searcher.cancel,
+            self._begin,
+            self._searcher.cancel,
+            ready=lambda: not self._goal.active,
         )
         self.diagnostics.hardware_id = self._robot.name
 
@@ -121,7 +101,7 @@ class GraspPlanner(ManagedNode):
 
     def cleanup(self) -> None:
         """Release the robot."""
-        self._goal = self._shape = self._inputs = None
+        self._goal = self._shape = None
 
     def destroy_node(self) -> None:
         """Destroy the node and end the processes."""
@@ -134,7 +114,7 @@ class GraspPlanner(ManagedNode):
         if self._goal is None:
             return {}
         details: dict[str, object] = {'searching': self._goal.active} | describe_ages(
-            self.now(), joint_states=self._inputs.rollers
+            self.now(), joint_states=self._shape.rollers
         )
         progress = self._searcher.progress()
         if progress is not None:
@@ -142,7 +122,7 @@ class GraspPlanner(ManagedNode):
         return details
 
     def _apply(self) -> None:
-        self._inputs.timeout = self.values[common.COMMAND_TIMEOUT]
+        self._shape.timeout = self.values[common.COMMAND_TIMEOUT]
 
     # -- The action --
 
@@ -154,9 +134,7 @@ class GraspPlanner(ManagedNode):
             self._end(Answer(Outcome.BAD_GOAL, str(error)))
             return
         try:
-            config = self._shape.configuration(
-                self.now(), self._inputs.timeout, self._inputs.rollers
-            )
+            config = self._shape.configuration(self.now())
         except (InputError, ConfigurationError) as error:
             self._end(Answer(Outcome.NO_JOINT_STATES, str(error)))
             return
@@ -165,13 +143,12 @@ class GraspPlanner(ManagedNode):
 
     def _poll(self) -> None:
         """Publish feedback of the search, or end the goal with its answer."""
-        self._shape.track(self._inputs.rollers)
+        self._shape.track()
         answer = self._searcher.answer()
         if answer is not None:
             self._end(answer)
-        elif self._goal.active and time.monotonic() - self._feedback_time >= FEEDBACK_PERIOD:
-            self._feedback_time = time.monotonic()
-            self._goal.publish_feedback(to_feedback_message(self._searcher.progress()))
+        elif self._goal.active:
+            self._goal.publish_feedback(lambda: to_feedback_message(self._searcher.progress()))
 
     def _abort(self, why: str) -> None:
         """Abort the goal, if there is one, and end the processes."""
@@ -181,11 +158,8 @@ class GraspPlanner(ManagedNode):
 
     def _end(self, answer: Answer) -> None:
         """Publish the result of the goal."""
-        self._goal.end(
-            ENDINGS.get(answer.outcome, Ending.ABORTED), to_result_message(answer, self._robot)
-        )
-        text = f'{answer.outcome.name.lower().replace("_", " ")}: {answer.message}'
-        self.report_end('no search', text, good=answer.outcome in ENDINGS)
+        result = to_result_message(answer, self._robot)
+        self._goal.report_end(answer.outcome, result, 'no search')
 
 
 #: Run the planner until it is interrupted.

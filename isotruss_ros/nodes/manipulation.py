@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-import time
 
 from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core import load_robot, Status, TwistServo
@@ -136,7 +135,7 @@ class Manipulation(ManagedNode):
             self._apply_stop,
             self._wait_for_zero,
         )
-        self._failed_rollers = FailedRollers(self, lambda: self._servo, self._apply_failures)
+        self._failed_rollers = FailedRollers(self, self._apply_failures)
         self.create_service(SetBool, 'set_joint_mode', self._set_joint_mode)
         self.start()
 
@@ -158,7 +157,7 @@ class Manipulation(ManagedNode):
         apply_settings(self._servo, values)
         self._apply_mode()
         self._apply_squeeze()
-        self._failed_rollers.restore_detected()
+        self._failed_rollers.follow(self._servo.detector, self._robot)
         self._others = None
         self._apply_failures()
         self._commands = RollerCommands(self, len(self._robot.roller_names))
@@ -197,7 +196,6 @@ class Manipulation(ManagedNode):
 
     def cleanup(self) -> None:
         """Release the robot; which rollers failed is kept."""
-        self._failed_rollers.keep_detected()
         self._servo = self._trajectory = None
 
     def details(self) -> dict[str, object]:
@@ -220,7 +218,9 @@ class Manipulation(ManagedNode):
         if servo.failed:
             details['failed rollers'] = ', '.join(sorted(servo.failed))
             details['reachable twists'] = describe_reachable_twists(servo)
-        return details | self._report.summary(servo.period)
+        status = self._report.status
+        details |= {'status': status.name, 'status code': int(status)}
+        return details | ({'cycles': 0} if self.cycle is None else self.cycle.summary())
 
     def _wait_for_zero(self) -> bool:
         """Return whether the subscribers have received the last command, zero."""
@@ -379,12 +379,10 @@ class Manipulation(ManagedNode):
             servo.twist = None
 
     def _step(self, now: Time) -> None:
-        began = time.perf_counter()
         self._check_others()
         decision = self._trajectory.decide(1e-9 * now.nanoseconds)
         self._commands.publish(decision.command.roller_velocities)
         self._report.publish(decision, now)
-        self._report.add_cycle_time(time.perf_counter() - began)
 
 
 #: Run the manipulation node until it is interrupted.

@@ -16,27 +16,24 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
-from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import IsotrussError, load_robot
-from isotruss_ros.core.control.inputs import InputError
+from isotruss_ros.core import IsotrussError, load_robot, Robot
+from isotruss_ros.core.control.inputs import Input, InputError, require_fresh
 from isotruss_ros.core.control.object_path import ObjectPath
 from isotruss_ros.core.control.path_servo import Outcome, PathServo, ServoFeedback
 from isotruss_ros.core.control.path_tracking import Tracking, TrackingSettings
-from isotruss_ros.core.errors import NoMotionError
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.errors import GraspError, NoMotionError, PathError
+from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.path_foresight import check_path
-from isotruss_ros.nodes.components.path_foresight import SPECS as FORESIGHT_SPECS
 from isotruss_ros.nodes.components.sensors import (
     describe_ages,
     subscribe_input,
     subscribe_joint_states,
     subscribe_object_pose,
 )
-from isotruss_ros.nodes.components.single_goal import describe_lost_client, Ending, SupervisedGoal
-from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
+from isotruss_ros.nodes.components.single_goal import SingleGoal
+from isotruss_ros.nodes.components.twists import create_twist_publisher
 from isotruss_ros.nodes.conversions.path_messages import (
     read_object_path,
     to_feedback_message,
@@ -46,7 +43,6 @@ from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run
 import numpy as np
 from rclpy.parameter import Parameter
@@ -81,12 +77,8 @@ SPECS = (
     RAMP_TIME,
     PROGRESS_TIMEOUT,
     SMOOTH_PATH,
-    *FORESIGHT_SPECS,
+    *common.OBJECT_SPECS,
 )
-#: Feedback is published this often [Hz].
-FEEDBACK_RATE = 10.0
-#: How the action ends with each outcome; with all others it is aborted.
-ENDINGS = {Outcome.REACHED: Ending.SUCCEEDED, Outcome.CANCELLED: Ending.CANCELED}
 
 
 class PathFollower(ManagedNode):
@@ -104,8 +96,7 @@ class PathFollower(ManagedNode):
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('path_follower', SPECS, parameter_overrides)
         self._servo: PathServo | None = None
-        self._goal: SupervisedGoal | None = None
-        self.cycles = 0
+        self._goal: SingleGoal | None = None
         self._last: Tracking | None = None
         #: A path that is being foreseen, in a thread, so that inputs are received meanwhile.
         self._thread = ThreadPoolExecutor(max_workers=1)
@@ -118,9 +109,8 @@ class PathFollower(ManagedNode):
         self._robot = load_robot(values[common.ROBOT])
         self._servo = PathServo(1.0 / values[RATE], values[common.COMMAND_TIMEOUT])
         values.on_change(self._apply)
-        self._stamped = values[common.USE_STAMPED_TWIST]
-        self._twists = self.create_lifecycle_publisher(
-            TwistStamped if self._stamped else Twist, 'cmd_vel', RELIABLE
+        self._publish_twist = create_twist_publisher(
+            self, values[common.USE_STAMPED_TWIST], self._robot.frame
         )
         subscribe_object_pose(self, self._robot, self._servo)
         subscribe_joint_states(self, self._robot, self._servo)
@@ -133,14 +123,14 @@ class PathFollower(ManagedNode):
             'servo_feedback',
         )
         # There while the node is inactive too, so that a goal that ends then gets its result.
-        self._goal = SupervisedGoal(
+        self._goal = SingleGoal(
             self,
             FollowObjectPath,
             'follow_object_path',
-            ready=lambda: self.active,
-            begin=self._begin,
-            preempted=lambda: self._end(Outcome.PREEMPTED, 'a newer goal took over'),
+            self._begin,
             cancelled=lambda: self._end(Outcome.CANCELLED, 'cancelled by the client'),
+            preempted=lambda: self._end(Outcome.PREEMPTED, 'a newer goal took over'),
+            supervised=True,
         )
         self.diagnostics.hardware_id = self._robot.name
 
@@ -193,7 +183,7 @@ class PathFollower(ManagedNode):
 
     def _begin(self, goal: FollowObjectPath.Goal) -> None:
         """Begin to foresee a path, or abort the goal with the reason."""
-        self.cycles, self._last = 0, None
+        self._last = None
         values = self.values
         try:
             settings = TrackingSettings(
@@ -248,18 +238,15 @@ class PathFollower(ManagedNode):
         self._waiting = None
         self._publish_twist(np.zeros(3))
         result = to_result_message(outcome, message, self._servo.tracker, self._last)
-        self._goal.end(ENDINGS.get(outcome, Ending.ABORTED), result)
-        text = f'{outcome.name.lower().replace("_", " ")}: {message}'
-        good = outcome in (Outcome.REACHED, Outcome.CANCELLED, Outcome.PREEMPTED)
-        self.report_end('no path to follow', text, good)
+        self._goal.report_end(outcome, result, 'no path to follow')
 
     # -- The cycle --
 
     def _step(self, now: Time) -> None:
         if not self._goal.active:
             return
-        if self._goal.has_lost_client(self._servo.timeout):
-            self._end(Outcome.STOPPED, describe_lost_client(self._servo.timeout))
+        if (loss := self._goal.find_loss(self._servo.timeout)) is not None:
+            self._end(Outcome.STOPPED, loss)
             return
         if self._waiting is not None:
             self._publish_twist(np.zeros(3))
@@ -271,10 +258,8 @@ class PathFollower(ManagedNode):
             self._end(step.outcome, step.message)
             return
         self._publish_twist(step.twist)
-        if self.cycles % max(1, round(self.values[RATE] / FEEDBACK_RATE)) == 0:
-            self._goal.publish_feedback(to_feedback_message(step.tracking))
-            self.diagnostics.set_status(Level.OK, step.tracking.phase.name.lower())
-        self.cycles += 1
+        self._goal.publish_feedback(lambda: to_feedback_message(step.tracking))
+        self.diagnostics.set_status(Level.OK, step.tracking.phase.name.lower())
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
@@ -285,12 +270,40 @@ class PathFollower(ManagedNode):
         self._clear_inputs()
         self._end(Outcome.STOPPED, f'simulated time stopped at {now}')
 
-    def _publish_twist(self, twist: Array) -> None:
-        message = to_twist_message(twist)
-        if self._stamped:
-            message = TwistStamped(twist=message)
-            stamp_header(message.header, self.get_clock().now(), self._robot.frame)
-        self._twists.publish(message)
+
+def check_path(
+    robot: Robot, values: params.Parameters, rollers: Input, path: ObjectPath, now: float
+) -> None:
+    """
+    Check that the model of the held object can follow a path with the squeeze that it has.
+
+    Without roller positions, or where no members hold the object as it is described at the
+    beginning of the path, nothing is foreseen: what members push has no slip margin.
+
+    :param robot: the robot.
+    :param values: of the node.
+    :param rollers: the measured state of the rollers.
+    :param path: of the object.
+    :param now: time on the clock of the inputs [s].
+    :raises PathError: names the place where the path would end, and why.
+    """
+    try:
+        (state,) = require_fresh(now, values[common.COMMAND_TIMEOUT], joint_states=rollers)
+    except InputError:
+        return
+    body = common.read_body(values)
+    friction = values[common.FRICTION] if body.friction is None else body.friction
+    config = robot.configuration(state.value.positions)
+    try:
+        found = foresee_grip(config, body.moved_to(path.poses[0]), friction, path.poses)
+    except GraspError:
+        return
+    if found is not None and found.why:
+        x, y, angle = np.round(found.pose, 4).tolist()
+        raise PathError(
+            f'the path would end {100.0 * found.share:.0f} % of the way, at ({x:g}, {y:g}) m, '
+            f'{angle:g} rad: {found.why}'
+        )
 
 
 #: Run the path follower until it is interrupted.

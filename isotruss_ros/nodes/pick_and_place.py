@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-import time
 from typing import Any
 
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
@@ -30,23 +29,16 @@ from isotruss_ros.nodes.components.sensors import (
     subscribe_joint_states,
     subscribe_object_pose,
 )
-from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.components.single_goal import SingleGoal
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.diagnostics import Level
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.runner import run
 from rclpy.parameter import Parameter
 
-SPECS = (
-    common.ROBOT,
-    common.OBJECT_DIAMETER,
-    common.OBJECT,
-    common.FRICTION,
-    common.COMMAND_TIMEOUT,
-)
-#: Periods at which a sequence is taken on, and at which feedback is published [s].
-PERIOD, FEEDBACK_PERIOD = 0.02, 0.1
-ENDINGS = {Outcome.SUCCEEDED: Ending.SUCCEEDED, Outcome.CANCELLED: Ending.CANCELED}
+SPECS = (common.ROBOT, *common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
+#: A sequence is taken on this often [s].
+PERIOD = 0.02
 
 
 class PickAndPlace(ManagedNode):
@@ -65,7 +57,6 @@ class PickAndPlace(ManagedNode):
         self._actions: list[SingleGoal] = []
         self._course: Steps | None = None
         self._cancelling = False
-        self._feedback_time = 0.0
         self.start()
 
     def configure(self) -> None:
@@ -127,12 +118,7 @@ class PickAndPlace(ManagedNode):
             self.diagnostics.set_status(Level.OK, name)
 
         return SingleGoal(
-            self,
-            kind,
-            name,
-            ready=lambda: self.active and self._goal is None,
-            begin=begin,
-            cancelled=self._request_cancel,
+            self, kind, name, begin, self._request_cancel, ready=lambda: self._goal is None
         )
 
     def _request_cancel(self) -> None:
@@ -156,12 +142,8 @@ class PickAndPlace(ManagedNode):
         except IsotrussError as error:
             self._end(error)
             return
-        if time.monotonic() - self._feedback_time >= FEEDBACK_PERIOD:
-            self._feedback_time = time.monotonic()
-            goal = self._goal
-            goal.publish_feedback(
-                goal.kind.Feedback(stage=self._sequences.stage, progress=progress)
-            )
+        goal, stage = self._goal, self._sequences.stage
+        goal.publish_feedback(lambda: goal.kind.Feedback(stage=stage, progress=progress))
 
     def _end(self, ended: Any) -> None:
         """Publish the result of the goal: of the sequence, or what an error says."""
@@ -176,9 +158,7 @@ class PickAndPlace(ManagedNode):
         if isinstance(ended, MoveObject.Result):
             left = self._sequences.distance_left(goal.request.path)
             ended.position_error, ended.angle_error = left
-        text = f'{goal.kind.__name__}: {outcome.name.lower().replace("_", " ")}: {ended.message}'
-        goal.end(ENDINGS.get(outcome, Ending.ABORTED), ended)
-        self.report_end('no goal', text, good=outcome in ENDINGS)
+        goal.report_end(outcome, ended, 'no goal', f'{goal.kind.__name__}: ')
 
 
 def find_outcome(error: IsotrussError) -> Outcome:

@@ -17,19 +17,16 @@ fitted to the poses that follow. The node ends by itself.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation, Oscillation
-from isotruss_ros.core import ConvexObject, Disc, load_robot, Status
+from isotruss_ros.core import load_robot, Status
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.conversions.messages import (
-    read_object_pose,
-    read_stamp,
-    stamp_header,
-    to_twist_message,
-)
+from isotruss_ros.nodes.components.twists import create_twist_publisher
+from isotruss_ros.nodes.conversions.messages import read_object_pose, read_stamp
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.qos import RELIABLE
@@ -76,11 +73,8 @@ class Pluck(StoppableNode):
         values = self.values
         self.found: Oscillation | None = None
         self._frame = load_robot(values[common.ROBOT]).frame
-        described = common.read_described(values)
-        self._arm = (described or ConvexObject(Disc(values[common.OBJECT_DIAMETER]))).arm
-        self._stamped = values[common.USE_STAMPED_TWIST]
-        kind = TwistStamped if self._stamped else Twist
-        self._twists = self.create_publisher(kind, 'cmd_vel', RELIABLE)
+        self._arm = common.read_body(values).arm
+        self._twists = create_twist_publisher(self, values[common.USE_STAMPED_TWIST], self._frame)
         self._times: list[float] = []
         self._poses: list[tuple[float, ...]] = []
         self._status: ManipulationStatus | None = None
@@ -88,16 +82,13 @@ class Pluck(StoppableNode):
         self.create_subscription(
             ManipulationStatus, 'manipulation/status', self._take_status, RELIABLE
         )
-        self._began = self._now()
+        self._began = self.now()
         self._pushed: float | None = None
         create_steady_timer(self, 1.0 / values[common.RATE], self._cycle)
 
     def stop(self) -> None:
         """Publish a zero twist before the node ends."""
         self._publish_twist(0.0)
-
-    def _now(self) -> float:
-        return 1e-9 * self.get_clock().now().nanoseconds
 
     def _take_pose(self, message: PoseStamped) -> None:
         self._times.append(read_stamp(message.header))
@@ -110,7 +101,7 @@ class Pluck(StoppableNode):
 
     def _cycle(self) -> None:
         """Wait for inputs, push, listen; then say what was found."""
-        now, values = self._now(), self.values
+        now, values = self.now(), self.values
         if self._pushed is None:
             self._wait(now)
         elif now < self._pushed + values[PUSH_TIME]:
@@ -150,19 +141,8 @@ class Pluck(StoppableNode):
 
     def _publish_twist(self, share: float) -> None:
         values = self.values
-        twist = to_twist_message([share * values[each] for each in (VX, VY, OMEGA)])
-        if self._stamped:
-            message = TwistStamped(twist=twist)
-            stamp_header(message.header, self.get_clock().now(), self._frame)
-            self._twists.publish(message)
-        else:
-            self._twists.publish(twist)
+        self._twists([share * values[each] for each in (VX, VY, OMEGA)])
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Pluck the object, print what was found.
-
-    :param args: of the command line; those of the process if None.
-    """
-    return run(Pluck, args)
+#: Pluck the object, log what was found, and end.
+main = partial(run, Pluck)

@@ -44,7 +44,7 @@ from isotruss_ros.nodes.components.mujoco_object import (
 from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
 from isotruss_ros.nodes.components.simulated_object import StartingObject
 from isotruss_ros.nodes.components.simulated_sensors import SENSOR_SPECS, SimulatedSensors
-from isotruss_ros.nodes.components.sparse_messages import subscribe_once
+from isotruss_ros.nodes.components.sparse_messages import NewestMessage
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
@@ -189,7 +189,7 @@ class Simulator(ManagedNode):
             (PoseStamped, 'place_object', self._place_object),
             (WrenchStamped, 'external_wrench', self._receive_wrench),
         ):
-            subscribe_once(self, kind, topic, receive, self._report_missing)
+            NewestMessage(self, kind, topic, receive, self._report_missing)
         rate = self.values[common.RATE]
         self.cycle = Cycle(self, rate, self._step, self._stop_on_clock_jump)
 

@@ -21,12 +21,10 @@ import threading
 import time
 import tty
 
-from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
+from isotruss_ros.nodes.components.twists import create_twist_publisher
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.qos import RELIABLE
 from isotruss_ros.nodes.framework.runner import run, StoppableNode
 from rclpy.parameter import Parameter
 
@@ -74,9 +72,9 @@ class Teleop(StoppableNode):
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__('teleop', SPECS, parameter_overrides)
-        self._stamped = self.values[common.USE_STAMPED_TWIST]
-        kind = TwistStamped if self._stamped else Twist
-        self._twists = self.create_publisher(kind, 'cmd_vel', RELIABLE)
+        self._twists = create_twist_publisher(
+            self, self.values[common.USE_STAMPED_TWIST], self.values[FRAME]
+        )
         self._direction = KEYS[' ']
         self._pressed = time.monotonic()
         self._gain = 1.0
@@ -103,13 +101,7 @@ class Teleop(StoppableNode):
 
     def _publish_twist(self, direction: Sequence[float]) -> None:
         speed, turn = self._gain * self.values[SPEED], self._gain * self.values[TURN]
-        twist = to_twist_message([speed * direction[0], speed * direction[1], turn * direction[2]])
-        if self._stamped:
-            message = TwistStamped(twist=twist)
-            stamp_header(message.header, self.get_clock().now(), self.values[FRAME])
-            self._twists.publish(message)
-        else:
-            self._twists.publish(twist)
+        self._twists([speed * direction[0], speed * direction[1], turn * direction[2]])
 
 
 @contextlib.contextmanager

@@ -22,8 +22,12 @@ from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, Pose
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.object_goals import ObjectGoals
-from isotruss_ros.nodes.components.simulator_restart import SimulatorRestart
+from isotruss_ros.nodes.components.view_requests import (
+    Calls,
+    make_calls,
+    ObjectGoals,
+    SimulatorRestart,
+)
 from isotruss_ros.nodes.conversions.messages import (
     name_object_frame,
     request_parameters,
@@ -71,16 +75,7 @@ RATE = params.Spec('rate', 20.0, 'Pictures per second [Hz]', bounds=(5.0, 60.0),
 MAX_SPEED = params.Spec(
     'max_speed', 0.05, 'Largest speed of what is dragged [m/s]', bounds=(0.001, 1.0)
 )
-SPECS = (
-    common.ROBOT,
-    common.OBJECT_DIAMETER,
-    common.OBJECT,
-    common.FRICTION,
-    HOST,
-    PORT,
-    RATE,
-    MAX_SPEED,
-)
+SPECS = (common.ROBOT, *common.OBJECT_SPECS, HOST, PORT, RATE, MAX_SPEED)
 #: Parameters of other nodes by the name of a request.
 SETTINGS = {
     'friction': ('friction', ('manipulation', 'grasp_analysis', 'pick_and_place')),
@@ -111,7 +106,6 @@ class Viewer(StoppableNode):
         self._view: View | None = None
         self._controls: Controls | None = None
         self._moving = self._pulling = False
-        self._release_until = 0.0
         self._subscribe()
         self._twists = self.create_publisher(Twist, 'cmd_vel', RELIABLE)
         self._wrenches = self.create_publisher(WrenchStamped, 'external_wrench', RELIABLE)
@@ -244,8 +238,7 @@ class Viewer(StoppableNode):
             self._stops.publish(Bool(data=True))
         elif name == RELEASE:
             self._stops.publish(Bool(data=False))
-            self._release_until = time.monotonic() + RELEASE_TIME
-            self._ask_for_release()
+            make_calls(self._ask_for_release())
         elif name == DRAGGED:
             joint = '' if value == OBJECT else value
             mode = 'object' if value == OBJECT else 'joint'
@@ -272,20 +265,15 @@ class Viewer(StoppableNode):
     def _report_goal(self, words: str) -> None:
         self.picture.goal_report = words
 
-    def _ask_for_release(self) -> None:
+    def _ask_for_release(self) -> Calls:
         """Call the service until it succeeds: it does once the message before has arrived."""
-        if not self._release.service_is_ready():
-            self._throttle.warn('release', 'no node offers release_emergency_stop')
-            return
-
-        def repeat(future: Future) -> None:
-            response = future.result()
-            if response.success or time.monotonic() > self._release_until:
+        end = time.monotonic() + RELEASE_TIME
+        while self._release.service_is_ready():
+            response = yield partial(self._release.call_async, Trigger.Request())
+            if response.success or time.monotonic() > end:
                 self.get_logger().info(f'release: {response.message}')
-            else:
-                self._ask_for_release()
-
-        self._release.call_async(Trigger.Request()).add_done_callback(repeat)
+                return
+        self._throttle.warn('release', 'no node offers release_emergency_stop')
 
     def _send_parameters(self, node: str, values: dict[str, float | str]) -> None:
         """Set parameters of another node; what it rejects is logged."""

@@ -420,6 +420,9 @@ def world(
         finally:
             for node in made.nodes:
                 node.destroy_node()
+                if hasattr(node, '_state_machine'):
+                    # Or rclpy keeps the lifecycle services until the garbage is collected.
+                    node._state_machine.destroy_when_not_in_use()
 
 
 def check_refused(make_node: Callable[[], ManagedNode], words: str) -> None:

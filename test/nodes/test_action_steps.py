@@ -32,7 +32,6 @@ from isotruss_ros.nodes.components.action_steps import (
     StepError,
 )
 from isotruss_ros.nodes.components.grasp_sequences import (
-    _run_while,
     check_grip,
     GraspSequences,
 )
@@ -280,53 +279,24 @@ def test_steps_that_are_closed_cancel_their_goal(server, answered):
     assert server.cancels == 1
 
 
-class Steps:
-    """Steps that end well after some, and take note of a cancel."""
-
-    def __init__(self, count):
-        self.cancelled = False
-        self.steps = self._run(count)
-
-    def _run(self, count):
-        try:
-            for number in range(count):
-                yield number / count
-        except CancelledError:
-            self.cancelled = True
-            yield 1.0
-            raise
-        return 'done'
-
-
-def test_a_fault_cancels_the_steps_and_is_the_error():
+@pytest.mark.parametrize('cancelled', [False, True], ids=['alone', 'and a cancel'])
+def test_a_fault_cancels_the_goal_and_is_the_error_once_that_has_ended(server, cancelled):
     fault = StepError(Outcome.NOT_HELD, 'lost')
-    faults, inner = iter([None, None, fault]), Steps(10)
-    steps = _run_while(inner.steps, lambda: next(faults))
-    assert [next(steps), next(steps)] == [0.0, 0.1]
-    assert next(steps) == 1.0
-    assert inner.cancelled
-    with pytest.raises(StepError, match='lost') as error:
-        next(steps)
-    assert error.value is fault
-
-
-def test_without_a_fault_steps_end_as_they_do():
-    inner = Steps(3)
-    steps = _run_while(inner.steps, lambda: None)
-    assert [next(steps) for _ in range(3)] == [0.0, 1 / 3, 2 / 3]
-    with pytest.raises(StopIteration) as ended:
-        next(steps)
-    assert ended.value.value == 'done'
-
-
-def test_a_cancel_goes_through_to_the_steps():
-    inner = Steps(10)
-    steps = _run_while(inner.steps, lambda: None)
+    faults = iter([None, None, fault])
+    step = ActionStep(None, None, 'work', server)
+    steps = step.run('goal', lambda feedback: feedback, lambda: next(faults))
     next(steps)
-    assert steps.throw(CancelledError()) == 1.0
-    with pytest.raises(CancelledError):
+    server.accept()
+    next(steps)
+    assert server.cancels == 0
+    next(steps)
+    assert server.cancels == 1
+    if not cancelled:
         next(steps)
-    assert inner.cancelled
+    server.end('cancelled')
+    with pytest.raises(StepError, match='lost') as error:
+        steps.throw(CancelledError()) if cancelled else next(steps)
+    assert error.value is fault
 
 
 class Service:
@@ -401,7 +371,7 @@ class Follower:
         self.goal, self._sequences = None, sequences
         self._to, self._ends = goes_to, ends
 
-    def run(self, goal, _progress):
+    def run(self, goal, **_options):
         """Follow a path."""
         self.goal = goal
         yield 0.5
@@ -453,7 +423,7 @@ def test_an_object_that_a_closing_grip_moved_is_brought_back(moved, left, ends, 
 class Planner:
     """Stands for the planner: it finds nothing, and keeps the goal."""
 
-    def run(self, goal, _progress):
+    def run(self, goal, **_options):
         """Search."""
         self.goal = goal
         yield 0.5

@@ -14,7 +14,7 @@ from isotruss_ros.core import ObjectPath
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.errors import PathError
 from isotruss_ros.nodes.components import common_parameters as common
-from isotruss_ros.nodes.components.path_foresight import check_path
+from isotruss_ros.nodes.path_follower import check_path
 import numpy as np
 import pytest
 

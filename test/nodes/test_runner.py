@@ -14,7 +14,7 @@ import sys
 import time
 
 from geometry_msgs.msg import Twist
-from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
+from isotruss_ros.nodes.framework.cycle import PacedExecutor
 from isotruss_ros.nodes.manipulation import Manipulation
 from probe import begin_context, Probe
 import pytest

@@ -11,7 +11,7 @@
 
 from types import SimpleNamespace
 
-from isotruss_ros.nodes.components.simulator_restart import SimulatorRestart
+from isotruss_ros.nodes.components.view_requests import SimulatorRestart
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
@@ -54,7 +54,7 @@ def test_the_simulator_is_active_with_the_other_plant(w):
         restart.restart(plant)
         assert said[-1] == f'plant {plant}: active'
         assert w.nodes[1].get_parameter('plant').value == plant
-        assert w.nodes[1].state == 'active'
+        assert w.nodes[1].active
 
 
 def test_a_reset_puts_the_robot_home_with_the_same_plant(w):
@@ -78,7 +78,7 @@ def test_a_plant_that_there_is_not_is_told_and_another_one_works(w):
     restart = SimulatorRestart(Clients(w), said.append)
     restart.restart('soft')
     assert 'plant soft cannot be' in said[-1]
-    assert w.nodes[1].state != 'active'
+    assert not w.nodes[1].active
     restart.restart('kinematic')
     assert said[-1] == 'plant kinematic: active'
 

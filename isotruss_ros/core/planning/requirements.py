@@ -108,7 +108,7 @@ class GraspRequirements:
             object.__setattr__(self, 'measure', Measure(self.measure))
         except ValueError:
             raise GraspError(
-                f'requirement measure: {self.measure!r}: must be one of '
+                f'requirement measure: {quote(str(self.measure))}: must be one of '
                 f'{", ".join(measure.value for measure in Measure)}'
             ) from None
         if self.measure is Measure.STIFFNESS and not any(self.direction):

@@ -94,14 +94,22 @@ class ActionStep:
         self._client, self._name = ActionClient(node, kind, name), name
         self._supervision = supervision
 
-    def run(self, goal: Any, progress: Callable[[Any], float]) -> Steps:
+    def run(
+        self,
+        goal: Any,
+        progress: Callable[[Any], float] = lambda feedback: feedback.progress,
+        find_fault: Callable[[], StepError | None] = lambda: None,
+    ) -> Steps:
         """
         Send a goal, wait for its result, and return that; cancel it where the sequence ends.
 
         :param goal: message of the action.
         :param progress: returns the progress of a feedback, 0 to 1.
-        :raises StepError: no server, or it rejects the goal, ends or is started again.
-        :raises CancelledError: the server has ended the goal, or does not answer.
+        :param find_fault: returns why the goal is to be cancelled, asked in every tick; None
+            while it is not.
+        :raises StepError: no server, or it rejects the goal, ends or is started again; or the
+            fault, once the server has ended the goal or does not answer.
+        :raises CancelledError: likewise.
         """
         # A goal is carried out even where its answer is lost, so it cannot be sent again. First,
         # therefore, the server has to answer what the result is of a goal that nobody sent. Not
@@ -110,32 +118,39 @@ class ActionStep:
         info.goal_id.uuid = list(uuid4().bytes)
         unknown = ClientGoalHandle(self._client, GoalInfo().goal_id, None)
         yield from self._request_result(unknown, info)
-        made = [0.0]
+        made = 0.0
 
         def note(message: Any) -> None:
-            made[0] = progress(message.feedback)
+            nonlocal made
+            made = progress(message.feedback)
+
+        def check() -> float:
+            fault = find_fault()
+            if fault is not None:
+                raise CancelledError from fault
+            return made
 
         sent = self._client.send_goal_async(goal, note, info.goal_id)
         try:
-            return (yield from self._await_result(sent, info, made))
-        except CancelledError:
+            return (yield from self._await_result(sent, info, check))
+        except CancelledError as cancelled:
             sent.add_done_callback(_cancel_goal)  # at once where it is answered already
-            with suppress(StepError):
-                yield from islice(self._await_result(sent, info, made), CANCEL_TICKS)
-            raise
+            with suppress(StepError, CancelledError):
+                yield from islice(self._await_result(sent, info, lambda: made), CANCEL_TICKS)
+            raise cancelled.__cause__ or cancelled from None
         except (GeneratorExit, StepError):
             sent.add_done_callback(_cancel_goal)
             raise
 
-    def _await_result(self, sent: Future, info: GoalInfo, made: list[float]) -> Steps:
-        """Return the result of a goal that was sent; its progress stands in a list."""
+    def _await_result(self, sent: Future, info: GoalInfo, progress: Callable[[], float]) -> Steps:
+        """Return the result of a goal that was sent."""
         for _ in range(RETRY_TICKS):
             if sent.done():
                 break
             self._supervise(info, Outcome.STOPPED)
-            yield made[0]
+            yield progress()
         wanted = ClientGoalHandle(self._client, info.goal_id, None)
-        ended = yield from self._request_result(wanted, info, lambda: made[0], Outcome.STOPPED)
+        ended = yield from self._request_result(wanted, info, progress, Outcome.STOPPED)
         if ended.status != GoalStatus.STATUS_UNKNOWN:
             return ended.result
         if sent.done() and not sent.result().accepted:

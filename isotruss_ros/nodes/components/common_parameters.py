@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from isotruss_ros.core import ConvexObject, read_object, Robot
+from isotruss_ros.core import ConvexObject, Disc, read_object, Robot
 from isotruss_ros.core.manipulation.grip import FEWEST, members_at, MOST
 from isotruss_ros.nodes.framework.parameters import ParameterError, Parameters, Spec, Value
 
@@ -41,6 +41,8 @@ GRIP = Spec(
 FRICTION = Spec(
     'friction', 0.5, 'Coefficient of friction between tube and object', bounds=(0.0, 10.0)
 )
+#: The object, where it may be held anywhere.
+OBJECT_SPECS = (OBJECT_DIAMETER, OBJECT, FRICTION)
 # Not below the rate of MemberLengthLimit, which keeps members in their limits in quicker loops.
 RATE = Spec('rate', 100.0, 'Cycles per second [Hz]', bounds=(10.0, 2000.0))
 COMMAND_TIMEOUT = Spec(
@@ -62,6 +64,16 @@ def read_described(values: Parameters) -> ConvexObject | None:
     :raises IsotrussError: the description is unusable.
     """
     return read_object(values[OBJECT]) if values[OBJECT] else None
+
+
+def read_body(values: Parameters) -> ConvexObject:
+    """
+    Return the object that `object` describes, or else the disc of `object_diameter`, anywhere.
+
+    :param values: of a node.
+    :raises IsotrussError: the description is unusable.
+    """
+    return read_described(values) or ConvexObject(Disc(values[OBJECT_DIAMETER]))
 
 
 def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:

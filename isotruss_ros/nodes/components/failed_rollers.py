@@ -17,6 +17,7 @@ from isotruss_ros.core import IsotrussError, reachable_twists, Robot, TwistServo
 from isotruss_ros.core.control.inputs import StampedInput
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.nodes.components.sparse_messages import EveryMessage
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Value
@@ -32,20 +33,14 @@ class FailedRollers:
     Keep the rollers that the topic names and those that were detected, in every state of the node.
 
     :param node: subscribes and offers the service, until it is destroyed.
-    :param servo: returns the servo while there is one.
     :param changed: called when the topic names other rollers.
     """
 
-    def __init__(
-        self,
-        node: ManagedNode,
-        servo: Callable[[], TwistServo | None],
-        changed: Callable[[], None],
-    ) -> None:
-        self._servo, self._changed = servo, changed
+    def __init__(self, node: ManagedNode, changed: Callable[[], None]) -> None:
+        self._changed = changed
         self._named: frozenset[str] = frozenset()
-        #: Detected by the servo before, for the next one.
-        self._detected: frozenset[str] = frozenset()
+        #: Of the last servo; None before there was one.
+        self._detector: FailureDetector | None = None
         #: Why the rollers that the topic names are not known; None if they are.
         self._unknown: str | None = None
         EveryMessage(node, String, NAME, self._receive, self._report_missing)
@@ -73,16 +68,16 @@ class FailedRollers:
             return str(error)
         return None
 
-    def keep_detected(self) -> None:
-        """Keep what the servo has detected, before it is released."""
-        servo = self._servo()
-        if servo is not None and servo.detector is not None:
-            self._detected = servo.detector.failed
+    def follow(self, detector: FailureDetector, robot: Robot) -> None:
+        """
+        Give the detector of a new servo what the one before has detected, of the rollers it has.
 
-    def restore_detected(self) -> None:
-        """Give a new servo what was detected before, of the rollers that its robot has."""
-        servo = self._servo()
-        servo.detector.failed = self._detected & frozenset(servo.robot.roller_names)
+        :param detector: of the servo.
+        :param robot: of the servo.
+        """
+        if self._detector is not None:
+            detector.failed = self._detector.failed & frozenset(robot.roller_names)
+        self._detector = detector
 
     def _receive(self, messages: list[String]) -> None:
         named = frozenset(part.strip() for part in messages[-1].data.split(',')) - {''}
@@ -96,15 +91,12 @@ class FailedRollers:
 
     def _reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Use the rollers again that were detected to have failed."""
-        self.keep_detected()
+        detected = frozenset() if self._detector is None else self._detector.failed
         response.success = True
         response.message = 'no roller was detected to have failed'
-        if self._detected:
-            response.message = f'reset: {", ".join(sorted(self._detected))}'
-            self._detected = frozenset()
-            servo = self._servo()
-            if servo is not None:
-                servo.detector.reset()
+        if detected:
+            response.message = f'reset: {", ".join(sorted(detected))}'
+            self._detector.reset()
         return response
 
 

@@ -28,13 +28,7 @@ from isotruss_msgs.action import (
     PlanGrasp,
 )
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    IsotrussError,
-    Pose,
-    Robot,
-)
+from isotruss_ros.core import IsotrussError, Pose, Robot
 from isotruss_ros.core.control.inputs import Input, InputError, require_fresh, StampedInput
 from isotruss_ros.core.control.path_tracking import (
     pose_error,
@@ -50,7 +44,6 @@ from isotruss_ros.core.planning.release import plan_release, Release
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.action_steps import (
     ActionStep,
-    CancelledError,
     Outcome,
     set_parameters,
     StepError,
@@ -81,13 +74,11 @@ INPUT_TIME = 1.0
 PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedback
 
 
-class GraspSequences:
+class GraspSequences(TrackedShape):
     """
     Sequences over the actions of planner, manipulation and path follower.
 
     :ivar stage: constant of the feedback, where the present sequence is.
-    :ivar timeout: largest age of an input [s].
-    :ivar rollers: StampedInput of the RollerState.
     :ivar pose: StampedInput of the object's Pose.
     :ivar grasp: StampedInput of the GraspState.
     :param node: has the clients, until it is destroyed.
@@ -95,14 +86,12 @@ class GraspSequences:
     """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
+        super().__init__(robot, node.values[common.COMMAND_TIMEOUT])
         self._node, self._robot = node, robot
         self.stage = 0
-        self.timeout = node.values[common.COMMAND_TIMEOUT]
-        self.rollers: Input = None
         self.pose: Input = None
         self.grasp: Input = None
         self._described = common.read_described(node.values)
-        self._shape = TrackedShape(robot)
         # Before the actions: who has discovered their clients has discovered it, too.
         alive = node.create_lifecycle_publisher(GoalInfo, SUPERVISION, RELIABLE)
         self._planner = ActionStep(node, PlanGrasp, 'plan_grasp', alive)
@@ -112,10 +101,6 @@ class GraspSequences:
         self._object = ActionStep(node, FollowObjectPath, 'follow_object_path', alive)
         self._parameters = node.create_client(SetParameters, 'manipulation/set_parameters')
         self._thread = ThreadPoolExecutor(max_workers=1)
-
-    def track(self) -> None:
-        """Follow the shape of the robot, which depends on the path of the rollers."""
-        self._shape.track(self.rollers)
 
     def close(self) -> None:
         """End the thread."""
@@ -137,11 +122,14 @@ class GraspSequences:
         :return: not numbers where either pose is not known.
         """
         try:
-            (here,) = require_fresh(self._node.now(), self.timeout, object_pose=self.pose)
-            end = read_pose('the end of the path', path.poses[-1].pose)
+            return self._measure_error(path.poses[-1])
         except (IsotrussError, IndexError):
             return math.nan, math.nan
-        x, y, turned = pose_error(np.array(end), here.value)
+
+    def _measure_error(self, end: PoseStamped) -> tuple[float, float]:
+        """Return how far the object is from a pose [m], and how far turned [rad]."""
+        (here,) = require_fresh(self._node.now(), self.timeout, object_pose=self.pose)
+        x, y, turned = pose_error(np.array(read_pose('pose', end.pose)), here.value)
         return math.hypot(x, y), abs(turned)
 
     def pick(self, goal: PickObject.Goal) -> Steps:
@@ -211,7 +199,7 @@ class GraspSequences:
             wanted.object_diameter = values[common.OBJECT_DIAMETER]
         else:
             wanted.object = to_object_message(self._described)
-        plan = yield from self._planner.run(wanted, lambda feedback: feedback.progress)
+        plan = yield from self._planner.run(wanted)
         if plan.code != PlanGrasp.Result.FOUND:
             raise _plan_error(plan)
         (grasp,) = plan.grasps
@@ -228,10 +216,9 @@ class GraspSequences:
         self.stage = PLACE.PLANNING
         state = yield from self._await_held(Outcome.NOT_READY)
         pose = self.pose.value
-        config = self._shape.configuration(self._node.now(), self.timeout, self.rollers)
+        config = self.configuration(self._node.now())
         check_grip(state.grasping_members)
-        diameter = self._node.values[common.OBJECT_DIAMETER]
-        body = (self._described or ConvexObject(Disc(diameter))).moved_to(pose)
+        body = common.read_body(self._node.values).moved_to(pose)
         planned: Future[Release] = self._thread.submit(
             plan_release, config, body, state.grasping_members, goal.clearance
         )
@@ -268,8 +255,7 @@ class GraspSequences:
         self.stage = MOVE.MOVING
         yield from self._await_held(Outcome.NOT_HELD)
         wanted = FollowObjectPath.Goal(path=goal.path, speed=goal.speed, turn_rate=goal.turn_rate)
-        steps = self._object.run(wanted, lambda feedback: feedback.progress)
-        followed = yield from _run_while(steps, self._find_loss)
+        followed = yield from self._object.run(wanted, find_fault=self._find_loss)
         codes = FollowObjectPath.Result
         if followed.code != codes.REACHED:
             bad = followed.code == codes.BAD_GOAL
@@ -278,7 +264,7 @@ class GraspSequences:
 
     def _bring_back(self, lay: PoseStamped) -> Steps:
         """Move the held object to where it lay; return in words what came of it, if it moved."""
-        moved = self._distance(lay)
+        moved, _ = self._measure_error(lay)
         if moved <= IN_PLACE:
             return ''
         goal = FollowObjectPath.Goal(
@@ -289,21 +275,14 @@ class GraspSequences:
         )
         why = ''
         try:
-            steps = self._object.run(goal, lambda feedback: feedback.progress)
-            followed = yield from _run_while(steps, self._find_loss)
+            followed = yield from self._object.run(goal, find_fault=self._find_loss)
             if followed.code != FollowObjectPath.Result.REACHED:
                 why = f' ({followed.message})'
         except StepError as error:
             # It is held where it is: what it was picked for can begin there.
             why = f' ({error})'
-        left = self._distance(lay)
+        left, _ = self._measure_error(lay)
         return f', {1e3 * left:.3g} mm from where it lay, after {1e3 * moved:.3g} mm{why}'
-
-    def _distance(self, lay: PoseStamped) -> float:
-        """Return how far the object is from a place [m]."""
-        now = require_fresh(self._node.now(), self.timeout, object_pose=self.pose)[0].value
-        place = lay.pose.position
-        return float(np.hypot(now.x - place.x, now.y - place.y))
 
     def _drive(self, trajectory: Any, change: float, before: int, after: int) -> Steps:
         """Drive the rollers; the stage changes at a time of the trajectory [s]."""
@@ -409,27 +388,3 @@ def _plan_error(plan: PlanGrasp.Result) -> StepError:
         violation_value=plan.violation_value,
         violation_bound=plan.violation_bound,
     )
-
-
-def _run_while(steps: Steps, find_fault: Callable[[], StepError | None]) -> Steps:
-    """Run steps; where a fault is found, cancel them and raise it."""
-    fault: StepError | None = None
-    try:
-        made = next(steps)
-        while True:
-            if fault is None and (fault := find_fault()) is not None:
-                made = steps.throw(CancelledError())
-            try:
-                yield made
-            except CancelledError as cancelled:
-                made = steps.throw(cancelled)
-            else:
-                made = next(steps)
-    except StopIteration as ended:
-        return ended.value
-    except CancelledError as cancelled:
-        if fault is not None:
-            raise fault from cancelled
-        raise
-    finally:
-        steps.close()

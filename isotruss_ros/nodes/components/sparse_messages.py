@@ -6,7 +6,6 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-
 """
 Subscriptions to what is published seldom: once and now, or every message of a stop.
 
@@ -23,7 +22,6 @@ from typing import Any, TYPE_CHECKING
 from isotruss_ros.nodes.framework.qos import EVERY, EVERY_LATCHED, RELIABLE
 from isotruss_ros.nodes.framework.subscriptions import take_waiting
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
@@ -38,18 +36,13 @@ MAX_BATCH = 200
 MAX_BACKLOG = 1000
 
 
-def subscribe_once(
-    node: Node,
-    kind: type,
-    topic: str,
-    callback: Callable[[Any], None],
-    missing: Callable[[str], None],
-) -> None:
+class NewestMessage:
     """
     Call back with the newest message of what may be published only once, and now.
 
-    Nothing is kept for late joiners; of publishers that do not wait for a match, a message that is
-    lost is reported.
+    Nothing is kept for late joiners. A publisher that is discovered, publishes and exits at once
+    may be gone before this side has matched it: then its message is lost, and nothing else tells
+    so. That is reported where no message was received since it came.
 
     :param node: subscribes, reliable.
     :param kind: type of the messages.
@@ -58,117 +51,92 @@ def subscribe_once(
     :param missing: called with the reason when a message may have been lost.
     """
 
-    def pass_on(taken: list[Any]) -> None:
-        messages = take_waiting(taken, subscription, 1 + RELIABLE.depth)
-        if messages:
-            publishers.note_message()
-            callback(messages[-1])
-
-    publishers = SilentPublishers(topic, lambda: pass_on([]), missing)
-    subscription = node.create_subscription(
-        kind,
-        topic,
-        lambda message: pass_on([message]),
-        RELIABLE,
-        event_callbacks=SubscriptionEventCallbacks(matched=publishers.follow),
-    )
-
-
-class SilentPublishers:
-    """
-    Report a publisher that left before any message was received.
-
-    One that is discovered, publishes and exits at once may be gone before this side has matched
-    it: then its message is lost, and nothing else tells so.
-
-    :param topic: of the publishers.
-    :param read: called to receive what waits.
-    :param missing: called with the reason when a message may have been lost.
-    """
-
-    def __init__(
-        self, topic: str, read: Callable[[], None], missing: Callable[[str], None]
-    ) -> None:
-        self._topic, self._read, self._missing = topic, read, missing
-        #: Publishers that came after the last message.
-        self._silent = 0
-        self._received = -math.inf
-
-    def note_message(self) -> None:
-        """Count the publishers from now on."""
-        self._silent, self._received = 0, time.monotonic()
-
-    def follow(self, event: Any) -> None:
-        """
-        Count a publisher that came, or report one that left.
-
-        :param event: that the subscription matched, as the middleware reports it.
-        """
-        # The executor may call back with a message before it does so with the match.
-        if time.monotonic() - self._received > MATCH_DELAY:
-            self._silent += event.total_count_change
-        if event.current_count_change == event.total_count_change:
-            return
-        self._read()
-        if self._silent > 0:
-            self._silent = 0
-            self._missing(f'a publisher of {self._topic} left before a message was received')
-
-
-class EveryMessage:
-    """
-    Call back with every message of every reliable publisher, or report that some may be missing.
-
-    A subscription with transient-local durability never matches a volatile publisher, such as
-    `ros2 topic pub` without options, which is then told that no messages will be sent. So the
-    first subscription is volatile, and there is a second one, for what was published before, once
-    there is a latching publisher; from then on its messages are received twice.
-
-    :param node: subscribes, until it is destroyed.
-    :param kind: type of the messages.
-    :param topic: relative name of the topic.
-    :param callback: called with one or more messages, in the order in which they were received.
-    :param missing: called with the reason when messages were lost or may have been, and when a
-        publisher is best-effort.
-    """
-
     def __init__(
         self,
         node: ManagedNode,
         kind: type,
         topic: str,
-        callback: Callable[[list[Any]], None],
+        callback: Callable[[Any], None],
         missing: Callable[[str], None],
     ) -> None:
         self._node, self._kind, self._topic = node, kind, topic
         self._callback, self._missing = callback, missing
-        self._publishers = SilentPublishers(topic, self.read, missing)
+        #: Publishers that came after the last message.
+        self._silent, self._received = 0, -math.inf
         self._subscriptions: list[Subscription] = []
-        #: How many each subscription has received since its queue was empty.
-        self._backlogs: list[int] = []
-        # It matches all publishers that the other one matches, which needs no events of that kind.
-        self._subscribe(
-            EVERY, incompatible_qos=lambda _: self._report_best_effort(), matched=self._follow
-        )
-        self._subscribe_to_latched()
+        self._begin()
 
-    def _subscribe(self, profile: QoSProfile, **events: Callable[[Any], None]) -> None:
+    def _begin(self) -> None:
+        self._subscribe(RELIABLE, matched=self._follow)
+
+    def _subscribe(self, profile: QoSProfile, **events: Any) -> Subscription:
         index = len(self._subscriptions)
         subscription = self._node.create_subscription(
             self._kind,
             self._topic,
             lambda first: self._pass_on(index, [first]),
             profile,
-            event_callbacks=SubscriptionEventCallbacks(
-                message_lost=lambda _: self._report_loss(), use_default_callbacks=False, **events
-            ),
+            event_callbacks=SubscriptionEventCallbacks(**events),
         )
-        self._node.keep(subscription)
         self._subscriptions.append(subscription)
-        self._backlogs.append(0)
+        return subscription
+
+    def _pass_on(self, index: int, taken: list[Any]) -> None:
+        """Call back with messages of a subscription and those that wait behind them."""
+        messages = take_waiting(taken, self._subscriptions[index], 1 + RELIABLE.depth)
+        if messages:
+            self._silent, self._received = 0, time.monotonic()
+            self._callback(messages[-1])
 
     def _follow(self, event: Any) -> None:
-        self._publishers.follow(event)
+        """Count a publisher that came, or report one that left."""
+        # The executor may call back with a message before it does so with the match.
+        if time.monotonic() - self._received > MATCH_DELAY:
+            self._silent += event.total_count_change
+        if event.current_count_change == event.total_count_change:
+            return
+        for index in range(len(self._subscriptions)):
+            self._pass_on(index, [])
+        if self._silent > 0:
+            self._silent = 0
+            self._missing(f'a publisher of {self._topic} left before a message was received')
+
+
+class EveryMessage(NewestMessage):
+    """
+    Call back with every message of every reliable publisher, or report that some may be missing.
+
+    That is a list of one or more messages, in the order in which they were received, also of what
+    was published before. Reported are lost messages too, and a publisher that is best-effort.
+
+    A subscription with transient-local durability never matches a volatile publisher, such as
+    `ros2 topic pub` without options, which is then told that no messages will be sent. So the
+    first subscription is volatile, and there is a second one, for what was published before, once
+    there is a latching publisher; from then on its messages are received twice. Both are there
+    until the node is destroyed.
+    """
+
+    def _begin(self) -> None:
+        #: How many each subscription has received since its queue was empty.
+        self._backlogs = [0, 0]
+        # It matches all publishers that the other one matches, which needs no events of that kind.
+        self._subscribe(
+            EVERY, incompatible_qos=lambda _: self._report_best_effort(), matched=self._follow
+        )
+        self._subscribe_to_latched()
+
+    def _subscribe(self, profile: QoSProfile, **events: Any) -> Subscription:
+        subscription = super()._subscribe(
+            profile,
+            message_lost=lambda _: self._report_loss(),
+            use_default_callbacks=False,
+            **events,
+        )
+        self._node.keep(subscription)
+        return subscription
+
+    def _follow(self, event: Any) -> None:
+        super()._follow(event)
         self._subscribe_to_latched()
 
     def _subscribe_to_latched(self) -> None:
@@ -179,16 +147,10 @@ class EveryMessage:
         if latching and len(self._subscriptions) == 1:
             self._subscribe(EVERY_LATCHED)
 
-    def read(self) -> None:
-        """Call back with the messages that wait, without the executor."""
-        for index in range(len(self._subscriptions)):
-            self._pass_on(index, [])
-
     def _pass_on(self, index: int, taken: list[Any]) -> None:
-        """Call back with messages of a subscription and those that wait behind them."""
         messages = take_waiting(taken, self._subscriptions[index], MAX_BATCH)
         if messages:
-            self._publishers.note_message()
+            self._silent, self._received = 0, time.monotonic()
             self._callback(messages)
         full = len(messages) == MAX_BATCH
         self._backlogs[index] = self._backlogs[index] + MAX_BATCH if full else 0

@@ -6,7 +6,6 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-
 """What the manipulation node reports of every cycle: status, diagnostics and log."""
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Status
 from isotruss_ros.core.control.twist_servo import Decision
 from isotruss_ros.nodes.conversions.messages import stamp_header, to_twist_message
-from isotruss_ros.nodes.framework.diagnostics import CycleTimes, Level, WarningThrottle
+from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from rclpy.time import Time
@@ -30,6 +29,7 @@ class StatusReport:
     """
     Report the decisions of the servo; created whenever the node is configured.
 
+    :ivar status: of the last cycle.
     :param node: publishes.
     :param frame: the robot's frame.
     """
@@ -38,12 +38,9 @@ class StatusReport:
         self._publisher = node.create_lifecycle_publisher(
             ManipulationStatus, 'manipulation/status', RELIABLE
         )
-        self._frame = frame
-        self._diagnostics = node.diagnostics
-        self._logger, self._gain = node.get_logger(), 0.0
-        self._throttle = WarningThrottle(self._logger)
-        self._cycle_times = CycleTimes()
-        self._last, self._cycle_time = Status.OK, 0.0
+        self._frame, self._node, self._gain = frame, node, 0.0
+        self._throttle = WarningThrottle(node.get_logger())
+        self.status = Status.OK
 
     def publish(self, decision: Decision, now: Time) -> None:
         """
@@ -52,66 +49,38 @@ class StatusReport:
         :param decision: of this cycle.
         :param now: time of the cycle.
         """
-        command = decision.command
-        self._last = command.status
+        command, cycle = decision.command, self._node.cycle
+        status = self.status = command.status
         message = ManipulationStatus(
-            code=int(command.status),
+            code=int(status),
             message=decision.message,
             commanded=to_twist_message(decision.twist),
             achieved=to_twist_message(command.achieved_twist),
             scale=command.scale,
             reachable_dof=command.reachable_dof,
             failed_rollers=decision.failed,
-            cycle_time=self._cycle_time,
+            cycle_time=0.0 if cycle is None else cycle.duration,
             frequency=decision.frequency,
             pose_gain=decision.pose_gain,
         )
         stamp_header(message.header, now, self._frame)
         self._publisher.publish(message)
-        level = select_level(command.status)
         self._log_gain(decision)
-        text = decision.message or command.status.name
+        level = Level.WARN if status < Status.HALT_NO_TWIST else Level.ERROR
+        if status in NORMAL:
+            level = Level.WARN if decision.failed else Level.OK
+        text = decision.message or status.name
         if decision.failed:
-            level = max(level, Level.WARN)
             text = f'failed rollers: {", ".join(decision.failed)}; {text}'
-        self._diagnostics.set_status(level, text)
+        self._node.diagnostics.set_status(level, text)
         if level is not Level.OK:
-            self._throttle.warn(command.status.name, f'{command.status}: {text}')
+            self._throttle.warn(status.name, f'{status}: {text}')
 
     def _log_gain(self, decision: Decision) -> None:
         """Log the gain, and the frequency from which it follows, when an object is taken."""
         before, self._gain = self._gain, decision.pose_gain
         if decision.pose_gain and not before:
             known = f'{decision.frequency:.3g} rad/s' if decision.frequency else 'not known'
-            self._logger.info(
+            self._node.get_logger().info(
                 f'lowest frequency of the held object: {known}; pose gain {self._gain:.3g} 1/s'
             )
-
-    def add_cycle_time(self, duration: float) -> None:
-        """
-        Add the duration of the cycle, for the status of the next and the diagnostics.
-
-        :param duration: computing time [s].
-        """
-        self._cycle_time = duration
-        self._cycle_times.add(duration)
-
-    def summary(self, period: float) -> dict[str, object]:
-        """
-        Return status and cycle times, for the diagnostics.
-
-        :param period: from cycle to cycle [s].
-        """
-        cycles = self._cycle_times.summary(period)
-        return {'status': self._last.name, 'status code': int(self._last)} | cycles
-
-
-def select_level(status: Status) -> Level:
-    """
-    Return the level of a status in the diagnostics.
-
-    :param status: of a cycle.
-    """
-    if status in NORMAL:
-        return Level.OK
-    return Level.WARN if status < Status.HALT_NO_TWIST else Level.ERROR

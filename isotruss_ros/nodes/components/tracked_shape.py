@@ -23,36 +23,35 @@ class TrackedShape:
     """
     Follows the shape of the robot.
 
+    :ivar timeout: largest age of an input [s].
+    :ivar rollers: the latest joint states, a StampedInput of a RollerState.
     :param robot: at home when the first joint states come.
+    :param timeout: see above.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, timeout: float) -> None:
+        self.timeout = timeout
+        self.rollers: Input = None
         self._shapes = ConfigurationTracker(robot.home)
         self._tracked: Input = None
 
-    def track(self, rollers: Input) -> None:
-        """
-        Take note of the latest joint states.
-
-        :param rollers: StampedInput of a RollerState; nothing else counts.
-        """
-        if rollers is self._tracked:
+    def track(self) -> None:
+        """Take note of the latest joint states."""
+        if self.rollers is self._tracked:
             return
-        self._tracked = rollers
-        if isinstance(rollers, StampedInput):
+        self._tracked = self.rollers
+        if isinstance(self.rollers, StampedInput):
             # The next request reports a configuration that does not exist.
             with contextlib.suppress(ConfigurationError):
-                self._shapes.configuration(rollers.value.positions)
+                self._shapes.configuration(self.rollers.value.positions)
 
-    def configuration(self, now: float, timeout: float, rollers: Input) -> Configuration:
+    def configuration(self, now: float) -> Configuration:
         """
         Return the configuration of the latest joint states.
 
         :param now: time on the clock of the inputs [s].
-        :param timeout: largest age [s].
-        :param rollers: the latest joint states.
         :raises InputError: they are missing, stale or invalid.
         :raises ConfigurationError: no configuration fits them.
         """
-        (given,) = require_fresh(now, timeout, joint_states=rollers)
+        (given,) = require_fresh(now, self.timeout, joint_states=self.rollers)
         return self._shapes.configuration(given.value.positions)

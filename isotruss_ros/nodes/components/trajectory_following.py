@@ -27,12 +27,12 @@ from isotruss_ros.core.control.inputs import require_fresh, StampedInput
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.control.twist_servo import Decision
 from isotruss_ros.core.manipulation.solve_twist import RollerCommand
-from isotruss_ros.nodes.components.single_goal import describe_lost_client, Ending, SupervisedGoal
-from isotruss_ros.nodes.components.sparse_messages import subscribe_once
-from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp, stamp_header, to_time
+from isotruss_ros.nodes.components.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.components.sparse_messages import NewestMessage
+from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.conversions.trajectory_messages import (
-    fill_feedback,
     read_roller_trajectory,
+    to_feedback_message,
 )
 from isotruss_ros.nodes.framework.managed import ManagedNode
 import numpy as np
@@ -41,8 +41,6 @@ from trajectory_msgs.msg import JointTrajectory
 TOPIC = 'joint_trajectory_controller/joint_trajectory'
 ACTION = 'follow_roller_trajectory'
 STANDARD_ACTION = 'joint_trajectory_controller/follow_joint_trajectory'
-#: Feedback is published this often [Hz].
-FEEDBACK_RATE = 10.0
 REPLACED = 'a newer trajectory was received'
 Result = FollowRollerTrajectory.Result
 
@@ -62,7 +60,7 @@ class TrajectoryFollowing:
         self._node, self._servo = node, servo
         self._follower = RollerTrajectoryServo(servo.robot, servo.timeout)
         self._outcome: tuple[Status, str] | None = None
-        self._accepted, self._feedback_time = False, -np.inf
+        self._accepted = False
         self._goals = [self._offer(kind, name) for kind, name in _offered_actions()]
 
     @property
@@ -78,7 +76,7 @@ class TrajectoryFollowing:
     def subscribe(self) -> None:
         """Accept trajectories from now on."""
         self._outcome = None
-        subscribe_once(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
+        NewestMessage(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
 
     def decide(self, now: float) -> Decision:
         """
@@ -89,8 +87,9 @@ class TrajectoryFollowing:
         if self.busy:
             # A twist of this time would start the object as soon as the trajectory has ended.
             self._servo.twist = None
-            if any(goal.has_lost_client(self._servo.timeout) for goal in self._goals):
-                self.abort(describe_lost_client(self._servo.timeout))
+            for goal in self._goals:
+                if (loss := goal.find_loss(self._servo.timeout)) is not None:
+                    self.abort(loss)
         if not self.busy:
             return self._add_outcome(self._servo.decide(now))
         self._follower.rollers, self._follower.timeout = self._servo.rollers, self._servo.timeout
@@ -100,7 +99,7 @@ class TrajectoryFollowing:
         elif step.ended:
             self._end(Status.ARRIVED, 'the rollers have arrived')
         self._servo.note_command(step.speeds, now)
-        self._publish_feedback(now)
+        self._publish_feedback()
         status, message = self._outcome or (Status.FOLLOWING_TRAJECTORY, '')
         return Decision(
             RollerCommand(step.speeds, np.zeros(3), 1.0, status),
@@ -133,7 +132,7 @@ class TrajectoryFollowing:
         if not self.abort(f'{why}: publish again what is to be followed'):
             self._node.get_logger().warning(f'{why}: if it was a trajectory, publish it again')
 
-    def _begin(self, message: JointTrajectory, goal: SupervisedGoal | None = None) -> None:
+    def _begin(self, message: JointTrajectory, goal: SingleGoal | None = None) -> None:
         """Follow a trajectory from now on, or report why not."""
         self._end_goals(Ending.ABORTED, Result.PATH_TOLERANCE_VIOLATED, REPLACED, goal)
         self._accepted = False
@@ -153,18 +152,18 @@ class TrajectoryFollowing:
         self._outcome, self._accepted = None, True
         self._node.get_logger().info(f'following a trajectory of {trajectory.duration:.1f} s')
 
-    def _offer(self, kind: type, name: str) -> SupervisedGoal:
+    def _offer(self, kind: type, name: str) -> SingleGoal:
         """Offer an action; its goals are trajectories like those of the topic."""
-        goal = SupervisedGoal(
+        goal = SingleGoal(
             self._node,
             kind,
             name,
-            ready=lambda: self._node.active,
-            begin=lambda request: self._begin(request.trajectory, goal),
+            lambda request: self._begin(request.trajectory, goal),
+            self._cancel,
             preempted=lambda: self._end_goals(
                 Ending.ABORTED, Result.PATH_TOLERANCE_VIOLATED, REPLACED
             ),
-            cancelled=self._cancel,
+            supervised=True,
         )
         return goal
 
@@ -175,21 +174,18 @@ class TrajectoryFollowing:
             Status.HALT_NO_TWIST, 'trajectory cancelled by the client', ending=Ending.CANCELED
         )
 
-    def _publish_feedback(self, now: float) -> None:
+    def _publish_feedback(self) -> None:
         """Publish where the rollers are and should be, to the client of the goal."""
+        goal = next((goal for goal in self._goals if goal.active), None)
         wanted, measured = self._follower.wanted, self._servo.rollers
-        early = 0.0 <= now - self._feedback_time < 1.0 / FEEDBACK_RATE
-        if early or wanted is None or not isinstance(measured, StampedInput):
+        if goal is None or wanted is None or not isinstance(measured, StampedInput):
             return
-        for goal in self._goals:
-            if goal.active:
-                self._feedback_time = now
-                feedback = goal.kind.Feedback()
-                fill_feedback(
-                    feedback, self._servo.robot, wanted, measured.value, self._follower.time
-                )
-                stamp_header(feedback.header, to_time(now), self._servo.robot.frame)
-                goal.publish_feedback(feedback)
+        robot, when, now = self._servo.robot, self._follower.time, self._node.now()
+        goal.publish_feedback(
+            lambda: to_feedback_message(
+                goal.kind.Feedback, robot, wanted, measured.value, when, now
+            )
+        )
 
     def _end(self, status: Status, message: str, ending: Ending = Ending.ABORTED) -> None:
         self._outcome = (status, message)
@@ -204,7 +200,7 @@ class TrajectoryFollowing:
             self._end_goals(ending, failed, message)
 
     def _end_goals(
-        self, ending: Ending, code: int, text: str, spared: SupervisedGoal | None = None
+        self, ending: Ending, code: int, text: str, spared: SingleGoal | None = None
     ) -> None:
         """End the goal whose trajectory is over, if it came by an action."""
         for goal in self._goals:

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+import itertools
 
 from geometry_msgs.msg import Point
 from isotruss_ros.core.contact.deformed_shape import deformed_lines, force_lines, region_lines
@@ -32,6 +33,8 @@ LIFETIME = Duration(seconds=1.0)
 ARROW_SCALE, LONGEST_ARROW = 0.01, 0.5
 TINY = 1e-9
 LINE_WIDTH, ARROW_WIDTH = 0.008, 0.015
+#: Of markers whose points are in metres.
+UNIT = (1.0, 1.0, 1.0)
 #: Of a region of contact in the paper's model, which has none [m].
 REGION_WIDTH = 0.01
 #: Of the points along the curved parts of an object [m].
@@ -78,28 +81,35 @@ class GraspMarkers:
 
 
 def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
-    lines = member_lines(grasp.config)
-    bent = deformed_lines(grasp.config, grasp.analysis)
-    strip = Marker.LINE_STRIP
-    markers = [
-        _make_lines('members', i, strip, 0.5, UNDEFORMED, line) for i, line in enumerate(lines)
-    ]
-    used = grasp.utilisation.values()
-    markers += [
-        _make_lines('deformed', i, strip, 1.0, _tube_color(part), line)
-        for i, (line, (part, _)) in enumerate(zip(bent, used, strict=True))
-    ]
-    regions = region_lines(grasp.config, grasp.body, grasp.analysis)
-    widths = grasp.analysis.contact_widths
-    markers += [
-        _make_region(i, line, widths.get(member, REGION_WIDTH))
-        for i, (member, line) in enumerate(zip(grasp.analysis.contact_spans, regions, strict=True))
-    ]
-    strongest = float(grasp.analysis.normal_forces.max(initial=0.0))
+    analysis, strip = grasp.analysis, Marker.LINE_STRIP
+    used = [_tube_color(part) for part, _ in grasp.utilisation.values()]
+    regions = region_lines(grasp.config, grasp.body, analysis)
+    widths = [analysis.contact_widths.get(m, REGION_WIDTH) for m in analysis.contact_spans]
+    strongest = float(analysis.normal_forces.max(initial=0.0))
     scale = min(ARROW_SCALE, LONGEST_ARROW / max(strongest, TINY))
-    arrows = force_lines(grasp.body, grasp.analysis, scale)
-    markers += [_make_arrow(i, ends) for i, ends in enumerate(arrows)]
-    return markers
+    arrow, thin = (ARROW_WIDTH, 2.0 * ARROW_WIDTH, 0.0), (0.5 * LINE_WIDTH, 0.0, 0.0)
+    return [
+        *(
+            _make_marker('members', i, strip, UNDEFORMED, thin, _flat(line))
+            for i, line in enumerate(member_lines(grasp.config))
+        ),
+        *(
+            _make_marker('deformed', i, strip, color, (LINE_WIDTH, 0.0, 0.0), _flat(line))
+            for i, (line, color) in enumerate(
+                zip(deformed_lines(grasp.config, analysis), used, strict=True)
+            )
+        ),
+        *(
+            _make_marker(
+                'contact_regions', i, Marker.TRIANGLE_LIST, REGION, UNIT, _strip(line, 0.5 * width)
+            )
+            for i, (line, width) in enumerate(zip(regions, widths, strict=True))
+        ),
+        *(
+            _make_marker('contact_forces', i, Marker.ARROW, FORCE, arrow, _flat(ends))
+            for i, ends in enumerate(force_lines(grasp.body, analysis, scale))
+        ),
+    ]
 
 
 def _tube_color(utilisation: float) -> ColorRGBA:
@@ -108,66 +118,48 @@ def _tube_color(utilisation: float) -> ColorRGBA:
     return NEARLY_WRINKLED if utilisation > MAX_UTILISATION else DEFORMED
 
 
-def _make_marker(name: str, number: int, kind: int, color: ColorRGBA) -> Marker:
-    marker = Marker(ns=name, id=number, type=kind, color=color, lifetime=LIFETIME.to_msg())
-    marker.pose.orientation.w = 1.0
-    return marker
-
-
-def _make_lines(
-    name: str, number: int, kind: int, width: float, color: ColorRGBA, points: Points
-) -> Marker:
-    marker = _make_marker(name, number, kind, color)
-    marker.scale.x = width * LINE_WIDTH
-    marker.points = list(_to_points(points))
-    return marker
-
-
-def _make_region(number: int, line: Points, width: float) -> Marker:
-    """Return the part of the object's surface that is touched: two triangles for each step."""
-    marker = _make_marker('contact_regions', number, Marker.TRIANGLE_LIST, REGION)
-    marker.scale.x = marker.scale.y = marker.scale.z = 1.0
-    low, high = (
-        [Point(x=point.real, y=point.imag, z=z) for point in line.tolist()]
-        for z in (-0.5 * width, 0.5 * width)
-    )
-    for i in range(len(line) - 1):
-        marker.points += [low[i], high[i], low[i + 1], low[i + 1], high[i], high[i + 1]]
-    return marker
-
-
-def _make_arrow(number: int, ends: Points) -> Marker:
-    marker = _make_marker('contact_forces', number, Marker.ARROW, FORCE)
-    marker.scale.x, marker.scale.y = ARROW_WIDTH, 2.0 * ARROW_WIDTH
-    marker.points = list(_to_points(ends))
-    return marker
-
-
 def _make_object(grasp: AnalyzedGrasp, color: ColorRGBA) -> Marker:
     body = grasp.body
     # As high as the tubes are.
     height = grasp.config.robot.description.tube_diameter
     if body.shape.is_round:
-        marker = _make_marker('object', 0, Marker.CYLINDER, color)
+        width = 2.0 * body.shape.reach
+        marker = _make_marker('object', 0, Marker.CYLINDER, color, (width, width, height))
         marker.pose.position.x, marker.pose.position.y = body.pose[:2]
-        marker.scale.x = marker.scale.y = 2.0 * body.shape.reach
-        marker.scale.z = height
         return marker
-    marker = _make_marker('object', 0, Marker.TRIANGLE_LIST, color)
-    marker.scale.x = marker.scale.y = marker.scale.z = 1.0
-    marker.points = list(_prism(body.outline(OUTLINE_SPACING), body.middle, 0.5 * height))
+    corners = _prism(body.outline(OUTLINE_SPACING), body.middle, 0.5 * height)
+    return _make_marker('object', 0, Marker.TRIANGLE_LIST, color, UNIT, corners)
+
+
+def _make_marker(
+    name: str,
+    number: int,
+    kind: int,
+    color: ColorRGBA,
+    scale: tuple[float, float, float],
+    points: Iterable[Point] = (),
+) -> Marker:
+    marker = Marker(ns=name, id=number, type=kind, color=color, lifetime=LIFETIME.to_msg())
+    marker.scale.x, marker.scale.y, marker.scale.z = scale
+    marker.points = list(points)
     return marker
+
+
+def _flat(line: Points) -> Iterable[Point]:
+    return (Point(x=point.real, y=point.imag) for point in line.tolist())
+
+
+def _strip(line: Points, half: float) -> Iterable[Point]:
+    """Yield the corners of triangles on an upright strip, two for each step of its line."""
+    for here, following in itertools.pairwise(line.tolist()):
+        low, high, last = (here, -half), (here, half), (following, half)
+        for point, z in (low, high, (following, -half), (following, -half), high, last):
+            yield Point(x=point.real, y=point.imag, z=z)
 
 
 def _prism(outline: Points, middle: complex, half: float) -> Iterable[Point]:
     """Yield the corners of triangles on the top and the sides of a prism."""
+    yield from _strip(np.append(outline, outline[0]), half)
     for here, following in zip(outline.tolist(), np.roll(outline, -1).tolist(), strict=True):
-        top = [(middle, half), (here, half), (following, half)]
-        side = [(here, half), (here, -half), (following, half)]
-        rest = [(following, half), (here, -half), (following, -half)]
-        for point, z in (*top, *side, *rest):
-            yield Point(x=point.real, y=point.imag, z=z)
-
-
-def _to_points(points: Points) -> Iterable[Point]:
-    return (Point(x=point.real, y=point.imag) for point in points.tolist())
+        for point in (middle, here, following):
+            yield Point(x=point.real, y=point.imag, z=half)

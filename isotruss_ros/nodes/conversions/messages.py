@@ -228,12 +228,10 @@ class RollerStateReader:
                 f'joint states: roller positions {positions.tolist()} m: must be finite, '
                 f'at most {MAX_DISTANCE:g} m'
             )
-        if not message.velocity:
-            return RollerState(positions, np.zeros_like(positions))
-        velocities = self._select('velocities', message.velocity)
-        if np.abs(velocities).max() <= MAX_SPEED:
-            return RollerState(positions, velocities)
-        velocities[np.isnan(velocities)] = 0.0
+        velocities = np.zeros_like(positions)
+        if message.velocity:
+            velocities = self._select('velocities', message.velocity)
+            velocities[np.isnan(velocities)] = 0.0
         if np.abs(velocities).max() > MAX_SPEED:
             raise MessageError(
                 f'joint states: roller velocities {velocities.tolist()} m/s: '

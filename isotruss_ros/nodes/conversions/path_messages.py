@@ -50,16 +50,15 @@ def read_object_path(
     middle, reach = home.nodes.mean(axis=0), float(home.member_lengths.sum())
     poses = []
     for number, stamped in enumerate(message.poses):
-        what = f'pose {number} of the path'
+        what, q = f'pose {number} of the path', stamped.pose.orientation
         check_frame(what, stamped.header, frame)
-        position, q = stamped.pose.position, stamped.pose.orientation
-        away = math.hypot(position.x - middle[0], position.y - middle[1])
-        if not away <= reach:
-            raise MessageError(
-                f'{what}: ({position.x:g}, {position.y:g}) m is {away:g} m from the middle of the '
-                f'robot at home; must be finite, at most {reach:.3g} m'
-            )
         pose = read_pose(what, stamped.pose)
+        away = math.hypot(pose.x - middle[0], pose.y - middle[1])
+        if away > reach:
+            raise MessageError(
+                f'{what}: ({pose.x:g}, {pose.y:g}) m is {away:g} m from the middle of the robot '
+                f'at home; must be at most {reach:.3g} m'
+            )
         if math.hypot(q.x, q.y) > QUATERNION_TOLERANCE:
             raise MessageError(
                 f'{what}: the quaternion has x {q.x} and y {q.y}: the robot is planar; must be 0'
@@ -97,9 +96,10 @@ def to_result_message(
     """
     result = FollowObjectPath.Result(code=int(outcome), message=message)
     known = tracker is not None and last is not None
-    result.position_error = last.position_error if known else math.nan
-    result.angle_error = last.angle_error if known else math.nan
-    result.max_position_error = tracker.max_position_error if known else math.nan
-    result.max_angle_error = tracker.max_angle_error if known else math.nan
-    result.rms_position_error = tracker.rms_position_error if known else math.nan
+    for source, names in (
+        (last, ('position_error', 'angle_error')),
+        (tracker, ('max_position_error', 'max_angle_error', 'rms_position_error')),
+    ):
+        for name in names:
+            setattr(result, name, getattr(source, name) if known else math.nan)
     return result

@@ -6,7 +6,6 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-
 """Goals of the search for grasps from messages, feedback and results to messages."""
 
 from __future__ import annotations
@@ -18,19 +17,12 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
 from isotruss_ros.core import ConvexObject, GraspRequirements, Robot
-from isotruss_ros.core.errors import quote
-from isotruss_ros.core.manipulation.grip import find_members
+from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.planning.export import export_figures, export_path, export_violation
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, Progress
-from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.searcher import Answer
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
-from isotruss_ros.nodes.conversions.messages import (
-    check_frame,
-    MAX_DISTANCE,
-    MessageError,
-    read_pose,
-)
+from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
 from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
 from isotruss_ros.nodes.conversions.trajectory_messages import to_duration, to_trajectory_message
 
@@ -63,9 +55,10 @@ def read_goal(
     :param goal: of the action.
     :param robot: the robot.
     :param described: the object, anywhere, of a goal that describes none.
-    :raises MessageError: no pose, another frame, no object or two of them, or a number that is not
-        finite or out of range.
-    :raises GraspError: an unusable requirement, or members that the robot does not have.
+    :raises MessageError: no pose, another frame, no object or two of them, or a number that is out
+        of range.
+    :raises GraspError: an unusable object or requirement, or a module or members that the robot
+        does not have.
     """
     if goal.object_pose == PoseStamped():
         raise MessageError(
@@ -73,56 +66,37 @@ def read_goal(
             f'its frame {robot.frame!r}'
         )
     check_frame('object pose', goal.object_pose.header, robot.frame)
-    body = _read_body(goal, described)
-    _check_goal(goal, robot)
-    return SearchGoal(body, _read_requirements(goal, robot), goal.seed, goal.time_limit)
-
-
-def _check_goal(goal: PlanGrasp.Goal, robot: Robot) -> None:
-    """Check the numbers and names that `GraspRequirements` does not check."""
     if not 0.0 <= goal.time_limit < math.inf:
         raise MessageError(
             f'time_limit {goal.time_limit} s: must be a number, not negative; 0 for no limit'
         )
     if not 1 <= goal.count <= MAX_COUNT:
         raise MessageError(f'count {goal.count}: must be from 1 to {MAX_COUNT}')
-    if goal.module and goal.module not in robot.module_names:
-        raise MessageError(
-            f'module {quote(goal.module)}: robot {robot.name} has no such module; must be one of '
-            f'{", ".join(robot.module_names)}, or empty for any'
-        )
-    measures = [measure.value for measure in Measure]
-    if goal.measure not in measures:
-        raise MessageError(f'measure {quote(goal.measure)}: must be one of {", ".join(measures)}')
+    body = _read_body(goal, described)
+    return SearchGoal(body, _read_requirements(goal, robot), goal.seed, goal.time_limit)
 
 
 def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
-    bounds = {
-        name: getattr(goal, name) or math.inf for name in ('max_contact_force', 'max_total_force')
-    }
-    if goal.max_utilisation:
-        bounds['max_utilisation'] = goal.max_utilisation
-    if goal.min_rigidity:
-        bounds['min_rigidity'] = goal.min_rigidity
+    """Return the requirements; what is 0 or empty in the goal is as they have it by themselves."""
+    names = ('max_contact_force', 'max_total_force', 'max_utilisation', 'min_rigidity')
+    given = {name: getattr(goal, name) for name in (*names, 'squeeze', 'min_margin', 'module')}
     direction = tuple(goal.direction.tolist())
     if goal.measure == 'stiffness' or any(direction):
-        bounds['direction'] = direction
+        given['direction'] = direction
+    wrench = read_external_wrench(WrenchStamped(wrench=goal.external_wrench), robot.frame)
     requirements = GraspRequirements(
         friction=goal.friction,
-        external_wrench=read_external_wrench(
-            WrenchStamped(wrench=goal.external_wrench), robot.frame
-        ),
-        module=goal.module or None,
+        external_wrench=wrench,
         members=tuple(goal.members) or None,
-        squeeze=goal.squeeze or None,
         min_slip_margin=goal.min_slip_margin,
-        min_margin=goal.min_margin or None,
         measure=goal.measure,
         count=goal.count,
-        **bounds,
+        **{name: value for name, value in given.items() if value},
     )
     if requirements.members is not None:
         find_members(robot, requirements.members)
+    elif requirements.module is not None:
+        members_at(robot, requirements.module)
     return requirements
 
 
@@ -136,20 +110,14 @@ def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexOb
                 'described; or leave `object` out for a disc'
             )
         return read_object_message(goal.object, pose)
-    if diameter == 0.0 and described is not None:
-        return described.moved_to(read_pose('object pose', pose))
-    position = pose.position
-    for name, value in (('x', position.x), ('y', position.y), ('diameter', diameter)):
-        if not abs(value) <= MAX_DISTANCE:
-            raise MessageError(
-                f'object: {name} {value} m: must be finite, at most {MAX_DISTANCE:g} m'
-            )
-    if diameter == 0.0:
+    if diameter != 0.0:
+        return ConvexObject.disc((pose.position.x, pose.position.y), diameter)
+    if described is None:
         raise MessageError(
             'object_diameter 0.0 m: must be positive, that of a disc; or `object` must describe '
             'what lies there, as may the parameter object'
         )
-    return ConvexObject.disc((position.x, position.y), diameter)
+    return described.moved_to(read_pose('object pose', pose))
 
 
 def to_feedback_message(progress: Progress) -> PlanGrasp.Feedback:
@@ -174,25 +142,22 @@ def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
     :param answer: of the search.
     :param robot: the robot.
     """
-    result = PlanGrasp.Result(code=int(answer.outcome), message=answer.message)
     plan = answer.plan
     if plan is None:
-        return result
-    result.grasps = [to_grasp_message(grasp, robot) for grasp in plan.grasps]
-    for name, value in export_violation(plan.closest_violation).items():
-        setattr(result, name, value)
-    result.evaluations, result.analyses = plan.evaluations, plan.analyses
-    result.computing_time = plan.computing_time
-    return result
+        return PlanGrasp.Result(code=int(answer.outcome), message=answer.message)
+    return PlanGrasp.Result(
+        code=int(answer.outcome),
+        message=answer.message,
+        grasps=[_to_grasp_message(grasp, robot) for grasp in plan.grasps],
+        evaluations=plan.evaluations,
+        analyses=plan.analyses,
+        computing_time=plan.computing_time,
+        **export_violation(plan.closest_violation),
+    )
 
 
-def to_grasp_message(grasp: PlannedGrasp, robot: Robot) -> PlannedGraspMessage:
-    """
-    Return a grasp with the trajectory to it.
-
-    :param grasp: of a search.
-    :param robot: the robot.
-    """
+def _to_grasp_message(grasp: PlannedGrasp, robot: Robot) -> PlannedGraspMessage:
+    """Return a grasp with the trajectory to it."""
     exported = export_path(grasp)
     times = exported['times']
     path = to_trajectory_message(robot, exported['path'], times)

@@ -19,7 +19,13 @@ from isotruss_ros.core import Robot
 from isotruss_ros.core.control.inputs import RollerState
 from isotruss_ros.core.control.roller_trajectory import RollerTrajectory, Wanted
 from isotruss_ros.core.errors import quote
-from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.nodes.conversions.messages import (
+    MAX_DISTANCE,
+    MessageError,
+    stamp_header,
+    to_time,
+)
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -77,30 +83,32 @@ def to_trajectory_message(
     return trajectory
 
 
-def fill_feedback(
-    feedback: Any, robot: Robot, wanted: Wanted, measured: RollerState, time: float
-) -> None:
+def to_feedback_message(
+    kind: type, robot: Robot, wanted: Wanted, measured: RollerState, when: float, now: float
+) -> Any:
     """
-    Fill in where the rollers should be and where they are.
+    Return where the rollers should be and where they are.
 
-    :param feedback: of FollowRollerTrajectory or FollowJointTrajectory; its header stays.
+    :param kind: the feedback of FollowRollerTrajectory or FollowJointTrajectory.
     :param robot: whose rollers they are.
     :param wanted: where they should be.
     :param measured: where they are.
-    :param time: of the trajectory [s].
+    :param when: time of the trajectory [s].
+    :param now: time on the clock [s].
     """
-    feedback.joint_names = list(robot.roller_names)
-    when = to_duration(time)
-    feedback.desired = JointTrajectoryPoint(
-        positions=wanted.positions.tolist(),
-        velocities=wanted.speeds.tolist(),
-        time_from_start=when,
+
+    def point(positions: Array, **others: Any) -> JointTrajectoryPoint:
+        start = to_duration(when)
+        return JointTrajectoryPoint(positions=positions.tolist(), time_from_start=start, **others)
+
+    feedback = kind(
+        joint_names=list(robot.roller_names),
+        desired=point(wanted.positions, velocities=wanted.speeds.tolist()),
+        actual=point(measured.positions),
+        error=point(wanted.positions - measured.positions),
     )
-    feedback.actual = JointTrajectoryPoint(
-        positions=measured.positions.tolist(), time_from_start=when
-    )
-    error = wanted.positions - measured.positions
-    feedback.error = JointTrajectoryPoint(positions=error.tolist(), time_from_start=when)
+    stamp_header(feedback.header, to_time(now), robot.frame)
+    return feedback
 
 
 def to_duration(seconds: float) -> Duration:

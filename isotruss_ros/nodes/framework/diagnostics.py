@@ -6,13 +6,10 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-
 """State of a node on `/diagnostics` and in the log, without flooding either."""
 
 from __future__ import annotations
 
-import bisect
-from collections import deque
 from collections.abc import Callable, Mapping
 import enum
 import time
@@ -39,39 +36,6 @@ class Level(enum.IntEnum):
     ERROR = ord(DiagnosticStatus.ERROR)
 
 
-class CycleTimes:
-    """Durations of the cycles since the last report; adding one costs next to nothing."""
-
-    def __init__(self) -> None:
-        # Bounded, should reports fail to come.
-        self._times: deque[float] = deque(maxlen=10_000)
-
-    def add(self, duration: float) -> None:
-        """
-        Add the duration of a cycle.
-
-        :param duration: computing time [s].
-        """
-        self._times.append(duration)
-
-    def summary(self, period: float) -> dict[str, object]:
-        """
-        Return count, median, maximum and overruns by name, and start again.
-
-        :param period: from cycle to cycle [s]; those that took longer are overruns.
-        """
-        times = sorted(self._times)
-        self._times.clear()
-        if not times:
-            return {'cycles': 0}
-        return {
-            'cycles': len(times),
-            'cycle time, median [s]': round(times[len(times) // 2], 6),
-            'cycle time, longest [s]': round(times[-1], 6),
-            'overruns': len(times) - bisect.bisect_right(times, period),
-        }
-
-
 class Diagnostics:
     """
     The diagnostic status of one node; setting it between two reports costs next to nothing.
@@ -87,8 +51,7 @@ class Diagnostics:
 
     def __init__(self, node: Node, details: Callable[[], Mapping[str, object]]) -> None:
         self.hardware_id = ''
-        self._node = node
-        self._details = details
+        self._node, self._details = node, details
         self._level, self._message = Level.OK, ''
         self._sent_level, self._sent = Level.OK, 0.0
         self._reports = node.create_publisher(DiagnosticArray, '/diagnostics', DIAGNOSTICS)
@@ -109,13 +72,11 @@ class Diagnostics:
 
     def report(self) -> None:
         """Publish the present status."""
-        name = self._node.get_fully_qualified_name().lstrip('/')
-        robot = f'{self._node.get_namespace()}/{self.hardware_id}'.strip('/')
         status = DiagnosticStatus(
             level=bytes([self._level]),
-            name=name,
+            name=self._node.get_fully_qualified_name().lstrip('/'),
             message=self._message,
-            hardware_id=robot,
+            hardware_id=f'{self._node.get_namespace()}/{self.hardware_id}'.strip('/'),
             values=[KeyValue(key=key, value=str(v)) for key, v in self._details().items()],
         )
         array = DiagnosticArray(status=[status])

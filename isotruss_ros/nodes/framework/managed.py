@@ -6,28 +6,27 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-
 """Managed (lifecycle) nodes; with the parameter `autostart` they activate themselves."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
+import inspect
 import traceback
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.diagnostics import Diagnostics, Level
-from isotruss_ros.nodes.framework.entity_scopes import EntityScopes
-from isotruss_ros.nodes.framework.guards import (
-    find_service,
-    ignore_negative_time,
-    reject_unknown_transitions,
-)
-from lifecycle_msgs.srv import GetState
+from lifecycle_msgs.srv import ChangeState
+from rclpy.action import ActionClient, ActionServer
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 
 SUCCESS = TransitionCallbackReturn.SUCCESS
 FAILURE = TransitionCallbackReturn.FAILURE
@@ -46,7 +45,8 @@ class ManagedNode(LifecycleNode):
     anything else leaves it unconfigured; the reason is logged and in the diagnostics.
 
     :cvar awaited: topics and actions without which the active node does nothing, as it logs.
-    :ivar diagnostics: status of the node while it is active.
+    :ivar active: whether publishers are enabled, in the transitions to and from `active` too.
+    :ivar diagnostics: status of the node.
     :ivar cycle: what the node does at a rate, while it is active; None if there is nothing.
     :ivar values: of the parameters, as `values[spec]`.
     :param name: name of the node.
@@ -71,20 +71,20 @@ class ManagedNode(LifecycleNode):
             automatically_declare_parameters_from_overrides=True,
         )
         self.diagnostics = Diagnostics(self, self.details)
-        self._entities = EntityScopes(self)
-        self._get_state = find_service(self, '~/get_state').callback
         self.cycle: Cycle | None = None
-        self._running = False
+        self.active = False
         self._failure: Exception | None = None
+        #: The entities that were there before a state, whose end they outlive.
+        self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
         try:
             self.values = params.Parameters(
-                self, (*specs, params.AUTOSTART), lambda: self.state == 'unconfigured'
+                self, (*specs, params.AUTOSTART), lambda: 'configured' not in self._before
             )
         except IsotrussError:
             self.destroy_node()
             raise
         ignore_negative_time(self)
-        reject_unknown_transitions(self)
+        _reject_unknown_transitions(self)
 
     # -- The steps, for subclasses to override --
 
@@ -105,17 +105,6 @@ class ManagedNode(LifecycleNode):
         return {}
 
     # -- Public interface --
-
-    @property
-    def state(self) -> str:
-        """Return the label of the state, such as `inactive`."""
-        answer = self._get_state(GetState.Request(), GetState.Response())
-        return answer.current_state.label
-
-    @property
-    def active(self) -> bool:
-        """Return whether publishers are enabled, in the transitions to and from `active` too."""
-        return self._running
 
     def now(self) -> float:
         """Return the time of the node's clock [s]."""
@@ -140,15 +129,11 @@ class ManagedNode(LifecycleNode):
 
     def stop(self) -> None:
         """Shut the node down before the process ends; publishers still work."""
-        if self.state in ('unconfigured', 'inactive', 'active'):
+        try:
             self.trigger_shutdown()
-        elif self._running:
-            self.deactivate()  # interrupted in a transition
-
-    def destroy_node(self) -> None:
-        """Destroy the node and the state machine of rclpy that refers to it."""
-        super().destroy_node()
-        self._state_machine.destroy_when_not_in_use()
+        except rclpy_implementation.RCLError:  # it was interrupted in a transition, or has ended
+            if self.active:
+                self.deactivate()
 
     def keep(self, entity: object) -> None:
         """
@@ -156,7 +141,8 @@ class ManagedNode(LifecycleNode):
 
         :param entity: of this node.
         """
-        self._entities.keep(entity)
+        for before in self._before.values():
+            before[entity] = None
 
     def fail(self, error: Exception) -> None:
         """
@@ -166,137 +152,160 @@ class ManagedNode(LifecycleNode):
         """
         traceback.print_exception(error)
         self._record_failure('run', error)
-        if self._running:
+        if self.active:
             self.trigger_deactivate()
 
-    def report_end(self, idle: str, text: str, good: bool) -> None:
-        """
-        Report how a goal has ended, in the diagnostics and the log.
+    # -- Transitions, as rclpy calls them --
 
-        :param idle: what the node does from now on.
-        :param text: how the goal ended.
-        :param good: whether that is no warning.
-        """
-        level = Level.OK if good else Level.WARN
-        self.diagnostics.set_status(level, f'{idle}; last goal {text}')
-        if good:
-            self.get_logger().info(text)
-        else:
-            self.get_logger().warning(text)
-
-    # -- Transitions --
-
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """
-        Configure; release what a failure leaves behind.
-
-        :param state: the state before.
-        """
+    def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Configure; release what a failure leaves behind."""
         self._failure = None
         ignore_negative_time(self)  # which may be simulated since it was unconfigured
-        self._entities.begin('configured')
+        self._before['configured'] = self._list_entities()
         result = self._try_step('configure', self.configure)
         if result == SUCCESS:
-            result = super().on_configure(state)
-        if result != SUCCESS:
+            self.diagnostics.set_status(Level.WARN, 'inactive')
+        else:
             self._release()
-            return result
-        self.diagnostics.set_status(Level.WARN, 'inactive')
         return result
 
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """
-        Activate: publishers first, then the timers that publish.
-
-        :param state: the state before.
-        """
+    def on_activate(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Activate: publishers first, then the timers that publish."""
         self._failure = None
-        self._entities.begin('active')
-        self._running = True
-        super().on_activate(state)
+        self._before['active'] = self._list_entities()
+        self.active = True
+        super().on_activate(_state)
         self.diagnostics.set_status(Level.OK, 'active')
         result = self._try_step('activate', self.activate)
         if result != SUCCESS:
-            self._disable(state)
+            self._disable(_state)
             return result
         names = ', '.join(map(self.resolve_topic_name, self.awaited))
         self.get_logger().info(f'active, waits for {names}')
         return result
 
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """
-        Deactivate; after an error that escaped a callback this leads to the error state.
-
-        :param state: the state before.
-        """
+    def on_deactivate(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Deactivate; after an error that escaped a callback this leads to the error state."""
         self._try_step('deactivate', self.deactivate)
-        self._disable(state)
+        self._disable(_state)
         if self._failure is not None:
             return ERROR
         self.diagnostics.set_status(Level.WARN, 'inactive')
         return SUCCESS
 
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """
-        Release all that `configure` created, so that it can be created again.
-
-        :param state: the state before.
-        """
+    def on_cleanup(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Release all that `configure` created, so that it can be created again."""
         if self._try_step('clean up', self._release) != SUCCESS:
             return ERROR
         self.diagnostics.set_status(Level.WARN, 'unconfigured')
         return SUCCESS
 
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """
-        Stop from any state.
-
-        :param state: the state before.
-        """
-        if self._running:
+    def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop from any state."""
+        if self.active:
             self._try_step('deactivate', self.deactivate)
-            self._disable(state)
+            self._disable(_state)
         self._try_step('clean up', self._release)
         self.diagnostics.set_status(Level.WARN, 'finalized')
         return SUCCESS
 
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """
-        Release everything: the node can be configured again unless that fails too.
-
-        :param state: the state before.
-        """
-        if self._running:
-            self._disable(state)
+    def on_error(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Release everything: the node can be configured again unless that fails too."""
+        if self.active:
+            self._disable(_state)
         return SUCCESS if self._try_step('clean up', self._release) == SUCCESS else FAILURE
 
     def _try_step(self, what: str, step: Callable[[], None]) -> TransitionCallbackReturn:
         """Run a step; record why it failed."""
         try:
             step()
-        except IsotrussError as error:
-            self._record_failure(what, error)
-            return FAILURE
         except Exception as error:  # noqa: BLE001 - whatever it is, the node keeps its services
-            self._record_failure(what, error)
-            return ERROR
+            return self._record_failure(what, error)
         return SUCCESS
 
-    def _record_failure(self, what: str, error: Exception) -> None:
-        """Keep, log and report the reason of a failure."""
+    def _record_failure(self, what: str, error: Exception) -> TransitionCallbackReturn:
+        """Keep, log and report the reason of a failure; return what it makes of a transition."""
         self._failure = error
         known = isinstance(error, IsotrussError)
         reason = str(error) if known else f'{type(error).__name__}: {error}'
         self.get_logger().error(f'could not {what}: {reason}')
         self.diagnostics.set_status(Level.ERROR, f'could not {what}: {reason}')
+        return FAILURE if known else ERROR
 
-    def _disable(self, state: LifecycleState) -> None:
+    def _disable(self, _state: LifecycleState) -> None:
         """Destroy what `activate` created and disable the publishers."""
-        self._entities.end('active')
-        super().on_deactivate(state)
-        self._running = False
+        self._destroy_since('active')
+        super().on_deactivate(_state)
+        self.active = False
 
     def _release(self) -> None:
         self.values.release()
-        self._entities.end('configured')
+        self._destroy_since('configured')
         self.cleanup()
+
+    def _list_entities(self) -> dict[Any, Callable[[Any], object]]:
+        """Return every entity with what destroys it: timers first and publishers last."""
+        actions = [w for w in self.waitables if isinstance(w, ActionServer | ActionClient)]
+        return (
+            dict.fromkeys(self.timers, self.destroy_timer)
+            | {action: lambda action: action.destroy() for action in actions}
+            | dict.fromkeys(self.services, self.destroy_service)
+            | dict.fromkeys(self.clients, self.destroy_client)
+            | dict.fromkeys(self.subscriptions, self.destroy_subscription)
+            | dict.fromkeys(self.publishers, self.destroy_lifecycle_publisher)
+        )
+
+    def _destroy_since(self, state: str) -> None:
+        """Destroy what was created since a state began."""
+        if state not in self._before:
+            return
+        before = self._before.pop(state)
+        for entity, destroy in self._list_entities().items():
+            if entity not in before:
+                destroy(entity)
+        # rclpy keeps a weak reference to everything that ever was in the group: without this, a
+        # node that is configured again and again grows.
+        references = self.default_callback_group.entities
+        references -= {reference for reference in references if reference() is None}
+
+
+def ignore_negative_time(node: Node) -> None:
+    """
+    Drop messages on `/clock` with a time before zero, on which rclpy would raise.
+
+    :param node: a node that may go by simulated time.
+    """
+
+    def take_checked(take: Callable[[Clock], None], message: Clock) -> None:
+        if message.clock.sec >= 0:
+            take(message)
+            return
+        node.get_logger().warning(
+            f'/clock: {message.clock.sec} s is before zero; the time stays as it is',
+            throttle_duration_sec=1.0,
+        )
+
+    for subscription in node.subscriptions:
+        # The callback of rclpy itself is a method.
+        if subscription.topic_name == '/clock' and inspect.ismethod(subscription.callback):
+            subscription.callback = partial(take_checked, subscription.callback)
+
+
+def _reject_unknown_transitions(node: LifecycleNode) -> None:
+    """Reject a transition that does not exist in the present state, on which rclpy would raise."""
+    name = node.resolve_service_name('~/change_state')
+    (service,) = (service for service in node.services if service.service_name == name)
+    change = service.callback
+
+    def change_checked(
+        request: ChangeState.Request, response: ChangeState.Response
+    ) -> ChangeState.Response:
+        try:
+            return change(request, response)
+        except rclpy_implementation.RCLError as error:
+            transition = request.transition.label or request.transition.id
+            node.get_logger().error(f'no transition {transition!r} from this state: {error}')
+            response.success = False
+            return response
+
+    service.callback = change_checked

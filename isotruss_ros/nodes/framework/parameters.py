@@ -91,26 +91,23 @@ class Parameters:
         self, node: Node, specs: Sequence[Spec], unconfigured: Callable[[], bool] | None = None
     ) -> None:
         self._node = node
-        self._fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}
+        fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}
+        #: Of a managed node: what is set only while it is unconfigured.
+        self._fixed = frozenset() if unconfigured is None else frozenset(fixed)
         self._unconfigured = unconfigured
-        self._check: Callable[[dict[str, Value]], None] | None = None
-        self._apply: Callable[[], None] | None = None
+        self.release()
         self._real = {spec.name for spec in specs if isinstance(spec.default, float)}
-        managed = unconfigured is not None
-        given = {
-            name: parameter
-            for name, parameter in node.get_parameters_by_prefix('').items()
-            if not name.startswith(OF_RCLPY)
-        }
+        present = node.get_parameters_by_prefix('')
+        given = {name: each for name, each in present.items() if not name.startswith(OF_RCLPY)}
         for name in given:
             node.undeclare_parameter(name)
         for spec in specs:
-            self._declare(spec, managed, given.pop(spec.name, None))
+            self._declare(spec, given.pop(spec.name, None))
         for name in sorted(given):
             node.get_logger().warning(f'parameter {name}: unknown, and not used')
         node.add_pre_set_parameters_callback(self._read_whole_numbers)
         node.add_on_set_parameters_callback(self._check_change)
-        node.add_post_set_parameters_callback(self._apply_change)
+        node.add_post_set_parameters_callback(lambda _: self._apply())
 
     def __getitem__(self, spec: Spec) -> Value:
         """
@@ -138,17 +135,16 @@ class Parameters:
 
     def release(self) -> None:
         """Remove the functions of `on_change`: the node is no longer configured."""
-        self._check = self._apply = None
+        self._check, self._apply = lambda _new: None, lambda: None
 
-    def _declare(self, spec: Spec, managed: bool, given: Parameter | None) -> None:
+    def _declare(self, spec: Spec, given: Parameter | None) -> None:
         """Declare a parameter, with the value that is given to the node if there is one."""
-        default, whole = spec.default, False
-        if given is not None:
-            (read,) = self._read_whole_numbers([given])
-            if whole := read is not given:
-                default = read.value
+        descriptor, default = spec.descriptor(self._unconfigured is not None), spec.default
+        (read,) = (None,) if given is None else self._read_whole_numbers([given])
+        if read is not given:
+            default = read.value
         try:
-            self._node.declare_parameter(spec.name, default, spec.descriptor(managed), whole)
+            self._node.declare_parameter(spec.name, default, descriptor, read is not given)
         except InvalidParameterValueException as error:
             low, high = spec.bounds
             raise ParameterError(
@@ -169,18 +165,11 @@ class Parameters:
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
         """Return whether parameters can be set."""
-        if self._unconfigured is not None and not self._unconfigured():
-            fixed = [p.name for p in parameters if p.name in self._fixed]
-            if fixed:
-                reason = f'parameter {", ".join(fixed)}: {UNCONFIGURED_ONLY}'
-                return SetParametersResult(successful=False, reason=reason)
+        fixed = [parameter.name for parameter in parameters if parameter.name in self._fixed]
         try:
-            if self._check is not None:
-                self._check({parameter.name: parameter.value for parameter in parameters})
+            if fixed and not self._unconfigured():
+                raise ParameterError(f'parameter {", ".join(fixed)}: {UNCONFIGURED_ONLY}')
+            self._check({parameter.name: parameter.value for parameter in parameters})
         except IsotrussError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
-
-    def _apply_change(self, _parameters: list[Parameter]) -> None:
-        if self._apply is not None:
-            self._apply()

@@ -19,8 +19,8 @@ import sys
 from types import FrameType
 
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.nodes.framework.cycle import PacedExecutor
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.paced_executor import PacedExecutor
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -59,6 +59,10 @@ class StoppableNode(Node):
             automatically_declare_parameters_from_overrides=True,
         )
         self.values = Parameters(self, specs)
+
+    def now(self) -> float:
+        """Return the time of the node's clock [s]."""
+        return 1e-9 * self.get_clock().now().nanoseconds
 
     def stop(self) -> None:
         """Leave the robot safe; publishers still work."""
@@ -123,17 +127,7 @@ def run(
         return _report('cannot start', ' '.join(why.split()))
     set_logger_level('rcl', LoggingSeverity.UNSET)
     interruption = Interruption()
-    try:
-        return _run(make_node, interruption)
-    finally:
-        interruption.ignore()
-        rclpy.shutdown()
-
-
-def _run(make_node: Callable[[], StoppableNode | ManagedNode], interruption: Interruption) -> int:
-    """Make a node, spin and stop it; return the exit code."""
-    node = None
-    what = 'cannot start'
+    node, what = None, 'cannot start'
     try:
         try:
             node = make_node()
@@ -150,6 +144,8 @@ def _run(make_node: Callable[[], StoppableNode | ManagedNode], interruption: Int
                 node.destroy_node()
     except IsotrussError as error:
         return _report(what, str(error))
+    finally:
+        rclpy.shutdown()
     return 0
 
 

@@ -1,0 +1,143 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+"""What the buttons of a view ask of other nodes, and what becomes of it in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from functools import partial
+from typing import Any
+
+from isotruss_msgs.action import PickObject, PlaceObject
+from isotruss_ros.nodes.conversions.messages import request_parameters
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParameters
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from rclpy.task import Future
+
+ACTIONS = {'pick': (PickObject, 'pick_object'), 'place': (PlaceObject, 'place_object')}
+STAGES = {
+    'pick': ('planning', 'approaching', 'closing', 'confirming'),
+    'place': ('planning', 'opening', 'backing off', 'confirming'),
+}
+SIMULATOR = 'simulator'
+
+#: A sequence yields calls, and gets their answers.
+Calls = Generator[Callable[[], Future], Any, None]
+
+
+def make_calls(calls: Calls, answer: Any = None) -> None:
+    """
+    Make the next call of a sequence, and the others once it is answered.
+
+    :param calls: the sequence.
+    :param answer: of the call before; None at first.
+    """
+    try:
+        call = calls.send(answer)
+    except StopIteration:
+        return
+    call().add_done_callback(lambda future: make_calls(calls, future.result()))
+
+
+class ObjectGoals:
+    """
+    Clients of `pick_object` and `place_object`.
+
+    :param node: has the clients.
+    :param report: called with what is under way, in words.
+    """
+
+    def __init__(self, node: Node, report: Callable[[str], None]) -> None:
+        self._report = report
+        self._clients = {
+            name: ActionClient(node, kind, action) for name, (kind, action) in ACTIONS.items()
+        }
+
+    def send(self, name: str, **values: float) -> None:
+        """
+        Send a goal.
+
+        :param name: `pick` or `place`.
+        :param values: fields of the goal.
+        """
+        kind, action = ACTIONS[name]
+        if self._clients[name].server_is_ready():
+            self._report(f'{name}: sent')
+            make_calls(self._send(name, kind.Goal(**values)))
+        else:
+            self._report(f'{name}: no node offers the action {action}')
+
+    def _send(self, name: str, goal: Any) -> Calls:
+        def note(message: Any) -> None:
+            stage, progress = STAGES[name][message.feedback.stage], message.feedback.progress
+            self._report(f'{name}: {stage} {100.0 * progress:.0f} %')
+
+        handle = yield partial(self._clients[name].send_goal_async, goal, note)
+        if handle.accepted:
+            answer = yield handle.get_result_async
+            self._report(f'{name}: {answer.result.message}')
+        else:
+            self._report(f'{name}: rejected while another goal is executed')
+
+
+class SimulatorRestart:
+    """
+    The node `simulator` configured anew, by its lifecycle services.
+
+    :param node: has the clients.
+    :param report: called with what becomes of a restart, in words.
+    """
+
+    def __init__(self, node: Node, report: Callable[[str], None]) -> None:
+        self._report = report
+        self._change = node.create_client(ChangeState, f'{SIMULATOR}/change_state')
+        self._set = node.create_client(SetParameters, f'{SIMULATOR}/set_parameters')
+        self._calls = self._restart('', '')
+
+    def restart(self, plant: str = '') -> None:
+        """
+        Configure the simulator anew: the robot begins at home.
+
+        A restart that is under way takes no further step.
+
+        :param plant: value of its parameter `plant`; as it is if empty.
+        """
+        name = f'plant {plant}' if plant else 'reset'
+        if not (self._change.service_is_ready() and self._set.service_is_ready()):
+            self._report(f'{name}: there is no simulator')
+            return
+        self._calls.close()
+        self._calls = self._restart(name, plant)
+        make_calls(self._calls)
+
+    def _restart(self, name: str, plant: str) -> Calls:
+        # These fail where it is inactive or unconfigured already.
+        yield self._transition(Transition.TRANSITION_DEACTIVATE)
+        yield self._transition(Transition.TRANSITION_CLEANUP)
+        if plant:
+            answer = yield partial(self._set.call_async, request_parameters({'plant': plant}))
+            if not answer.results[0].successful:
+                self._report(f'{name} cannot be set: {answer.results[0].reason}')
+                return
+        for what, transition in (
+            ('configured', Transition.TRANSITION_CONFIGURE),
+            ('activated', Transition.TRANSITION_ACTIVATE),
+        ):
+            answer = yield self._transition(transition)
+            if not answer.success:
+                self._report(f'{name} cannot be {what}: see the log of the simulator')
+                return
+        self._report(f'{name}: active')
+
+    def _transition(self, which: int) -> Callable[[], Future]:
+        request = ChangeState.Request(transition=Transition(id=which))
+        return partial(self._change.call_async, request)
