@@ -316,17 +316,3 @@ def test_slows_near_singular_configurations_and_slides_on_request():
         w.until_code(Status.SLIDING, lambda: send(0.02))
         assert w.nodes[1].set_parameters([Parameter('min_rigidity', value=0.2)])[0].successful
         w.until_code(Status.OK, lambda: send(0.02))
-
-
-@pytest.mark.parametrize(
-    'values',
-    [
-        {'min_rigidity': 1.0},
-        {'min_rigidity': -0.1},
-        {'min_clearance': -0.1},
-        {'min_object_clearance': float('nan')},
-        {'failure_time': -1.0},
-    ],
-)
-def test_invalid_bounds_are_rejected(values):
-    check_refused(node(**values), 'range')

@@ -17,7 +17,6 @@ from geometry_msgs.msg import PoseStamped, Quaternion, Twist, TwistStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose, Status
-from isotruss_ros.core.control.path_servo import Outcome
 from isotruss_ros.nodes.conversions.messages import (
     read_angle,
     read_stamp,
@@ -28,7 +27,7 @@ from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.path_follower import PathFollower
 from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
-from manual_world import check_refused, Manager, world
+from manual_world import Manager, world
 from nav_msgs.msg import Path
 import numpy as np
 from probe import CENTER, overrides
@@ -115,13 +114,6 @@ def object_at(w):
     """Return where the object is."""
     pose = w.probe.last('pose').pose
     return np.array([pose.position.x, pose.position.y, read_angle(pose)])
-
-
-def test_codes_are_those_of_the_action():
-    for outcome in Outcome:
-        assert getattr(Result, outcome.name) == int(outcome)
-    constants = [name for name in dir(Result) if name.isupper() and name != 'SLOT_TYPES']
-    assert sorted(constants) == sorted(outcome.name for outcome in Outcome)
 
 
 def test_diagnostics_name_the_robot():
@@ -528,18 +520,3 @@ def test_diagnostics_report_the_state():
         assert details['following'] is True
         assert details['phase'] == 'FOLLOWING'
         w.until(lambda: w.report('path_follower').message == 'following', tell)
-
-
-@pytest.mark.parametrize(
-    ('values', 'words'),
-    [
-        ({'robot': '/nowhere.yaml'}, 'no such file'),
-        ({'rate': 1.0}, 'range'),
-        ({'position_gain': -1.0}, 'range'),
-        ({'angle_gain': math.nan}, 'range'),
-        ({'ramp_time': 0.0}, 'range'),
-        ({'progress_timeout': 0.0}, 'range'),
-    ],
-)
-def test_bad_parameters_are_refused_at_start(values, words):
-    check_refused(node(**values), words)

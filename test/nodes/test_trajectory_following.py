@@ -21,7 +21,7 @@ from isotruss_ros.nodes.conversions.trajectory_messages import MAX_POINTS
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
-from manual_world import check_refused, Manager, world
+from manual_world import Manager, world
 from matches import follow
 import numpy as np
 from probe import N, overrides, ROBOT
@@ -516,24 +516,3 @@ def test_diagnostics_report_the_state():
         rollers.send(bent(positions=[]))
         rollers.until_still()
         assert w.report('manipulation').level == DiagnosticStatus.ERROR
-
-
-@pytest.mark.parametrize(
-    ('values', 'words'),
-    [
-        ({'robot': '/nowhere.yaml'}, 'no such file'),
-        ({'rate': 1.0}, 'range'),
-        ({'rate': math.nan}, 'range'),
-        ({'command_timeout': 0.0}, 'range'),
-    ],
-)
-def test_bad_parameters_are_refused_at_start(values, words):
-    check_refused(node(**values), words)
-
-
-@pytest.mark.parametrize(
-    'values',
-    [{'object_x': math.inf}, {'object_y': -1e4}, {'friction': -0.1}, {'friction': math.nan}],
-)
-def test_invalid_free_objects_are_rejected(values):
-    check_refused(simulator(object_is_free=True, **values), 'range')
