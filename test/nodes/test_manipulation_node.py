@@ -10,6 +10,7 @@
 """The manipulation node, under an executor in this process, with the rest of the world faked."""
 
 import math
+from pathlib import Path
 import re
 
 from geometry_msgs.msg import Pose, PoseStamped, Quaternion
@@ -18,6 +19,7 @@ from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components import servo_settings
 from isotruss_ros.nodes.conversions.messages import read_stamp, stamp_header
 from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
 from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT, UP
@@ -252,3 +254,23 @@ def test_stop_leaves_the_rollers_at_zero():
         w.deliver()
         assert len(w.probe.seen['command']) == 1
         assert not w.command().any()
+
+
+def test_a_robot_file_of_ones_own_and_its_frame_are_used(tmp_path):
+    preset = Path(ROBOT.description.source).with_name('triangle.yaml')
+    mine = tmp_path / 'mine.yaml'
+    mine.write_text(preset.read_text().replace('frame: truss', 'frame: lab'))
+    parameters = {'robot': str(mine), 'grip_module': 'main/T', 'command_timeout': 1.0}
+    with world(lambda: Simulator(overrides(**parameters)), node(**parameters)) as w:
+        status = w.until_code(Status.IDLE, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        assert status.header.frame_id == w.probe.last('pose').header.frame_id == 'lab'
+
+
+def test_the_mass_of_the_object_is_that_of_the_parameter_or_of_its_description():
+    described = '{shape: disc, diameter: 0.3, mass: 0.8}'
+    with world(node(object=described, squeeze_force=20.0, object_mass=1.5)) as w:
+        manipulation = w.nodes[1]
+        for mass in (1.5, None):
+            assert manipulation._servo.object_mass == mass
+            assert manipulation._servo.body.mass == 0.8
+            manipulation.set_parameters(overrides(object_mass=0.0))
