@@ -56,6 +56,7 @@ def test_an_object_carried_with_its_squeeze_regulated_follows_its_path():
     assert np.hypot(*(result.poses[-1] - result.poses[0])[:2]) == pytest.approx(0.085, abs=2e-3)
 
 
+@pytest.mark.nightly
 @needs_mujoco
 def test_a_box_between_sides_that_do_not_meet_is_within_its_bounds():
     phases = (translation('along', 3.0, 0.04, 0.0), rotation('turn', 3.0, 0.15))
