@@ -43,7 +43,7 @@ from isotruss_ros.nodes.path_follower import PathFollower
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
-from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT
+from probe import CENTER, DIAMETER, manipulation, MODULE, N, overrides, ROBOT
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
@@ -63,11 +63,6 @@ MAX_SPEED = ROBOT.description.max_speed
 BAD = (math.nan, math.inf, -math.inf)
 HUGE = (1e308, -1e308, 1e100)
 FOREVER = 10**5
-
-
-def manipulation(**values):
-    """Return what makes a manipulation node; the joint states here are made up."""
-    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
 
 
 def opened(message, kind):

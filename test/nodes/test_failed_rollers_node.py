@@ -21,7 +21,7 @@ from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
-from manual_world import check_refused, Manager, world
+from manual_world import check_refused, DOWN, Manager, UP, world
 import numpy as np
 from probe import CENTER, DIAMETER, LATCHED, MODULE, overrides, ROBOT
 import pytest
@@ -147,13 +147,7 @@ def test_named_rollers_persist_when_configured_again():
         say(w, FIRST)
         until_failed(w, FIRST)
         manager = Manager(w, 'manipulation')
-        for transition in (
-            Transition.TRANSITION_DEACTIVATE,
-            Transition.TRANSITION_CLEANUP,
-            Transition.TRANSITION_CONFIGURE,
-            Transition.TRANSITION_ACTIVATE,
-        ):
-            assert manager.ask(transition)
+        manager.restart()
         w.probe.seen['status'].clear()
         until_failed(w, FIRST)
         assert {tuple(m.failed_rollers) for _, m in w.probe.seen['status']} == {(FIRST,)}
@@ -225,10 +219,6 @@ def test_observations_while_detection_was_off_do_not_count():
         begin = len(w.probe.seen['status'])
         until_found(w)
         assert len(w.probe.seen['status']) > begin + 5
-
-
-UP = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
-DOWN = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
 
 
 @pytest.mark.parametrize('how', ['asked', 'mistaken'])

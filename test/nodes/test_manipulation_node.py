@@ -18,21 +18,16 @@ from isotruss_ros.core import Status, tangent_center, TwistServo
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components import servo_settings
 from isotruss_ros.nodes.conversions.messages import read_stamp, stamp_header
-from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
 from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT, UP
+from probe import manipulation as node
 import pytest
 from rclpy.parameter import Parameter
 
 NAMES = list(ROBOT.roller_names)
 TIMEOUT = 0.2
-
-
-def node(**values):
-    """Return a manipulation node with parameters; the joint states here are made up."""
-    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
 
 
 def test_moves_the_object_as_commanded():

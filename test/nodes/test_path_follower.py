@@ -431,13 +431,7 @@ def test_can_be_configured_again():
         client, manager = Client(w), Manager(w, 'path_follower')
         tell = fake(w)
         for _ in range(2):
-            for transition in (
-                Transition.TRANSITION_DEACTIVATE,
-                Transition.TRANSITION_CLEANUP,
-                Transition.TRANSITION_CONFIGURE,
-                Transition.TRANSITION_ACTIVATE,
-            ):
-                assert manager.ask(transition)
+            manager.restart()
         w.spin(0.3, tell)
         handle = client.send(goal(UP, begin=PROBED), tell)
         assert handle.accepted

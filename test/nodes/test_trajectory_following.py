@@ -29,7 +29,6 @@ import pytest
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
 from trajectories import AWAY, HOME, lasting, NAMES, TOPIC, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
@@ -50,11 +49,6 @@ def node(**values):
 def simulator(**values):
     """Return what makes a simulator."""
     return lambda: Simulator(overrides(**({'command_timeout': TIMEOUT} | values)))
-
-
-def release(w):
-    """Release the emergency stop of the node; return the response."""
-    return w.call('release_emergency_stop', Trigger.Request())
 
 
 class Rollers:
@@ -271,7 +265,7 @@ def test_an_emergency_stop_ends_the_trajectory_and_rejects_new_ones():
             rollers.until(lambda words=still: f'{STOPPED}; {words}' in rollers.said())
             rollers.spin(0.1)
             assert not rollers.commands().any()
-            assert release(w).success is not said
+            assert w.release_stop().success is not said
         assert w.nodes[1].details()['emergency stop'] == 'no'
         rollers.spin(0.1)
         assert not rollers.commands().any()  # nothing goes on by itself
@@ -321,7 +315,7 @@ def test_deactivation_stops_the_rollers():
             rollers.until(lambda: w.nodes[1]._stop.reason is not None)
             w.probe.stops.publish(Bool(data=False))
             rollers.until(lambda: 'message is false' in w.nodes[1]._stop.reason)
-            assert release(w).success
+            assert w.release_stop().success
             assert manager.ask(Transition.TRANSITION_CONFIGURE)
             assert manager.ask(Transition.TRANSITION_ACTIVATE)
             rollers.spin(0.1)

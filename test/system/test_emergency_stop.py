@@ -14,8 +14,8 @@ import sys
 
 from isotruss_ros.core import Status
 from isotruss_ros.nodes.components.sparse_messages import MAX_BATCH
-from isotruss_ros.nodes.manipulation import Manipulation
-from probe import overrides, world
+from probe import manipulation as node
+from probe import world
 import pytest
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -23,11 +23,6 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 pytestmark = pytest.mark.system
-
-
-def node(**values):
-    """Return a manipulation node with parameters; the joint states here are made up."""
-    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
 
 
 def release(w):
