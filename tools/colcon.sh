@@ -36,7 +36,7 @@ colcon build "$@" --cmake-args -Wno-deprecated \
 find ../clone_build -name '*.xml' -path '*test_results*' -delete
 # All tests run in `make test`; here the linters of ament, and those that building and installing by
 # colcon could break.
-tests='style/test_flake8.py style/test_pep257.py style/test_packaging.py style/test_launch.py
+tests='style/test_linters.py style/test_packaging.py style/test_launch.py
     core/model/test_robot_file.py nodes/test_simulator_node.py system/test_processes.py'
 expected=$(python -m pytest --collect-only -q $(printf 'test/%s ' $tests) | grep -c ::)
 colcon test "$@" --event-handlers console_direct+ --return-code-on-test-failure \
