@@ -538,6 +538,15 @@ def test_a_grasp_that_nobody_analysed_is_not_one_that_does_not_hold(age, outcome
     assert error.value.outcome is outcome
 
 
+def test_an_analysis_from_before_the_end_of_the_motion_confirms_nothing():
+    sequences = sequences_at()
+    sequences.grasp.value.code = GraspState.OK
+    steps = sequences._confirm(True)
+    next(steps)
+    sequences.grasp = sequences.grasp._replace(time=10.1)
+    assert last_of(steps).held
+
+
 @pytest.mark.parametrize('pose_age', [0.0, 0.3])
 def test_the_distance_left_is_told_where_the_object_is_known(pose_age):
     end = PoseStamped(pose=to_pose_message(Pose(0.6, 0.38, 0.3)))
@@ -552,7 +561,7 @@ def test_there_is_no_distance_left_on_a_path_without_poses():
 class Rollers:
     """Stands for the action that drives the rollers: it keeps the trajectory."""
 
-    def run(self, goal, _progress):
+    def run(self, goal, *_progress, **_options):
         """Drive."""
         self.path = goal.trajectory
         yield 0.5

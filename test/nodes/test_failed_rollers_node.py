@@ -22,6 +22,7 @@ from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import check_refused, DOWN, Manager, UP, world
+from matches import follow
 import numpy as np
 from probe import CENTER, DIAMETER, LATCHED, MODULE, overrides, ROBOT
 import pytest
@@ -140,6 +141,16 @@ def test_halts_on_unknown_names_of_failed_rollers(names):
         publisher.publish(String(data=FIRST))
         until_failed(w, FIRST)
         w.until(lambda: w.code() < Status.HALT_NO_TWIST, w.probe.send_all)
+
+
+def test_a_message_that_may_be_lost_halts_until_one_comes_which_may_say_the_same():
+    with world(node(failure_time=0.0)) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        follow(w.nodes[1], 'failed_rollers', (1, 1))
+        status = w.until_code(Status.HALT_INVALID_FAILED_ROLLERS, w.probe.send_all)
+        assert 'left before a message was received' in status.message
+        say(w, '')
+        w.until_code(Status.OK, w.probe.send_all)
 
 
 def test_named_rollers_persist_when_configured_again():
