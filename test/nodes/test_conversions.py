@@ -231,6 +231,13 @@ def test_reads_external_wrenches(frame):
 # Times and commands
 
 
+def test_grasps_survive_serialization():
+    state = GraspState(contacts=[Contact(normal_force=2.0)], required_friction=math.inf)
+    state.stiffness[8] = 3.0
+    state.contact_members, state.contact_lengths = ['north/Z-R'], [0.005]
+    assert deserialize_message(serialize_message(state), GraspState) == state
+
+
 @given(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1))
 def test_stamps_there_and_back(sec, nanosec):
     when = read_stamp(Header(stamp=Time(sec=sec, nanosec=nanosec)))
@@ -243,10 +250,3 @@ def test_durations(seconds):
     message = to_duration(seconds)
     assert 0 <= message.nanosec < 10**9
     assert message.sec + 1e-9 * message.nanosec == pytest.approx(seconds, abs=1e-9)
-
-
-def test_grasps_survive_serialization():
-    state = GraspState(contacts=[Contact(normal_force=2.0)], required_friction=math.inf)
-    state.stiffness[8] = 3.0
-    state.contact_members, state.contact_lengths = ['north/Z-R'], [0.005]
-    assert deserialize_message(serialize_message(state), GraspState) == state

@@ -30,7 +30,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
-from manual_world import world
+from manual_world import check_refused, world
 import numpy as np
 from probe import DIAMETER, MODULE, N, overrides, ROBOT
 import pytest
@@ -507,3 +507,14 @@ def test_the_service_refuses_two_objects_or_none(fields, words):
         assert not answer.success
         assert answer.state.code == GraspState.INVALID_REQUEST
         assert re.search(words, answer.message)
+
+
+@pytest.mark.parametrize(
+    ('value', 'words'),
+    [
+        ('{shape: disk, diameter: 0.1}', 'must be one of disc, polygon, ellipse'),
+        ('nowhere/box.yaml', r'box\.yaml: cannot be read'),
+    ],
+)
+def test_what_is_no_object_is_refused(value, words):
+    check_refused(node(object=value), words)

@@ -83,7 +83,6 @@ REFUSED = [
         {'object': '{shape: disk, diameter: 0.1}'},
         'one of disc, polygon, ellipse',
     ),
-    ('grasp_analysis', {'object': 'nowhere/box.yaml'}, r'box\.yaml: cannot be read'),
     ('path_follower', {'robot': '/nowhere.yaml'}, 'no such file'),
     ('path_follower', {'rate': 1.0}, 'range'),
     ('path_follower', {'position_gain': -1.0}, 'range'),

@@ -23,20 +23,22 @@ import setuptools
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# Import name to rosdep key, where they are not `python3-<name>` (ROS packages are their own key).
+# Import name to rosdep key, where they differ (ROS packages are their own key).
 ROSDEP_KEYS = {
     'PIL': 'python3-pil',
+    'hypothesis': 'python3-hypothesis',
+    'jsonschema': 'python3-jsonschema',
+    'matplotlib': 'python3-matplotlib',
+    'numpy': 'python3-numpy',
+    'psutil': 'python3-psutil',
+    'pytest': 'python3-pytest',
     'pytest_timeout': 'python3-pytest-timeout',
+    'rich': 'python3-rich',
     'ruamel': 'python3-ruamel.yaml',
+    'scipy': 'python3-scipy',
+    'setuptools': 'python3-setuptools',
+    'yaml': 'python3-yaml',
 }
-
-
-def rosdep_key(name, declared):
-    """Return the key of a package that is imported, the usual one of Python if it is declared."""
-    usual = f'python3-{name}'
-    return ROSDEP_KEYS.get(name, usual if usual in declared else name)
-
-
 # No rosdep keys: what needs them is taken, and tested, where they are installed.
 ONLY_FROM_PYPI = {
     'anastruct',
@@ -149,7 +151,7 @@ def test_what_is_imported_is_declared(folder, manifest):
     for name, path in imports(ROOT / folder).items():
         if name in ONLY_FROM_PYPI or any((each / f'{name}.py').exists() for each in own):
             continue
-        key = rosdep_key(name, declared)
+        key = ROSDEP_KEYS.get(name, name)
         assert key in declared, f'{path} imports {name}: package.xml has to declare {key}'
 
 
@@ -159,7 +161,7 @@ def test_what_pip_installs_rosdep_installs_too(manifest, setup_arguments):
     wanted = {*setup_arguments['install_requires'], *extras['demo'], *extras['test']}
     for requirement in wanted - ONLY_FROM_PYPI:
         name = IMPORT_NAMES.get(requirement.lower(), requirement.replace('-', '_'))
-        assert rosdep_key(name, declared) in declared, f'{requirement} is not in package.xml'
+        assert ROSDEP_KEYS.get(name, name) in declared, f'{requirement} is not in package.xml'
 
 
 def test_every_pin_is_exact(pins):
