@@ -78,11 +78,6 @@ REFUSED = [
     ('grasp_analysis', {'friction': -1.0}, 'range'),
     ('grasp_analysis', {'spacing': math.nan}, 'range'),
     ('grasp_analysis', {'command_timeout': math.nan}, 'range'),
-    (
-        'grasp_analysis',
-        {'object': '{shape: disk, diameter: 0.1}'},
-        'one of disc, polygon, ellipse',
-    ),
     ('path_follower', {'robot': '/nowhere.yaml'}, 'no such file'),
     ('path_follower', {'rate': 1.0}, 'range'),
     ('path_follower', {'position_gain': -1.0}, 'range'),
