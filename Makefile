@@ -16,7 +16,7 @@ REQUIREMENTS := requirements.txt requirements-extra.txt
 BIN := $(VENV)/bin
 STAMPS := $(VENV)/stamps
 # Share of the random examples of the properties; all of them run where pytest is called by hand.
-export EXAMPLES_SHARE ?= 0.2
+export EXAMPLES_SHARE ?= 0.1
 PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
 
 # Tests and demo keep to this machine, and two runs at once on it have domains of their own.
