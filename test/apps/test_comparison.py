@@ -36,11 +36,13 @@ def test_a_grasp_is_within_its_bounds():
     require_kept(grasps.compare(wedges=(40.0,), indentations=(0.02,)))
 
 
+@pytest.mark.nightly
 @needs_mujoco
 def test_a_pull_that_slips_is_within_its_bounds():
     require_kept(pulls.compare((PressedCase(40.0, 0.04),), directions=(np.pi, -0.5 * np.pi)))
 
 
+@pytest.mark.nightly
 @needs_mujoco
 def test_an_object_is_lost_where_friction_is_too_low():
     require_kept(friction.compare((PressedCase(50.0, 0.03),)))

@@ -172,6 +172,7 @@ def test_any_robot_keeps_its_bounds_and_gets_no_further_beyond_them(robot, rng, 
         assert (walker.margins > least).all()
 
 
+@pytest.mark.nightly
 def test_sliding_gets_further_and_goes_on():
     gained = []
     for seed, count in ((9, 600), (18, 300)):
