@@ -95,7 +95,7 @@ def test_travel_is_the_integral_of_the_commands():
 
 
 def test_a_command_that_is_not_renewed_ends():
-    timeout = 0.15
+    timeout = 0.153  # between two cycles
     with world(node(command_timeout=timeout)) as w:
         w.until(lambda: travel(w)[0] > 0.0, send(w, only(0)))
         sent = [t for t, message in w.probe.seen['command'] if any(message.data)]
