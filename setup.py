@@ -50,7 +50,7 @@ setup(
         'viewer': ['viser', 'mcap', 'rosbags'],
         'mujoco': ['mujoco>=3.11,<4'],
         # colcon runs pytest where it finds it here.
-        'test': ['pytest', 'pytest-timeout', 'hypothesis', 'psutil', 'anastruct', 'PyNiteFEA'],
+        'test': ['pytest', 'pytest-timeout', 'hypothesis', 'psutil', 'PyNiteFEA'],
     },
     zip_safe=False,
     entry_points={

@@ -29,7 +29,7 @@ from paper.synthetic import NOISE, SCATTER, write_points
 from paper.tables import number, Table
 
 #: Of the data set that is shown, and of those that show how often the intervals hold.
-SEED, REPEATS = 0, 200
+SEED, REPEATS = 0, 50
 
 
 @dataclass(frozen=True)

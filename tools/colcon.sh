@@ -34,8 +34,10 @@ colcon build "$@" --cmake-args -Wno-deprecated \
     -DPython3_INCLUDE_DIR="$(echo "$venv"/include/python3.*)"
 # Reports of tests that are no more would count.
 find ../clone_build -name '*.xml' -path '*test_results*' -delete
-# All tests run in `make test`; here those that building and installing by colcon could break.
-tests='style core/model/test_robot_file.py nodes/test_simulator_node.py system/test_processes.py'
+# All tests run in `make test`; here the linters of ament, and those that building and installing by
+# colcon could break.
+tests='style/test_linters.py style/test_packaging.py style/test_launch.py
+    core/model/test_robot_file.py nodes/test_simulator_node.py system/test_processes.py'
 expected=$(python -m pytest --collect-only -q $(printf 'test/%s ' $tests) | grep -c ::)
 colcon test "$@" --event-handlers console_direct+ --return-code-on-test-failure \
     --pytest-args -n auto $(printf 'test/%s ' $tests) || failed=1

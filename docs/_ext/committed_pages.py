@@ -34,4 +34,6 @@ def pages() -> dict[Path, str]:
 
 if __name__ == '__main__':
     for path, text in pages().items():
-        path.write_text(text, encoding='utf-8')
+        # What is as it should be stays as it is: `make colcon` may copy it at this moment.
+        if not path.exists() or path.read_text(encoding='utf-8') != text:
+            path.write_text(text, encoding='utf-8')

@@ -36,11 +36,13 @@ def test_a_grasp_is_within_its_bounds():
     require_kept(grasps.compare(wedges=(40.0,), indentations=(0.02,)))
 
 
+@pytest.mark.nightly
 @needs_mujoco
 def test_a_pull_that_slips_is_within_its_bounds():
     require_kept(pulls.compare((PressedCase(40.0, 0.04),), directions=(np.pi, -0.5 * np.pi)))
 
 
+@pytest.mark.nightly
 @needs_mujoco
 def test_an_object_is_lost_where_friction_is_too_low():
     require_kept(friction.compare((PressedCase(50.0, 0.03),)))
@@ -56,6 +58,7 @@ def test_an_object_carried_with_its_squeeze_regulated_follows_its_path():
     assert np.hypot(*(result.poses[-1] - result.poses[0])[:2]) == pytest.approx(0.085, abs=2e-3)
 
 
+@pytest.mark.nightly
 @needs_mujoco
 def test_a_box_between_sides_that_do_not_meet_is_within_its_bounds():
     phases = (translation('along', 3.0, 0.04, 0.0), rotation('turn', 3.0, 0.15))

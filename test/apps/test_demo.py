@@ -20,6 +20,7 @@ from isotruss_ros.core import (
     GraspRequirements,
     load_robot,
     plan_grasps,
+    Pose,
     RollerFaults,
     settle_grasp,
     SimulatedRobot,
@@ -180,6 +181,7 @@ def played():
     return play(25.0)
 
 
+@pytest.mark.nightly
 def test_object_ends_where_the_commands_put_it(played):
     simulated, records, exact = played
     pose = simulated.object_pose
@@ -189,6 +191,7 @@ def test_object_ends_where_the_commands_put_it(played):
     assert odd <= {Status.SLOWED_UTILISATION}
 
 
+@pytest.mark.nightly
 def test_constraints_hold_after_the_whole_path(played):
     simulated, _, _ = played
     config, home, topology = simulated.config, ROBOT.home, ROBOT.topology
@@ -200,10 +203,20 @@ def test_constraints_hold_after_the_whole_path(played):
         )
 
 
-def test_pictures_are_written(played, tmp_path):
-    _, records, _ = played
-    for record in records:
-        record.snapshots = record.snapshots[::10] + record.snapshots[-1:]
+def test_pictures_are_written(tmp_path):
+    records, begin, place = [], 0.0, np.array([*OBJECT_CENTER, 0.0])
+    for phase in PHASES:
+        times = np.arange(0.0, phase.duration, 0.25)
+        shares = times[:, None] / phase.duration
+        snapshots = [
+            Snapshot(begin + time, np.zeros(6), Pose(*(place + share * integral(phase))))
+            for time, share in zip(times, shares, strict=True)
+        ]
+        pulled = (begin, begin + 1.0) if phase.pull else PhaseRecord('').pulled
+        records.append(
+            PhaseRecord(phase.name, snapshots=snapshots, pull=phase.pull, pulled=pulled)
+        )
+        begin, place = begin + phase.duration, place + integral(phase)
     start = PhaseRecord('start', snapshots=records[0].snapshots[:1])
     draw_panels(ROBOT, OBJECT_DIAMETER, [start, *records], tmp_path / 'demo.png')
     with Image.open(tmp_path / 'demo.png') as picture:

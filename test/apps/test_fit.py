@@ -82,15 +82,6 @@ def accepted(text):
     return tube_stiffness(read_robot_file(robots.write(document)))
 
 
-def printed_intervals(text):
-    """Return (low, high) of each constant, as the table shows them."""
-    number = r'([\d.]+(?:e[+-]\d+)?)'
-    found = (
-        re.search(rf'^{name}, .* {number} to {number}$', text, re.MULTILINE) for name in CONSTANTS
-    )
-    return [tuple(map(float, match.groups())) for match in found]
-
-
 def constants(model):
     return [getattr(model, name) for name in CONSTANTS]
 
@@ -105,18 +96,6 @@ def test_exact_points_give_the_tube_back(tmp_path, capsys):
     assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-6)
 
 
-def test_noisy_points_give_constants_within_the_printed_intervals(tmp_path, capsys):
-    held = []
-    for seed in range(20):
-        rows = points(scatter=0.05, noise=0.01, trials=5, seed=seed)
-        code, out, _ = run(capsys, write(tmp_path, rows))
-        assert code == 0
-        for value, (low, high) in zip(CONSTANTS.values(), printed_intervals(out), strict=True):
-            held.append(low <= value <= high)
-    # 95 % of 60 constants, less two standard deviations.
-    assert np.mean(held) > 0.89
-
-
 def test_a_mode_that_the_beam_misses_is_named(tmp_path, capsys):
     rows = points()
     for row in rows[1:]:
@@ -124,15 +103,11 @@ def test_a_mode_that_the_beam_misses_is_named(tmp_path, capsys):
     _, out, _ = run(capsys, write(tmp_path, rows))
     missed = re.findall(r'the beam misses the points of mode (\w+) by', out)
     assert 'transverse' in missed
+    scattered = write(tmp_path, points(scatter=0.1, noise=0.01, trials=4))
+    assert 'the beam misses' not in run(capsys, scattered)[1]
 
 
-def test_scatter_alone_is_nothing_that_the_beam_misses(tmp_path, capsys):
-    path = write(tmp_path, points(scatter=0.1, noise=0.01, trials=4))
-    assert 'the beam misses' not in run(capsys, path)[1]
-
-
-@pytest.mark.parametrize('scatter', [0.0, 0.1])
-@pytest.mark.parametrize('preset', robots.PRESETS)
+@pytest.mark.parametrize(('preset', 'scatter'), [('nine_member', 0.1), ('triangle', 0.0)])
 def test_fitted_tube_is_usable_in_the_whole_workspace_of_the_presets(
     preset, scatter, tmp_path, capsys
 ):
@@ -182,15 +157,15 @@ def test_intervals_hold_as_often_as_they_promise():
     rng = np.random.default_rng(0)
     case = grid()
     exact = measured(*case)
-    held, runs = np.zeros(3), 300
+    held, runs = np.zeros(3), 150
     for _ in range(runs):
         fitted = fit_beam(*case, exact * np.exp(0.05 * rng.normal(size=27)), RADIUS)
         held += [
             low <= value <= high
             for low, value, high in zip(fitted.low, CONSTANTS.values(), fitted.high, strict=True)
         ]
-    # Three standard deviations of a count of 95 % in 300.
-    assert held / runs == pytest.approx([0.95] * 3, abs=0.038)
+    # Three standard deviations of a count of 95 % in 150.
+    assert held / runs == pytest.approx([0.95] * 3, abs=0.054)
 
 
 @robots.examples(30)

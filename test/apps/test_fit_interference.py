@@ -9,6 +9,8 @@
 
 """The fourth mode of `fit_tube_stiffness`: cylinders pressed into the side of the tube."""
 
+from functools import cache
+
 from isotruss_ros.calibration.analysis import analyse
 from isotruss_ros.calibration.local_fit import fit_local_stiffness
 from isotruss_ros.calibration.measurements import MeasurementError, Presses, read_measurements
@@ -35,10 +37,12 @@ CASES = [
 ]
 
 
-def loads(factor, tube=TUBE):
+@cache
+def loads(factor):
+    """Return the loads of all cases, of a tube that is so many times as stiff as the theory."""
     return np.array(
         [
-            d * press(ClampedTube(tube, RADIUS, length, factor), p, 0.5 * length, c, d).stiffness
+            d * press(ClampedTube(TUBE, RADIUS, length, factor), p, 0.5 * length, c, d).stiffness
             for p, length, c, d in CASES
         ]
     )
@@ -55,7 +59,7 @@ def test_the_factor_divides_the_whole_kernel():
     assert two == pytest.approx(0.5 * one, rel=1e-12)
 
 
-@pytest.mark.parametrize('factor', [0.4, 1.0, 2.5])
+@pytest.mark.parametrize('factor', [0.4, 1.7])
 def test_loads_without_noise_give_the_factor_back(factor):
     found = fit_local_stiffness(presses(loads(factor)), TUBE)
     assert found.value == pytest.approx(factor, rel=1e-6)
@@ -64,11 +68,11 @@ def test_loads_without_noise_give_the_factor_back(factor):
 
 def test_noisy_loads_have_the_factor_in_their_interval():
     rng = np.random.default_rng(4)
-    exact, inside = loads(1.3)[::3], 0
+    exact, inside = loads(1.7)[::3], 0
     for _ in range(3):
         noisy = exact * np.exp(0.02 * rng.standard_normal(len(exact)))
         found = fit_local_stiffness(presses(noisy, CASES[::3]), TUBE, confidence=0.8)
-        inside += found.low < 1.3 < found.high
+        inside += found.low < 1.7 < found.high
         # The curvature of the squares gives the same interval, where they are a parabola.
         assert np.sqrt(found.low * found.high) == pytest.approx(found.value, rel=1e-3)
     assert inside >= 2
@@ -86,7 +90,7 @@ def test_loads_that_do_not_depend_on_it_are_refused():
 def test_loads_beyond_wrinkling_are_refused():
     # By hand: the wrinkling moment p pi R^3 / 2 is 4.17 N m at 20 kPa, and that is F L / 8.
     for share, beyond in ((0.99, False), (1.01, True)):
-        values = loads(1.0)
+        values = loads(1.0).copy()
         values[0] = share * 8.0 * (2e4 * np.pi * RADIUS**3 / 2.0) / 0.5
         if beyond:
             with pytest.raises(MeasurementError, match=r'wrinkled at 1 of 16 .* bears 66\.7 N'):

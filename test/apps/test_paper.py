@@ -66,9 +66,11 @@ def test_page_is_what_the_items_report(results):
     written = (DOCS / 'paper.md').read_text(encoding='utf-8')
     computed = page(reports)
     assert digits.sub('#', written) == digits.sub('#', computed)
-    # Another machine rounds another way, and may end on another last digit.
-    numbers = np.array([[float(x) for x in digits.findall(text)] for text in (written, computed)])
-    np.testing.assert_allclose(*numbers, rtol=0.03)
+    for texts in zip(written.split('\n## '), computed.split('\n## '), strict=True):
+        numbers = np.array([[float(x) for x in digits.findall(text)] for text in texts])
+        # Another machine rounds another way: last digits differ, and a search may end in another
+        # of several grasps that are almost as good.
+        np.testing.assert_allclose(*numbers, rtol=0.2 if 'plan_grasps' in texts[0] else 0.03)
     for item, report in reports:
         assert all((report.heading, report.stated, report.computed, report.difference))
         assert report.assumption
@@ -137,8 +139,9 @@ def test_stiffnesses_are_those_of_clamped_beams():
 def test_fit_returns_what_made_the_points(results):
     result = results['figure_4']
     assert sum(figure_4.inside(result.analysis)) >= 2
-    # Three standard deviations of a count of 95 % in 600.
-    assert result.held == pytest.approx(0.95, abs=3 * math.sqrt(0.05 * 0.95 / 600))
+    count = 3 * figure_4.REPEATS
+    # Three standard deviations of a count of 95 %.
+    assert result.held == pytest.approx(0.95, abs=3 * math.sqrt(0.05 * 0.95 / count))
     for mode in MODES:
         assert result.analysis.laws[mode].count == 9
         assert result.analysis.points(mode) > 0.95 * 9 * 5 * synthetic.COUNT

@@ -14,8 +14,6 @@ Random plane frames for the tests of statics, and other programs and models that
 pinned ends have rotations of their own, constraints are met by a basis of what they allow.
 """
 
-from dataclasses import replace
-
 from isotruss_ros.core.statics.frame import Frame, Members
 from isotruss_ros.core.statics.frame_pattern import LinearRows, NO_ROWS
 import numpy as np
@@ -104,16 +102,6 @@ def random_frame(rng, shear=True, pins=0.3, spread=1.5):
         moving[:, 2] &= turning(found, n)
         if moving.sum() > 2 and stands(points, found, held):
             return points, found, held
-
-
-def corners_kept(found):
-    """Return members without the pins that would leave fewer than two fixed ends at a node."""
-    ends = np.concatenate([found.start, found.end])
-    pinned = np.concatenate([found.pinned_start, found.pinned_end])
-    for i in np.flatnonzero(pinned):
-        pinned[i] = np.count_nonzero((ends == ends[i]) & ~pinned) >= 2
-    start, end = np.split(pinned, 2)
-    return replace(found, pinned_start=start, pinned_end=end)
 
 
 def random_loads(rng, found, n):
@@ -210,69 +198,6 @@ def reference(points, found, held, loads, rows=None):
     reactions = np.where(held, rest[:size].reshape(-1, 3), 0.0)
     forces = np.array([turn @ part @ moved[place] for place, part, turn in parts])
     return moved[:size].reshape(-1, 3), reactions, forces
-
-
-def anastruct(points, found, held, loads):
-    """
-    Return what anastruct says; it knows no shear.
-
-    Its member with one hinge keeps 4 EI/L at the other end instead of 3 EI/L: such members are
-    given 3/4 of their EI. It pins the last fixed end of a node too: see `corners_kept`.
-    """
-    package = pytest.importorskip('anastruct', reason='compares with it: pip install anastruct')
-    assert np.isinf(found.shear).all()
-    system = package.SystemElements()
-    elements, k = [], len(found.start)
-    pins = np.stack([found.pinned_start, found.pinned_end], axis=1)
-    for i in range(k):
-        ends = [points[found.start[i]], points[found.end[i]]]
-        number = system.add_element(
-            location=[[z.real, z.imag] for z in ends],
-            EA=found.axial[i],
-            EI=found.flexural[i] * (0.75 if pins[i].sum() == 1 else 1.0),
-        )
-        elements.append(system.element_map[number])
-    # Pins come now: on adding, it looks for nodes that turn freely before all members are there.
-    for i, element in enumerate(elements):
-        start = points[found.start[i]]
-        span = points[found.end[i]] - start
-        forward = system.find_node_id([start.real, start.imag]) == element.node_id1
-        first, last = pins[i] if forward else pins[i, ::-1]
-        element.springs = {number: 0 for number, pin in ((1, first), (2, last)) if pin}
-        # It keeps coordinates in single precision; length and angle follow in double.
-        element.l, angle = abs(span), float(np.angle(span if forward else -span))
-        element.angle = element.a1 = element.a2 = angle
-        element.compile_kinematic_matrix()
-        element.compile_constitutive_matrix(initial=True)
-        element.compile_stiffness_matrix()
-    numbers = [int(system.find_node_id([z.real, z.imag])) for z in points]
-    for number, (x, y, turn) in zip(numbers, held.tolist(), strict=True):
-        if x and y and turn:
-            system.add_support_fixed(number)
-        elif x and y:
-            system.add_support_hinged(number)
-        elif x or y:
-            system.add_support_roll(number, 'y' if x else 'x', rotate=not turn)
-        elif turn:
-            system.add_support_rotational(number)
-    for number, (x, y, moment) in zip(numbers, loads.tolist(), strict=True):
-        system.point_load(number, Fx=x, Fy=y)
-        system.moment_load(number, moment)
-    system.solve()
-    # Inside, y points down and moments stay counter-clockwise.
-    moved = system.system_displacement_vector.reshape(-1, 3)[np.array(numbers) - 1] * [1, -1, 1]
-    reactions = np.zeros_like(moved)
-    for at, number in enumerate(numbers):
-        if number in system.reaction_forces:
-            node = system.reaction_forces[number]
-            reactions[at] = node.Fx, -node.Fy, node.Tz
-    forces = []
-    for i, element in enumerate(elements):
-        pushed = element.element_force_vector.reshape(2, 3) * [1, -1, 1]
-        if element.node_id1 != numbers[found.start[i]]:
-            pushed = pushed[::-1]
-        forces.append(_along(points, found, i, pushed))
-    return moved, reactions, np.array(forces)
 
 
 def pynite(points, found, held, loads):

@@ -27,14 +27,12 @@ from typing import Any
 import uuid
 
 from action_msgs.msg import GoalInfo
-from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-import numpy as np
-from probe import N, Probe
+from probe import Probe, Watched
 import pytest
 import rclpy
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -47,12 +45,15 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.subscription import Subscription
 from rclpy.time import Time
 from rclpy.timer import Timer
+from std_srvs.srv import Trigger
 
 #: In which everything here comes about [s of the test's clock].
 DEADLINE = 20.0
 #: The system's clock at the beginning [s].
 EPOCH = 1.7e9
 
+UP = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
+DOWN = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
 TRANSIENT, BEST_EFFORT = DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.BEST_EFFORT
 
 
@@ -138,7 +139,7 @@ class Goal:
         return response.status, response.result
 
 
-class World:
+class World(Watched):
     """
     Nodes and a probe, driven by hand.
 
@@ -284,11 +285,7 @@ class World:
         each: Callable[[], None] = lambda: None,
         period: float = 0.01,
     ) -> None:
-        """
-        Let time go on until something holds; fail at the deadline.
-
-        :param each: called every `period` seconds meanwhile.
-        """
+        """Let time go on until something holds; fail at the deadline."""
         deadline = self.now + DEADLINE
         due = self.now
         while True:
@@ -303,32 +300,10 @@ class World:
             assert self.now < deadline, f'not within {DEADLINE} s'
             self.turn(due)
 
-    def until_code(self, code: int, each: Callable[[], None], key: str = 'status') -> Any:
-        """Let time go on until a node reports a code; return the report."""
-        self.until(lambda: self.code(key) == code, each)
-        return self.probe.last(key)
-
     def spin(self, duration: float, each: Callable[[], None] = lambda: None) -> None:
         """Let some time pass."""
         end = self.now + duration - 1e-9
         self.until(lambda: self.now >= end, each)
-
-    def code(self, key: str = 'status') -> int | None:
-        """Return the last code of a node."""
-        report = self.probe.last(key)
-        return None if report is None else report.code
-
-    def command(self) -> np.ndarray:
-        """Return the last roller command."""
-        message = self.probe.last('command')
-        return np.full(N, math.nan) if message is None else np.array(message.data)
-
-    def report(self, name: str) -> DiagnosticStatus:
-        """Return the last diagnostics of a node, stale before the first."""
-        for _, array in reversed(self.probe.seen['diagnostics']):
-            if array.status[0].name == name:
-                return array.status[0]
-        return DiagnosticStatus(level=DiagnosticStatus.STALE)
 
     def call(self, name: str, request: Any) -> Any:
         """Return the response of a service, named relative to the root."""
@@ -339,6 +314,10 @@ class World:
                     self.deliver()
                     return response
         raise AssertionError(f'no service {name}')
+
+    def release_stop(self) -> Any:
+        """Release the emergency stop; return the response."""
+        return self.call('release_emergency_stop', Trigger.Request())
 
     def send_goal(self, request: Any) -> Goal:
         """Send a goal to the only server of its action."""
@@ -373,6 +352,10 @@ class Manager:
         """Return the label of the state."""
         state = self._world.call(f'{self._name}/get_state', GetState.Request())
         return state.current_state.label
+
+    def restart(self) -> None:
+        """Go down to unconfigured, and up to active again."""
+        assert all(self.ask(transition) for transition in (*DOWN, *UP))
 
 
 READ_CLOCK = Clock.now

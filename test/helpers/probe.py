@@ -24,6 +24,7 @@ from isotruss_ros.core import load_robot, Pose, tangent_center
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import stamp_header, to_pose_message, to_twist_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.manipulation import Manipulation
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import numpy as np
@@ -56,6 +57,11 @@ N = len(ROBOT.roller_names)
 def overrides(**values: object) -> list[Parameter]:
     """Return parameters by name."""
     return [Parameter(name, value=value) for name, value in values.items()]
+
+
+def manipulation(**values: object) -> Callable[[], Manipulation]:
+    """Return what makes a manipulation node; to made-up joint states no roller has failed."""
+    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
 
 
 class Probe(Node):
@@ -146,7 +152,62 @@ class Probe(Node):
         self.send_twist()
 
 
-class World:
+class Watched:
+    """
+    What a probe hears of nodes, as they and time go on.
+
+    :ivar probe: the probe.
+    """
+
+    probe: Probe
+
+    def until(
+        self,
+        what: Callable[[], bool],
+        each: Callable[[], None] = lambda: None,
+        period: float = 0.01,
+    ) -> None:
+        """
+        Go on until something holds; fail at the deadline.
+
+        :param each: called every `period` seconds meanwhile.
+        """
+        raise NotImplementedError
+
+    def until_code(
+        self, code: int, each: Callable[[], None], key: str = 'status'
+    ) -> ManipulationStatus | GraspState:
+        """
+        Go on until a node reports a code; return the report.
+
+        :param key: `status` of the manipulation node or `state` of the grasp.
+        """
+        self.until(lambda: self.code(key) == code, each)
+        return self.probe.last(key)
+
+    def code(self, key: str = 'status') -> int | None:
+        """Return the last code of a node."""
+        report = self.probe.last(key)
+        return None if report is None else report.code
+
+    def command(self) -> np.ndarray:
+        """Return the last roller command."""
+        message = self.probe.last('command')
+        return np.full(N, math.nan) if message is None else np.array(message.data)
+
+    def report(self, name: str) -> DiagnosticStatus:
+        """Return the last diagnostics of a node, stale before the first."""
+        for _, array in reversed(self.probe.seen['diagnostics']):
+            if array.status[0].name == name:
+                return array.status[0]
+        return DiagnosticStatus(level=DiagnosticStatus.STALE)
+
+    def detail(self, key: str, name: str = 'manipulation') -> str:
+        """Return a value of the last diagnostics of a node."""
+        return {item.key: item.value for item in self.report(name).values}.get(key, '')
+
+
+class World(Watched):
     """
     Nodes under one executor.
 
@@ -195,24 +256,13 @@ class World:
         self.until(client.server_is_ready)
         self.ask(ClientGoalHandle(client, GoalInfo().goal_id, None).get_result_async)
 
-    def report(self, name: str) -> DiagnosticStatus:
-        """Return the last diagnostics of a node, stale before the first."""
-        for _, array in reversed(self.probe.seen['diagnostics']):
-            if array.status[0].name == name:
-                return array.status[0]
-        return DiagnosticStatus(level=DiagnosticStatus.STALE)
-
     def until(
         self,
         what: Callable[[], bool],
         each: Callable[[], None] = lambda: None,
         period: float = 0.01,
     ) -> None:
-        """
-        Spin until something holds; fail at the deadline.
-
-        :param each: called every `period` seconds meanwhile.
-        """
+        """Spin until something holds; fail at the deadline."""
         deadline = time.monotonic() + DEADLINE
         due = 0.0
         while not what():
@@ -223,27 +273,6 @@ class World:
                 each()
                 due = time.monotonic() + period
             self.executor.spin_once(timeout_sec=min(period, 0.005))
-
-    def until_code(
-        self, code: int, each: Callable[[], None], key: str = 'status'
-    ) -> ManipulationStatus | GraspState:
-        """
-        Spin until a node reports a code; return the report.
-
-        :param key: `status` of the manipulation node or `state` of the grasp.
-        """
-        self.until(lambda: self.code(key) == code, each)
-        return self.probe.last(key)
-
-    def code(self, key: str = 'status') -> int | None:
-        """Return the last code of a node."""
-        report = self.probe.last(key)
-        return None if report is None else report.code
-
-    def command(self) -> np.ndarray:
-        """Return the last roller command."""
-        message = self.probe.last('command')
-        return np.full(N, math.nan) if message is None else np.array(message.data)
 
     def spin(self, duration: float, each: Callable[[], None] = lambda: None) -> None:
         """Spin for a while."""

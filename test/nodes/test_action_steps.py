@@ -9,17 +9,25 @@
 
 """Steps over other nodes' actions: progress, failures, and cancels wherever they wait."""
 
+from concurrent.futures import ThreadPoolExecutor
 from math import nan
 import re
 from types import SimpleNamespace
 
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseStamped
-from isotruss_msgs.action import MoveObject, PickObject, PlanGrasp
+from isotruss_msgs.action import (
+    FollowRollerTrajectory,
+    MoveObject,
+    PickObject,
+    PlaceObject,
+    PlanGrasp,
+)
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import ConvexObject, Ellipse, Pose
 from isotruss_ros.core.control.inputs import InputError, StampedInput
 from isotruss_ros.core.control.path_tracking import RETURN
+from isotruss_ros.core.planning.grasp_plan import NEAR_SHARE
 from isotruss_ros.nodes.components import action_steps, grasp_sequences
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.action_steps import (
@@ -37,6 +45,7 @@ from isotruss_ros.nodes.components.grasp_sequences import (
 )
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
+from isotruss_ros.nodes.conversions.trajectory_messages import read_duration
 from isotruss_ros.nodes.pick_and_place import find_outcome
 from nav_msgs.msg import Path
 import numpy as np
@@ -109,6 +118,16 @@ def run(server):
     return ActionStep(None, None, 'work', server).run('goal', lambda feedback: feedback)
 
 
+def begun(server, accepted=True):
+    """Return the steps of a goal that was sent, and accepted or not answered yet."""
+    steps = run(server)
+    next(steps)
+    if accepted:
+        server.accept()
+        next(steps)
+    return steps
+
+
 def last_of(steps, most=10 * RETRY_TICKS):
     """Return what the steps return, or raise what they raise."""
     for _ in range(most):
@@ -131,12 +150,7 @@ def test_steps_yield_the_progress_and_return_the_result(server):
 
 @pytest.mark.parametrize('when', ['before', 'asked', 'accepted'])
 def test_a_server_that_is_missing_ends_the_steps(server, when):
-    steps = run(server)
-    if when != 'before':
-        next(steps)
-    if when == 'accepted':
-        server.accept()
-        next(steps)
+    steps = run(server) if when == 'before' else begun(server, when == 'accepted')
     server.ready = False
     with pytest.raises(StepError, match='no node offers the action work') as error:
         next(steps)
@@ -188,11 +202,7 @@ def test_a_goal_that_is_rejected_ends_the_steps(server):
 
 @pytest.mark.parametrize('accepted', [True, False])
 def test_a_server_that_was_started_again_ends_the_steps(server, accepted):
-    steps = run(server)
-    next(steps)
-    if accepted:
-        server.accept()
-        next(steps)
+    steps = begun(server, accepted)
     server.start_again()
     with pytest.raises(StepError, match='work does not know the goal') as error:
         last_of(steps)
@@ -217,10 +227,7 @@ def test_a_goal_is_supervised_from_before_it_is_sent_until_it_ends(server):
 
 
 def test_a_cancel_waits_until_the_server_has_ended_the_goal(server):
-    steps = run(server)
-    next(steps)
-    server.accept()
-    next(steps)
+    steps = begun(server)
     steps.throw(CancelledError())
     assert server.cancels == 1
     next(steps)
@@ -231,10 +238,7 @@ def test_a_cancel_waits_until_the_server_has_ended_the_goal(server):
 
 @pytest.mark.parametrize('accepted', [True, False])
 def test_a_cancel_ends_the_steps_where_the_server_does_not(server, accepted):
-    steps = run(server)
-    next(steps)
-    if accepted:
-        server.accept()
+    steps = begun(server, accepted)
     steps.throw(CancelledError())
     with pytest.raises(CancelledError):
         last_of(steps, CANCEL_TICKS)
@@ -242,10 +246,7 @@ def test_a_cancel_ends_the_steps_where_the_server_does_not(server, accepted):
 
 @pytest.mark.parametrize('change', [{'ready': False}, {'knows_goal': False}])
 def test_a_cancel_ends_the_steps_where_the_server_is_gone(server, change):
-    steps = run(server)
-    next(steps)
-    server.accept()
-    next(steps)
+    steps = begun(server)
     vars(server).update(change)
     with pytest.raises(CancelledError):
         steps.throw(CancelledError())
@@ -267,11 +268,7 @@ def test_a_goal_that_is_not_answered_yet_is_cancelled_when_it_is(server):
 
 @pytest.mark.parametrize('answered', [True, False])
 def test_steps_that_are_closed_cancel_their_goal(server, answered):
-    steps = run(server)
-    next(steps)
-    if answered:
-        server.accept()
-        next(steps)
+    steps = begun(server, answered)
     steps.close()
     assert server.cancels == answered
     if not answered:
@@ -364,6 +361,20 @@ def test_a_grip_of_two_or_three_members_can_be_opened():
             check_grip(ROBOT.member_names[:count])
 
 
+def sequences_at(grasp_age=0.0, held=True, pose_age=0.0, y=0.3, **values):
+    """Return sequences whose inputs are so old [s], the object at (0.6, y)."""
+    made = GraspSequences.__new__(GraspSequences)
+    made._node = SimpleNamespace(now=lambda: 10.0, values=values.pop('values', {}))
+    made._robot, made._described, made.timeout, made.stage = ROBOT, None, 0.2, 0
+    state = SimpleNamespace(held=held, message='', hold_message='it slips', slip_margin=1.0)
+    state.grasping_members = ['north/P-Z', 'north/Z-R']
+    made.grasp = StampedInput(state, 10.0 - grasp_age)
+    made.rollers = StampedInput(None, 10.0)
+    made.pose = StampedInput(Pose(0.6, y, 0.1), 10.0 - pose_age)
+    vars(made).update(values)
+    return made
+
+
 class Follower:
     """Stands for the path follower: the object is somewhere afterwards, and it ends somehow."""
 
@@ -400,11 +411,7 @@ LAY.pose.position.x, LAY.pose.position.y = 0.6, 0.3
     ],
 )
 def test_an_object_that_a_closing_grip_moved_is_brought_back(moved, left, ends, words):
-    sequences = GraspSequences.__new__(GraspSequences)
-    sequences._node = SimpleNamespace(now=lambda: 10.0)
-    sequences.timeout = 0.2
-    sequences.grasp = StampedInput(SimpleNamespace(held=True), 10.0)
-    sequences.pose = StampedInput(Pose(0.6, 0.3 - moved, 0.1), 10.0)
+    sequences = sequences_at(y=0.3 - moved)
     follower = sequences._object = Follower(sequences, (0.6, 0.3 - (left or 0.0)), ends)
     notes = []
 
@@ -432,14 +439,8 @@ class Planner:
 
 @pytest.mark.parametrize('described', [None, ConvexObject(Ellipse((0.2, 0.1)), mass=2.0)])
 def test_object_and_members_are_those_that_are_planned_with(described):
-    sequences, planner = GraspSequences.__new__(GraspSequences), Planner()
-    values = {common.OBJECT_DIAMETER: 0.25, common.FRICTION: 0.6}
-    sequences._node = SimpleNamespace(now=lambda: 10.0, values=values)
-    sequences._robot, sequences._planner, sequences._described = ROBOT, planner, described
-    sequences.timeout = 0.2
-    sequences.rollers = StampedInput(None, 10.0)
-    sequences.pose = StampedInput(Pose(0.6, 0.3, 0.1), 10.0)
-    sequences.grasp = StampedInput(SimpleNamespace(held=False), 10.0)
+    values, planner = {common.OBJECT_DIAMETER: 0.25, common.FRICTION: 0.6}, Planner()
+    sequences = sequences_at(held=False, values=values, _planner=planner, _described=described)
     with pytest.raises(StepError, match='nothing'):
         list(sequences.pick(PickObject.Goal(members=['south/P-Q', 'north/R-P'], squeeze=9.0)))
     arguments = read_goal(planner.goal, ROBOT)
@@ -454,29 +455,9 @@ def test_object_and_members_are_those_that_are_planned_with(described):
 
 
 def test_an_object_that_is_held_already_is_not_picked():
-    sequences = GraspSequences.__new__(GraspSequences)
-    sequences._node = SimpleNamespace(now=lambda: 10.0)
-    sequences._robot = ROBOT
-    sequences.timeout = 0.2
-    sequences.rollers = StampedInput(None, 10.0)
-    sequences.pose = StampedInput(Pose(0.6, 0.3, 0.1), 10.0)
-    held = SimpleNamespace(held=True, grasping_members=['north/P-Z', 'north/Z-R'])
-    sequences.grasp = StampedInput(held, 10.0)
     with pytest.raises(StepError, match='by north/P-Z, north/Z-R: place it first') as refused:
-        list(sequences.pick(PickObject.Goal()))
+        list(sequences_at().pick(PickObject.Goal()))
     assert refused.value.outcome is Outcome.BAD_GOAL
-
-
-def sequences_at(grasp_age, held=True, pose_age=0.0):
-    """Return sequences whose inputs are so old [s]."""
-    made = GraspSequences.__new__(GraspSequences)
-    made._node, made.timeout = SimpleNamespace(now=lambda: 10.0), 0.2
-    made._robot, made.stage = ROBOT, 0
-    state = SimpleNamespace(held=held, message='', hold_message='it slips', slip_margin=1.0)
-    made.grasp = StampedInput(state, 10.0 - grasp_age)
-    made.rollers = StampedInput(None, 10.0)
-    made.pose = StampedInput(Pose(0.6, 0.3, 0.1), 10.0 - pose_age)
-    return made
 
 
 @pytest.mark.parametrize(
@@ -527,6 +508,15 @@ def test_a_grasp_that_nobody_analysed_is_not_one_that_does_not_hold(age, outcome
     assert error.value.outcome is outcome
 
 
+def test_an_analysis_from_before_the_end_of_the_motion_confirms_nothing():
+    sequences = sequences_at()
+    sequences.grasp.value.code = GraspState.OK
+    steps = sequences._confirm(True)
+    next(steps)
+    sequences.grasp = sequences.grasp._replace(time=10.1)
+    assert last_of(steps).held
+
+
 @pytest.mark.parametrize('pose_age', [0.0, 0.3])
 def test_the_distance_left_is_told_where_the_object_is_known(pose_age):
     end = PoseStamped(pose=to_pose_message(Pose(0.6, 0.38, 0.3)))
@@ -536,3 +526,34 @@ def test_the_distance_left_is_told_where_the_object_is_known(pose_age):
 
 def test_there_is_no_distance_left_on_a_path_without_poses():
     assert np.isnan(sequences_at(0.0).distance_left(Path())).all()
+
+
+class Rollers:
+    """Stands for the action that drives the rollers: it keeps the trajectory."""
+
+    def run(self, goal, *_progress, **_options):
+        """Drive."""
+        self.path = goal.trajectory
+        yield 0.5
+        return FollowRollerTrajectory.Result(error_code=-1, error_string='no rollers')
+
+
+def test_a_grip_opens_slowly_until_it_is_apart(monkeypatch):
+    path = np.linspace(0.0, 0.05, 6)[:, None] * np.ones(len(ROBOT.roller_names))
+    released = SimpleNamespace(violation=None, path=path, apart=2)
+    rollers = Rollers()
+    sequences = sequences_at(
+        values={common.OBJECT_DIAMETER: 0.25},
+        _trajectories=rollers,
+        _shape=SimpleNamespace(configuration=lambda *_: ROBOT.home),
+        _thread=ThreadPoolExecutor(1),
+    )
+    monkeypatch.setattr(grasp_sequences, 'plan_release', lambda *_: released)
+    with pytest.raises(StepError, match='no rollers'):
+        list(sequences.place(PlaceObject.Goal()))
+    times = [read_duration(point.time_from_start) for point in rollers.path.points]
+    quick, slow = (
+        0.01 / ROBOT.description.max_speed,
+        0.01 / ROBOT.description.max_speed / NEAR_SHARE,
+    )
+    assert np.diff(times) == pytest.approx([slow] * 3 + [quick] * 2, abs=1e-6)

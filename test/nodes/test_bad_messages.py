@@ -33,6 +33,7 @@ from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import Pose, Status, TwistServo
+from isotruss_ros.core.control.grasp_report import GraspCode
 from isotruss_ros.core.control.inputs import RejectedInput, StampedInput
 from isotruss_ros.nodes.conversions.messages import MessageError, RollerStateReader, stamp_header
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
@@ -42,7 +43,7 @@ from isotruss_ros.nodes.path_follower import PathFollower
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
 import numpy as np
-from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT
+from probe import CENTER, DIAMETER, manipulation, MODULE, N, overrides, ROBOT
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
@@ -62,11 +63,6 @@ MAX_SPEED = ROBOT.description.max_speed
 BAD = (math.nan, math.inf, -math.inf)
 HUGE = (1e308, -1e308, 1e100)
 FOREVER = 10**5
-
-
-def manipulation(**values):
-    """Return what makes a manipulation node; the joint states here are made up."""
-    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
 
 
 def opened(message, kind):
@@ -103,26 +99,47 @@ def check(pairs):
             assert not command.any()
 
 
-#: For each input of the manipulation: a message that its reader rejects, and those of bad times or
-#: places; the tables of all that readers reject are in test_conversions.py.
+#: Changes of each input, the fault that they are (`_` is the input), and words of the message; the
+#: tables of all that readers reject are in test_conversions.py.
 TIMES = {
-    'long ago': {'age': 1e3},
-    'in the future': {'age': -1e3},
-    'before all time': {'sec': -(2**31)},
-    'after all time': {'sec': 2**31 - 1},
-    'odd nanoseconds': {'sec': 0, 'nanosec': 2**32 - 1},
+    'long ago': ({'age': 1e3}, 'STALE_', 'old'),
+    'in the future': ({'age': -1e3}, 'INVALID_', 'future'),
+    'before all time': ({'sec': -(2**31)}, 'STALE_', 'old'),
+    'after all time': ({'sec': 2**31 - 1}, 'INVALID_', 'future'),
+    'without a stamp': ({'sec': 0}, 'STALE_', 'old'),
+    'odd nanoseconds': ({'sec': 0, 'nanosec': 2**32 - 1}, 'STALE_', 'old'),
 }
 JOINT_STATES = TIMES | {
-    'rejected': {'position': [math.nan] * N},
-    'out of reach': {'position': [1e3] * N},
+    'rejected': ({'position': [math.nan] * N}, 'INVALID_', 'finite'),
+    'out of reach': ({'position': [1e3] * N}, 'KINEMATICS', 'long'),
+    'too long': ({'position': [9.0] + [0.0] * (N - 1)}, 'KINEMATICS', 'long'),
 }
 POSES = TIMES | {
-    'rejected': {'frame': 'map'},
-    'far away': {'position': Point(x=100.0, y=100.0)},
-    'on the other side': {'position': Point(x=CENTER[0], y=CENTER[1] + 1.0)},
+    'rejected': ({'position': Point(x=math.nan)}, 'INVALID_', 'finite'),
+    'of another frame': ({'frame': 'map'}, 'INVALID_', "must be 'truss'"),
 }
-TWISTS = {'rejected': Twist(linear=Vector3(x=math.nan))}
-WRENCHES = TIMES | {'rejected': {'x': math.inf}, 'of another frame': {'frame': 'map'}}
+APART = {
+    'far away': ({'position': Point(x=100.0, y=100.0)}, 'NO_GRASP', 'does not touch'),
+    'on the other side': (
+        {'position': Point(x=CENTER[0], y=CENTER[1] + 1.0)},
+        'NO_GRASP',
+        'does not touch',
+    ),
+}
+TWISTS = {'rejected': (Twist(linear=Vector3(x=math.nan)), 'INVALID_', 'finite')}
+WRENCHES = TIMES | {
+    'rejected': ({'x': math.inf}, 'INVALID_', 'finite'),
+    'of another frame': ({'frame': 'map'}, 'INVALID_', "must be in 'truss_object'"),
+}
+
+
+def code_of(codes, fault, topic):
+    """Return the code of a fault of an input in the report of a node."""
+    words = {'cmd_vel': 'TWIST', 'external_wrench': 'EXTERNAL_WRENCH'}.get(topic, topic.upper())
+    name = fault + words if fault.endswith('_') else fault
+    if codes is GraspCode:
+        return codes[name.replace('KINEMATICS', 'NO_CONFIGURATION')]
+    return codes[f'HALT_{name}']
 
 
 def header(w, frame='truss', age=0.0, sec=None, nanosec=0):
@@ -152,7 +169,7 @@ def send_bad_pose(w, case):
 
 @pytest.mark.parametrize('topic', ['joint_states', 'object_pose', 'cmd_vel'])
 def test_manipulation_halts_on_every_invalid_input_and_resumes(topic):
-    cases = {'joint_states': JOINT_STATES, 'object_pose': POSES, 'cmd_vel': TWISTS}[topic]
+    cases = {'joint_states': JOINT_STATES, 'object_pose': POSES | APART, 'cmd_vel': TWISTS}[topic]
     with world(manipulation()) as w:
         pairs = record(w.nodes[1])
         good = {
@@ -166,7 +183,7 @@ def test_manipulation_halts_on_every_invalid_input_and_resumes(topic):
             'cmd_vel': w.probe.twists.publish,
         }[topic]
         others = [send for name, send in good.items() if name != topic]
-        for name, case in cases.items():
+        for case, fault, words in cases.values():
             w.until_code(Status.OK, w.probe.send_all)
 
             def send(case=case):
@@ -174,8 +191,9 @@ def test_manipulation_halts_on_every_invalid_input_and_resumes(topic):
                     other()
                 bad(case)
 
-            w.until(lambda: w.code() >= Status.HALT_NO_TWIST, send)
-            assert w.probe.last('status').message, name
+            status = w.until_code(code_of(Status, fault, topic), send)
+            assert words in status.message
+            assert not w.command().any()
             check(pairs)
             pairs.clear()
         w.until_code(Status.OK, w.probe.send_all)
@@ -208,15 +226,17 @@ def test_halts_on_invalid_stamps_of_twists():
             w.probe.send_pose()
             w.probe.twists.publish(TwistStamped(header=header(w, **about), twist=twist))
 
-        for about in (
-            {'age': 1e3},
-            {'age': -1e3},
-            {'sec': -(2**31)},
-            {'sec': 2**31 - 1},
-            {'frame': 'map'},
+        for about, code, words in (
+            ({'age': 1.0}, Status.HALT_NO_TWIST, 'old'),
+            ({'age': -1.0}, Status.HALT_INVALID_TWIST, 'future'),
+            ({'sec': -(2**31)}, Status.HALT_NO_TWIST, 'old'),
+            ({'sec': 2**31 - 1}, Status.HALT_INVALID_TWIST, 'future'),
+            ({'frame': 'map'}, Status.HALT_INVALID_TWIST, "must be in 'truss'"),
         ):
-            w.until_code(Status.OK, send)
-            w.until(lambda: w.code() >= Status.HALT_NO_TWIST, lambda a=about: send(**a))
+            for frame in ('', 'truss'):
+                w.until_code(Status.OK, lambda frame=frame: send(frame=frame))
+            status = w.until_code(code, lambda about=about: send(**about))
+            assert words in status.message
         w.until_code(Status.OK, send)
         check(pairs)
 
@@ -302,12 +322,8 @@ def test_the_analysis_has_no_result_for_invalid_inputs(topic):
             message.wrench.force.x = case.get('x', 0.0)
             w.probe.wrenches.publish(message)
 
-        cases = {
-            'joint_states': JOINT_STATES,
-            # It is no error that an object touches nothing.
-            'object_pose': {name: case for name, case in POSES.items() if 'position' not in case},
-            'external_wrench': WRENCHES,
-        }[topic].values()
+        # It is no error that an object touches nothing.
+        cases = {'joint_states': JOINT_STATES, 'object_pose': POSES, 'external_wrench': WRENCHES}
         bad = {
             'joint_states': lambda case: send_bad_joints(w, case),
             'object_pose': lambda case: send_bad_pose(w, case),
@@ -320,7 +336,7 @@ def test_the_analysis_has_no_result_for_invalid_inputs(topic):
             if topic == 'external_wrench':
                 wrench({})
 
-        for case in cases:
+        for case, fault, words in cases[topic].values():
             w.until_code(GraspState.OK, good, 'state')
 
             def send(case=case):
@@ -330,25 +346,29 @@ def test_the_analysis_has_no_result_for_invalid_inputs(topic):
                     w.probe.send_pose()
                 bad(case)
 
-            w.until(lambda: w.code('state') != GraspState.OK, send)
-            assert not w.probe.last('state').force_closure
-            assert w.probe.last('state').message
+            state = w.until_code(code_of(GraspCode, fault, topic), send, 'state')
+            assert words in state.message
+            assert not state.force_closure
         w.until_code(GraspState.OK, good, 'state')
 
 
 def test_invalid_requests_of_an_analysis_get_the_reason():
     with world(lambda: GraspAnalysisNode()) as w:
         good = {'x': CENTER[0], 'y': CENTER[1], 'diameter': 0.3, 'friction': 0.5}
+        invalid, unreachable = GraspState.INVALID_REQUEST, GraspState.NO_CONFIGURATION
         cases = [
-            *({key: v} for key in ('x', 'y', 'diameter', 'friction', 'force') for v in BAD),
-            *({'friction': v} for v in (-1.0, -1e308)),
-            *({'diameter': v} for v in (-1.0, -1e308, 1e308)),
-            *({'rollers': [v] + [0.0] * (N - 1)} for v in (*BAD, *HUGE)),
-            {'rollers': [0.0]},
-            {'rollers': [0.0] * FOREVER},
-            {'diameter': 0.0},
+            *(
+                ({key: v}, invalid)
+                for key in ('x', 'y', 'diameter', 'friction', 'force')
+                for v in BAD
+            ),
+            *(({'friction': v}, invalid) for v in (-1.0, -1e308)),
+            *(({'diameter': v}, invalid) for v in (0.0, -1.0, -1e308, 1e308)),
+            *(({'rollers': [v] + [0.0] * (N - 1)}, unreachable) for v in (9.0, *BAD, *HUGE)),
+            ({'rollers': [0.0]}, unreachable),
+            ({'rollers': [0.0] * FOREVER}, unreachable),
         ]
-        for case in cases:
+        for case, code in cases:
             numbers = good | {'force': 0.0, 'rollers': [0.0] * N} | case
             request = AnalyzeGrasp.Request(
                 center=Point(x=numbers['x'], y=numbers['y']),
@@ -359,6 +379,7 @@ def test_invalid_requests_of_an_analysis_get_the_reason():
             request.external_wrench.force.x = numbers['force']
             answer = w.call('analyze_grasp', request)
             assert not answer.success, case
+            assert answer.state.code == code, case
             assert answer.message, case
             assert not answer.state.force_closure
         w.until_code(GraspState.OK, lambda: (w.probe.send_joints(), w.probe.send_pose()), 'state')

@@ -19,7 +19,7 @@ from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
-from manual_world import check_refused, EPOCH, Manager, world
+from manual_world import EPOCH, Manager, world
 import numpy as np
 from probe import CENTER, N, overrides, ROBOT
 import pytest
@@ -300,7 +300,3 @@ def test_time_stands_still_while_its_source_is_inactive():
         count = len(w.probe.seen['pose'])
         w.until(lambda: len(w.probe.seen['pose']) > count)
         assert 0.0 < simulator.now() - stopped < 0.05
-
-
-def test_a_clock_is_published_only_by_a_simulator_that_goes_by_it():
-    check_refused(lambda: made(Simulator, clock_speed=1.0), 'clock_speed')

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.nodes.simulator import Simulator
-from manual_world import check_refused, world
+from manual_world import world
 import numpy as np
 from probe import CENTER, overrides
 import pytest
@@ -109,14 +109,3 @@ def test_the_object_is_put_elsewhere(plant):
         assert put(*start) == pytest.approx(start, abs=1e-3)
         if plant == 'elastic':
             assert w.nodes[1]._elastic.grasp is not None
-
-
-@pytest.mark.parametrize(
-    ('values', 'words'),
-    [
-        ({'plant': 'soft'}, 'kinematic, elastic or mujoco'),
-        ({'stiffness_scale': 0.0}, 'stiffness_scale'),
-    ],
-)
-def test_unusable_parameters_are_refused(values, words):
-    check_refused(node(**values), words)

@@ -11,12 +11,11 @@
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.core import Status
-from isotruss_ros.nodes.manipulation import Manipulation
 from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
 from matches import follow
 import numpy as np
-from probe import overrides
+from probe import manipulation as node
 import pytest
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -24,19 +23,9 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 
-def node(**values):
-    """Return a manipulation node with parameters; the joint states here are made up."""
-    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
-
-
 def press(w, pressed=True):
     """Say on the topic that the stop is pressed, or is not any more."""
     w.probe.stops.publish(Bool(data=pressed))
-
-
-def release(w):
-    """Call the service; return its answer."""
-    return w.call('release_emergency_stop', Trigger.Request())
 
 
 def until_stopped(w):
@@ -96,13 +85,13 @@ def test_false_does_not_release():
 def test_is_released_by_the_service_unless_the_last_message_is_true():
     with world(node(command_timeout=1.0)) as w:
         until_stopped(w)
-        refused = release(w)
+        refused = w.release_stop()
         assert not refused.success
         assert 'is true' in refused.message
         assert_stays_stopped(w)
         press(w, False)
         w.until(lambda: 'message is false' in w.probe.last('status').message, w.probe.send_all)
-        assert release(w).success
+        assert w.release_stop().success
         # What was commanded before the release is no reason to move.
         w.until_code(Status.HALT_NO_TWIST, lambda: (w.probe.send_joints(), w.probe.send_pose()))
         assert 'none received yet' in w.probe.last('status').message
@@ -119,7 +108,7 @@ def test_a_short_press_in_one_batch_stops():
 
 def test_nothing_to_release_is_no_error():
     with world(node()) as w:
-        answer = release(w)
+        answer = w.release_stop()
         assert answer.success
         assert 'nothing was stopped' in answer.message
 
@@ -187,7 +176,7 @@ def test_the_service_stops_and_responds_with_the_reason():
         # No cycle is needed: the last command before the response is zero.
         assert not w.command().any()
         assert_stays_stopped(w)
-        assert release(w).message == 'released'
+        assert w.release_stop().message == 'released'
         w.until_code(Status.OK, w.probe.send_all)
 
 
@@ -234,13 +223,7 @@ def test_persists_when_configured_again():
         manager = Manager(w, 'manipulation')
         until_stopped(w)
         press(w, False)
-        for transition in (
-            Transition.TRANSITION_DEACTIVATE,
-            Transition.TRANSITION_CLEANUP,
-            Transition.TRANSITION_CONFIGURE,
-            Transition.TRANSITION_ACTIVATE,
-        ):
-            assert manager.ask(transition)
+        manager.restart()
         assert_stays_stopped(w)
 
 
@@ -248,16 +231,10 @@ def test_is_received_while_the_node_is_not_active():
     with world(node(autostart=False)) as w:
         manager = Manager(w, 'manipulation')
         press(w)
-        w.until(lambda: 'emergency_stop' in reported(w, 'emergency stop'))
+        w.until(lambda: 'emergency_stop' in w.detail('emergency stop'))
         assert manager.ask(Transition.TRANSITION_CONFIGURE)
         assert manager.ask(Transition.TRANSITION_ACTIVATE)
         assert_stays_stopped(w)
-
-
-def reported(w, key):
-    """Return a value of the node's diagnostics."""
-    values = {value.key: value.value for value in w.report('manipulation').values}
-    return values.get(key, '')
 
 
 def test_is_in_the_diagnostics():
@@ -265,5 +242,5 @@ def test_is_in_the_diagnostics():
         until_stopped(w)
         w.until(lambda: w.report('manipulation').level == DiagnosticStatus.ERROR)
         assert 'release_emergency_stop' in w.report('manipulation').message
-        assert 'last message is true' in reported(w, 'emergency stop')
-        assert reported(w, 'status') == 'HALT_EMERGENCY_STOP'
+        assert 'last message is true' in w.detail('emergency stop')
+        assert w.detail('status') == 'HALT_EMERGENCY_STOP'

@@ -10,19 +10,14 @@
 """The mode of the manipulation node in which cmd_vel moves a joint."""
 
 from isotruss_ros.core import solve_joint_velocity, Status
-from isotruss_ros.nodes.manipulation import Manipulation
 from manual_world import check_refused, world
-from probe import overrides, ROBOT
+from probe import manipulation as node
+from probe import ROBOT
 import pytest
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
 VELOCITY = (0.01, -0.02)
-
-
-def node(**values):
-    """Return a manipulation node with parameters; the joint states here are made up."""
-    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
 
 
 def send(w):

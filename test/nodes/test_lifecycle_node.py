@@ -16,16 +16,14 @@ from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
-from manual_world import Manager, world
+from manual_world import DOWN, Manager, UP, world
 import numpy as np
-from probe import N, overrides, ROBOT
+from probe import manipulation, N, overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-UP = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
-DOWN = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
 OUTPUTS = {
     Manipulation: ('command', 'status'),
     Simulator: ('joints', 'pose'),
@@ -33,19 +31,9 @@ OUTPUTS = {
 }
 
 
-def manipulation(**values):
-    """Return what makes a manipulation node; the joint states here are made up."""
-    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
-
-
 def counts(w, keys):
     """Return how many messages came of each."""
     return [len(w.probe.seen[key]) for key in keys]
-
-
-def value(w, name, key):
-    """Return a value of a node's diagnostics."""
-    return {item.key: item.value for item in w.report(name).values}.get(key, '')
 
 
 @pytest.mark.parametrize('kind', OUTPUTS)
@@ -139,22 +127,19 @@ def test_the_simulated_robot_is_at_home_when_configured_again():
 def test_manipulation_reports_its_loop_and_its_inputs():
     with world(manipulation()) as w:
         w.until(lambda: w.report('manipulation').level == DiagnosticStatus.OK)
-        assert value(w, 'manipulation', 'age of joint states [s]') == 'none received'
+        assert w.detail('age of joint states [s]') == 'none received'
 
         def moving():
-            return (
-                value(w, 'manipulation', 'status') == 'OK'
-                and int(value(w, 'manipulation', 'cycles')) > 10
-            )
+            return w.detail('status') == 'OK' and int(w.detail('cycles')) > 10
 
         w.until(moving, w.probe.send_all)
         assert w.report('manipulation').hardware_id == ROBOT.name
-        assert value(w, 'manipulation', 'emergency stop') == 'no'
+        assert w.detail('emergency stop') == 'no'
         for name in ('twist', 'joint states', 'object pose'):
-            assert float(value(w, 'manipulation', f'age of {name} [s]')) < 0.2
-        median = float(value(w, 'manipulation', 'cycle time, median [s]'))
-        assert 0.0 < median <= float(value(w, 'manipulation', 'cycle time, longest [s]'))
-        assert int(value(w, 'manipulation', 'overruns')) >= 0
+            assert float(w.detail(f'age of {name} [s]')) < 0.2
+        median = float(w.detail('cycle time, median [s]'))
+        assert 0.0 < median <= float(w.detail('cycle time, longest [s]'))
+        assert int(w.detail('overruns')) >= 0
         bad = JointState(name=['nobody'], position=[0.0])
         w.until(
             lambda: w.report('manipulation').level == DiagnosticStatus.ERROR,
@@ -190,7 +175,7 @@ def test_the_analysis_reports_what_it_lacks():
 
         w.until_code(GraspState.OK, send, 'state')
         w.until(lambda: w.report('grasp_analysis').level == DiagnosticStatus.OK, send)
-        w.until(lambda: int(value(w, 'grasp_analysis', 'cycles')) > 10, send)
+        w.until(lambda: int(w.detail('cycles', 'grasp_analysis')) > 10, send)
 
 
 def test_the_simulator_reports_that_it_is_active():

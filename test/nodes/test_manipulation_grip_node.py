@@ -9,15 +9,13 @@
 
 """The manipulation node with objects and grips of any members, its inputs faked."""
 
-import math
-
 from boxes import ANGLE, BOX, box_between, SIDES
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import stamp_header, to_pose_message
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
-from manual_world import check_refused, world
+from manual_world import world
 import numpy as np
 from probe import overrides
 import pytest
@@ -93,15 +91,3 @@ def test_squeezes_the_box_in_the_elastic_plant_and_turns_it():
             lambda: w.probe.send_twist((0.0, 0.0, 0.1)),
         )
         assert plant._elastic.grasp.squeeze == pytest.approx(22.0, abs=1.0)
-
-
-@pytest.mark.parametrize(
-    ('values', 'words'),
-    [
-        ({'object': '{shape: star}'}, 'must be one of'),
-        ({'grip': ['nobody', 'south/P-Q']}, 'no such member'),
-        ({'friction': math.nan}, 'range'),
-    ],
-)
-def test_what_is_no_object_or_no_grip_is_refused_at_start(values, words):
-    check_refused(node(**values), words)

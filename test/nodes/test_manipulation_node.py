@@ -10,35 +10,24 @@
 """The manipulation node, under an executor in this process, with the rest of the world faked."""
 
 import math
+from pathlib import Path
 import re
 
-from geometry_msgs.msg import Pose, PoseStamped, Quaternion, TwistStamped
-from isotruss_msgs.msg import ManipulationStatus
+from geometry_msgs.msg import Pose, PoseStamped, Quaternion
 from isotruss_ros.core import Status, tangent_center, TwistServo
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components import servo_settings
 from isotruss_ros.nodes.conversions.messages import read_stamp, stamp_header
-from isotruss_ros.nodes.manipulation import Manipulation
-from manual_world import check_refused, world
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import world
 import numpy as np
-from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT, stamped, UP
+from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT, UP
+from probe import manipulation as node
 import pytest
 from rclpy.parameter import Parameter
 
 NAMES = list(ROBOT.roller_names)
 TIMEOUT = 0.2
-
-
-def node(**values):
-    """Return a manipulation node with parameters; the joint states here are made up."""
-    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
-
-
-def test_codes_are_those_of_the_message():
-    for status in Status:
-        assert getattr(ManipulationStatus, status.name) == int(status)
-    constants = [n for n in dir(ManipulationStatus) if n.isupper() and n != 'SLOT_TYPES']
-    assert sorted(constants) == sorted(status.name for status in Status)
 
 
 def test_moves_the_object_as_commanded():
@@ -115,78 +104,6 @@ def test_halts_within_the_timeout_of_the_last_input_and_resumes(silent, code):
         w.until_code(Status.OK, w.probe.send_all)
 
 
-def test_halts_on_a_twist_that_is_rejected():
-    with world(node()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
-
-        def send():
-            w.probe.send_joints()
-            w.probe.send_pose()
-            w.probe.send_twist((math.nan, 0.0, 0.0))
-
-        status = w.until_code(Status.HALT_INVALID_TWIST, send)
-        assert 'finite' in status.message
-        assert not w.command().any()
-        w.until_code(Status.OK, w.probe.send_all)
-
-
-@pytest.mark.parametrize(
-    ('changes', 'code', 'words'),
-    [
-        ({'position': [math.nan] + [0.0] * (N - 1)}, Status.HALT_INVALID_JOINT_STATES, 'finite'),
-        ({'age': 1.0}, Status.HALT_STALE_JOINT_STATES, 'old'),
-        ({'age': -1.0}, Status.HALT_INVALID_JOINT_STATES, 'future'),
-        ({'position': [9.0] + [0.0] * (N - 1)}, Status.HALT_KINEMATICS, 'long'),
-    ],
-)
-def test_halts_on_invalid_joint_states(changes, code, words):
-    with world(node()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
-
-        def send():
-            w.probe.send_joints(**changes)
-            w.probe.send_pose()
-            w.probe.send_twist()
-
-        status = w.until_code(code, send)
-        assert words in status.message
-        assert not w.command().any()
-        w.until_code(Status.OK, w.probe.send_all)
-
-
-def test_picks_the_rollers_out_of_any_order_and_company():
-    travel = np.linspace(-0.02, 0.02, N)
-    order = np.random.default_rng(1).permutation(N)
-    with world(node()) as w:
-
-        def send(**changes):
-            w.probe.send_pose()
-            w.probe.send_twist()
-            w.probe.send_joints(**changes)
-
-        w.until_code(Status.OK, lambda: send(position=travel.tolist()))
-        w.spin(0.1, lambda: send(position=travel.tolist()))
-        straight = w.command()
-        shuffled = {
-            'name': ['gripper', *(NAMES[i] for i in order)],
-            'position': [math.nan, *travel[order].tolist()],
-        }
-        w.spin(0.3, lambda: send(**shuffled))
-        assert w.code() == Status.OK
-        assert w.command() == pytest.approx(straight, abs=1e-4)
-
-
-def test_speeds_that_are_not_measured_are_no_reason_to_stop():
-    with world(node()) as w:
-
-        def send():
-            w.probe.send_pose()
-            w.probe.send_twist()
-            w.probe.send_joints(velocity=[math.nan] * N)
-
-        w.until_code(Status.OK, send)
-
-
 def pose_with(**changes):
     """Return a pose at the grip, changed."""
     pose = Pose(orientation=Quaternion(w=1.0))
@@ -195,32 +112,6 @@ def pose_with(**changes):
         part, field = name.split('_')
         setattr(getattr(pose, part), field, value)
     return pose
-
-
-@pytest.mark.parametrize(
-    ('frame', 'age', 'changes', 'code', 'words'),
-    [
-        ('truss', 0.0, {'position_x': math.nan}, Status.HALT_INVALID_OBJECT_POSE, 'finite'),
-        ('truss', 0.5, {}, Status.HALT_STALE_OBJECT_POSE, 'old'),
-        ('truss', -0.5, {}, Status.HALT_INVALID_OBJECT_POSE, 'future'),
-        ('truss', 0.0, {'position_x': 3.0}, Status.HALT_NO_GRASP, 'does not touch'),
-    ],
-)
-def test_halts_on_an_invalid_object_pose(frame, age, changes, code, words):
-    with world(node()) as w:
-        w.until_code(Status.OK, w.probe.send_all)
-
-        def send():
-            w.probe.send_joints()
-            w.probe.send_twist()
-            message = PoseStamped(pose=pose_with(**changes))
-            stamp_header(message.header, w.probe.past(age), frame)
-            w.probe.object_poses.publish(message)
-
-        status = w.until_code(code, send)
-        assert words in status.message
-        assert not w.command().any()
-        w.until_code(Status.OK, w.probe.send_all)
 
 
 @pytest.mark.parametrize('module', ['south/X', 'east/Y', 'north/R', 'north/P'])
@@ -243,18 +134,6 @@ def test_halts_where_another_module_than_the_grip_holds_the_object(module):
         changed = w.nodes[1].set_parameters([Parameter('grip_module', value=module)])
         assert changed[0].successful
         w.until(lambda: w.command().any(), send)
-
-
-def test_an_unstamped_joint_state_is_stale():
-    with world(node()) as w:
-
-        def send():
-            w.probe.send_pose()
-            w.probe.send_twist()
-            w.probe.send_joints(age=w.probe.get_clock().now().nanoseconds * 1e-9)
-
-        w.until_code(Status.HALT_STALE_JOINT_STATES, send)
-        assert not w.command().any()
 
 
 def test_goes_on_from_where_the_robot_is_now():
@@ -303,24 +182,6 @@ def test_carries_out_the_closest_reachable_twist():
         status = w.until_code(Status.UNREACHABLE, send)
         assert 'closest' in status.message
         assert np.isfinite(w.command()).all()
-
-
-def test_subscribes_to_stamped_twists_on_request():
-    with world(node(use_stamped_twist=True), twist_type=TwistStamped) as w:
-
-        def send(age=0.0, frame=''):
-            w.probe.send_joints()
-            w.probe.send_pose()
-            w.probe.twists.publish(stamped(UP, w.probe.past(age), frame))
-
-        w.until_code(Status.OK, send)
-        w.until_code(Status.HALT_NO_TWIST, lambda: send(age=1.0))
-        w.until_code(Status.OK, lambda: send(frame='truss'))
-        status = w.until_code(Status.HALT_INVALID_TWIST, lambda: send(frame='base_link'))
-        assert "must be in 'truss'" in status.message
-        w.until_code(Status.OK, send)
-        w.until_code(Status.HALT_INVALID_TWIST, lambda: send(age=-1.0))
-        assert not w.command().any()
 
 
 def test_parameters_change_at_run_time_or_are_rejected_with_the_reason():
@@ -380,47 +241,6 @@ def test_an_unknown_parameter_is_warned_of(capfd):
     assert 'parameter gripmodule: unknown, and not used' in capfd.readouterr().err
 
 
-def test_parameters_are_described():
-    with world(node()) as w:
-        names = ['robot', 'object_diameter', 'grip_module', 'rate', 'command_timeout']
-        for descriptor in w.nodes[1].describe_parameters([*names, 'use_stamped_twist']):
-            assert descriptor.description
-            if descriptor.type == Parameter.Type.DOUBLE.value:
-                assert len(descriptor.floating_point_range) == 1
-
-
-@pytest.mark.parametrize(
-    ('values', 'words'),
-    [
-        ({'robot': 'nobody'}, 'no such preset'),
-        ({'grip_module': 'north/Nobody'}, 'must be one of'),
-        ({'rate': 0.0}, 'range'),
-        ({'rate': 'fast'}, 'rate'),
-        ({'object_diameter': -0.1}, 'range'),
-        ({'command_timeout': math.nan}, 'range'),
-    ],
-)
-def test_bad_parameters_are_refused_at_start(values, words):
-    check_refused(lambda: Manipulation(overrides(**values)), words)
-
-
-def test_a_value_out_of_range_is_named_once():
-    words = '^parameter object_diameter: -1.0: out of range; must be from 0.001 to 100$'
-    check_refused(node(object_diameter=-1.0), words)
-
-
-def test_topic_names_are_relative():
-    with world(node()) as w:
-        for topic in (
-            'roller_velocity_controller/commands',
-            'manipulation/status',
-            'cmd_vel',
-            'object_pose',
-            'joint_states',
-        ):
-            assert w.nodes[1].resolve_topic_name(topic) == f'/{topic}'
-
-
 def test_stop_leaves_the_rollers_at_zero():
     with world(node()) as w:
         w.until_code(Status.OK, w.probe.send_all)
@@ -429,3 +249,23 @@ def test_stop_leaves_the_rollers_at_zero():
         w.deliver()
         assert len(w.probe.seen['command']) == 1
         assert not w.command().any()
+
+
+def test_a_robot_file_of_ones_own_and_its_frame_are_used(tmp_path):
+    preset = Path(ROBOT.description.source).with_name('triangle.yaml')
+    mine = tmp_path / 'mine.yaml'
+    mine.write_text(preset.read_text().replace('frame: truss', 'frame: lab'))
+    parameters = {'robot': str(mine), 'grip_module': 'main/T', 'command_timeout': 1.0}
+    with world(lambda: Simulator(overrides(**parameters)), node(**parameters)) as w:
+        status = w.until_code(Status.IDLE, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        assert status.header.frame_id == w.probe.last('pose').header.frame_id == 'lab'
+
+
+def test_the_mass_of_the_object_is_that_of_the_parameter_or_of_its_description():
+    described = '{shape: disc, diameter: 0.3, mass: 0.8}'
+    with world(node(object=described, squeeze_force=20.0, object_mass=1.5)) as w:
+        manipulation = w.nodes[1]
+        for mass in (1.5, None):
+            assert manipulation._servo.object_mass == mass
+            assert manipulation._servo.body.mass == 0.8
+            manipulation.set_parameters(overrides(object_mass=0.0))

@@ -186,8 +186,3 @@ def test_without_mujoco_it_is_refused_in_one_sentence(monkeypatch):
     monkeypatch.delitem(sys.modules, 'mujoco', raising=False)
     check_refused(node(), "pip install 'mujoco>=3.11,<4' in the environment")
     engine.load_mujoco.cache_clear()
-
-
-def test_unusable_values_are_refused():
-    check_refused(node(plant='bullet'), 'kinematic, elastic or mujoco')
-    check_refused(node(object_mass=0.0), 'object_mass')

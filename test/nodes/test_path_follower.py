@@ -11,13 +11,13 @@
 
 import itertools
 import math
+import re
 
 from action_msgs.msg import GoalInfo, GoalStatus
 from geometry_msgs.msg import PoseStamped, Quaternion, Twist, TwistStamped
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose, Status
-from isotruss_ros.core.control.path_servo import Outcome
 from isotruss_ros.nodes.conversions.messages import (
     read_angle,
     read_stamp,
@@ -28,7 +28,7 @@ from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.path_follower import PathFollower
 from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
-from manual_world import check_refused, Manager, world
+from manual_world import Manager, world
 from nav_msgs.msg import Path
 import numpy as np
 from probe import CENTER, overrides
@@ -115,18 +115,6 @@ def object_at(w):
     """Return where the object is."""
     pose = w.probe.last('pose').pose
     return np.array([pose.position.x, pose.position.y, read_angle(pose)])
-
-
-def test_codes_are_those_of_the_action():
-    for outcome in Outcome:
-        assert getattr(Result, outcome.name) == int(outcome)
-    constants = [name for name in dir(Result) if name.isupper() and name != 'SLOT_TYPES']
-    assert sorted(constants) == sorted(outcome.name for outcome in Outcome)
-
-
-def test_diagnostics_name_the_robot():
-    with world(node()) as w:
-        w.until(lambda: w.report('path_follower').hardware_id == 'nine_member')
 
 
 def test_carries_the_object_to_the_end_of_the_path():
@@ -287,6 +275,15 @@ def fake(w, code=Status.OK, scale=1.0, center=CENTER, ages=(0.0, 0.0)):
     return send
 
 
+def begin(w, each, asked=None):
+    """Return a client and the handle of a goal that moves the object, with what is published."""
+    client = Client(w)
+    w.spin(0.2, each)
+    handle = client.send(asked or goal(UP, begin=PROBED), each)
+    w.until(client.moves, each)
+    return client, handle
+
+
 def test_bad_goals_are_aborted_with_the_reason_and_move_nothing():
     with world(node()) as w:
         client = Client(w)
@@ -344,11 +341,8 @@ def test_does_not_move_without_manipulation():
 )
 def test_waits_while_manipulation_halts_and_aborts_after_the_timeout(code, scale):
     with world(node(progress_timeout=2.0)) as w:
-        client = Client(w)
         fine, halted = fake(w), fake(w, code, scale)
-        w.spin(0.2, fine)
-        handle = client.send(goal(UP, begin=PROBED), fine)
-        w.until(client.moves, fine)
+        client, handle = begin(w, fine)
         w.until(lambda: not client.moves(), halted)
         w.until(client.moves, fine)  # goes on by itself
         w.until(lambda: not client.moves(), halted)
@@ -359,43 +353,26 @@ def test_waits_while_manipulation_halts_and_aborts_after_the_timeout(code, scale
         assert not client.moves()
 
 
-@pytest.mark.parametrize('ages', [(9.0, 0.0), (-9.0, 0.0)])
-def test_aborts_on_a_pose_of_another_time(ages):
-    with world(node()) as w:
-        client = Client(w)
-        fine, late = fake(w), fake(w, ages=ages)
-        w.spin(0.2, fine)
-        handle = client.send(goal(UP, begin=PROBED), fine)
-        w.until(client.moves, fine)
-        status, result = client.result(handle, late)
-        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
-        assert result.message.startswith('object pose: ')
-        assert not client.moves()
+#: What is published once the object moves, how the goal ends by it, and words of the result.
+ENDS = {
+    'old': ({'ages': (9.0, 0.0)}, Result.STOPPED, '^object pose: .* must be at most 1.0 s'),
+    'from ahead': ({'ages': (-9.0, 0.0)}, Result.STOPPED, '^object pose: .* in the future'),
+    'silent': (None, Result.STOPPED, '^object pose: .* must be at most 1.0 s'),
+    'off the path': ({'center': (CENTER[0] + 0.02, CENTER[1])}, Result.OFF_PATH, ''),
+}
 
 
-def test_aborts_when_the_pose_is_stale():
+@pytest.mark.parametrize('case', ENDS)
+def test_a_pose_that_is_late_or_off_the_path_ends_the_motion(case):
+    published, code, words = ENDS[case]
     with world(node(command_timeout=1.0)) as w:
-        client = Client(w)
-        tell = fake(w)
-        w.spin(0.2, tell)
-        handle = client.send(goal(UP, begin=PROBED), tell)
-        w.until(client.moves, tell)
-        status, result = client.result(handle)
-        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
-        assert 'must be at most 1.0 s' in result.message
-        assert not client.moves()
-
-
-def test_aborts_when_the_object_is_off_the_path():
-    with world(node()) as w:
-        client = Client(w)
-        fine, away = fake(w), fake(w, center=(CENTER[0] + 0.02, CENTER[1]))
-        w.spin(0.2, fine)
-        handle = client.send(goal(UP, begin=PROBED), fine)
-        w.until(client.moves, fine)
-        status, result = client.result(handle, away)
-        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.OFF_PATH)
-        assert result.max_position_error == pytest.approx(0.02, abs=0.011)
+        client, handle = begin(w, fake(w))
+        each = (lambda: None) if published is None else fake(w, **published)
+        status, result = client.result(handle, each)
+        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, code)
+        assert re.search(words, result.message)
+        if code == Result.OFF_PATH:
+            assert result.max_position_error == pytest.approx(0.02, abs=0.011)
         assert not client.moves()
 
 
@@ -413,11 +390,8 @@ def test_aborts_on_an_object_that_does_not_follow_with_bounded_twists():
 
 def test_an_inactive_node_accepts_no_goals_and_ends_the_active_one():
     with world(node()) as w:
-        client, manager = Client(w), Manager(w, 'path_follower')
-        tell = fake(w)
-        w.spin(0.2, tell)
-        handle = client.send(goal(UP, begin=PROBED), tell)
-        w.until(client.moves, tell)
+        manager, tell = Manager(w, 'path_follower'), fake(w)
+        client, handle = begin(w, tell)
         assert manager.ask(Transition.TRANSITION_DEACTIVATE)
         status, result = client.result(handle)
         assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
@@ -436,25 +410,13 @@ def test_an_inactive_node_accepts_no_goals_and_ends_the_active_one():
 
 def test_can_be_configured_again():
     with world(node()) as w:
-        client, manager = Client(w), Manager(w, 'path_follower')
-        tell = fake(w)
         for _ in range(2):
-            for transition in (
-                Transition.TRANSITION_DEACTIVATE,
-                Transition.TRANSITION_CLEANUP,
-                Transition.TRANSITION_CONFIGURE,
-                Transition.TRANSITION_ACTIVATE,
-            ):
-                assert manager.ask(transition)
-        w.spin(0.3, tell)
-        handle = client.send(goal(UP, begin=PROBED), tell)
-        assert handle.accepted
-        w.until(client.moves, tell)
+            Manager(w, 'path_follower').restart()
+        assert begin(w, fake(w))[1].accepted
 
 
 def test_aborts_when_simulated_time_stops_or_jumps_back():
     with world(node(use_sim_time=True, command_timeout=1.0), sim_time=True) as w:
-        client = Client(w)
         tell = fake(w)
         times = itertools.count(100.0, 0.01)
 
@@ -462,17 +424,13 @@ def test_aborts_when_simulated_time_stops_or_jumps_back():
             w.probe.tick(next(times))
             tell()
 
-        w.spin(0.3, run)
-        handle = client.send(goal(UP, begin=PROBED), run)
-        w.until(client.moves, run)
+        client, handle = begin(w, run)
         status, result = client.result(handle, tell)
         assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
         assert 'time stopped' in result.message
         assert not client.moves()
 
-        w.spin(0.3, run)
-        handle = client.send(goal(UP, begin=PROBED), run)
-        w.until(client.moves, run)
+        client, handle = begin(w, run)
         times = itertools.count(50.0, 0.01)
         w.until(lambda: not client.moves(), lambda: w.probe.tick(next(times)))
         status, result = client.result(handle, lambda: w.probe.tick(next(times)))
@@ -518,28 +476,11 @@ def test_a_result_is_stamped_with_its_end():
 
 def test_diagnostics_report_the_state():
     with world(node()) as w:
-        client = Client(w)
         tell = fake(w)
-        w.spin(0.2, tell)
+        w.until(lambda: w.report('path_follower').hardware_id == 'nine_member', tell)
         assert w.nodes[1].details()['following'] is False
-        client.send(goal(UP, begin=PROBED), tell)
-        w.until(client.moves, tell)
+        begin(w, tell)
         details = w.nodes[1].details()
         assert details['following'] is True
         assert details['phase'] == 'FOLLOWING'
         w.until(lambda: w.report('path_follower').message == 'following', tell)
-
-
-@pytest.mark.parametrize(
-    ('values', 'words'),
-    [
-        ({'robot': '/nowhere.yaml'}, 'no such file'),
-        ({'rate': 1.0}, 'range'),
-        ({'position_gain': -1.0}, 'range'),
-        ({'angle_gain': math.nan}, 'range'),
-        ({'ramp_time': 0.0}, 'range'),
-        ({'progress_timeout': 0.0}, 'range'),
-    ],
-)
-def test_bad_parameters_are_refused_at_start(values, words):
-    check_refused(node(**values), words)

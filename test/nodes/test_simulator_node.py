@@ -20,7 +20,7 @@ from isotruss_ros.core import (
 from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
-from manual_world import check_refused, world
+from manual_world import world
 import numpy as np
 from probe import CENTER, DIAMETER, MODULE, N, overrides, ROBOT
 import pytest
@@ -95,13 +95,13 @@ def test_travel_is_the_integral_of_the_commands():
 
 
 def test_a_command_that_is_not_renewed_ends():
-    timeout = 0.15
+    timeout = 0.153  # between two cycles
     with world(node(command_timeout=timeout)) as w:
         w.until(lambda: travel(w)[0] > 0.0, send(w, only(0)))
         sent = [t for t, message in w.probe.seen['command'] if any(message.data)]
         w.until(lambda: w.probe.last('joints').velocity[0] == 0.0)
         stopped = travel(w)[0]
-        assert stopped <= SPEED * (timeout + sent[-1] - sent[0] + 0.05)
+        assert stopped == pytest.approx(SPEED * (timeout + sent[-1] - sent[0]), abs=1e-7)
         w.spin(0.1)
         assert travel(w)[0] == stopped
 
@@ -168,24 +168,6 @@ def test_blocks_at_impossible_configurations_and_continues():
         blocked = travel(w)
         assert ROBOT.configuration(blocked).member_lengths.min() > 0.0
         w.until(lambda: np.abs(travel(w) - blocked).max() > 1e-3, send(w, -0.05 * push))
-
-
-@pytest.mark.parametrize(
-    ('values', 'words'),
-    [
-        ({'robot': '/nowhere.yaml'}, 'no such file'),
-        ({'grip_module': 'nobody'}, 'must be one of'),
-        ({'object_diameter': 50.0}, 'does not fit'),
-        ({'stuck_roller': 'north/P'}, 'no such rollers'),
-        ({'roller_noise': -1.0}, 'range'),
-        ({'speed_limit': math.nan}, 'range'),
-        ({'seed': -1}, 'negative'),
-        ({'indentation': -0.01}, 'range'),
-        ({'rate': 1e9}, 'range'),
-    ],
-)
-def test_bad_parameters_are_refused_at_start(values, words):
-    check_refused(lambda: Simulator(overrides(**values)), words)
 
 
 def test_both_nodes_move_the_object_by_the_integral_of_the_twists():

@@ -16,7 +16,7 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Disc, place_between, solve_twist
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.simulator import Simulator
-from manual_world import check_refused, world
+from manual_world import world
 from matches import follow
 from mujoco_worlds import needs_mujoco
 import numpy as np
@@ -128,19 +128,3 @@ def test_mujoco_holds_the_box_where_friction_does(friction, held):
         assert (math.hypot(*(place(w) - start)[:2]) < 0.03) == held
         _, simulator = w.nodes
         assert (set(simulator._driven.grasping_members) == set(SIDES)) == held
-
-
-@pytest.mark.parametrize(
-    ('values', 'words'),
-    [
-        ({'object': '{shape: polygon}'}, 'vertices'),
-        ({'object': '/nowhere.yaml'}, 'nowhere'),
-        ({'grip': ['south/P-Q', 'nobody']}, 'no such member; must be of'),
-        ({'grip': ['south/P-Q']}, '2 or 3 different'),
-        ({'grip': ['south/P-Q', 'south/P-Q']}, '2 or 3 different'),
-        ({'grip': ['south/P-Q', 'east/R-Y']}, 'fits nowhere'),
-        ({'object_angle': math.nan}, 'range'),
-    ],
-)
-def test_what_is_no_object_or_no_grip_is_refused_at_start(values, words):
-    check_refused(node(**values), words)

@@ -25,7 +25,7 @@ from std_msgs.msg import Bool
 from trajectories import AWAY, HOME, TOPIC, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
-TIMEOUT = 5.0
+TIMEOUT = 2.0
 Result = FollowRollerTrajectory.Result
 
 

@@ -21,7 +21,7 @@ from isotruss_ros.nodes.conversions.trajectory_messages import MAX_POINTS
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from lifecycle_msgs.msg import Transition
-from manual_world import check_refused, Manager, world
+from manual_world import Manager, world
 from matches import follow
 import numpy as np
 from probe import N, overrides, ROBOT
@@ -29,7 +29,6 @@ import pytest
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
 from trajectories import AWAY, HOME, lasting, NAMES, TOPIC, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
@@ -50,11 +49,6 @@ def node(**values):
 def simulator(**values):
     """Return what makes a simulator."""
     return lambda: Simulator(overrides(**({'command_timeout': TIMEOUT} | values)))
-
-
-def release(w):
-    """Release the emergency stop of the node; return the response."""
-    return w.call('release_emergency_stop', Trigger.Request())
 
 
 class Rollers:
@@ -271,7 +265,7 @@ def test_an_emergency_stop_ends_the_trajectory_and_rejects_new_ones():
             rollers.until(lambda words=still: f'{STOPPED}; {words}' in rollers.said())
             rollers.spin(0.1)
             assert not rollers.commands().any()
-            assert release(w).success is not said
+            assert w.release_stop().success is not said
         assert w.nodes[1].details()['emergency stop'] == 'no'
         rollers.spin(0.1)
         assert not rollers.commands().any()  # nothing goes on by itself
@@ -321,7 +315,7 @@ def test_deactivation_stops_the_rollers():
             rollers.until(lambda: w.nodes[1]._stop.reason is not None)
             w.probe.stops.publish(Bool(data=False))
             rollers.until(lambda: 'message is false' in w.nodes[1]._stop.reason)
-            assert release(w).success
+            assert w.release_stop().success
             assert manager.ask(Transition.TRANSITION_CONFIGURE)
             assert manager.ask(Transition.TRANSITION_ACTIVATE)
             rollers.spin(0.1)
@@ -516,24 +510,3 @@ def test_diagnostics_report_the_state():
         rollers.send(bent(positions=[]))
         rollers.until_still()
         assert w.report('manipulation').level == DiagnosticStatus.ERROR
-
-
-@pytest.mark.parametrize(
-    ('values', 'words'),
-    [
-        ({'robot': '/nowhere.yaml'}, 'no such file'),
-        ({'rate': 1.0}, 'range'),
-        ({'rate': math.nan}, 'range'),
-        ({'command_timeout': 0.0}, 'range'),
-    ],
-)
-def test_bad_parameters_are_refused_at_start(values, words):
-    check_refused(node(**values), words)
-
-
-@pytest.mark.parametrize(
-    'values',
-    [{'object_x': math.inf}, {'object_y': -1e4}, {'friction': -0.1}, {'friction': math.nan}],
-)
-def test_invalid_free_objects_are_rejected(values):
-    check_refused(simulator(object_is_free=True, **values), 'range')

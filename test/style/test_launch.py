@@ -72,19 +72,40 @@ def stand_in(monkeypatch):
     sys.modules.pop('isotruss_ros.nodes.components.launching', None)
 
 
+@pytest.fixture(params=sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
+def path(request):
+    """Return each launch file."""
+    return request.param
+
+
+@pytest.fixture
+def said(path, stand_in):
+    """Return what a launch file defines."""
+    return runpy.run_path(str(path))
+
+
+@pytest.fixture
+def entities(said):
+    """Return what it describes."""
+    (found,) = said['generate_launch_description']().args
+    return found
+
+
+@pytest.fixture
+def nodes(entities):
+    """Return the nodes that it starts."""
+    return [e for e in entities if e.kind == 'Node']
+
+
 def specs_of(executable):
     """Return the parameters that a node declares, by name."""
     module = importlib.import_module(f'isotruss_ros.nodes.{executable}')
     return {spec.name: spec for spec in (*module.SPECS, AUTOSTART)}
 
 
-@pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
-def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, stand_in):
-    said = runpy.run_path(str(path))
+def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, said, entities, nodes):
     defaults = {spec.name: value for spec, value in said.get('DEFAULTS', {}).items()}
-    (entities,) = said['generate_launch_description']().args
     arguments = {e.args[0]: e for e in entities if e.kind == 'DeclareLaunchArgument'}
-    nodes = [e for e in entities if e.kind == 'Node']
     assert len(nodes) >= 4
     used = {'namespace', 'parameters', *OPTIONAL}
     for node in nodes:
@@ -113,11 +134,9 @@ def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, stand_in)
     assert missing == (real if path.name.startswith('manipulation') else set())
 
 
-@pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
-def test_nodes_that_are_optional_have_an_argument_of_their_name(path, stand_in):
-    (entities,) = runpy.run_path(str(path))['generate_launch_description']().args
+def test_nodes_that_are_optional_have_an_argument_of_their_name(entities, nodes):
     switches = {e.args[0]: e for e in entities if e.kind == 'DeclareLaunchArgument'}
-    for node in (e for e in entities if e.kind == 'Node'):
+    for node in nodes:
         if node.executable not in OPTIONAL:
             assert node.condition is None
             continue
@@ -130,25 +149,18 @@ def test_nodes_that_are_optional_have_an_argument_of_their_name(path, stand_in):
         assert node.parameters[1].keys() <= declared
 
 
-@pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
-def test_all_nodes_shut_down_when_one_ends(path, stand_in):
-    (entities,) = runpy.run_path(str(path))['generate_launch_description']().args
-    nodes = [e for e in entities if e.kind == 'Node']
+def test_all_nodes_shut_down_when_one_ends(nodes):
     assert [node.on_exit.kind for node in nodes] == ['Shutdown'] * len(nodes)
     assert [node.on_exit.reason for node in nodes] == [f'{n.executable} ended' for n in nodes]
 
 
-def test_every_parameter_of_the_simulator_is_an_argument(stand_in):
-    (entities,) = runpy.run_path(str(FOLDER / 'simulation.launch.py'))[
-        'generate_launch_description'
-    ]().args
-    (node,) = (e for e in entities if e.kind == 'Node' and e.executable == 'simulator')
-    assert node.parameters[1].keys() == specs_of('simulator').keys() | {'use_sim_time'}
+def test_every_parameter_of_the_simulator_is_an_argument(path, nodes):
+    for node in nodes:
+        if node.executable == 'simulator':
+            assert node.parameters[1].keys() == specs_of('simulator').keys() | {'use_sim_time'}
 
 
-@pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
-def test_an_unknown_argument_is_named(path, stand_in):
-    (entities,) = runpy.run_path(str(path))['generate_launch_description']().args
+def test_an_unknown_argument_is_named(path, entities):
     (check,) = (e for e in entities if e.kind == 'OpaqueFunction')
     given = SimpleNamespace(
         argv=['robot:=triangle', 'namespace:=left', 'object_lies_free:=true'],
@@ -158,9 +170,7 @@ def test_an_unknown_argument_is_named(path, stand_in):
     assert 'object_lies_free: unknown' in warning.msg
 
 
-@pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
-def test_a_file_of_parameters_that_is_not_there_ends_the_launch(path, stand_in):
-    (entities,) = runpy.run_path(str(path))['generate_launch_description']().args
+def test_a_file_of_parameters_that_is_not_there_ends_the_launch(entities):
     kinds = [e.kind for e in entities]
     check = entities[kinds.index('OpaqueFunction')]
     assert kinds.index('OpaqueFunction') < kinds.index('Node')
@@ -191,20 +201,17 @@ def test_the_simulation_starts_with_an_object_that_is_held(robot, stand_in):
     importlib.util.find_spec('launch') is None or importlib.util.find_spec('launch_ros') is None,
     reason='launch and launch_ros come with a ROS 2 installation, there are no wheels of them',
 )
-@pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
 def test_launch_takes_the_files(path):
     description = runpy.run_path(str(path))['generate_launch_description']()
     assert len(description.entities) > 8
 
 
-@pytest.mark.parametrize('path', sorted(FOLDER.glob('*.launch.py')), ids=lambda path: path.name)
-def test_the_file_has_the_other_parameters_with_their_defaults(path, stand_in):
-    (entities,) = runpy.run_path(str(path))['generate_launch_description']().args
+def test_the_file_has_the_other_parameters_with_their_defaults(path, entities, nodes):
     (argument,) = (
         e for e in entities if e.kind == 'DeclareLaunchArgument' and 'parameters' in e.args
     )
     written = YAML(typ='safe').load(Path(argument.default_value))
-    for node in (e for e in entities if e.kind == 'Node'):
+    for node in nodes:
         specs = specs_of(node.executable)
         if node.executable == 'viewer':
             del specs['autostart']

@@ -22,7 +22,6 @@ import pytest
 import setuptools
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGE = ROOT / 'isotruss_ros'
 
 # Import name to rosdep key, where they differ (ROS packages are their own key).
 ROSDEP_KEYS = {
@@ -42,7 +41,6 @@ ROSDEP_KEYS = {
 }
 # No rosdep keys: what needs them is taken, and tested, where they are installed.
 ONLY_FROM_PYPI = {
-    'anastruct',
     'PyNiteFEA',
     'daqp',
     'distributed',
@@ -98,15 +96,7 @@ def imports(folder):
                 continue
             for name in found:
                 names.setdefault(name.split('.')[0], path)
-    foreign = (
-        names.keys()
-        - sys.stdlib_module_names
-        - {
-            'comparison',
-            'isotruss_ros',
-            'paper',
-        }
-    )
+    foreign = names.keys() - sys.stdlib_module_names - {'comparison', 'isotruss_ros', 'paper'}
     return {name: names[name] for name in foreign}
 
 
@@ -152,23 +142,16 @@ def test_entry_points_are_mains(setup_arguments):
         assert callable(importlib.import_module(f'isotruss_ros.nodes.{name}').main)
 
 
-def test_imports_of_the_package_are_declared(manifest):
-    declared = dependencies(manifest, 'depend', 'exec_depend')
-    for name, path in imports(PACKAGE).items():
-        if name in ONLY_FROM_PYPI:
+@pytest.mark.parametrize('folder', ['isotruss_ros', 'test'])
+def test_what_is_imported_is_declared(folder, manifest):
+    kinds = ['depend', 'exec_depend'] + ['test_depend'] * (folder == 'test')
+    declared = dependencies(manifest, *kinds)
+    own = (ROOT / 'test' / 'helpers', ROOT / 'docs' / '_ext')
+    for name, path in imports(ROOT / folder).items():
+        if name in ONLY_FROM_PYPI or any((each / f'{name}.py').exists() for each in own):
             continue
         key = ROSDEP_KEYS.get(name, name)
-        assert key in declared, f'{path} imports {name}: package.xml needs <exec_depend>{key}<'
-
-
-def test_imports_of_the_tests_are_declared(manifest):
-    declared = dependencies(manifest, 'depend', 'exec_depend', 'test_depend')
-    for name, path in imports(ROOT / 'test').items():
-        own = (ROOT / 'test' / 'helpers', ROOT / 'docs' / '_ext')
-        if name in ONLY_FROM_PYPI or any((folder / f'{name}.py').exists() for folder in own):
-            continue
-        key = ROSDEP_KEYS.get(name, name)
-        assert key in declared, f'{path} imports {name}: package.xml needs <test_depend>{key}<'
+        assert key in declared, f'{path} imports {name}: package.xml has to declare {key}'
 
 
 def test_what_pip_installs_rosdep_installs_too(manifest, setup_arguments):

@@ -13,10 +13,9 @@ from geometry_msgs.msg import Twist, TwistStamped, WrenchStamped
 from isotruss_ros.core import Status
 from isotruss_ros.demo.processes import NodeProcess
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
-from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 import numpy as np
-from probe import N, overrides, ROBOT, world
+from probe import manipulation, N, ROBOT, world
 import pytest
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -25,11 +24,6 @@ from std_msgs.msg import Bool, Float64MultiArray, String
 pytestmark = pytest.mark.system
 
 NAMES = list(ROBOT.roller_names)
-
-
-def manipulation(**values):
-    """Return what makes a manipulation node; the joint states here are made up."""
-    return lambda: Manipulation(overrides(**({'failure_time': 0.0} | values)))
 
 
 def test_bytes_that_are_no_message_are_dropped():

@@ -34,7 +34,7 @@ import pytest
 import robots
 
 HOME = load_robot('nine_member').home
-SEEDS = range(10)
+SEEDS = range(5)
 NEEDS = GraspRequirements()
 
 
@@ -70,7 +70,7 @@ def missing(way, config):
 
 def test_there_are_approaches_of_all_kinds():
     counts = [len(each(arrived)), len(each(lambda way: not arrived(way)))]
-    assert min(counts) >= 15
+    assert min(counts) >= 7
     missed = {way.unmet[0] for _, way in each(lambda way: not arrived(way))}
     assert {'reach', 'object_clearance'} <= missed
 

@@ -14,6 +14,7 @@ from isotruss_ros.core import Status
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.planning.foresee_path import foresee_path
 from mujoco_worlds import needs_mujoco
+from nightly import some_now
 import numpy as np
 import pytest
 
@@ -62,7 +63,7 @@ def test_a_path_beyond_the_reach_of_the_robot_ends_there():
 
 
 @needs_mujoco
-@pytest.mark.parametrize('turn', [0.3, -0.3])
+@pytest.mark.parametrize('turn', some_now([0.3, -0.3]))
 def test_what_is_foreseen_is_what_mujoco_carries(turn):
     """The servo stands where the model foresees that the margin ends, or arrives."""
     carry = Carry('brick')

@@ -48,7 +48,7 @@ def drive(robot, path, parts=10):
     ('body', 'count'),
     [
         (ConvexObject(BOX, (0.716, 0.5, 0.2)), 2),
-        (ConvexObject(Disc(0.6), (0.716, -0.4134, 0.2)), 3),
+        pytest.param(ConvexObject(Disc(0.6), (0.716, -0.4134, 0.2)), 3, marks=pytest.mark.nightly),
     ],
 )
 def test_what_was_picked_up_is_held_and_let_go_where_it_is(body, count):

@@ -24,6 +24,7 @@ from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
+from nightly import some_now
 import numpy as np
 import pytest
 import robots
@@ -78,7 +79,7 @@ def pushed(seed, slide=False):
     return Pushed(held, slide=slide), 0.2 * rng.standard_normal(3)
 
 
-@pytest.mark.parametrize('seed', [0, 9, 15])
+@pytest.mark.parametrize('seed', some_now([0, 9, 15]))
 def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed):
     robot, twist = pushed(seed)
     laws = [BarrierLaw(0.0, band) for band in (0.2, 0.1, 0.1)]
@@ -127,7 +128,7 @@ def test_weak_shapes_are_named_and_not_entered():
     pytest.fail('no shape was weak')
 
 
-@pytest.mark.parametrize('seed', range(4))
+@pytest.mark.parametrize('seed', some_now(range(4), 2))
 def test_leaving_is_always_allowed(seed):
     """From beyond all bounds at once the robot may move as long as nothing gets worse."""
     rng = np.random.default_rng(seed)
@@ -170,6 +171,7 @@ def test_any_robot_keeps_its_bounds_and_gets_no_further_beyond_them(robot, rng, 
         assert (walker.margins > least).all()
 
 
+@pytest.mark.nightly
 def test_sliding_gets_further_and_goes_on():
     gained = []
     for seed, count in ((9, 600), (18, 300)):
@@ -188,7 +190,9 @@ def test_sliding_gets_further_and_goes_on():
     assert max(gained) > 1.1
 
 
-@pytest.mark.parametrize(('seed', 'slide'), [(2, False), (9, False), (13, False), (20, True)])
+@pytest.mark.parametrize(
+    ('seed', 'slide'), some_now([(2, False), (20, True), (9, False), (13, False)], 2)
+)
 def test_rollers_do_not_swing_at_a_bound(seed, slide):
     """A twist that stays the same does not make rollers turn round from cycle to cycle."""
     robot, twist = pushed(seed, slide)
@@ -202,7 +206,7 @@ def test_rollers_do_not_swing_at_a_bound(seed, slide):
 
 
 @pytest.mark.parametrize('guarded', [True, False])
-@pytest.mark.parametrize('period', [0.1, 0.05, 0.02])
+@pytest.mark.parametrize('period', some_now([0.05, 0.1, 0.02]))
 @pytest.mark.parametrize(('seed', 'size'), [(12, 2.0), (13, 0.2)])
 def test_rollers_do_not_swing_in_slow_loops(seed, size, period, guarded):
     """A step at full speed goes further there than what is the best way of rolling changes in."""

@@ -7,7 +7,7 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""Every source file names its licence and who holds the copyright, as ament_copyright reads it."""
+"""What the linters of ament say, and the notice at the top of every source file."""
 
 from pathlib import Path
 
@@ -16,6 +16,23 @@ import pytest
 ROOT = Path(__file__).parents[2]
 NOTICE = Path(__file__).read_text(encoding='utf-8').split('\n\n')[0]
 BUILT = {'build', 'install', 'log', '_build'}
+SOURCES = ['isotruss_ros', 'test', 'setup.py']
+MISSING = 'needs it: use make test, or rosdep install'
+
+
+@pytest.mark.flake8
+@pytest.mark.linter
+def test_flake8():
+    flake8 = pytest.importorskip('ament_flake8.main', reason=MISSING)
+    rc, errors = flake8.main_with_errors(argv=SOURCES)
+    assert rc == 0, f'{len(errors)} style errors:\n' + '\n'.join(errors)
+
+
+@pytest.mark.linter
+@pytest.mark.pep257
+def test_pep257():
+    pep257 = pytest.importorskip('ament_pep257.main', reason=MISSING)
+    assert pep257.main(argv=SOURCES) == 0, 'docstrings that differ from PEP 257 are listed above'
 
 
 @pytest.mark.copyright

@@ -7,14 +7,17 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
+"""Cases of a long proof, some of which run with all tests and the others nightly."""
+
 import pytest
 
 
-@pytest.mark.linter
-@pytest.mark.pep257
-def test_pep257():
-    ament_pep257 = pytest.importorskip(
-        'ament_pep257.main', reason='needs ament_pep257: use make test, or rosdep install'
-    )
-    rc = ament_pep257.main(argv=['isotruss_ros', 'test', 'setup.py'])
-    assert rc == 0, 'docstrings that differ from PEP 257 are listed above'
+def some_now(cases, now=1):
+    """
+    Return the cases of a parametrised test.
+
+    :param now: how many of them, the first ones, run with all tests; the others run nightly.
+    """
+    rows = [case if isinstance(case, tuple) else (case,) for case in cases]
+    marks = [[]] * now + [pytest.mark.nightly] * (len(rows) - now)
+    return [pytest.param(*row, marks=mark) for row, mark in zip(rows, marks, strict=True)]

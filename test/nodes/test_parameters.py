@@ -1,0 +1,119 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Parameters and codes: what the nodes declare, and what they refuse at start."""
+
+import math
+
+from interfaces import node_classes
+from isotruss_msgs.action import FollowObjectPath, PlanGrasp
+from isotruss_msgs.msg import GraspState, ManipulationStatus
+from isotruss_ros.core import Status
+from isotruss_ros.core.control.grasp_report import GraspCode
+from isotruss_ros.core.control.path_servo import Outcome as PathOutcome
+from isotruss_ros.core.planning.searcher import Outcome as SearchOutcome
+from manual_world import check_refused, world
+from probe import overrides
+import pytest
+from rclpy.parameter import Parameter
+
+CODES = {
+    ManipulationStatus: Status,
+    GraspState: GraspCode,
+    FollowObjectPath.Result: PathOutcome,
+    PlanGrasp.Result: SearchOutcome,
+}
+
+
+@pytest.mark.parametrize('message', CODES, ids=lambda kind: kind.__name__)
+def test_codes_are_those_of_the_message(message):
+    codes = {code.name: int(code) for code in CODES[message]}
+    constants = {n: getattr(message, n) for n in dir(message) if n.isupper() and n != 'SLOT_TYPES'}
+    assert constants == codes
+
+
+@pytest.mark.parametrize('name', sorted(node_classes()))
+def test_every_parameter_is_described_and_every_number_has_a_range(name):
+    with world(node_classes()[name]) as w:
+        node = w.nodes[1]
+        own = [
+            n for n in node.get_parameters_by_prefix('') if not n.startswith(('use_', 'start_'))
+        ]
+        for descriptor in node.describe_parameters(own):
+            assert descriptor.description, descriptor.name
+            if descriptor.type == Parameter.Type.DOUBLE.value:
+                assert len(descriptor.floating_point_range) == 1, descriptor.name
+
+
+REFUSED = [
+    ('manipulation', {'robot': 'nobody'}, 'no such preset'),
+    ('manipulation', {'robot': '/nowhere.yaml'}, 'no such file'),
+    ('manipulation', {'grip_module': 'north/Nobody'}, 'must be one of'),
+    ('manipulation', {'grip': ['nobody', 'south/P-Q']}, 'no such member'),
+    ('manipulation', {'object': '{shape: star}'}, 'must be one of'),
+    ('manipulation', {'failed_rollers': ['nobody']}, 'no such roller'),
+    ('manipulation', {'rate': 'fast'}, 'rate'),
+    ('manipulation', {'rate': 1.0}, 'range'),
+    ('manipulation', {'rate': math.nan}, 'range'),
+    (
+        'manipulation',
+        {'object_diameter': -1.0},
+        '^parameter object_diameter: -1.0: out of range; must be from 0.001 to 100$',
+    ),
+    ('manipulation', {'command_timeout': 0.0}, 'range'),
+    ('manipulation', {'friction': math.nan}, 'range'),
+    ('manipulation', {'min_rigidity': 1.0}, 'range'),
+    ('manipulation', {'min_rigidity': -0.1}, 'range'),
+    ('manipulation', {'min_clearance': -0.1}, 'range'),
+    ('manipulation', {'min_object_clearance': math.nan}, 'range'),
+    ('manipulation', {'failure_time': -1.0}, 'range'),
+    ('grasp_analysis', {'robot': 'nobody'}, 'no such preset'),
+    ('grasp_analysis', {'rate': 0.0}, 'range'),
+    ('grasp_analysis', {'friction': -1.0}, 'range'),
+    ('grasp_analysis', {'spacing': math.nan}, 'range'),
+    ('grasp_analysis', {'command_timeout': math.nan}, 'range'),
+    ('path_follower', {'robot': '/nowhere.yaml'}, 'no such file'),
+    ('path_follower', {'rate': 1.0}, 'range'),
+    ('path_follower', {'position_gain': -1.0}, 'range'),
+    ('path_follower', {'angle_gain': math.nan}, 'range'),
+    ('path_follower', {'ramp_time': 0.0}, 'range'),
+    ('path_follower', {'progress_timeout': 0.0}, 'range'),
+    ('grasp_planner', {'object': '{shape: star}'}, 'must be one of'),
+    ('grasp_planner', {'workers': -1}, 'workers: -1: must be from 0 .* to 256'),
+    ('grasp_planner', {'workers': 257}, 'workers: 257: must be from 0 .* to 256'),
+    ('simulator', {'robot': '/nowhere.yaml'}, 'no such file'),
+    ('simulator', {'plant': 'soft'}, 'kinematic, elastic or mujoco'),
+    ('simulator', {'grip_module': 'nobody'}, 'must be one of'),
+    ('simulator', {'object_diameter': 50.0}, 'does not fit'),
+    ('simulator', {'object': '{shape: polygon}'}, 'vertices'),
+    ('simulator', {'object': '/nowhere.yaml'}, 'nowhere'),
+    ('simulator', {'grip': ['south/P-Q', 'nobody']}, 'no such member; must be of'),
+    ('simulator', {'grip': ['south/P-Q']}, '2 or 3 different'),
+    ('simulator', {'grip': ['south/P-Q', 'south/P-Q']}, '2 or 3 different'),
+    ('simulator', {'grip': ['south/P-Q', 'east/R-Y']}, 'fits nowhere'),
+    ('simulator', {'object_is_free': True, 'object_x': math.inf}, 'range'),
+    ('simulator', {'object_is_free': True, 'object_y': -1e4}, 'range'),
+    ('simulator', {'object_angle': math.nan}, 'range'),
+    ('simulator', {'friction': -0.1}, 'range'),
+    ('simulator', {'stuck_roller': 'north/P'}, 'no such rollers'),
+    ('simulator', {'roller_noise': -1.0}, 'range'),
+    ('simulator', {'speed_limit': math.nan}, 'range'),
+    ('simulator', {'seed': -1}, 'negative'),
+    ('simulator', {'indentation': -0.01}, 'range'),
+    ('simulator', {'stiffness_scale': 0.0}, 'stiffness_scale'),
+    ('simulator', {'rate': 1e9}, 'range'),
+    ('simulator', {'clock_speed': 1.0}, 'clock_speed'),
+]
+
+
+@pytest.mark.parametrize(
+    ('name', 'values', 'words'), REFUSED, ids=[f'{name}-{[*v][-1]}' for name, v, _ in REFUSED]
+)
+def test_bad_parameters_are_refused_at_start(name, values, words):
+    check_refused(lambda: node_classes()[name](overrides(**values)), words)
