@@ -543,9 +543,9 @@ def test_a_grip_opens_slowly_until_it_is_apart(monkeypatch):
     released = SimpleNamespace(violation=None, path=path, apart=2)
     rollers = Rollers()
     sequences = sequences_at(
-        values={common.OBJECT_DIAMETER: 0.25},
+        values={common.OBJECT_DIAMETER: 0.25, common.OBJECT: ''},
         _trajectories=rollers,
-        _shape=SimpleNamespace(configuration=lambda *_: ROBOT.home),
+        configuration=lambda *_: ROBOT.home,
         _thread=ThreadPoolExecutor(1),
     )
     monkeypatch.setattr(grasp_sequences, 'plan_release', lambda *_: released)
