@@ -47,7 +47,7 @@ class RefinedGrasp(NamedTuple):
 
 
 def refine_grasp(
-    grasp: PlannedGrasp, plant: MujocoPlant, tolerance: float = 0.02, rounds: int = 6
+    grasp: PlannedGrasp, plant: MujocoPlant, tolerance: float = 0.02, rounds: int = 10
 ) -> RefinedGrasp:
     """
     Correct a planned grasp until the plant presses, and bears, what was planned.

@@ -15,10 +15,13 @@ from dataclasses import dataclass
 
 from isotruss_ros.core.contact.grasp_parameters import GraspParameters
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.grip_response import slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_tubes import ContactRates, LoadedTubes
-from isotruss_ros.core.holding.response_rates import response_rates
+from isotruss_ros.core.holding.response_rates import (
+    response_rates,
+    slip_margin_rates,
+    stiffness_rates,
+)
 from isotruss_ros.core.holding.settle_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -103,16 +106,10 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     answer = response_rates(grip, tubes, contacts, rates, change, (softened, softer))
     used, utilisation = tubes.utilisation(rates.ends)
     change = change[:, :-3]
-    margin, gives_way = _slip_margin_rates(settled, change, answer, parameters)
+    margin, gives_way = slip_margin_rates(settled, change, answer, parameters)
     members = np.eye(len(grip.members))[grip.contacts.owners].T
     presses, rubs = members @ change[places.normal], members @ change[places.friction]
-    needs = np.abs(grip.friction_forces) / grip.normal_forces
-    most = int(needs.argmax())
-    sign = float(np.sign(grip.friction_forces[most]))
-    needed = (sign * rubs[most] - needs[most] * presses[most]) / grip.normal_forces[most]
-    inverse = np.linalg.inv(grip.response.pose)
-    stiffer = -np.einsum('ia,apb,bj->ijp', inverse, answer[:3], inverse)
-    stiffer[2] *= grip.arm
+    most, needed = _friction_rates(grip, presses, rubs)
     return GraspGradient(
         parameters,
         change[:3],
@@ -123,30 +120,18 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         presses.mean(axis=0),
         margin,
         gives_way,
-        stiffer,
+        stiffness_rates(grip, answer),
         utilisation[:, :-3],
         grip.config.robot.member_names[int(used.argmax())],
     )
 
 
-def _slip_margin_rates(
-    settled: SettledGrasp, change: Array, answer: Array, parameters: GraspParameters
-) -> tuple[Array, str]:
-    """Return how the slip margin changes (p,) [N], and the name of the member that gives way."""
-    grip = settled.equilibrium
-    owners, response, begin = grip.contacts.owners, grip.response, grip.state.places.normal.start
-    rows = slip_conditions(owners, settled.friction)
-    reserve, slope = rows @ grip.state.forces, rows @ response.forces
-    size = np.hypot.reduce(slope, axis=1)
-    nearest = int((reserve / size).argmin())
-    row, way = rows[nearest], slope[nearest] / size[nearest]
-    # With friction the conditions change, but not those of contacts that let go.
-    presses = slip_conditions(owners, 1.0)[nearest] - slip_conditions(owners, 0.0)[nearest]
-    left, longer = row @ change[begin:], np.einsum('a,apw,w->p', row, answer[begin:], way)
-    left[parameters.friction] += presses @ grip.state.forces
-    longer[parameters.friction] += presses @ response.forces @ way
-    names = [*2 * grip.member_names, *(grip.member_names[i] for i in owners)]
-    return (left - reserve[nearest] / size[nearest] * longer) / size[nearest], names[nearest]
+def _friction_rates(grip: HeldGrip, presses: Array, rubs: Array) -> tuple[int, Array]:
+    """Return which member needs most friction, and how that changes, by its forces' rates."""
+    needs = np.abs(grip.friction_forces) / grip.normal_forces
+    most = int(needs.argmax())
+    sign = float(np.sign(grip.friction_forces[most]))
+    return most, (sign * rubs[most] - needs[most] * presses[most]) / grip.normal_forces[most]
 
 
 def _dent_rates(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> tuple[Array, Array]:

@@ -17,8 +17,11 @@ the response and by the change of the grasp, both of which stay.
 
 from __future__ import annotations
 
+from isotruss_ros.core.contact.grasp_parameters import GraspParameters
+from isotruss_ros.core.holding.grip_response import slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_tubes import ContactRates, LoadedTubes, TubeRates
+from isotruss_ros.core.holding.settle_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -87,3 +90,43 @@ def response_rates(
         closure = grown * (angle - turned)
         left[..., i] = np.concatenate([gap.real, gap.imag, slope, -balance, closure])[:, :-3]
     return -np.linalg.solve(tangent, left.reshape(places.size, -1)).reshape(left.shape)
+
+
+def stiffness_rates(grip: HeldGrip, answer: Array) -> Array:
+    """
+    Return how the stiffness changes, (3, 3, p), see `GripResponse.stiffness`.
+
+    :param grip: how the object is held.
+    :param answer: (3 + 4k, p, 3) how the response to a wrench does, see `response_rates`.
+    """
+    inverse = np.linalg.inv(grip.response.pose)
+    rates = -np.einsum('ia,apb,bj->ijp', inverse, answer[:3], inverse)
+    rates[2] *= grip.arm
+    return rates
+
+
+def slip_margin_rates(
+    settled: SettledGrasp, change: Array, answer: Array, parameters: GraspParameters
+) -> tuple[Array, str]:
+    """
+    Return how the slip margin changes, (p,) [N], and the name of the member that gives way.
+
+    :param settled: where the object rests.
+    :param change: (3 + 4k, p) how the unknowns change.
+    :param answer: (3 + 4k, p, 3) how their response to a wrench does, see `response_rates`.
+    :param parameters: places of the p parameters.
+    """
+    grip = settled.equilibrium
+    owners, response, begin = grip.contacts.owners, grip.response, grip.state.places.normal.start
+    rows = slip_conditions(owners, settled.friction)
+    reserve, slope = rows @ grip.state.forces, rows @ response.forces
+    size = np.hypot.reduce(slope, axis=1)
+    nearest = int((reserve / size).argmin())
+    row, way = rows[nearest], slope[nearest] / size[nearest]
+    # With friction the conditions change, but not those of contacts that let go.
+    presses = slip_conditions(owners, 1.0)[nearest] - slip_conditions(owners, 0.0)[nearest]
+    left, longer = row @ change[begin:], np.einsum('a,apw,w->p', row, answer[begin:], way)
+    left[parameters.friction] += presses @ grip.state.forces
+    longer[parameters.friction] += presses @ response.forces @ way
+    names = [*2 * grip.member_names, *(grip.member_names[i] for i in owners)]
+    return (left - reserve[nearest] / size[nearest] * longer) / size[nearest], names[nearest]
