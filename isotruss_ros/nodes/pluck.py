@@ -24,6 +24,7 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation, Oscillation
 from isotruss_ros.core import ConvexObject, Disc, load_robot, Status
 from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.messages import (
     read_object_pose,
     read_stamp,
@@ -75,7 +76,7 @@ class Pluck(StoppableNode):
         super().__init__('pluck', SPECS, parameter_overrides)
         values = self.values
         self.found: Oscillation | None = None
-        self._frame = load_robot(values[common.ROBOT]).frame
+        self._frame = RobotFrame.heard_by(self, load_robot(values[common.ROBOT]).frame)
         described = common.read_described(values)
         self._arm = (described or ConvexObject(Disc(values[common.OBJECT_DIAMETER]))).arm
         self._stamped = values[common.USE_STAMPED_TWIST]
@@ -101,7 +102,8 @@ class Pluck(StoppableNode):
 
     def _take_pose(self, message: PoseStamped) -> None:
         self._times.append(read_stamp(message.header))
-        self._poses.append(tuple(read_object_pose(message, self._frame)))
+        pose = read_object_pose(self._frame.express_pose(message), self._frame.frame)
+        self._poses.append(tuple(pose))
 
     def _take_status(self, message: ManipulationStatus) -> None:
         self._status = message

@@ -142,7 +142,7 @@ class Preflight(StoppableNode):
 
     def _check_pose(self) -> str:
         for message in self._poses:
-            read_object_pose(message, self._robot.frame)
+            read_object_pose(self._markers.frame.express_pose(message), self._robot.frame)
         return self._check_rate('object_pose', self._poses, POSE_RATE)
 
     def _check_stop(self) -> str:

@@ -17,6 +17,7 @@ from typing import Any, Protocol
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.control.inputs import Input, RejectedInput, StampedInput
+from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_object_pose,
@@ -81,12 +82,13 @@ def subscribe_object_pose(node: Node, robot: Robot, holder: InputHolder) -> None
     Keep the measured `Pose` of the object, from `object_pose`, as `holder.pose`.
 
     :param node: subscribes.
-    :param robot: in whose frame the pose must be.
+    :param robot: to whose frame that of the pose must be connected, see `RobotFrame`.
     :param holder: gets a StampedInput or a RejectedInput.
     """
+    frame = RobotFrame.heard_by(node, robot.frame)
 
     def read(message: PoseStamped) -> Pose:
-        return read_object_pose(message, robot.frame)
+        return read_object_pose(frame.express_pose(message), robot.frame)
 
     subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'pose')
 
