@@ -126,9 +126,7 @@ def test_planar_markers_in_a_tilted_frame_are_refused_by_name():
 
 def test_a_frame_that_tf2_does_not_connect_is_named_with_the_reason():
     frame = RobotFrame('truss', Buffer(Rotation.identity()))
-    with pytest.raises(
-        MessageError, match=r"'elsewhere': tf2 does not connect it .*two"
-    ):
+    with pytest.raises(MessageError, match=r"'elsewhere': tf2 does not connect it .*two"):
         frame.express_pose(pose((0.0, 0.0, 0.0), Rotation.identity(), 'elsewhere'))
 
 
