@@ -27,6 +27,14 @@ from isotruss_ros.demo.gripping import Gripping, slow_down
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.demo.record import PhaseRecord
+from isotruss_ros.demo.sensors import (
+    ESTIMATOR,
+    HAS_ESTIMATOR,
+    PERFECT,
+    REAL,
+    sensor_faults,
+    truth_table,
+)
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
 from isotruss_ros.mujoco_plant.options import ROUND
 from isotruss_ros.mujoco_plant.rendering import require_egl
@@ -82,6 +90,12 @@ def run(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--rate', type=float, default=100.0, help='of the nodes [Hz]')
     parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='of the simulator')
     parser.add_argument(
+        '--sensors',
+        choices=(PERFECT, REAL),
+        default=PERFECT,
+        help='real: with noise, delay, dropouts and what else the sensors of a laboratory have',
+    )
+    parser.add_argument(
         '--clock-speed',
         type=float,
         default=1.0,
@@ -104,10 +118,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
     moved = records[3:]
     console.print(plan_table(plan))
     console.print(motion_table(moved))
-    console.print(grasp_table([part for record in records[2:] for part in record.parts()]))
-    if not round_tubes:
-        console.print(contact_table(records[2:]))
     robot = load_robot(file)
+    if options.sensors == REAL:
+        console.print(truth_table(moved, robot, SQUEEZE))
+    else:
+        console.print(grasp_table([part for record in records[2:] for part in record.parts()]))
+        if not round_tubes:
+            console.print(contact_table(records[2:]))
     with console.status('drawing'):
         shown = [record for record in records if record.name != 'approach']
         picture = options.output / 'demo.png'
@@ -117,6 +134,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
         else:
             animate(robot, OBJECT_DIAMETER, records[1:], options.output / 'demo.gif')
     console.print(f'written: {options.output / "demo.png"}, {options.output / "demo.gif"}')
+    if options.sensors == REAL:
+        return _verdict_of_truth(moved, console)
     return _verdict(moved, console)
 
 
@@ -137,19 +156,22 @@ def _play(
     if simulated:
         lying |= {'ground_friction': GROUND_FRICTION, 'clock_speed': options.clock_speed}
         lying['recording'] = str(output.resolve() / RECORDING)
+    real = options.sensors == REAL
     started = [
-        ('simulator', gripping | lying),
+        ('simulator', gripping | lying | sensor_faults(options.sensors)),
         ('manipulation', gripping | regulated),
         ('grasp_analysis', shared | {'flattening': not simulated}),
         ('grasp_planner', common),
     ]
+    if real and HAS_ESTIMATOR:
+        started.append((ESTIMATOR, gripping))
     names = ', '.join(name for name, _ in started)
     console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
     # Python's own: those of rclpy would close the context before the nodes are stopped.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     client = None
     try:
-        client = DemoClient(load_robot(ROBOT).roller_names, simulated)
+        client = DemoClient(load_robot(ROBOT).roller_names, simulated, real)
         with running_nodes(started, output) as nodes:
 
             def check() -> None:
@@ -196,6 +218,14 @@ def _write_round_robot(output: Path) -> Path:
     with path.open('w', encoding='utf-8') as file:
         yaml.dump(content, file)
     return path
+
+
+def _verdict_of_truth(records: Sequence[PhaseRecord], console: Console) -> int:
+    """Return 0 where the members pressed on the object all the time, and say where not."""
+    lost = [record.name for record in records if min(record.squeezes) <= 0.0]
+    if lost:
+        console.print(f'{", ".join(lost)}: the object was not held', style='red')
+    return 1 if lost else 0
 
 
 def _verdict(records: Sequence[PhaseRecord], console: Console) -> int:

@@ -18,6 +18,7 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
 from isotruss_ros.core import ConvexObject, GraspRequirements, Robot
+from isotruss_ros.core.control.object_path import MAX_POSES
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.planning.export import export_figures, export_path, export_violation
@@ -33,6 +34,7 @@ from isotruss_ros.nodes.conversions.messages import (
 )
 from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
 from isotruss_ros.nodes.conversions.trajectory_messages import to_duration, to_trajectory_message
+import numpy as np
 
 #: Largest number of grasps of a goal.
 MAX_COUNT = 1000
@@ -118,12 +120,22 @@ def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
         min_slip_margin=goal.min_slip_margin,
         min_margin=goal.min_margin or None,
         measure=goal.measure,
+        carry=_read_carry(goal),
         count=goal.count,
         **bounds,
     )
     if requirements.members is not None:
         find_members(robot, requirements.members)
     return requirements
+
+
+def _read_carry(goal: PlanGrasp.Goal) -> tuple[tuple[float, float, float], ...]:
+    """Return the path along which the object is to be carried, turning the shorter way."""
+    if len(goal.carry) == 1 or len(goal.carry) > MAX_POSES:
+        raise MessageError(f'carry: {len(goal.carry)} poses: must be none, or 2 to {MAX_POSES}')
+    poses = [read_pose(f'pose {i} of carry', pose) for i, pose in enumerate(goal.carry)]
+    angles = np.unwrap([pose.angle for pose in poses]).tolist()
+    return tuple((pose.x, pose.y, angle) for pose, angle in zip(poses, angles, strict=True))
 
 
 def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexObject:
