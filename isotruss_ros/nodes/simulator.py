@@ -36,6 +36,7 @@ from isotruss_ros.mujoco_plant.recording import PlantRecorder
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.clock_source import CLOCK_SPEED, ClockSource
 from isotruss_ros.nodes.components.mujoco_object import (
+    GROUND_FRICTION,
     make_driven_robot,
     make_recorder,
     MUJOCO_SPECS,
@@ -237,7 +238,10 @@ class Simulator(ManagedNode):
         self._elastic = None
         if self.values[PLANT] == KINEMATIC:
             return self._object.lying(pose)
-        self._elastic = self._object.elastic(pose, self.values[STIFFNESS_SCALE])
+        values = self.values
+        self._elastic = self._object.elastic(
+            pose, values[STIFFNESS_SCALE], values[GROUND_FRICTION]
+        )
         return self._elastic
 
     def _apply(self) -> None:
