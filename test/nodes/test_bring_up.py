@@ -11,6 +11,8 @@
 
 from pathlib import Path
 import re
+import subprocess
+import sys
 
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import load_robot
@@ -213,3 +215,11 @@ def test_silence_is_named(tmp_path, capsys):
     said = capsys.readouterr().out
     assert 'FAULT encoders: no joint_states' in said
     assert 'FAULT object pose: no object_pose' in said
+
+
+def test_the_exit_code_says_whether_there_are_faults():
+    node = [sys.executable, '-m', 'isotruss_ros.executables', 'preflight']
+    arguments = ['--ros-args', '-p', 'listen_time:=0.5']
+    done = subprocess.run([*node, *arguments], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 1
+    assert done.stdout.count('FAULT') == 8

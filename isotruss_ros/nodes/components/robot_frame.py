@@ -12,9 +12,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Any
 
-from geometry_msgs.msg import Point, PoseStamped, Quaternion, TransformStamped, Vector3
+from geometry_msgs.msg import Point, PoseStamped, Quaternion, Vector3
 from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import Transform as TransformMessage
 from isotruss_ros.core.errors import quote
@@ -36,30 +36,16 @@ except ImportError:
 MAX_TILT = math.radians(5.0)
 
 
-class TransformBuffer(Protocol):
-    """Transforms between frames, as `tf2_ros.Buffer` has them."""
-
-    def lookup_transform(
-        self, target_frame: str, source_frame: str, time: Time
-    ) -> TransformStamped:
-        """
-        Return the transform of points in one frame to another, at once.
-
-        :param target_frame: into which.
-        :param source_frame: from which.
-        :param time: for which it holds.
-        """
-
-
 class RobotFrame:
     """
     Expresses poses and markers in the robot's frame, by the transforms at their stamps.
 
     :param frame: the robot's frame.
-    :param buffer: of the transforms; None where tf2 is not at hand, and frames must match.
+    :param buffer: of the transforms, with `lookup_transform` as that of `tf2_ros`; None where tf2
+        is not at hand, and frames must match.
     """
 
-    def __init__(self, frame: str, buffer: TransformBuffer | None = None) -> None:
+    def __init__(self, frame: str, buffer: Any = None) -> None:
         self.frame, self._buffer = frame, buffer
         self._listener: object = None
 
