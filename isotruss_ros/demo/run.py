@@ -74,6 +74,8 @@ COMMAND_TIMEOUT = 1.0
 #: that come to their turns in time.
 MAX_POSITION_ERROR = 1e-3
 MAX_ANGLE_ERROR = np.deg2rad(0.25)
+#: The same with real sensors [m].
+MAX_REAL_ERROR = 1e-2
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
@@ -225,11 +227,16 @@ def _write_round_robot(output: Path) -> Path:
 
 
 def _verdict_of_truth(records: Sequence[PhaseRecord], console: Console) -> int:
-    """Return 0 where the members pressed on the object all the time, and say where not."""
-    lost = [record.name for record in records if min(record.squeezes) <= 0.0]
-    if lost:
-        console.print(f'{", ".join(lost)}: the object was not held', style='red')
-    return 1 if lost else 0
+    """Return 0 where the object was held and came to its places, and say where not."""
+    faults = []
+    for record in records:
+        if min(record.squeezes) <= 0.0:
+            faults.append(f'{record.name}: the object was not held')
+        if record.position_error > MAX_REAL_ERROR + record.delay:
+            faults.append(f'{record.name}: the error is larger than 1 cm')
+    for fault in faults:
+        console.print(fault, style='red')
+    return 1 if faults else 0
 
 
 def _verdict(records: Sequence[PhaseRecord], console: Console) -> int:
