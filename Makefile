@@ -7,6 +7,7 @@ CALLS ?= 100000
 # Kinds of processors whose rounding the random calls run with, as far as this one has their instructions.
 CORETYPES ?= Nehalem Sandybridge Haswell
 PLANT ?= elastic
+SENSORS ?= perfect
 VENV := .venv
 # .noble has Ubuntu 24.04's versions of the Python packages, and only what package.xml declares; its
 # Matplotlib, 3.6.3, has no wheel for Python 3.12: there it is 3.7.3, and .venv has 3.6.3 up to Python 3.11.
@@ -36,7 +37,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 .PHONY: unit-tests system-tests docs-venv noble-venv noble-some noble-all FORCE
 
 help:
-	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation; PLANT=mujoco'
+	@echo 'make demo     move a grasped object with the real nodes; draws a picture and an animation; PLANT=mujoco, SENSORS=real'
 	@echo 'make view     watch and drag the robot in a browser; PLANT=elastic, kinematic or mujoco'
 	@echo 'make test     style and tests; those of ament run with make colcon'
 	@echo 'make noble    some tests with the versions of Ubuntu 24.04, in .noble'
@@ -98,7 +99,7 @@ noble-all: venv
 	$(BIN)/python -m paper --output $(VENV)/paper
 
 demo: venv
-	$(BIN)/python -m isotruss_ros.demo --plant $(PLANT)
+	$(BIN)/python -m isotruss_ros.demo --plant $(PLANT) --sensors $(SENSORS)
 
 view: venv
 	$(BIN)/python -m isotruss_ros.demo.view --plant $(PLANT)

@@ -54,6 +54,7 @@ PLANTS: Mapping[str, PlantOptions] = {
     'pulled': PlantOptions(friction=FRICTION),
     'floor 2 N a joint': PlantOptions(friction=FRICTION, module_friction=2.0),
     'rollers lag 0.05 s': PlantOptions(friction=FRICTION, roller_lag=0.05),
+    'rollers of 20 N': PlantOptions(friction=FRICTION, roller_force=20.0),
 }
 ENDS = ('arrived', 'stands held', 'refused', 'lost and said', 'lost in silence')
 

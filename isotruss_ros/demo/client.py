@@ -25,6 +25,7 @@ from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
     name_object_frame,
+    read_pose,
     read_stamp,
     RollerStateReader,
     stamp_header,
@@ -36,7 +37,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, MultiDOFJointState
 
 #: Period of the twists [s].
 PERIOD = 0.01
@@ -50,6 +51,8 @@ DEADLINE = 240.0
 REST_DISTANCE, REST_TIME = 2e-6, 0.1
 #: The same of a plant whose friction creeps and whose robot swings [m, rad].
 SWINGING = 1e-4
+#: The same where the loop follows the noise of its sensors [m, rad].
+TREMBLING = 5e-3
 #: Turns of the object count for its speed with this arm [m].
 ARM = 0.1
 #: Topics that one node publishes.
@@ -65,19 +68,26 @@ class DemoClient(Node):
     Publishes `cmd_vel`; collects states, `manipulation/status` and `grasp/state`.
 
     :ivar frame_id: of the object's pose.
+    :ivar measured: last measured pose of the object.
     :param roller_names: the robot's rollers in its order.
     :param sim_time: go by `/clock`, as with a plant that has masses.
+    :param truth: record what is true of robot and object in place of what is measured.
     """
 
-    def __init__(self, roller_names: tuple[str, ...], sim_time: bool = False) -> None:
+    def __init__(
+        self, roller_names: tuple[str, ...], sim_time: bool = False, truth: bool = False
+    ) -> None:
         super().__init__('demo', parameter_overrides=[Parameter('use_sim_time', value=sim_time)])
         self._sim_time = sim_time
         self._rest_distance = SWINGING if sim_time else REST_DISTANCE
+        if truth:
+            self._rest_distance = TREMBLING
         self._twists = self.create_publisher(Twist, 'cmd_vel', RELIABLE)
         self._wrenches = self.create_publisher(WrenchStamped, 'external_wrench', RELIABLE)
         self._pulls = False
         self._roller_states = RollerStateReader(roller_names)
         self.frame_id = ''
+        self.measured: Pose | None = None
         self._pose: Pose | None = None
         self._turned = 0.0
         self._stamp = self._moved = self._ended = -math.inf
@@ -87,7 +97,15 @@ class DemoClient(Node):
         self._status_times: list[float] = []
         self._record = PhaseRecord('start')
         every = QoSProfile(depth=100)
-        self.create_subscription(PoseStamped, 'object_pose', self._take_pose, every)
+        self.create_subscription(PoseStamped, 'object_pose', self._take_measured, every)
+        recorded = 'truth/object_pose' if truth else 'object_pose'
+        self.create_subscription(PoseStamped, recorded, self._take_pose, every)
+        if truth:
+            for kind, topic, take in (
+                (JointState, 'truth/contact_forces', self._take_forces),
+                (MultiDOFJointState, 'truth/joint_markers', self._take_places),
+            ):
+                self.create_subscription(kind, topic, take, every)
         self.create_subscription(JointState, 'joint_states', self._take_joints, every)
         self.create_subscription(
             ManipulationStatus, 'manipulation/status', self._take_status, every
@@ -98,7 +116,7 @@ class DemoClient(Node):
 
     @property
     def pose(self) -> Pose:
-        """Return the last measured pose of the object."""
+        """Return the last pose of the object that was recorded."""
         return self._pose
 
     @property
@@ -106,14 +124,21 @@ class DemoClient(Node):
         """Return the last measured roller positions (r,) [m]."""
         return self._rollers
 
-    def _take_pose(self, message: PoseStamped) -> None:
+    def _take_measured(self, message: PoseStamped) -> None:
         self.frame_id = message.header.frame_id
-        q = message.pose.orientation
-        angle = 2.0 * math.atan2(q.z, q.w)
-        before = self._pose
+        self.measured = read_pose('object pose', message.pose)
+
+    def _take_forces(self, message: JointState) -> None:
+        self._record.squeezes.append(float(np.mean(message.effort)) if message.effort else 0.0)
+
+    def _take_places(self, message: MultiDOFJointState) -> None:
+        places = [(each.translation.x, each.translation.y) for each in message.transforms]
+        self._record.joints.append(np.array(places))
+
+    def _take_pose(self, message: PoseStamped) -> None:
+        before, self._pose = self._pose, read_pose('object pose', message.pose)
         if before is not None:
-            self._turned += math.remainder(angle - before.angle, 2.0 * math.pi)
-        self._pose = Pose(message.pose.position.x, message.pose.position.y, angle)
+            self._turned += math.remainder(self._pose.angle - before.angle, 2.0 * math.pi)
         self._stamp = read_stamp(message.header)
         if self._rollers is not None:
             self._record.snapshots.append(Snapshot(self._stamp, self._rollers, self._pose))

@@ -75,6 +75,7 @@ class Gripping:
             lambda: (
                 client.at_rest()
                 and bool(record.snapshots)
+                and client.measured is not None
                 and client.last_grasp() is not None
                 and self._planner.server_is_ready()
                 and self._trajectories.get_subscription_count() > 0
@@ -95,7 +96,7 @@ class Gripping:
         :return: the best grasp, and the whole result.
         :raises DemoError: there is none.
         """
-        pose = self._client.pose
+        pose = self._client.measured
         goal.object_pose = PoseStamped(pose=to_pose_message(pose))
         goal.object_pose.header.frame_id = self._client.frame_id
         result = self._search(goal, progress)
@@ -145,11 +146,18 @@ class Gripping:
         # One that was computed when all was at rest already.
         client.wait(lambda: len(record.grasps) > count + 1, self._check, 'an analysis at rest')
         progress(1.0)
-        state = client.last_grasp()
-        if state.code != GraspState.OK or not state.held:
-            raise DemoError(f'the object is not held: {state.message or state.hold_message}')
+        if record.squeezes:
+            if record.squeezes[-1] == 0.0:
+                raise DemoError('the object is not held')
+        else:
+            self._require_held(client.last_grasp())
         touch = next(p for p in grasp.path.points if p.time_from_start == grasp.touch)
         return record.split('grip', np.array(touch.positions))
+
+    def _require_held(self, state: GraspState) -> None:
+        """Check that the object is held by the analysis."""
+        if state.code != GraspState.OK or not state.held:
+            raise DemoError(f'the object is not held: {state.message or state.hold_message}')
 
     def _answer(self, future: Future, what: str, deadline: float = DEADLINE) -> Any:
         self._client.wait(future.done, self._check, what, deadline)

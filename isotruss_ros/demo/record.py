@@ -50,6 +50,8 @@ class PhaseRecord:
     :ivar statuses: all statuses of the manipulation node.
     :ivar snapshots: measured states, in time order.
     :ivar grasps: all results of the grasp analysis, in time order.
+    :ivar squeezes: true mean normal forces of the members, in time order [N]; where that is heard.
+    :ivar joints: true places (j, 2) of the joints, in time order [m]; where that is heard.
     """
 
     name: str
@@ -66,6 +68,8 @@ class PhaseRecord:
     statuses: set[Status] = field(default_factory=set)
     snapshots: list[Snapshot] = field(default_factory=list)
     grasps: list[GraspState] = field(default_factory=list)
+    squeezes: list[float] = field(default_factory=list)
+    joints: list[np.ndarray] = field(default_factory=list)
 
     @property
     def position_error(self) -> float:
@@ -121,4 +125,5 @@ class PhaseRecord:
         before.snapshots, after.snapshots = self.snapshots[:place], self.snapshots[place:]
         for grasp in self.grasps:
             (before if read_stamp(grasp.header) <= time else after).grasps.append(grasp)
+        after.squeezes, after.joints = self.squeezes, self.joints
         return before, after

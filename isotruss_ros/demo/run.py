@@ -27,6 +27,14 @@ from isotruss_ros.demo.gripping import Gripping, slow_down
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.demo.record import PhaseRecord
+from isotruss_ros.demo.sensors import (
+    ESTIMATOR,
+    HAS_ESTIMATOR,
+    PERFECT,
+    REAL,
+    sensor_faults,
+    truth_table,
+)
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
 from isotruss_ros.mujoco_plant.options import ROUND
 from isotruss_ros.mujoco_plant.rendering import require_egl
@@ -66,6 +74,8 @@ COMMAND_TIMEOUT = 1.0
 #: that come to their turns in time.
 MAX_POSITION_ERROR = 1e-3
 MAX_ANGLE_ERROR = np.deg2rad(0.25)
+#: The same with real sensors [m].
+MAX_REAL_ERROR = 1e-2
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
@@ -81,6 +91,12 @@ def run(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument('--rate', type=float, default=100.0, help='of the nodes [Hz]')
     parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='of the simulator')
+    parser.add_argument(
+        '--sensors',
+        choices=(PERFECT, REAL),
+        default=PERFECT,
+        help='real: with noise, delay, dropouts and what else the sensors of a laboratory have',
+    )
     parser.add_argument(
         '--clock-speed',
         type=float,
@@ -104,10 +120,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
     moved = records[3:]
     console.print(plan_table(plan))
     console.print(motion_table(moved))
-    console.print(grasp_table([part for record in records[2:] for part in record.parts()]))
-    if not round_tubes:
-        console.print(contact_table(records[2:]))
     robot = load_robot(file)
+    if options.sensors == REAL:
+        console.print(truth_table(moved, robot, SQUEEZE))
+    else:
+        console.print(grasp_table([part for record in records[2:] for part in record.parts()]))
+        if not round_tubes:
+            console.print(contact_table(records[2:]))
     with console.status('drawing'):
         shown = [record for record in records if record.name != 'approach']
         picture = options.output / 'demo.png'
@@ -117,6 +136,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
         else:
             animate(robot, OBJECT_DIAMETER, records[1:], options.output / 'demo.gif')
     console.print(f'written: {options.output / "demo.png"}, {options.output / "demo.gif"}')
+    if options.sensors == REAL:
+        return _verdict_of_truth(moved, console)
     return _verdict(moved, console)
 
 
@@ -133,23 +154,30 @@ def _play(
     gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
     x, y = OBJECT_CENTER
     lying = {'plant': plant, 'object_is_free': True, 'object_x': x, 'object_y': y}
-    regulated = {'squeeze_force': SQUEEZE, 'expected_load': LOAD, 'object_mass': OBJECT_MASS}
+    # With noise, a loop that expects loads takes errors of a millimetre for some newtons.
+    real = options.sensors == REAL
+    pull = None if real else PULL
+    regulated = {'squeeze_force': SQUEEZE, 'object_mass': OBJECT_MASS}
+    if not real:
+        regulated['expected_load'] = LOAD
     if simulated:
         lying |= {'ground_friction': GROUND_FRICTION, 'clock_speed': options.clock_speed}
         lying['recording'] = str(output.resolve() / RECORDING)
     started = [
-        ('simulator', gripping | lying),
+        ('simulator', gripping | lying | sensor_faults(options.sensors)),
         ('manipulation', gripping | regulated),
         ('grasp_analysis', shared | {'flattening': not simulated}),
         ('grasp_planner', common),
     ]
+    if real and HAS_ESTIMATOR:
+        started.append((ESTIMATOR, gripping))
     names = ', '.join(name for name, _ in started)
     console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
     # Python's own: those of rclpy would close the context before the nodes are stopped.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     client = None
     try:
-        client = DemoClient(load_robot(ROBOT).roller_names, simulated)
+        client = DemoClient(load_robot(ROBOT).roller_names, simulated, real)
         with running_nodes(started, output) as nodes:
 
             def check() -> None:
@@ -178,7 +206,7 @@ def _play(
                     slow_down(grasp, SLOWER)
                 records += gripper.approach(grasp, bar('approach and grip'))
                 client.wait_until_idle(check)
-                records += [client.play(phase, check, bar(phase.name)) for phase in figure_9(PULL)]
+                records += [client.play(phase, check, bar(phase.name)) for phase in figure_9(pull)]
             return records, plan
     finally:
         if client is not None:
@@ -196,6 +224,19 @@ def _write_round_robot(output: Path) -> Path:
     with path.open('w', encoding='utf-8') as file:
         yaml.dump(content, file)
     return path
+
+
+def _verdict_of_truth(records: Sequence[PhaseRecord], console: Console) -> int:
+    """Return 0 where the object was held and came to its places, and say where not."""
+    faults = []
+    for record in records:
+        if min(record.squeezes) <= 0.0:
+            faults.append(f'{record.name}: the object was not held')
+        if record.position_error > MAX_REAL_ERROR + record.delay:
+            faults.append(f'{record.name}: the error is larger than 1 cm')
+    for fault in faults:
+        console.print(fault, style='red')
+    return 1 if faults else 0
 
 
 def _verdict(records: Sequence[PhaseRecord], console: Console) -> int:

@@ -71,15 +71,12 @@ class CheckRollers(StoppableNode):
         self._sent: deque[list[float]] = deque([self._velocities.tolist()], maxlen=10)
         self.create_subscription(Float64MultiArray, COMMANDS, self._receive_command, RELIABLE)
         self._course = self._check_all()
-        self._due = self._now() + self.values[WINDOW] + self.values[SETTLE_TIME]
+        self._due = self.now() + self.values[WINDOW] + self.values[SETTLE_TIME]
         create_steady_timer(self, 1.0 / self.values[common.RATE], self._cycle)
 
     def stop(self) -> None:
         """Command all rollers to stand still."""
         self._commands.publish(Float64MultiArray(data=[0.0] * len(self._velocities)))
-
-    def _now(self) -> float:
-        return 1e-9 * self.get_clock().now().nanoseconds
 
     def _receive_stop(self, message: Bool) -> None:
         if message.data:
@@ -94,12 +91,12 @@ class CheckRollers(StoppableNode):
 
     def _cycle(self) -> None:
         """Command the present velocities; go on where the present wait is over."""
-        if self._now() >= self._due:
+        if self.now() >= self._due:
             wait = next(self._course, None)
             if wait is None:
                 self._finish()
                 return
-            self._due = self._now() + wait
+            self._due = self.now() + wait
         self._sent.append(self._velocities.tolist())
         self._commands.publish(Float64MultiArray(data=self._sent[-1]))
 
@@ -108,14 +105,14 @@ class CheckRollers(StoppableNode):
         travel, speed = self.values[TRAVEL], self.values[SPEED]
         rest = self.values[SETTLE_TIME] + self.values[WINDOW]
         for number, name in enumerate(self._robot.roller_names):
-            before = self._markers.measure(self._now()).posture
+            before = self._markers.measure(self.now()).posture
             for direction in (1.0, -1.0):
                 self._velocities[number] = direction * speed
                 yield travel / speed
                 self._velocities[number] = 0.0
                 yield rest
                 if direction > 0.0:
-                    after = self._markers.measure(self._now()).posture
+                    after = self._markers.measure(self.now()).posture
             both = sorted(set(before.joints) & set(after.joints))
             moved = {
                 joint: tuple(np.subtract(after.joints[joint], before.joints[joint]).tolist())

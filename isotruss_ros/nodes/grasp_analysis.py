@@ -27,9 +27,11 @@ from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.sensors import (
     describe_ages,
+    forget_pressures,
     subscribe_input,
     subscribe_joint_states,
     subscribe_object_pose,
+    subscribe_tube_pressures,
 )
 from isotruss_ros.nodes.components.transforms import TransformBroadcaster
 from isotruss_ros.nodes.conversions.grasp_messages import (
@@ -66,6 +68,7 @@ SPECS = (
     *common.OBJECT_SPECS,
     RATE,
     common.COMMAND_TIMEOUT,
+    common.PRESSURE_TIMEOUT,
     SPACING,
     FLATTENING,
 )
@@ -113,6 +116,8 @@ class GraspAnalysisNode(ManagedNode):
         self._markers = GraspMarkers(self._robot.frame)
         subscribe_joint_states(self, self._robot, self._monitor)
         subscribe_object_pose(self, self._robot, self._monitor)
+        self._monitor.pressure_timeout = values[common.PRESSURE_TIMEOUT]
+        subscribe_tube_pressures(self, self._robot, self._monitor)
         subscribe_input(
             self,
             WrenchStamped,
@@ -146,12 +151,14 @@ class GraspAnalysisNode(ManagedNode):
             joint_states=monitor.rollers,
             object_pose=monitor.pose,
             external_wrench=monitor.wrench,
+            tube_pressures=monitor.pressures,
         )
         return ages | ({'cycles': 0} if self.cycle is None else self.cycle.summary())
 
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
         self._monitor.rollers = self._monitor.pose = self._monitor.wrench = None
+        forget_pressures(self._monitor)
 
     def _apply(self) -> None:
         """Apply changed parameters from the next cycle on."""
@@ -160,6 +167,7 @@ class GraspAnalysisNode(ManagedNode):
         self._monitor.spacing = self.values[SPACING]
         self._monitor.flattening = self.values[FLATTENING]
         self._monitor.timeout = self.values[common.COMMAND_TIMEOUT]
+        self._monitor.pressure_timeout = self.values[common.PRESSURE_TIMEOUT]
         if self.cycle is not None:
             self.cycle.change(self.values[RATE])
 

@@ -31,9 +31,11 @@ from isotruss_ros.nodes.components.failed_rollers import (
 from isotruss_ros.nodes.components.roller_commands import RollerCommands
 from isotruss_ros.nodes.components.sensors import (
     describe_ages,
+    forget_pressures,
     subscribe_input,
     subscribe_joint_states,
     subscribe_object_pose,
+    subscribe_tube_pressures,
 )
 from isotruss_ros.nodes.components.servo_settings import apply_settings, FAILED_ROLLERS
 from isotruss_ros.nodes.components.servo_settings import SPECS as SERVO_SPECS
@@ -102,6 +104,7 @@ SPECS = (
     common.REQUIRE_EMERGENCY_STOP,
     common.OBJECT,
     common.FRICTION,
+    common.PRESSURE_TIMEOUT,
     SQUEEZE_FORCE,
     OBJECT_MASS,
     POSE_GAIN,
@@ -163,6 +166,7 @@ class Manipulation(ManagedNode):
         self._commands = RollerCommands(self, len(self._robot.roller_names))
         subscribe_joint_states(self, self._robot, self._servo)
         subscribe_object_pose(self, self._robot, self._servo)
+        subscribe_tube_pressures(self, self._robot, self._servo)
         if values[common.USE_STAMPED_TWIST]:
             self._twists = subscribe_input(
                 self, TwistStamped, 'cmd_vel', self._read_stamped_twist, self._servo, 'twist'
@@ -213,7 +217,11 @@ class Manipulation(ManagedNode):
         else:
             details['grip module'] = servo.grip_module
         details |= describe_ages(
-            self.now(), twist=servo.twist, joint_states=servo.rollers, object_pose=servo.pose
+            self.now(),
+            twist=servo.twist,
+            joint_states=servo.rollers,
+            object_pose=servo.pose,
+            tube_pressures=servo.pressures,
         )
         if servo.failed:
             details['failed rollers'] = ', '.join(sorted(servo.failed))
@@ -263,6 +271,7 @@ class Manipulation(ManagedNode):
     def _clear_inputs(self) -> None:
         """Discard the inputs: after a jump of the clock their ages are unknown."""
         self._servo.twist = self._servo.rollers = self._servo.pose = None
+        forget_pressures(self._servo)
         self._trajectory.abort('the clock jumped back or stopped')
 
     def _halt_on_stopped_clock(self, now: Time) -> None:
@@ -333,6 +342,7 @@ class Manipulation(ManagedNode):
         """Regulate the squeeze from the next cycle on, or keep the angle of the grip."""
         values, servo = self.values, self._servo
         servo.object_mass = values[OBJECT_MASS] or None
+        servo.pressure_timeout = values[common.PRESSURE_TIMEOUT]
         servo.friction = values[common.FRICTION]
         if servo.body is not None and servo.body.friction is not None:
             servo.friction = servo.body.friction

@@ -25,6 +25,7 @@ from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation, Oscillation
 from isotruss_ros.core import load_robot, Status
 from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.components.twists import create_twist_publisher
 from isotruss_ros.nodes.conversions.messages import read_object_pose, read_stamp
 from isotruss_ros.nodes.framework import parameters as params
@@ -72,9 +73,10 @@ class Pluck(StoppableNode):
         super().__init__('pluck', SPECS, parameter_overrides)
         values = self.values
         self.found: Oscillation | None = None
-        self._frame = load_robot(values[common.ROBOT]).frame
+        self._frame = RobotFrame.heard_by(self, load_robot(values[common.ROBOT]).frame)
         self._arm = common.read_body(values).arm
-        self._twists = create_twist_publisher(self, values[common.USE_STAMPED_TWIST], self._frame)
+        stamped = values[common.USE_STAMPED_TWIST]
+        self._twists = create_twist_publisher(self, stamped, self._frame.frame)
         self._times: list[float] = []
         self._poses: list[tuple[float, ...]] = []
         self._status: ManipulationStatus | None = None
@@ -92,7 +94,8 @@ class Pluck(StoppableNode):
 
     def _take_pose(self, message: PoseStamped) -> None:
         self._times.append(read_stamp(message.header))
-        self._poses.append(tuple(read_object_pose(message, self._frame)))
+        pose = read_object_pose(self._frame.express_pose(message), self._frame.frame)
+        self._poses.append(tuple(pose))
 
     def _take_status(self, message: ManipulationStatus) -> None:
         self._status = message

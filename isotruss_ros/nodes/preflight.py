@@ -17,6 +17,7 @@ from functools import partial
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import IsotrussError, load_robot
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.joint_markers import JointMarkers, LATEST, WINDOW
 from isotruss_ros.nodes.conversions.messages import (
@@ -76,6 +77,7 @@ class Preflight(StoppableNode):
         self._joint_states: list[JointState] = []
         self._poses: list[PoseStamped] = []
         self._stops: list[Bool] = []
+        self._travel: Array | None = None
         self.faults: list[str] = []
         for kind, topic, kept, quality in (
             (JointState, 'joint_states', self._joint_states, RELIABLE),
@@ -89,13 +91,11 @@ class Preflight(StoppableNode):
             'object pose': self._check_pose,
             'emergency stop': self._check_stop,
             'limits': self._check_limits,
+            'rates': self._check_rates,
             'roller signs': self._check_signs,
             'masses': self._check_masses,
         }
         create_steady_timer(self, self.values[LISTEN_TIME], self._report)
-
-    def _now(self) -> float:
-        return 1e-9 * self.get_clock().now().nanoseconds
 
     def _report(self) -> None:
         """Print a line for each check, and end; with an error where one failed."""
@@ -112,8 +112,8 @@ class Preflight(StoppableNode):
     def _check_encoders(self) -> str:
         read = RollerStateReader(self._robot.roller_names).read
         for message in self._joint_states:
-            read(message)
-        return self._check_rate('joint_states', self._joint_states, JOINT_RATE)
+            self._travel = read(message).positions
+        return self._check_live('joint_states', self._joint_states)
 
     def _check_zeros(self) -> str:
         sure = self._robot.description.calibration.get('zero_deviations')
@@ -123,7 +123,7 @@ class Preflight(StoppableNode):
             )
         words = f'measured to {1e3 * max(sure.values()):.1f} mm'
         try:
-            posture = self._markers.measure(self._now()).posture
+            posture = self._markers.measure(self.now()).posture
         except MeasurementError as error:
             return f'{words}; not compared: {error}'
         nodes = self._robot.configuration(posture.roller_positions).nodes
@@ -142,8 +142,8 @@ class Preflight(StoppableNode):
 
     def _check_pose(self) -> str:
         for message in self._poses:
-            read_object_pose(message, self._robot.frame)
-        return self._check_rate('object_pose', self._poses, POSE_RATE)
+            read_object_pose(self._markers.frame.express_pose(message), self._robot.frame)
+        return self._check_live('object_pose', self._poses)
 
     def _check_stop(self) -> str:
         if not self._stops:
@@ -154,9 +154,28 @@ class Preflight(StoppableNode):
 
     def _check_limits(self) -> str:
         file = self._robot.description
+        low, high = file.min_length, file.max_length
+        if self._travel is None:
+            raise MeasurementError('not compared: no joint_states')
+        lengths = self._robot.home.member_lengths + self._robot.topology.incidence @ self._travel
+        beyond = np.maximum(low - lengths, lengths - high)
+        worst = int(beyond.argmax())
+        if beyond[worst] > 0.0:
+            raise MeasurementError(
+                f'member {self._robot.member_names[worst]} is {lengths[worst]:.3g} m long: must '
+                f'be {low:g} to {high:g} m'
+            )
         return (
-            f'rollers {file.max_speed:g} m/s, members {file.min_length:g} to '
-            f'{file.max_length:g} m: compare them with the drives'
+            f'rollers {file.max_speed:g} m/s, members {low:g} to {high:g} m, in which all are: '
+            'compare them with the drives'
+        )
+
+    def _check_rates(self) -> str:
+        return ', '.join(
+            (
+                self._check_rate('joint_states', self._joint_states, JOINT_RATE),
+                self._check_rate('object_pose', self._poses, POSE_RATE),
+            )
         )
 
     def _check_signs(self) -> str:
@@ -175,21 +194,25 @@ class Preflight(StoppableNode):
             raise MeasurementError(f'{which} is not given: the loop would be slow')
         return f'module {module:g} kg, object {body:g} kg'
 
+    def _check_live(self, topic: str, messages: Sequence[JointState | PoseStamped]) -> str:
+        """Return how old the last message of a topic is in words; refuse one that is too old."""
+        if not messages:
+            raise MeasurementError(f'no {topic}')
+        age = self.now() - read_stamp(messages[-1].header)
+        if not 0.0 <= age < LATEST:
+            raise MeasurementError(f'{topic} is {age:.2g} s old: must be 0 to {LATEST:g} s')
+        return f'{1e3 * age:.0f} ms old'
+
     def _check_rate(
         self, topic: str, messages: Sequence[JointState | PoseStamped], least: params.Spec
     ) -> str:
-        """Return the rate of a topic in words; refuse one that is slow or old."""
-        if not messages:
-            raise MeasurementError(f'no {topic}')
-        age = self._now() - read_stamp(messages[-1].header)
-        if not 0.0 <= age < LATEST:
-            raise MeasurementError(f'{topic} is {age:.2g} s old: must be 0 to {LATEST:g} s')
+        """Return the rate of a topic in words; refuse one that is slow."""
         rate = len(messages) / self.values[LISTEN_TIME]
         if rate < 0.9 * self.values[least]:
             raise MeasurementError(
                 f'{topic} comes {rate:.3g} times a second: must be {self.values[least]:g}'
             )
-        return f'{rate:.3g} Hz, {1e3 * age:.0f} ms old'
+        return f'{topic} {rate:.3g} Hz'
 
 
 #: Check what is heard, and end.

@@ -36,6 +36,7 @@ from isotruss_ros.mujoco_plant.recording import PlantRecorder
 from isotruss_ros.nodes.components import common_parameters as common
 from isotruss_ros.nodes.components.clock_source import CLOCK_SPEED, ClockSource
 from isotruss_ros.nodes.components.mujoco_object import (
+    GROUND_FRICTION,
     make_driven_robot,
     make_recorder,
     MUJOCO_SPECS,
@@ -44,13 +45,12 @@ from isotruss_ros.nodes.components.mujoco_object import (
 from isotruss_ros.nodes.components.simulated_object import SPECS as OBJECT_SPECS
 from isotruss_ros.nodes.components.simulated_object import StartingObject
 from isotruss_ros.nodes.components.simulated_sensors import SENSOR_SPECS, SimulatedSensors
+from isotruss_ros.nodes.components.simulated_truth import SimulatedTruth
 from isotruss_ros.nodes.components.sparse_messages import NewestMessage
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_object_pose,
-    stamp_header,
-    to_pose_message,
 )
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.cycle import Cycle
@@ -61,7 +61,6 @@ from isotruss_ros.nodes.framework.runner import run
 import numpy as np
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 KINEMATIC, ELASTIC, MUJOCO = 'kinematic', 'elastic', 'mujoco'
@@ -166,11 +165,10 @@ class Simulator(ManagedNode):
         self._simulated = self._make_robot()
         plant = None if self._driven is None else self._driven.plant
         self._recorder = make_recorder(plant, self.values[RECORDING])
+        self._sensors = SimulatedSensors(self, self._robot, self.values, self.values[SEED])
         self.values.on_change(self._apply, self._check)
         self._apply()
-        self._joint_states = self.create_lifecycle_publisher(JointState, 'joint_states', RELIABLE)
-        self._object_pose = self.create_lifecycle_publisher(PoseStamped, 'object_pose', RELIABLE)
-        self._sensors = SimulatedSensors(self, self._robot, self.values, self.values[SEED])
+        self._truth = SimulatedTruth(self, self._robot)
         self.diagnostics.hardware_id = self._robot.name
 
     def activate(self) -> None:
@@ -240,11 +238,15 @@ class Simulator(ManagedNode):
         self._elastic = None
         if self.values[PLANT] == KINEMATIC:
             return self._object.lying(pose)
-        self._elastic = self._object.elastic(pose, self.values[STIFFNESS_SCALE])
+        values = self.values
+        self._elastic = self._object.elastic(
+            pose, values[STIFFNESS_SCALE], values[GROUND_FRICTION]
+        )
         return self._elastic
 
     def _apply(self) -> None:
         values = self.values
+        self._sensors.apply()
         if self._driven is not None:
             for joint in self._robot.topology.joint_names:
                 pulled = joint == values[PULL_JOINT]
@@ -330,18 +332,15 @@ class Simulator(ManagedNode):
             self._report_contact(self._driven)
         if self._recorder is not None:
             self._recorder.record(1e-9 * now.nanoseconds)
-        joints = JointState(
-            name=list(self._robot.roller_names),
-            position=self._simulated.roller_positions.tolist(),
-            velocity=self._simulated.roller_velocities.tolist(),
+        simulated, seconds = self._simulated, 1e-9 * now.nanoseconds
+        self._sensors.publish(
+            seconds,
+            simulated.roller_positions,
+            simulated.roller_velocities,
+            simulated.object_pose,
+            self._joints,
         )
-        stamp_header(joints.header, now)
-        self._joint_states.publish(joints)
-        measured = self._sensors.measure_pose(self._simulated.object_pose)
-        pose = PoseStamped(pose=to_pose_message(measured))
-        stamp_header(pose.header, now, self._robot.frame)
-        self._object_pose.publish(pose)
-        self._sensors.publish_markers(self._joints(), now)
+        self._truth.publish(now, simulated.object_pose, self._joints, self._forces)
 
     def _joints(self) -> Array:
         """Return where the joints are (j, 2) [m]."""
@@ -357,6 +356,16 @@ class Simulator(ManagedNode):
             loaded = deform(config, {values[PULL_JOINT]: self._pull()})
             joints = joints + loaded.state.displacements[:count, :2] / values[STIFFNESS_SCALE]
         return joints
+
+    def _forces(self) -> dict[str, float]:
+        """Return the normal forces on the object by member [N]; none of an object without."""
+        if self._driven is not None:
+            forces = self._driven.plant.contact_forces()
+            return {name: force.normal for name, force in forces.items()}
+        grasp = None if self._elastic is None else self._elastic.grasp
+        if grasp is None:
+            return {}
+        return dict(zip(grasp.member_names, grasp.normal_forces.tolist(), strict=True))
 
     def details(self) -> dict[str, object]:
         """Return how far MuJoCo is behind the clock, by name."""

@@ -22,6 +22,7 @@ from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, Pose
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.components.view_requests import (
     Calls,
     make_calls,
@@ -29,6 +30,7 @@ from isotruss_ros.nodes.components.view_requests import (
     SimulatorRestart,
 )
 from isotruss_ros.nodes.conversions.messages import (
+    MessageError,
     name_object_frame,
     request_parameters,
     stamp_header,
@@ -150,9 +152,10 @@ class Viewer(StoppableNode):
 
     def _subscribe(self) -> None:
         picture = self.picture
+        self._frame = RobotFrame.heard_by(self, picture.robot.frame)
         for kind, topic, receive in (
             (JointState, 'joint_states', self._receive_joint_states),
-            (PoseStamped, 'object_pose', picture.receive_object_pose),
+            (PoseStamped, 'object_pose', self._receive_object_pose),
             (GraspState, 'grasp/state', picture.receive_state),
             (ManipulationStatus, 'manipulation/status', picture.receive_status),
             (MarkerArray, 'grasp/markers', picture.receive_markers),
@@ -160,6 +163,12 @@ class Viewer(StoppableNode):
             subscribe_newest(
                 self, kind, topic, lambda message, to=receive: to(message, time.monotonic())
             )
+
+    def _receive_object_pose(self, message: PoseStamped, now: float) -> None:
+        try:
+            self.picture.receive_object_pose(self._frame.express_pose(message), now)
+        except MessageError as error:
+            self._throttle.warn('object_pose', str(error))
 
     def _receive_joint_states(self, message: JointState, now: float) -> None:
         try:

@@ -47,6 +47,8 @@ from isotruss_ros.demo.run import (
     PULL,
     SQUEEZE,
 )
+from isotruss_ros.demo.sensors import sensor_faults, truth_table, UNSEEN
+from isotruss_ros.nodes import simulator
 from isotruss_ros.nodes.conversions.trajectory_messages import (
     read_duration,
     to_trajectory_message,
@@ -284,3 +286,27 @@ def test_a_signal_while_nodes_are_started_leaves_none_behind(monkeypatch, tmp_pa
     ):
         pytest.fail('they are not to be used')
     assert made == []
+
+
+def test_the_faults_of_real_sensors_are_parameters_of_the_simulator():
+    names = {spec.name for spec in simulator.SPECS}
+    assert sensor_faults('perfect') == {}
+    assert set(sensor_faults('real')) <= names
+    assert set(UNSEEN) <= names
+
+
+def test_the_table_of_the_truth_has_the_errors_of_squeeze_joints_and_pose():
+    rollers = np.full(len(ROBOT.roller_names), 0.01)
+    joints = ROBOT.configuration(rollers).nodes[: len(ROBOT.topology.joint_names)].copy()
+    joints[2] += (0.003, 0.004)
+    record = PhaseRecord(
+        'up',
+        accepted=np.array([0.1, 0.2, 0.3]),
+        measured=np.array([0.1, 0.202, 0.3 + np.radians(1.5)]),
+        snapshots=[Snapshot(1.0, rollers, None)],
+        squeezes=[20.0, 14.0, 25.0, 22.0],
+        joints=[joints],
+    )
+    table = truth_table([record], ROBOT, 20.0)
+    cells = [next(iter(column.cells)) for column in table.columns]
+    assert cells == ['up', '+10', '-30', '5.0', '2.0', '1.50']

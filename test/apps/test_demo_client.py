@@ -13,9 +13,49 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import load_robot
 from isotruss_ros.demo.client import DemoClient
+from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from probe import begin_context
 import rclpy
+from sensor_msgs.msg import JointState
+
+
+def test_the_truth_is_recorded_beside_what_is_measured():
+    begin_context()
+    try:
+        client = DemoClient(load_robot('triangle').roller_names, truth=True)
+        other = rclpy.create_node('other')
+        topics = {
+            'object_pose': PoseStamped(),
+            'truth/object_pose': PoseStamped(),
+            'truth/contact_forces': JointState(name=['a', 'b'], effort=[3.0, 5.0]),
+            'truth/joint_markers': to_joint_markers({'A': (1.0, 2.0)}),
+        }
+        topics['object_pose'].pose.position.x = 1.0
+        topics['truth/object_pose'].pose.position.x = 2.0
+        made = {
+            topic: other.create_publisher(type(message), topic, RELIABLE)
+            for topic, message in topics.items()
+        }
+        record = client.begin('truth')
+
+        def publish():
+            for topic, message in topics.items():
+                made[topic].publish(message)
+
+        client.wait(
+            lambda: client.pose and client.measured and record.squeezes and record.joints,
+            lambda: None,
+            'all topics',
+            meanwhile=publish,
+        )
+        assert (client.measured.x, client.pose.x) == (1.0, 2.0)
+        assert record.squeezes[-1] == 4.0
+        assert record.joints[-1].tolist() == [[1.0, 2.0]]
+        client.destroy_node()
+        other.destroy_node()
+    finally:
+        rclpy.shutdown()
 
 
 def test_a_topic_with_a_full_queue_starves_no_other():

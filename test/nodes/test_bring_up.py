@@ -10,6 +10,9 @@
 """What is checked before a robot moves: its rollers, and what `preflight` hears."""
 
 from pathlib import Path
+import re
+import subprocess
+import sys
 
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import load_robot
@@ -99,11 +102,11 @@ def write_checked(tmp_path):
     return str(path)
 
 
-def fly(tmp_path, robot, capsys, *, stop=True, mass=0.5, **values):
-    """Run the checks; return the faults and what was printed."""
-    with world(plant(**values), lambda: Preflight(overrides(robot=robot, object_mass=mass))) as w:
+def fly(path, capsys, *, stop=True, pressed=False, mass=0.5, **values):
+    """Run the checks with a plant; return the faults and what was printed."""
+    with world(plant(**values), lambda: Preflight(overrides(robot=path, object_mass=mass))) as w:
         if stop:
-            w.probe.stops.publish(Bool(data=False))
+            w.probe.stops.publish(Bool(data=pressed))
         node = w.nodes[2]
         try:
             w.until(lambda: node.done)
@@ -112,36 +115,111 @@ def fly(tmp_path, robot, capsys, *, stop=True, mass=0.5, **values):
     return node.faults, capsys.readouterr().out
 
 
+LINES = (
+    'encoders',
+    'zeros',
+    'object pose',
+    'emergency stop',
+    'limits',
+    'rates',
+    'roller signs',
+    'masses',
+)
+
+
 def test_a_robot_that_is_ready_passes(tmp_path, capsys):
-    faults, said = fly(tmp_path, write_checked(tmp_path), capsys)
+    faults, said = fly(write_checked(tmp_path), capsys)
     assert faults == []
-    assert said.count('ok    ') == 7
+    assert [line.split(':')[0] for line in said.splitlines()] == [
+        f'ok    {name}' for name in LINES
+    ]
     assert 'ok    zeros: measured to 1.0 mm; joint' in said
 
 
 def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
-    faults, said = fly(tmp_path, 'nine_member', capsys, stop=False, mass=0.0)
+    faults, said = fly('nine_member', capsys, stop=False, mass=0.0)
     assert faults == ['zeros', 'emergency stop', 'roller signs', 'masses']
     assert 'run calibrate_home' in said
 
 
-def test_zeros_that_markers_contradict_are_named(tmp_path, capsys):
-    faults, said = fly(tmp_path, write_checked(tmp_path), capsys, zero_deviation=0.03, seed=2)
-    assert faults == ['zeros']
-    assert 'mm off the encoders; at most 10 mm' in said
+@pytest.mark.parametrize(
+    ('faulty', 'name', 'words'),
+    [
+        ({'encoder_delay': 0.8}, 'encoders', r'joint_states is 0\.8\d* s old'),
+        ({'zero_deviation': 0.03, 'seed': 2}, 'zeros', 'mm off the encoders; at most 10 mm'),
+        ({'pose_delay': 0.8}, 'object pose', r'object_pose is 0\.8\d* s old'),
+        ({'encoder_rate': 20.0}, 'rates', r'joint_states comes \d+ times a second: must be 50'),
+        ({'pose_dropouts': 0.97}, 'rates', r'object_pose comes [\d.]+ times a second: must be 10'),
+    ],
+)
+def test_a_fault_of_a_sensor_is_named_and_it_alone(tmp_path, capsys, faulty, name, words):
+    faults, said = fly(write_checked(tmp_path), capsys, **faulty)
+    assert faults == [name]
+    assert re.search(f'FAULT {name}: .*{words}', said)
 
 
-def test_a_slow_pose_in_another_frame_is_named(tmp_path, capsys):
-    faults, _ = fly(tmp_path, write_checked(tmp_path), capsys, rate=10.0)
-    assert faults == ['encoders']
+def test_a_pose_in_another_frame_is_named(tmp_path, capsys):
+    robot = write_checked(tmp_path)
+    turned = tmp_path / 'turned.yaml'
+    turned.write_text(Path(robot).read_text().replace('frame: truss', 'frame: camera'))
+    faults, said = fly(robot, capsys, robot=str(turned))
+    assert faults == ['object pose']
+    assert "FAULT object pose: object pose in frame 'camera': must be 'truss'" in said
+
+
+def test_a_stop_that_is_pressed_is_named(tmp_path, capsys):
+    faults, said = fly(write_checked(tmp_path), capsys, pressed=True)
+    assert faults == ['emergency stop']
+    assert 'the last message of emergency_stop is true' in said
+
+
+def test_a_member_beyond_its_limits_is_named(tmp_path, capsys):
+    lengths = ROBOT.home.member_lengths
+    narrow = f'min_length: {lengths.min() - 0.01}, max_length: {lengths.max() + 0.01}'
+    path = Path(write_checked(tmp_path))
+    text = path.read_text()
+    assert 'min_length: 0.25, max_length: 2.0' in text
+    path.write_text(text.replace('min_length: 0.25, max_length: 2.0', narrow))
+    flight = {'robot': str(path), 'object_mass': 0.5}
+    with world(plant(), lambda: Preflight(overrides(**flight))) as w:
+        w.probe.stops.publish(Bool(data=False))
+        moving = Float64MultiArray(data=[0.05, *5 * [0.0]])
+        w.spin(0.5, lambda: w.probe.commands.publish(moving))
+        with pytest.raises(MeasurementError, match='1 faults: limits'):
+            w.until(lambda: w.nodes[2].done)
+    assert re.search(
+        r'FAULT limits: member \S+ is [\d.]+ m long: must be', capsys.readouterr().out
+    )
+
+
+def test_rollers_that_were_not_checked_are_named(tmp_path, capsys):
+    robot = Path(write_checked(tmp_path))
+    robot.write_text(robot.read_text().replace(', north/Z]', ']'))
+    faults, said = fly(str(robot), capsys)
+    assert faults == ['roller signs']
+    assert 'north/Z not checked: run check_rollers' in said
+
+
+def test_an_object_without_a_mass_is_named(tmp_path, capsys):
+    faults, said = fly(write_checked(tmp_path), capsys, mass=0.0)
+    assert faults == ['masses']
+    assert 'object_mass is not given' in said
 
 
 def test_silence_is_named(tmp_path, capsys):
     with (
-        pytest.raises(MeasurementError, match='6 faults'),
+        pytest.raises(MeasurementError, match='8 faults'),
         world(lambda: Preflight(overrides(listen_time=1.0))) as w,
     ):
         w.until(lambda: w.nodes[1].done)
     said = capsys.readouterr().out
     assert 'FAULT encoders: no joint_states' in said
     assert 'FAULT object pose: no object_pose' in said
+
+
+def test_the_exit_code_says_whether_there_are_faults():
+    node = [sys.executable, '-m', 'isotruss_ros.executables', 'preflight']
+    arguments = ['--ros-args', '-p', 'listen_time:=0.5']
+    done = subprocess.run([*node, *arguments], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 1
+    assert done.stdout.count('FAULT') == 8

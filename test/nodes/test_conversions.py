@@ -42,6 +42,7 @@ from isotruss_ros.nodes.conversions.messages import (
     to_twist_message,
 )
 from isotruss_ros.nodes.conversions.plan_messages import to_duration
+from isotruss_ros.nodes.conversions.pressure_messages import read_tube_pressures
 import numpy as np
 from probe import DIAMETER, MODULE, N, ROBOT
 import pytest
@@ -250,3 +251,29 @@ def test_durations(seconds):
     message = to_duration(seconds)
     assert 0 <= message.nanosec < 10**9
     assert message.sec + 1e-9 * message.nanosec == pytest.approx(seconds, abs=1e-9)
+
+
+TUBES = tuple(ROBOT.description.pressures)
+
+
+def test_reads_pressures_of_tubes_in_any_order():
+    message = JointState(name=TUBES[::-1], effort=[3e4, 2e4, 1e4])
+    assert read_tube_pressures(message, ROBOT) == (1e4, 2e4, 3e4)
+
+
+@pytest.mark.parametrize(
+    ('names', 'values', 'words'),
+    [
+        (TUBES, (3e4, -1.0, 3e4), 'gauge pressure of tube east.*-1.0: must be a positive number'),
+        (TUBES, (3e4, 0.0, 3e4), 'must be a positive number'),
+        (TUBES, (math.nan, 3e4, 3e4), 'gauge pressure of tube south'),
+        (TUBES, (3e4, 3e4, math.inf), 'gauge pressure of tube north'),
+        (TUBES, (3e4, 3e4), '2 values in effort for 3 names'),
+        (TUBES[:2], (3e4, 3e4), "of 'south, east': must be of south, east, north, each once"),
+        ((*TUBES, 'west'), (3e4,) * 4, "of 'south, east, north, west': must be of"),
+        ((*TUBES, 'east'), (3e4,) * 4, 'each once'),
+    ],
+)
+def test_pressures_that_cannot_be_are_refused_by_name(names, values, words):
+    with pytest.raises(MessageError, match=words):
+        read_tube_pressures(JointState(name=names, effort=values), ROBOT)

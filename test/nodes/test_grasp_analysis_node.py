@@ -35,6 +35,7 @@ import numpy as np
 from probe import DIAMETER, MODULE, N, overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 NAMES = list(ROBOT.roller_names)
@@ -518,3 +519,33 @@ def test_the_service_refuses_two_objects_or_none(fields, words):
 )
 def test_what_is_no_object_is_refused(value, words):
     check_refused(node(object=value), words)
+
+
+def test_measured_pressures_count_and_are_not_relied_on_once_they_are_old():
+    softer = (20e3, 20e3, 20e3)
+    body = ConvexObject.disc(SQUEEZED, DIAMETER)
+    expected = analyze_grasp(ROBOT.home, body, 0.5, pressure=softer)
+    with world(node(pressure_timeout=0.5)) as w:
+        until_ok(w)
+        gauge = w.probe.create_publisher(JointState, 'tube_pressures', 1)
+
+        def send(pressures=softer):
+            feed(w)()
+            message = JointState(name=list(ROBOT.description.pressures), effort=pressures)
+            message.header.stamp = w.probe.past(0.0).to_msg()
+            gauge.publish(message)
+
+        def softened():
+            state = w.probe.last('state')
+            return state.closure_residual == pytest.approx(expected.closure_residual)
+
+        assert not softened()
+        w.until(softened, send)
+        state = w.until_code(GraspCode.STALE_TUBE_PRESSURES, feed(w), 'state')
+        assert 'pressure_timeout' in state.message
+        assert_no_answer(w, state)
+        state = w.until_code(
+            GraspCode.INVALID_TUBE_PRESSURES, lambda: send((-1.0, 3e4, 3e4)), 'state'
+        )
+        assert 'tube south [Pa]: -1.0: must be a positive number' in state.message
+        w.until_code(GraspCode.OK, send, 'state')

@@ -113,6 +113,11 @@ def torque(z):
     return message
 
 
+def path(*poses):
+    """Return poses (x, y, angle) as messages."""
+    return [to_pose_message(Pose(*pose)) for pose in poses]
+
+
 @pytest.mark.parametrize(
     ('fields', 'words'),
     [
@@ -162,6 +167,9 @@ def torque(z):
         ({'count': 2**32 - 1}, 'count 4294967295: must be from 1'),
         ({'time_limit': -1.0}, 'time_limit -1.0 s: must be a number, not negative'),
         ({'time_limit': math.nan}, 'time_limit nan s'),
+        ({'carry': path((0.5, 0.3, 0.0))}, 'carry: 1 poses: must be none, or 2 to'),
+        ({'carry': path((0.5, 0.3, 0.0)) * 20_000}, 'carry: 20000 poses: must be none, or 2 to'),
+        ({'carry': path((0.5, 0.3, 0.0), (math.nan, 0.3, 0.0))}, 'pose 1 of carry at .nan, 0.3'),
     ],
 )
 def test_rejects_goals(fields, words):
@@ -211,6 +219,12 @@ def test_reads_every_requirement():
     held = read_goal(goal(squeeze=14.0, min_slip_margin=2.0), ROBOT).requirements
     assert (held.squeeze, held.min_slip_margin, held.min_margin) == (14.0, 2.0, None)
     assert read_goal(goal(), ROBOT).requirements == GraspRequirements(count=3)
+
+
+def test_the_path_of_a_carry_turns_the_shorter_way():
+    poses = ((0.5, 0.3, 3.0), (0.6, 0.3, 3.3), (0.6, 0.4, 3.5))
+    found = read_goal(goal(carry=path(*poses)), ROBOT).requirements.carry
+    assert np.array(found) == pytest.approx(np.array(poses))
 
 
 def seconds(duration):

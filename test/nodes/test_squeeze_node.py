@@ -13,9 +13,10 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.nodes.manipulation import Manipulation
 from isotruss_ros.nodes.simulator import Simulator
 from manual_world import world
-from probe import overrides
+from probe import overrides, ROBOT
 import pytest
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
 
 FORCE, RATE, FRICTION = 30.0, 20.0, 0.9
 
@@ -91,3 +92,28 @@ def test_what_is_not_held_is_not_moved():
             lambda: w.probe.send_twist((0.02, 0.0, 0.0)),
         )
         assert 'friction' in w.probe.last('status').message
+
+
+def test_pressures_that_are_old_or_bad_halt_and_good_ones_go_on():
+    with world(plant, squeezing(pressure_timeout=0.5)) as w:
+        gauge = w.probe.create_publisher(JointState, 'tube_pressures', 1)
+
+        def still():
+            w.probe.send_twist((0.0, 0.0, 0.0))
+
+        def send(pressure):
+            still()
+            names = list(ROBOT.description.pressures)
+            message = JointState(name=names, effort=[pressure] * len(names))
+            message.header.stamp = w.probe.past(0.0).to_msg()
+            gauge.publish(message)
+
+        w.until_code(ManipulationStatus.OK, still)
+        w.until_code(ManipulationStatus.OK, lambda: send(30e3))
+        w.spin(0.2, lambda: send(30e3))
+        assert set(w.nodes[2]._servo.squeeze.grasp.tubes.pressure) == {30e3}
+        w.until_code(ManipulationStatus.HALT_STALE_TUBE_PRESSURES, still)
+        w.until_code(ManipulationStatus.OK, lambda: send(30e3))
+        w.until_code(ManipulationStatus.HALT_INVALID_TUBE_PRESSURES, lambda: send(-1.0))
+        assert 'must be a positive number' in w.probe.last('status').message
+        w.until_code(ManipulationStatus.OK, lambda: send(30e3))

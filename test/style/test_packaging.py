@@ -37,6 +37,7 @@ ROSDEP_KEYS = {
     'ruamel': 'python3-ruamel.yaml',
     'scipy': 'python3-scipy',
     'setuptools': 'python3-setuptools',
+    'tf2_ros': 'tf2_ros_py',
     'yaml': 'python3-yaml',
 }
 # No rosdep keys: what needs them is taken, and tested, where they are installed.

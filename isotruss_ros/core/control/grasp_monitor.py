@@ -27,7 +27,14 @@ from isotruss_ros.core.control.grasp_report import (
     GraspQuery,
     GraspReport,
 )
-from isotruss_ros.core.control.inputs import Input, InputError, InputFault, require_fresh
+from isotruss_ros.core.control.inputs import (
+    fresh_pressures,
+    Input,
+    InputError,
+    InputFault,
+    PRESSURE_TIMEOUT,
+    require_fresh,
+)
 from isotruss_ros.core.errors import (
     ConfigurationError,
     GraspError,
@@ -53,6 +60,8 @@ FAULTS = {
     ('object_pose', InputFault.INVALID): GraspCode.INVALID_OBJECT_POSE,
     ('external_wrench', InputFault.STALE): GraspCode.STALE_EXTERNAL_WRENCH,
     ('external_wrench', InputFault.INVALID): GraspCode.INVALID_EXTERNAL_WRENCH,
+    ('tube_pressures', InputFault.STALE): GraspCode.STALE_TUBE_PRESSURES,
+    ('tube_pressures', InputFault.INVALID): GraspCode.INVALID_TUBE_PRESSURES,
 }
 #: The code for each error of an analysis; the last is that of any other.
 ERRORS = (
@@ -72,6 +81,9 @@ class GraspMonitor:
     :ivar rollers: input of the measured `RollerState`.
     :ivar pose: input of the measured `Pose` of the object, robot frame.
     :ivar wrench: input of (fx, fy, m), the external wrench on the object [N, N m]; zero if None.
+    :ivar pressures: input of the (t,) gauge pressures of the tubes, in the order of the robot
+        file, which has them if None [Pa].
+    :ivar pressure_timeout: pressures older than this are not used [s].
     :param robot: the robot.
     :param object_diameter: the object's own diameter [m].
     :param friction: coefficient between tube and object.
@@ -103,6 +115,8 @@ class GraspMonitor:
         self.rollers: Input = None
         self.pose: Input = None
         self.wrench: Input = None
+        self.pressures: Input = None
+        self.pressure_timeout = PRESSURE_TIMEOUT
         self._tracker = ConfigurationTracker(robot.home)
         self._query: GraspQuery | None = None
         self._report = GraspReport(GraspCode.NO_JOINT_STATES, '', 0.0)
@@ -121,6 +135,7 @@ class GraspMonitor:
             inputs['external_wrench'] = self.wrench
         try:
             rollers, pose, *wrench = require_fresh(now, self.timeout, **inputs)
+            pressures = fresh_pressures(now, self.pressure_timeout, self.pressures)
         except InputError as error:
             return GraspReport(FAULTS[error.name, error.fault], str(error), now)
         try:
@@ -134,6 +149,7 @@ class GraspMonitor:
             wrench[0].value if wrench else NO_WRENCH,
             self.spacing,
             self.flattening,
+            pressures,
         )
         if query != self._query:
             self._report = _analyze(query, self._tracker.configuration, self._report.grasp)
@@ -146,12 +162,15 @@ class GraspMonitor:
         """
         Return the analysis for other values; that of `report` stays as it is.
 
-        :param query: no roller positions at all mean the measured ones, which must be fresh.
+        :param query: no roller positions at all mean the measured ones, which must be fresh, and
+            so must pressures that were ever measured.
         :param now: time on the clock of the inputs [s].
         """
-        if query.roller_positions:
-            return replace(_analyze(query, self.robot.configuration), time=now)
         try:
+            pressures = fresh_pressures(now, self.pressure_timeout, self.pressures)
+            query = query._replace(pressures=pressures)
+            if query.roller_positions:
+                return replace(_analyze(query, self.robot.configuration), time=now)
             (rollers,) = require_fresh(now, self.timeout, joint_states=self.rollers)
         except InputError as error:
             return GraspReport(FAULTS[error.name, error.fault], str(error), now)
@@ -178,6 +197,7 @@ def _analyze(
             query.body,
             query.friction,
             query.external_wrench,
+            pressure=query.pressures,
             spacing=query.spacing,
             flattening=query.flattening,
             previous=None if last is None else last.analysis,
@@ -187,6 +207,7 @@ def _analyze(
             query.body,
             query.friction,
             query.external_wrench,
+            pressure=query.pressures,
             previous=None if last is None else last.settled,
         )
     except IsotrussError as error:

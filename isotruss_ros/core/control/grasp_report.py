@@ -35,6 +35,9 @@ class GraspCode(enum.IntEnum):
     # One that was never published is zero: it cannot be missing.
     STALE_EXTERNAL_WRENCH = 31
     INVALID_EXTERNAL_WRENCH = 32
+    # Those that were never published are those of the robot file.
+    STALE_TUBE_PRESSURES = 36
+    INVALID_TUBE_PRESSURES = 37
     NO_CONFIGURATION = 40  #: the roller positions fit no shape of the robot
     MECHANISM = 41  #: the robot cannot carry loads, or its stiffness laws are contradictory
     NOT_SOLVED = 42  #: the contact or the friction problem was not solved
@@ -55,6 +58,8 @@ class GraspQuery(NamedTuple):
     :ivar external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
     :ivar spacing: of the contact points along the tubes [m].
     :ivar flattening: whether the tubes flatten where they are touched, see `analyze_grasp`.
+    :ivar pressures: (t,) gauge pressures of the tubes, in the order of the robot file, which has
+        them if None [Pa].
     """
 
     roller_positions: tuple[float, ...]
@@ -63,6 +68,7 @@ class GraspQuery(NamedTuple):
     external_wrench: tuple[float, float, float]
     spacing: float
     flattening: bool = True
+    pressures: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.grip_response import slip_margin
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.hold_status import HoldStatus
@@ -39,17 +40,21 @@ class Sensitivity:
     slip_margin: float
 
 
-def attach_model(config: Configuration, grip: Grip) -> HeldGrip | HoldStatus:
+def attach_model(
+    config: Configuration, grip: Grip, pressures: tuple[float, ...] | None = None
+) -> HeldGrip | HoldStatus:
     """
     Return the equilibrium near the measured pose, or why there is none.
 
     :param config: where the robot is.
     :param grip: its object is where it was measured.
+    :param pressures: (t,) gauge, by tube [Pa]; those of the robot file if None.
     :raises GraspError: no such members.
     :raises StructureError: see `structure_of`.
     """
     members = find_members(config.robot, grip.members).members
-    return attach_grip(config, grip.body, members, quick=True)
+    tubes = TubeModel(pressure=pressures)
+    return attach_grip(config, grip.body, members, tubes=tubes, quick=True)
 
 
 def sensitivity(grasp: HeldGrip, friction: float) -> Sensitivity | None:

@@ -25,6 +25,8 @@ import numpy as np
 
 #: By default stamps may be this far ahead, since clocks are never exactly synchronous [s].
 CLOCK_SKEW = 0.01
+#: Pressures change slowly, and are measured now and then [s].
+PRESSURE_TIMEOUT = 2.0
 #: Old commands are dropped in lots of about this many.
 LOT = 64
 
@@ -92,7 +94,11 @@ class InputError(IsotrussError):
 
 
 def require_fresh(
-    now: float, timeout: float, clock_skew: float = CLOCK_SKEW, **inputs: Input
+    now: float,
+    timeout: float,
+    clock_skew: float = CLOCK_SKEW,
+    setting: str = 'command_timeout',
+    **inputs: Input,
 ) -> tuple[StampedInput, ...]:
     """
     Return inputs that can be used.
@@ -100,6 +106,7 @@ def require_fresh(
     :param now: time on the clock of the inputs [s].
     :param timeout: largest age [s].
     :param clock_skew: stamps may be this far in the future [s].
+    :param setting: name of the timeout, for the error.
     :param inputs: the inputs by name, with underscores for spaces.
     :raises InputError: the first of them that is missing, rejected, timed out, or stamped in the
         future.
@@ -115,7 +122,7 @@ def require_fresh(
             raise InputError(
                 name,
                 InputFault.STALE,
-                f'{words}: {age:.3f} s old; must be at most {timeout} s (command_timeout: set it '
+                f'{words}: {age:.3f} s old; must be at most {timeout} s ({setting}: set it '
                 'higher where the machine is busy)',
             )
         if age < -clock_skew:
@@ -126,6 +133,26 @@ def require_fresh(
                 'synchronise the clocks',
             )
     return tuple(inputs.values())
+
+
+def fresh_pressures(
+    now: float, timeout: float, pressures: Input, clock_skew: float = CLOCK_SKEW
+) -> tuple[float, ...] | None:
+    """
+    Return the measured gauge pressures of the tubes (t,) [Pa]; None where none ever came.
+
+    :param now: time on the clock of the input [s].
+    :param timeout: largest age [s].
+    :param pressures: input of them.
+    :param clock_skew: stamps may be this far in the future [s].
+    :raises InputError: rejected, timed out, or stamped in the future.
+    """
+    if pressures is None:
+        return None
+    (found,) = require_fresh(
+        now, timeout, clock_skew, 'pressure_timeout', tube_pressures=pressures
+    )
+    return found.value
 
 
 def limit_stamps(now: float, *inputs: Input, clock_skew: float = CLOCK_SKEW) -> tuple[Input, ...]:

@@ -46,6 +46,8 @@ import numpy as np
 FOLDED = 2.0
 #: Share of the slip margin beyond that which a path uses in a second [1/s].
 MARGIN_RATE = 2.0
+#: Share of a pressure that is taken for noise, and changes the squeeze by 0.1 %.
+PRESSURE_CHANGE = 0.02
 #: After an oscillation the rollers stand still for as long as this [s], and the gain is halved.
 REST_TIME = 1.0
 #: The status in each fault.
@@ -109,6 +111,7 @@ class SqueezeControl:
 
     def __init__(self, settings: SqueezeSettings) -> None:
         self.settings = settings
+        self._pressures: tuple[float, ...] | None = None
         self.acknowledge()
 
     def acknowledge(self) -> None:
@@ -135,6 +138,21 @@ class SqueezeControl:
         if self.grasp is not None and self.fault is None:
             self.fault = GripFault.NOT_HELD
         self.reset()
+
+    def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
+        """
+        Model the tubes with measured pressures, from the next cycle on.
+
+        :param pressures: (t,) gauge, by tube in the order of the robot file [Pa]; None for those
+            of the file. Changes of less than 2 % are none: noise would move the rollers.
+        """
+        before = self._pressures
+        if (
+            before is None
+            or pressures is None
+            or not np.allclose(pressures, before, rtol=PRESSURE_CHANGE, atol=0.0)
+        ):
+            self._pressures = pressures
 
     def note(self) -> str:
         """Return what is wrong with how the object is held; empty where nothing is."""
@@ -163,6 +181,8 @@ class SqueezeControl:
         friction, before, self._elapsed = self.settings.friction, self.grasp, elapsed
         if self.reference is not None:
             self.reference = self.reference + elapsed * self._velocity
+        if before is not None and before.tubes.pressure != self._pressures:
+            before = replace(before, tubes=before.tubes._replace(pressure=self._pressures))
         grasp = None if before is None else roll_grip(before, config, self._wrench(before))
         hold = HoldStatus.NO_BALANCE if grasp is None else grasp.hold(friction)
         if before is not None and grasp is not None and hold is HoldStatus.HELD:
@@ -289,7 +309,7 @@ class SqueezeControl:
     def _start(self, config: Configuration, grip: Grip) -> HoldStatus:
         """Begin with the equilibrium near the measured pose."""
         self.load = LoadEstimate(self.settings.load)
-        found = attach_model(config, grip)
+        found = attach_model(config, grip, self._pressures)
         if isinstance(found, HoldStatus):
             self.grasp = None
             return found

@@ -27,10 +27,12 @@ import importlib
 from isotruss_ros.core.control.inputs import (
     CLOCK_SKEW,
     CommandHistory,
+    fresh_pressures,
     Input,
     InputError,
     InputFault,
     limit_stamps,
+    PRESSURE_TIMEOUT,
     require_fresh,
     StampedInput,
 )
@@ -107,6 +109,8 @@ HALTS = {
     ('object_pose', InputFault.MISSING): Status.HALT_NO_OBJECT_POSE,
     ('object_pose', InputFault.STALE): Status.HALT_STALE_OBJECT_POSE,
     ('object_pose', InputFault.INVALID): Status.HALT_INVALID_OBJECT_POSE,
+    ('tube_pressures', InputFault.STALE): Status.HALT_STALE_TUBE_PRESSURES,
+    ('tube_pressures', InputFault.INVALID): Status.HALT_INVALID_TUBE_PRESSURES,
 }
 
 
@@ -117,6 +121,9 @@ class TwistServo:
     :ivar twist: input of (vx, vy, omega) in the robot frame [m/s, rad/s].
     :ivar rollers: input of the measured `RollerState`.
     :ivar pose: input of the measured `Pose` of the object, robot frame.
+    :ivar pressures: input of the (t,) gauge pressures of the tubes, with which the squeeze is
+        regulated; those of the robot file if None [Pa].
+    :ivar pressure_timeout: pressures older than this are not used [s].
     :ivar body: the held object, wherever; None for a disc of `object_diameter`.
     :ivar members: names of the members that hold it, two or three, in place of those that meet at
         `grip_module`; none for these.
@@ -157,6 +164,8 @@ class TwistServo:
         self.twist: Input = None
         self.rollers: Input = None
         self.pose: Input = None
+        self.pressures: Input = None
+        self.pressure_timeout = PRESSURE_TIMEOUT
         self.stopped: tuple[Status, str] | None = None
         self.guard: ShapeGuard | None = ShapeGuard(robot, ShapeBounds())
         self.limits: Sequence[Limit] = default_limits(robot)
@@ -245,6 +254,10 @@ class TwistServo:
                 inputs['object_pose'] = self.pose
             given, rollers, *pose = require_fresh(now, self.timeout, self.clock_skew, **inputs)
             twist = np.asarray(given.value)
+            if self.squeeze is not None and pose:
+                self.squeeze.take_pressures(
+                    fresh_pressures(now, self.pressure_timeout, self.pressures, self.clock_skew)
+                )
             command = self._solve(rollers, pose[0] if pose else None, twist, now, failed)
             keeps_contacts = self._joint is None
             note = self.squeeze.note() if self.squeeze else ''

@@ -56,6 +56,8 @@ class Status(enum.IntEnum):
     HALT_POSE_DISAGREES = 47  #: the measured pose does not go with the members that carry it
     HALT_OSCILLATES = 48  #: the object swings more and more: the rollers rest
     HALT_GAIN = 49  #: the user's gain is beyond what the frequency of the held object allows
+    HALT_STALE_TUBE_PRESSURES = 50
+    HALT_INVALID_TUBE_PRESSURES = 51
 
     def __str__(self) -> str:
         """Return the name in words."""

@@ -25,6 +25,7 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.simulation.floor_friction import FloorFriction
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -40,14 +41,16 @@ class ElasticObject:
 
     While it lies, members that touch it push it along; the ground carries loads. From the moment
     two members press on it so that friction holds it, it is held: contacts stick, it rolls with
-    the tubes, and its pose is a function of configuration and external wrench. Where the friction
-    that the balance needs is more than there is, or no equilibrium exists, it is dropped: it slips
-    out of the grip as far as the members push it, and lies there.
+    the tubes, and its pose follows from configuration, external wrench and the floor's friction.
+    Where the friction that the balance needs is more than there is, or no equilibrium exists, it
+    is dropped: it slips out of the grip as far as the members push it, and lies there.
 
     :ivar dropped: why it was dropped last; None while it is held or never was.
     :param body: the object, where it lies.
     :param friction: coefficient between tube and object in this plant, not negative.
     :param stiffness_scale: stiffness of this plant against that of the model, positive.
+    :param ground_friction: wrench up to which the floor holds a held object in its place, moments
+        over its arm, not negative [N].
     :raises GraspError: friction or stiffness are not usable.
     """
 
@@ -56,13 +59,16 @@ class ElasticObject:
         body: ConvexObject,
         friction: float,
         stiffness_scale: float = 1.0,
+        ground_friction: float = 0.0,
     ) -> None:
-        mu, scale = finite_array([friction, stiffness_scale], 2, 'friction, stiffness', GraspError)
-        if mu < 0.0 or scale <= 0.0:
+        given = [friction, stiffness_scale, ground_friction]
+        mu, scale, limit = finite_array(given, 3, 'friction, stiffness, ground', GraspError)
+        if min(mu, limit) < 0.0 or scale <= 0.0:
             raise GraspError(
-                f'friction {friction!r} and stiffness scale {stiffness_scale!r}: '
-                'must not be negative, and the latter not zero'
+                f'friction {friction!r}, stiffness scale {stiffness_scale!r} and friction of the '
+                f'ground {ground_friction!r}: must not be negative, and the second not zero'
             )
+        self._floor = FloorFriction(float(limit))
         self._body, self._friction, self._scale = body, float(mu), float(scale)
         self._lies = body.pose._replace(angle=math.remainder(body.pose.angle, 2.0 * math.pi))
         self._grasp: HeldGrip | None = None
@@ -110,11 +116,23 @@ class ElasticObject:
             self._roll(self._grasp, config)
         else:
             self._touch(before, config)
+        self._rub(config)
         if self._grasp is None:
             self._lies = self._pushed(config)
 
     def come_to_rest(self, config: Configuration) -> None:
         """Stay in equilibrium, as in every step; see `SimulatedObject.come_to_rest`."""
+
+    def _rub(self, config: Configuration) -> None:
+        """Let the floor hold the object back; a fixed point that a few steps find."""
+        for _ in range(MAX_PARTS):
+            if self._grasp is None or not self._floor.hold_back(self._grasp):
+                break
+            self._roll(self._grasp, config)
+        if self._grasp is None:
+            self._floor.let_go()
+        else:
+            self._floor.settle(self._grasp)
 
     def _touch(self, before: Configuration | None, config: Configuration) -> None:
         """Be held from the moment on at which two members press so that friction holds."""
@@ -161,7 +179,8 @@ class ElasticObject:
     def _roll(self, before: HeldGrip, config: Configuration) -> None:
         """Roll to a configuration, in smaller and smaller parts where the contacts let go."""
         start, end = before.config.roller_positions, config.roller_positions
-        pulled, wrench = before.wrench * (1.0, 1.0, before.arm), self._wrench
+        even = np.array([1.0, 1.0, before.arm])
+        pulled, wrench = even * before.wrench, self._wrench + even * self._floor.wrench
         done, part = 0.0, 1.0
         why = HoldStatus.NO_BALANCE
         while done < 1.0:

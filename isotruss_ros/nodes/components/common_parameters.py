@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from isotruss_ros.core import ConvexObject, Disc, read_object, Robot
+from isotruss_ros.core.control import inputs
 from isotruss_ros.core.manipulation.grip import FEWEST, members_at, MOST
 from isotruss_ros.nodes.framework.parameters import ParameterError, Parameters, Spec, Value
 
@@ -47,6 +48,12 @@ OBJECT_SPECS = (OBJECT_DIAMETER, OBJECT, FRICTION)
 RATE = Spec('rate', 100.0, 'Cycles per second [Hz]', bounds=(10.0, 2000.0))
 COMMAND_TIMEOUT = Spec(
     'command_timeout', 0.2, 'Inputs older than this are not relied on [s]', bounds=(0.001, 10.0)
+)
+PRESSURE_TIMEOUT = Spec(
+    'pressure_timeout',
+    inputs.PRESSURE_TIMEOUT,
+    'Tube pressures older than this are not relied on [s]',
+    bounds=(0.001, 3600.0),
 )
 USE_STAMPED_TWIST = Spec(
     'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist', read_only=True

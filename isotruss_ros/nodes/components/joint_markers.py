@@ -18,6 +18,7 @@ from isotruss_ros.calibration.home import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import Robot
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp, RollerStateReader
 from isotruss_ros.nodes.framework import parameters as params
@@ -57,6 +58,7 @@ class JointMarkers:
     """
     The messages of `joint_markers` and `joint_states` of the last while.
 
+    :ivar frame: in which the joints are expressed.
     :ivar last_error: why the last message that is not usable is none; empty before.
     :param node: subscribes.
     :param robot: whose joints and rollers they are.
@@ -65,6 +67,7 @@ class JointMarkers:
 
     def __init__(self, node: Node, robot: Robot, window: float) -> None:
         self._robot, self._window = robot, window
+        self.frame = RobotFrame.heard_by(node, robot.frame)
         self._reader = RollerStateReader(robot.roller_names)
         self._markers: deque[tuple[float, dict[str, tuple[float, float]]]] = deque()
         self._rollers: deque[tuple[float, Array]] = deque()
@@ -108,7 +111,7 @@ class JointMarkers:
 
     def _take_markers(self, message: MultiDOFJointState) -> None:
         try:
-            joints = read_joint_markers(message, self._robot)
+            joints = read_joint_markers(self.frame.express_markers(message), self._robot)
         except MessageError as error:
             self.last_error = str(error)
             return

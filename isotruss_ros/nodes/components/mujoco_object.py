@@ -51,7 +51,8 @@ GRAVITY_Y = params.Spec(
 GROUND_FRICTION = params.Spec(
     'ground_friction',
     0.0,
-    'Force along x or y at which the object begins to slide on the ground, mujoco only [N]',
+    'Force at which the object begins to slide on the ground, mujoco (along x or y) and, held, '
+    'elastic [N]',
     bounds=(0.0, 1e3),
     read_only=True,
 )

@@ -12,17 +12,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Protocol
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.control.inputs import Input, RejectedInput, StampedInput
+from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_object_pose,
     read_stamp,
     RollerStateReader,
 )
+from isotruss_ros.nodes.conversions.pressure_messages import read_tube_pressures
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
 from rclpy.node import Node
 from rclpy.subscription import Subscription
@@ -81,14 +84,37 @@ def subscribe_object_pose(node: Node, robot: Robot, holder: InputHolder) -> None
     Keep the measured `Pose` of the object, from `object_pose`, as `holder.pose`.
 
     :param node: subscribes.
-    :param robot: in whose frame the pose must be.
+    :param robot: to whose frame that of the pose must be connected, see `RobotFrame`.
     :param holder: gets a StampedInput or a RejectedInput.
     """
+    frame = RobotFrame.heard_by(node, robot.frame)
 
     def read(message: PoseStamped) -> Pose:
-        return read_object_pose(message, robot.frame)
+        return read_object_pose(frame.express_pose(message), robot.frame)
 
     subscribe_input(node, PoseStamped, 'object_pose', read, holder, 'pose')
+
+
+def subscribe_tube_pressures(node: Node, robot: Robot, holder: InputHolder) -> None:
+    """
+    Keep the gauge pressures of the tubes, from `tube_pressures`, as `holder.pressures`.
+
+    :param node: subscribes.
+    :param robot: whose tubes they are.
+    :param holder: gets a StampedInput of (t,) pressures [Pa], or a RejectedInput.
+    """
+    read = partial(read_tube_pressures, robot=robot)
+    subscribe_input(node, JointState, 'tube_pressures', read, holder, 'pressures')
+
+
+def forget_pressures(holder: InputHolder) -> None:
+    """
+    Rely on no pressures of before any more, nor on those of the robot file in their place.
+
+    :param holder: of pressures.
+    """
+    if holder.pressures is not None:
+        holder.pressures = RejectedInput('tube pressures: none since the clock jumped or stopped')
 
 
 def select_latest(kept: Input, received: StampedInput, timeout: float) -> Input:

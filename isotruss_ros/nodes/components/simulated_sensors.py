@@ -7,81 +7,188 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""What sensors of a simulated robot measure: joint markers and the object's pose, with faults."""
+"""What the sensors of a simulated robot publish: encoders, the object's pose, joint markers."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.simulation.sensor_channel import SensorChannel, SensorFaults
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
-from isotruss_ros.nodes.conversions.messages import stamp_header
+from isotruss_ros.nodes.conversions.messages import stamp_header, to_pose_message, to_time
 from isotruss_ros.nodes.framework import parameters as params
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters
 from isotruss_ros.nodes.framework.qos import RELIABLE
 import numpy as np
-from rclpy.time import Time
-from sensor_msgs.msg import MultiDOFJointState
+from sensor_msgs.msg import JointState, MultiDOFJointState
 
-MARKER_RATE = params.Spec(
-    'marker_rate', 0.0, 'Messages of joint_markers in a second; none if 0 [Hz]', (0.0, 1000.0)
+
+def _channel_specs(
+    sensor: str, topic: str, none: str, what: str
+) -> tuple[params.Spec, params.Spec, params.Spec]:
+    """Return rate, delay and dropouts of a sensor."""
+    return (
+        params.Spec(
+            f'{sensor}_rate', 0.0, f'Messages of {topic} in a second; {none} [Hz]', (0.0, 1000.0)
+        ),
+        params.Spec(
+            f'{sensor}_delay', 0.0, f'{topic} arrives so long after its stamp [s]', (0.0, 10.0)
+        ),
+        params.Spec(f'{sensor}_dropouts', 0.0, f'Share of the {what}', (0.0, 1.0)),
+    )
+
+
+ENCODER_RATE, ENCODER_DELAY, ENCODER_DROPOUTS = _channel_specs(
+    'encoder', 'joint_states', '0: one in each cycle', 'messages of joint_states that are lost'
 )
-MARKER_NOISE = params.Spec(
-    'marker_noise', 0.0, 'Standard deviation of a coordinate of a marker [m]', (0.0, 0.1)
+ENCODER_NOISE = params.Spec(
+    'encoder_noise', 0.0, 'Standard deviation of the travel that an encoder reads [m]', (0.0, 0.1)
 )
-MARKER_DROPOUTS = params.Spec(
-    'marker_dropouts', 0.0, 'Share of the markers that a message lacks', (0.0, 1.0)
+ENCODER_STEP = params.Spec(
+    'encoder_step', 0.0, 'Encoders count the travel in steps of this [m]', (0.0, 0.1)
+)
+POSE_RATE, POSE_DELAY, POSE_DROPOUTS = _channel_specs(
+    'pose', 'object_pose', '0: one in each cycle', 'messages of object_pose that are lost'
 )
 POSE_NOISE = params.Spec(
     'pose_noise', 0.0, "Standard deviation of x and y of the object's pose [m]", (0.0, 0.1)
 )
 ANGLE_NOISE = params.Spec('angle_noise', 0.0, 'Standard deviation of its angle [rad]', (0.0, 1.0))
-SENSOR_SPECS = (MARKER_RATE, MARKER_NOISE, MARKER_DROPOUTS, POSE_NOISE, ANGLE_NOISE)
+MARKER_RATE, MARKER_DELAY, MARKER_DROPOUTS = _channel_specs(
+    'marker', 'joint_markers', 'none if 0', 'markers that a message lacks'
+)
+MARKER_NOISE = params.Spec(
+    'marker_noise', 0.0, 'Standard deviation of a coordinate of a marker [m]', (0.0, 0.1)
+)
+MARKER_MOUNTING = params.Spec(
+    'marker_mounting',
+    0.0,
+    'How far from its joint a marker is mounted, drawn by `seed`: standard deviation of a '
+    'coordinate [m]',
+    (0.0, 0.1),
+)
+MARKER_JOINTS = params.Spec(
+    'marker_joints', [''], "Joints that have markers; [''] for all", read_only=True
+)
+SENSOR_SPECS = (
+    ENCODER_RATE,
+    ENCODER_DELAY,
+    ENCODER_DROPOUTS,
+    ENCODER_NOISE,
+    ENCODER_STEP,
+    POSE_RATE,
+    POSE_DELAY,
+    POSE_DROPOUTS,
+    POSE_NOISE,
+    ANGLE_NOISE,
+    MARKER_RATE,
+    MARKER_DELAY,
+    MARKER_DROPOUTS,
+    MARKER_NOISE,
+    MARKER_MOUNTING,
+    MARKER_JOINTS,
+)
 
 
 class SimulatedSensors:
     """
     Measure a simulated robot and its object.
 
-    :param node: publishes `joint_markers`.
-    :param robot: whose joints they are.
+    :param node: publishes.
+    :param robot: that is measured.
     :param values: of `SENSOR_SPECS`.
-    :param seed: of the noise.
+    :param seed: of noise and dropouts, and of how markers are mounted.
+    :raises ParameterError: a marker at a joint that the robot does not have.
     """
 
     def __init__(self, node: ManagedNode, robot: Robot, values: Parameters, seed: int) -> None:
         self._robot, self._values = robot, values
-        self._rng = np.random.default_rng(seed)
-        self._markers = node.create_lifecycle_publisher(
-            MultiDOFJointState, 'joint_markers', RELIABLE
+        self._marked = _find_marked(robot, values)
+        # Streams of their own: the noise of one sensor does not depend on the faults of another.
+        mounting = np.random.default_rng((seed, 2))
+        self._mounting = mounting.normal(size=(len(self._marked), 2))
+        self._encoders, self._tracker, self._markers = (
+            SensorChannel(SensorFaults(), (seed, stream)) for stream in (3, 4, 5)
         )
-        self._due = 0.0
+        self.apply()
+        make = node.create_lifecycle_publisher
+        self._joint_states = make(JointState, 'joint_states', RELIABLE)
+        self._object_pose = make(PoseStamped, 'object_pose', RELIABLE)
+        self._joint_markers = make(MultiDOFJointState, 'joint_markers', RELIABLE)
 
-    def measure_pose(self, pose: Pose) -> Pose:
-        """
-        Return the pose of the object as it is measured.
+    def apply(self) -> None:
+        """Take the present values of the parameters."""
+        values, none = self._values, np.zeros(len(self._robot.roller_names))
+        self._encoders.faults = SensorFaults(
+            values[ENCODER_RATE],
+            values[ENCODER_DELAY],
+            values[ENCODER_DROPOUTS],
+            np.append(none + values[ENCODER_NOISE], none),
+            np.append(none + values[ENCODER_STEP], none),
+        )
+        self._tracker.faults = SensorFaults(
+            values[POSE_RATE],
+            values[POSE_DELAY],
+            values[POSE_DROPOUTS],
+            (values[POSE_NOISE], values[POSE_NOISE], values[ANGLE_NOISE]),
+        )
+        self._markers.faults = SensorFaults(
+            values[MARKER_RATE],
+            values[MARKER_DELAY],
+            values[MARKER_DROPOUTS],
+            values[MARKER_NOISE],
+        )
 
-        :param pose: where it is.
+    def publish(
+        self, now: float, travel: Array, speeds: Array, pose: Pose, joints: Callable[[], Array]
+    ) -> None:
         """
-        values = self._values
-        noise = self._rng.normal(size=3)
-        noise *= (values[POSE_NOISE], values[POSE_NOISE], values[ANGLE_NOISE])
-        return Pose(*(np.array(pose) + noise).tolist())
+        Publish what the sensors tell by now.
 
-    def publish_markers(self, joints: Array, now: Time) -> None:
+        :param now: time of the simulated robot [s].
+        :param travel: (r,) of the rollers since home [m].
+        :param speeds: (r,) of the rollers [m/s].
+        :param pose: of the object.
+        :param joints: returns where the joints are (j, 2) [m].
         """
-        Publish the joints as they are measured, where the next message is due.
-
-        :param joints: (j, 2) where they are [m].
-        :param now: time of the simulated robot.
-        """
-        rate, seconds = self._values[MARKER_RATE], 1e-9 * now.nanoseconds
-        if rate == 0.0 or 0.0 < self._due - seconds < 1.0 / rate:
+        for found in self._encoders.measure(now, lambda: np.append(travel, speeds)):
+            positions, velocities = np.split(found.values[0], 2)
+            states = JointState(
+                name=list(self._robot.roller_names),
+                position=positions.tolist(),
+                velocity=velocities.tolist(),
+            )
+            stamp_header(states.header, to_time(found.time))
+            self._joint_states.publish(states)
+        for found in self._tracker.measure(now, lambda: pose):
+            placed = PoseStamped(pose=to_pose_message(Pose(*found.values[0].tolist())))
+            stamp_header(placed.header, to_time(found.time), self._robot.frame)
+            self._object_pose.publish(placed)
+        if self._values[MARKER_RATE] == 0.0:
             return
-        self._due = seconds + 1.0 / rate
-        measured = joints + self._values[MARKER_NOISE] * self._rng.normal(size=joints.shape)
-        seen = self._rng.random(len(joints)) >= self._values[MARKER_DROPOUTS]
-        names = np.array(self._robot.topology.joint_names)[seen].tolist()
-        message = to_joint_markers(dict(zip(names, measured[seen], strict=True)))
-        stamp_header(message.header, now, self._robot.frame)
-        self._markers.publish(message)
+        for found in self._markers.measure(now, lambda: self._marker_places(joints())):
+            places = {self._marked[i]: found.values[i] for i in np.flatnonzero(found.seen)}
+            markers = to_joint_markers(places)
+            stamp_header(markers.header, to_time(found.time), self._robot.frame)
+            self._joint_markers.publish(markers)
+
+    def _marker_places(self, joints: Array) -> Array:
+        """Return where the markers are (k, 2) [m], with how they are mounted."""
+        numbers = [self._robot.topology.joint_names.index(name) for name in self._marked]
+        return joints[numbers] + self._values[MARKER_MOUNTING] * self._mounting
+
+
+def _find_marked(robot: Robot, values: Parameters) -> tuple[str, ...]:
+    """Return the joints that have markers."""
+    known = robot.topology.joint_names
+    named = tuple(name for name in values[MARKER_JOINTS] if name)
+    unknown = [name for name in named if name not in known]
+    if unknown:
+        raise params.ParameterError(
+            f'parameter marker_joints: {", ".join(unknown)}: must be of {", ".join(known)}'
+        )
+    return named or tuple(known)

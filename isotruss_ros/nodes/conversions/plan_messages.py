@@ -17,6 +17,7 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
 from isotruss_ros.core import ConvexObject, GraspRequirements, Robot
+from isotruss_ros.core.control.object_path import MAX_POSES
 from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.planning.export import export_figures, export_path, export_violation
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, Progress
@@ -25,6 +26,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
 from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
 from isotruss_ros.nodes.conversions.trajectory_messages import to_duration, to_trajectory_message
+import numpy as np
 
 #: Largest number of grasps of a goal.
 MAX_COUNT = 1000
@@ -90,6 +92,7 @@ def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
         members=tuple(goal.members) or None,
         min_slip_margin=goal.min_slip_margin,
         measure=goal.measure,
+        carry=_read_carry(goal),
         count=goal.count,
         **{name: value for name, value in given.items() if value},
     )
@@ -98,6 +101,15 @@ def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
     elif requirements.module is not None:
         members_at(robot, requirements.module)
     return requirements
+
+
+def _read_carry(goal: PlanGrasp.Goal) -> tuple[tuple[float, float, float], ...]:
+    """Return the path along which the object is to be carried, turning the shorter way."""
+    if len(goal.carry) == 1 or len(goal.carry) > MAX_POSES:
+        raise MessageError(f'carry: {len(goal.carry)} poses: must be none, or 2 to {MAX_POSES}')
+    poses = [read_pose(f'pose {i} of carry', pose) for i, pose in enumerate(goal.carry)]
+    angles = np.unwrap([pose.angle for pose in poses]).tolist()
+    return tuple((pose.x, pose.y, angle) for pose, angle in zip(poses, angles, strict=True))
 
 
 def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexObject:

@@ -12,10 +12,23 @@
 import time
 from types import SimpleNamespace
 
-from isotruss_ros.core import analyze_grasp, ConvexObject, errors, load_robot, Pose, tangent_center
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    errors,
+    load_robot,
+    Pose,
+    settle_grasp,
+    tangent_center,
+)
 from isotruss_ros.core.control.grasp_monitor import _judge, GraspMonitor
 from isotruss_ros.core.control.grasp_report import GraspCode, GraspQuery
-from isotruss_ros.core.control.inputs import RejectedInput, RollerState, StampedInput
+from isotruss_ros.core.control.inputs import (
+    PRESSURE_TIMEOUT,
+    RejectedInput,
+    RollerState,
+    StampedInput,
+)
 import numpy as np
 import pytest
 
@@ -124,6 +137,35 @@ def test_a_wrench_that_falls_silent_is_not_taken_for_zero():
     made = monitor()
     made.rollers, made.pose = StampedInput(at(HOME), NOW + 0.5), StampedInput(POSE, NOW + 0.5)
     assert_no_answer(made.report(NOW + 0.5), GraspCode.STALE_EXTERNAL_WRENCH)
+
+
+def test_measured_pressures_take_the_place_of_those_of_the_file():
+    measured = (25e3, 34.5e3, 30e3)
+    found = monitor(pressures=StampedInput(measured, NOW)).report(NOW).grasp
+    body = ConvexObject.disc(CENTER, DIAMETER)
+    analysis = analyze_grasp(
+        ROBOT.home, body, FRICTION, WRENCH, pressure=measured, spacing=SPACING
+    )
+    assert found.analysis.normal_forces == pytest.approx(analysis.normal_forces)
+    settled = settle_grasp(ROBOT.home, body, FRICTION, WRENCH, pressure=measured)
+    assert found.settled.slip_margin == pytest.approx(settled.slip_margin)
+    filed = monitor().report(NOW).grasp
+    assert found.analysis.normal_forces != pytest.approx(filed.analysis.normal_forces, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ('given', 'code'),
+    [
+        (StampedInput((3e4,) * 3, NOW - PRESSURE_TIMEOUT - 1e-3), GraspCode.STALE_TUBE_PRESSURES),
+        (StampedInput((3e4,) * 3, NOW + 1.0), GraspCode.INVALID_TUBE_PRESSURES),
+        (RejectedInput('not a number'), GraspCode.INVALID_TUBE_PRESSURES),
+    ],
+)
+def test_pressures_in_doubt_leave_no_answer(given, code):
+    made = monitor(pressures=given)
+    assert_no_answer(made.report(NOW), code)
+    query = GraspQuery((), ConvexObject.disc(CENTER, DIAMETER), FRICTION, WRENCH, SPACING)
+    assert_no_answer(made.analyze_request(query, NOW), code)
 
 
 @pytest.mark.parametrize('name', INPUTS)

@@ -28,6 +28,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -373,3 +374,31 @@ def test_a_loop_that_is_late_moves_the_object_as_far_as_it_should(late):
     assert plant.object_pose[:2] == pytest.approx(
         (x + 0.04 * late, y - 0.02 * late), abs=2e-3 * late
     )
+
+
+def held_by(pressures, control=None):
+    """Return a controller of the object that is held with some pressures."""
+    control = control or SqueezeControl(SqueezeSettings(20.0, FRICTION, **MASSLESS))
+    control.take_pressures(pressures)
+    assert control.follow(CONFIG, measured_at(CYLINDER.pose), PERIOD) is HoldStatus.HELD
+    return control
+
+
+def test_the_model_has_the_pressures_that_are_measured_from_the_start_and_in_flight():
+    softer = (25e3, 30e3, 30e3)
+    model = attach_grip(CONFIG, CYLINDER, tubes=TubeModel(pressure=softer), quick=True)
+    assert held_by(softer).grasp.squeeze == pytest.approx(model.squeeze, rel=1e-6)
+    control = held_by(None)
+    before = control.grasp.squeeze
+    held_by(softer, control)
+    assert control.grasp.tubes.pressure == softer
+    # Softer, it presses less; its contacts stay, with the dents that they had.
+    assert 0.0 < before - control.grasp.squeeze < before - model.squeeze
+
+
+def test_noise_of_the_pressures_does_not_move_the_model():
+    control = held_by((30e3, 30e3, 30e3))
+    grasp = control.grasp
+    held_by((30.3e3, 29.7e3, 30e3), control)
+    assert control.grasp.tubes == grasp.tubes
+    assert control.grasp.squeeze == pytest.approx(grasp.squeeze, rel=1e-9)

@@ -1,0 +1,165 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Poses and markers of a tracker in frames of its own, by transforms as tf2 has them."""
+
+import math
+
+from builtin_interfaces.msg import Time as TimeMessage
+from geometry_msgs.msg import Point, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Pose as PoseMessage
+from hypothesis import given
+from hypothesis import strategies as st
+from isotruss_ros.nodes.components import robot_frame
+from isotruss_ros.nodes.components.robot_frame import RobotFrame
+from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers, to_joint_markers
+from isotruss_ros.nodes.conversions.messages import MessageError, read_object_pose
+import numpy as np
+from probe import ROBOT
+import pytest
+from scipy.spatial.transform import Rotation
+from std_msgs.msg import Header
+
+STAMP = TimeMessage(sec=12, nanosec=500_000_000)
+NAMES = ROBOT.topology.joint_names
+#: A robot that stands upright in a world whose z is up: its y is the world's z.
+UPRIGHT = Rotation.from_euler('x', -90, degrees=True)
+
+
+class Buffer:
+    """Transforms at one stamp, as `tf2_ros.Buffer` has them; a fake, as tf2 has no wheels."""
+
+    def __init__(self, turn, shift=(0.0, 0.0, 0.0)):
+        x, y, z, w = turn.as_quat().tolist()
+        self.found = Transform(
+            translation=Vector3(**dict(zip('xyz', map(float, shift), strict=True))),
+            rotation=Quaternion(x=x, y=y, z=z, w=w),
+        )
+        self.asked = []
+
+    def lookup_transform(self, target_frame, source_frame, time):
+        self.asked.append((target_frame, source_frame, time.nanoseconds))
+        if source_frame == 'elsewhere':
+            raise robot_frame.NO_TRANSFORM[0]('two unconnected trees')
+        return TransformStamped(transform=self.found)
+
+
+def pose(position, turn, frame='camera'):
+    """Return a measured pose of an object."""
+    x, y, z, w = turn.as_quat().tolist()
+    point = Point(**dict(zip('xyz', map(float, position), strict=True)))
+    placed = PoseMessage(position=point, orientation=Quaternion(x=x, y=y, z=z, w=w))
+    return PoseStamped(header=Header(frame_id=frame, stamp=STAMP), pose=placed)
+
+
+def markers(places, frame='camera'):
+    """Return measured joints."""
+    message = to_joint_markers({name: place[:2] for name, place in places.items()})
+    for transform, place in zip(message.transforms, places.values(), strict=True):
+        transform.translation.z = float(place[2])
+    message.header.frame_id, message.header.stamp = frame, STAMP
+    return message
+
+
+lengths = st.floats(-5.0, 5.0)
+rotations = st.tuples(lengths, lengths, lengths).map(Rotation.from_rotvec)
+
+
+@given(rotations, st.tuples(lengths, lengths, lengths), lengths, lengths, st.floats(-3.0, 3.0))
+def test_a_pose_measured_from_anywhere_is_where_it_is(turn, shift, x, y, angle):
+    true = np.array([x, y, 0.3])
+    measured = turn.inv().apply(true - shift)
+    seen = turn.inv() * Rotation.from_euler('z', angle)
+    frame = RobotFrame('truss', Buffer(turn, shift))
+    found = read_object_pose(frame.express_pose(pose(measured, seen)), 'truss')
+    assert found == pytest.approx((x, y, angle), abs=1e-9)
+
+
+@given(rotations, st.tuples(lengths, lengths, lengths))
+def test_markers_measured_from_anywhere_are_where_they_are(turn, shift):
+    true = {name: np.append(ROBOT.home.nodes[NAMES.index(name)], 0.1) for name in 'PQZ'}
+    measured = {name: turn.inv().apply(place - shift) for name, place in true.items()}
+    frame = RobotFrame('truss', Buffer(turn, shift))
+    found = read_joint_markers(frame.express_markers(markers(measured)), ROBOT)
+    for name, place in true.items():
+        assert found[name] == pytest.approx(place[:2], abs=1e-9)
+
+
+def test_the_transform_is_that_at_the_stamp():
+    buffer = Buffer(Rotation.identity())
+    frame = RobotFrame('truss', buffer)
+    frame.express_pose(pose((0.0, 0.0, 0.0), Rotation.identity()))
+    frame.express_markers(markers({'P': (0.0, 0.0, 0.0)}))
+    assert buffer.asked == 2 * [('truss', 'camera', 12_500_000_000)]
+
+
+def test_what_is_in_the_frame_of_the_robot_stays_as_it_is():
+    frame = RobotFrame('truss')
+    placed, marked = pose((1.0, 2.0, 0.0), UPRIGHT, 'truss'), markers({}, 'truss')
+    assert frame.express_pose(placed) is placed
+    assert frame.express_markers(marked) is marked
+
+
+@pytest.mark.parametrize('degrees', [4.0, 6.0, 90.0, 180.0])
+def test_a_planar_pose_in_a_tilted_frame_is_refused_by_name(degrees):
+    frame = RobotFrame('truss', Buffer(Rotation.from_euler('x', degrees, degrees=True)))
+    planar = pose((1.0, 2.0, 0.0), Rotation.from_euler('z', 0.4))
+    if degrees < 5.0:
+        assert frame.express_pose(planar).header.frame_id == 'truss'
+        return
+    words = f"object pose in frame 'camera': tilted by {degrees:.0f} degrees out of the plane"
+    with pytest.raises(MessageError, match=words):
+        frame.express_pose(planar)
+
+
+def test_planar_markers_in_a_tilted_frame_are_refused_by_name():
+    frame = RobotFrame('truss', Buffer(UPRIGHT))
+    with pytest.raises(MessageError, match="joint markers in frame 'camera': tilted by 90"):
+        frame.express_markers(markers({'P': (1.0, 2.0, 0.0), 'Q': (0.5, 0.5, 0.0)}))
+
+
+def test_a_frame_that_tf2_does_not_connect_is_named_with_the_reason():
+    frame = RobotFrame('truss', Buffer(Rotation.identity()))
+    with pytest.raises(MessageError, match=r"'elsewhere': tf2 does not connect it .*two"):
+        frame.express_pose(pose((0.0, 0.0, 0.0), Rotation.identity(), 'elsewhere'))
+
+
+@pytest.mark.skipif(robot_frame.Buffer is not None, reason='tf2 is at hand')
+def test_without_tf2_frames_must_match_and_the_error_says_so():
+    frame = RobotFrame.heard_by(None, 'truss')
+    for express, message in (
+        (frame.express_pose, pose((0.0, 0.0, 0.0), Rotation.identity())),
+        (frame.express_markers, markers({})),
+    ):
+        with pytest.raises(MessageError, match=r"'camera': must be 'truss'; tf2_ros.*not install"):
+            express(message)
+
+
+def test_with_tf2_the_node_listens_as_long_as_the_frame_is_kept(monkeypatch):
+    kept = []
+    monkeypatch.setattr(robot_frame, 'Buffer', lambda: Buffer(Rotation.identity()))
+    monkeypatch.setattr(
+        robot_frame, 'TransformListener', lambda *made: kept.append(made) or made, raising=False
+    )
+    frame = RobotFrame.heard_by('node', 'truss')
+    ((buffer, node),) = kept
+    assert node == 'node'
+    frame.express_pose(pose((0.0, 0.0, 0.0), Rotation.identity()))
+    assert buffer.asked
+
+
+@given(rotations, st.tuples(*4 * [st.floats(allow_nan=True, allow_infinity=True)]))
+def test_what_is_no_rotation_is_refused_and_never_a_fault(turn, quaternion):
+    message = pose((0.0, 0.0, 0.0), Rotation.identity())
+    message.pose.orientation = Quaternion(**dict(zip('xyzw', quaternion, strict=True)))
+    try:
+        read_object_pose(RobotFrame('truss', Buffer(turn)).express_pose(message), 'truss')
+    except MessageError:
+        return
+    assert math.hypot(*quaternion) == pytest.approx(1.0, abs=0.02)

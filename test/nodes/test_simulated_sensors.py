@@ -1,0 +1,152 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""What the simulator publishes of its robot: with the faults of its sensors, and the truth."""
+
+from functools import partial
+
+from geometry_msgs.msg import PoseStamped
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.nodes.conversions.messages import read_stamp
+from isotruss_ros.nodes.simulator import Simulator
+from manual_world import check_refused, world
+from mujoco_worlds import needs_mujoco
+import numpy as np
+from probe import overrides, ROBOT
+import pytest
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState, MultiDOFJointState
+
+PLANTS = ['kinematic', 'elastic', pytest.param('mujoco', marks=needs_mujoco)]
+TOPICS = (
+    (JointState, 'joint_states'),
+    (PoseStamped, 'object_pose'),
+    (MultiDOFJointState, 'joint_markers'),
+    (PoseStamped, 'truth/object_pose'),
+    (MultiDOFJointState, 'truth/joint_markers'),
+    (JointState, 'truth/contact_forces'),
+)
+DELAYS = {'joint_states': 0.01, 'object_pose': 0.03, 'joint_markers': 0.05}
+
+
+def hear(w, duration=1.0):
+    """Return (when it came, message) of each topic."""
+    heard = {topic: [] for _, topic in TOPICS}
+
+    def keep(topic, message):
+        heard[topic].append((w.probe.past(0.0), message))
+
+    for kind, topic in TOPICS:
+        w.probe.create_subscription(kind, topic, partial(keep, topic), 10)
+    w.spin(duration)
+    return heard
+
+
+def places(message):
+    """Return where the markers of a message are, by name."""
+    return {
+        name: np.array([transform.translation.x, transform.translation.y])
+        for name, transform in zip(message.joint_names, message.transforms, strict=True)
+    }
+
+
+@pytest.mark.parametrize('plant', PLANTS)
+def test_sensors_are_as_late_and_as_rare_as_their_parameters(plant):
+    faults = {
+        'encoder_delay': 0.01,
+        'encoder_rate': 50.0,
+        'pose_delay': 0.03,
+        'pose_rate': 20.0,
+        'marker_delay': 0.05,
+        'marker_rate': 10.0,
+    }
+    with world(lambda: Simulator(overrides(plant=plant, indentation=0.01, **faults))) as w:
+        heard = hear(w)
+        for topic, delay in DELAYS.items():
+            ages = [1e-9 * came.nanoseconds - read_stamp(m.header) for came, m in heard[topic]]
+            assert np.array(ages) == pytest.approx(delay, abs=2e-3)
+        counts = [len(heard[topic]) for topic in DELAYS]
+        assert counts == pytest.approx([50, 20, 10], abs=1)
+
+
+@pytest.mark.parametrize('plant', PLANTS)
+def test_the_noise_of_each_sensor_is_that_of_its_parameter(plant):
+    faults = {
+        'encoder_noise': 2e-3,
+        'pose_noise': 1e-3,
+        'angle_noise': 0.02,
+        'marker_noise': 3e-3,
+        'marker_rate': 100.0,
+    }
+    with world(lambda: Simulator(overrides(plant=plant, indentation=0.01, **faults))) as w:
+        heard = hear(w, 3.0)
+        travel = np.array([m.position for _, m in heard['joint_states']])
+        assert travel.std(axis=0) == pytest.approx(2e-3, rel=0.2)
+        placed, true = (
+            np.array([(m.pose.position.x, 2.0 * m.pose.orientation.z) for _, m in heard[topic]])
+            for topic in ('object_pose', 'truth/object_pose')
+        )
+        assert (placed - true).std(axis=0) == pytest.approx([1e-3, 0.02], rel=0.2)
+        marked = np.array([places(m)['Z'] for _, m in heard['joint_markers']])
+        assert marked.std(axis=0) == pytest.approx(3e-3, rel=0.2)
+
+
+def test_encoders_count_steps():
+    with world(lambda: Simulator(overrides(encoder_step=1e-3, encoder_noise=5e-3))) as w:
+        travel = np.array([m.position for _, m in hear(w)['joint_states']])
+        assert travel / 1e-3 == pytest.approx(np.round(travel / 1e-3))
+        assert np.ptp(travel) > 5e-3
+
+
+def test_lost_messages_are_the_share_of_the_dropouts():
+    with world(lambda: Simulator(overrides(encoder_dropouts=0.5, pose_dropouts=0.2))) as w:
+        heard = hear(w, 4.0)
+        assert len(heard['joint_states']) == pytest.approx(200, abs=40)
+        assert len(heard['object_pose']) == pytest.approx(320, abs=32)
+
+
+def test_markers_are_at_the_joints_that_have_one_and_off_as_they_are_mounted():
+    faults = {'marker_rate': 20.0, 'marker_mounting': 2e-3, 'marker_joints': ['P', 'R', 'Z']}
+    with world(lambda: Simulator(overrides(**faults))) as w:
+        heard = hear(w)
+        found = [places(message) for _, message in heard['joint_markers']]
+        truth = places(heard['truth/joint_markers'][-1][1])
+        assert all(set(each) == {'P', 'R', 'Z'} for each in found)
+        off = np.array([[each[name] - truth[name] for name in 'PRZ'] for each in found])
+        assert np.ptp(off, axis=0).max() < 1e-9
+        assert 5e-4 < np.abs(off).max() < 8e-3
+
+
+def test_faults_change_while_the_simulator_runs():
+    with world(lambda: Simulator(overrides())) as w:
+        assert len(hear(w)['object_pose']) == pytest.approx(100, abs=1)
+        (set_rate,) = w.nodes[1].set_parameters([Parameter('pose_rate', value=10.0)])
+        assert set_rate.successful
+        assert len(hear(w)['object_pose']) == pytest.approx(10, abs=1)
+
+
+def test_a_marker_at_no_joint_is_refused():
+    check_refused(
+        lambda: Simulator(overrides(marker_joints=['Z', 'W'])),
+        'parameter marker_joints: W: must be of',
+    )
+
+
+def test_the_truth_is_that_of_the_plant():
+    faults = {'pose_noise': 0.01, 'indentation': 0.01, 'friction': 0.8}
+    with world(lambda: Simulator(overrides(plant='elastic', **faults))) as w:
+        heard = hear(w)
+        held = attach_grip(ROBOT.home, w.nodes[1]._object.body)
+        forces = heard['truth/contact_forces'][-1][1]
+        found = dict(zip(forces.name, forces.effort, strict=True))
+        assert found == pytest.approx(
+            dict(zip(held.member_names, held.normal_forces, strict=True))
+        )
+        position = heard['truth/object_pose'][-1][1].pose.position
+        assert (position.x, position.y) == pytest.approx(held.pose[:2])
