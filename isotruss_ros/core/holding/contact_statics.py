@@ -307,7 +307,6 @@ class ContactStatics:
         :param closure: what settles the equations that statics leaves open.
         :param steps: most states that are looked at.
         """
-
         places, unknowns = self.places, start.copy()
         longest = _longest_step(len(self.sides), self.arm)
         for _ in range(steps):
