@@ -90,14 +90,14 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     grip = settled.equilibrium
     if grip is None:
         raise GraspError(f'a grasp without equilibrium has no derivatives: {settled.reason}')
-    parameters = _parameters_of(grip)
+    parameters = parameters_of(grip)
     chosen = np.eye(parameters.size)
     nodes = grip.config.node_jacobian.T.copy().view(np.complex128).T
     moved = nodes @ chosen[parameters.rollers]
     tubes = LoadedTubes(grip, moved, chosen[parameters.pressures])
-    dents = _dent_rates(grip, chosen, parameters)
+    dents = dent_rates(grip, chosen, parameters)
     state, places = grip.state, grip.state.places
-    left = _equation_rates(grip, tubes, dents, chosen, parameters)
+    left = equation_rates(grip, tubes, dents, chosen, parameters)
     try:
         change = -np.linalg.solve(state.jacobian, left)
     except np.linalg.LinAlgError as error:
@@ -130,8 +130,12 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     )
 
 
-def _parameters_of(grip: HeldGrip) -> GraspParameters:
-    """Return the places of the parameters of a grasp."""
+def parameters_of(grip: HeldGrip) -> GraspParameters:
+    """
+    Return the places of the parameters of a grasp.
+
+    :param grip: how the object is held.
+    """
     rollers = len(grip.config.roller_positions)
     tubes = rollers + 3 + len(grip.config.robot.description.pressures)
     return GraspParameters(
@@ -145,8 +149,14 @@ def _parameters_of(grip: HeldGrip) -> GraspParameters:
     )
 
 
-def _dent_rates(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> Array:
-    """Return how the dents change by the parameters alone, the forces as they are, (k, p) [m]."""
+def dent_rates(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> Array:
+    """
+    Return how the dents change by the parameters alone, the forces as they are, (k, p) [m].
+
+    :param grip: how the object is held.
+    :param chosen: (n, p) how the parameters change in each column.
+    :param parameters: which row of these is which.
+    """
     forces, scale = grip.state.normal_forces, grip.tubes.stiffness_scale
     indentation, topology = grip.statics.indentation, grip.config.robot.topology
     softer = np.outer(indentation(forces)[1] * forces / scale, chosen[parameters.stiffness])
@@ -155,14 +165,22 @@ def _dent_rates(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> A
     return indentation.pressure_rates(forces)[:, None] * inflated - softer
 
 
-def _equation_rates(
+def equation_rates(
     grip: HeldGrip,
     tubes: LoadedTubes,
     dents: Array,
     chosen: Array,
     parameters: GraspParameters,
 ) -> Array:
-    """Return how the residual of the equations changes while the unknowns stay, (3 + 4k, p)."""
+    """
+    Return how the residual of the equations changes while the unknowns stay, (3 + 4k, p).
+
+    :param grip: how the object is held.
+    :param tubes: its frame.
+    :param dents: (k, p) see `dent_rates` [m].
+    :param chosen: (n, p) how the parameters change in each column.
+    :param parameters: which row of these is which.
+    """
     statics, state, body = grip.statics, grip.state, grip.body
     places, axis = state.places, statics.compliance.axis[:, None]
     normals, scale = state.normals[:, None], grip.tubes.stiffness_scale

@@ -50,6 +50,7 @@ class LoadedTubes:
 
     def __init__(self, grip: HeldGrip, moved: Points, inflated: Array) -> None:
         self._grip, self._inflated = grip, inflated
+        self._joints = len(grip.config.robot.topology.joint_names)
         self._structure = structure_of(grip.config, grip.tubes.pressure)
         compliance, state, statics = grip.statics.compliance, grip.state, grip.statics
         self._frame = CutFrame(self._structure.frame, *compliance.locate(state.feet))
@@ -73,8 +74,37 @@ class LoadedTubes:
         :param contacts: how these change.
         :return: (k, p) [m], (k, p) [-] and (c, 6, p) of the members of the cut frame [N], [N m].
         """
+        frame, state, nodes = self._frame, self._state, self._frame.nodes
+        axis = self._grip.statics.compliance.axis[:, None]
+        moved, ends, softer = self._solve(contacts)
+        still = state.displacements[nodes]
+        give = moved[nodes, 0] + 1j * moved[nodes, 1]
+        give = (give - 1j * self.spins * (still[:, 0] + 1j * still[:, 1])[:, None]) / axis
+        # The mean slope of both sides is that of the section, sheared by the mean force across.
+        sheared = 0.5 * (ends[frame.before, 4] - ends[frame.behind, 1])
+        own = state.end_forces
+        across = 0.5 * (own[frame.before, 4] - own[frame.behind, 1])
+        slope = moved[nodes, 2] + sheared / frame.members.shear[frame.before, None]
+        slope += across[:, None] * softer[2, frame.before]
+        return give, slope, ends
+
+    @property
+    def displacements(self) -> Array:
+        """Return those of the joints, (j, 2) in `Topology.joint_names` order [m]."""
+        return self._state.displacements[: self._joints, :2]
+
+    def displace(self, contacts: ContactRates) -> Array:
+        """
+        Return how the displacements of the joints change, (j, 2, p) [m].
+
+        :param contacts: how these change.
+        """
+        return self._solve(contacts)[0][: self._joints, :2]
+
+    def _solve(self, contacts: ContactRates) -> tuple[Array, Array, Array]:
+        """Return changes of displacements (n, 3, p), end forces (c, 6, p) and flexibility."""
         grip, frame, state = self._grip, self._frame, self._grip.state
-        axis, nodes = grip.statics.compliance.axis[:, None], self._frame.nodes
+        axis, nodes = grip.statics.compliance.axis[:, None], frame.nodes
         forces = contacts.forces * state.normals[:, None]
         forces += 1j * contacts.normals * self._push[:, None]
         couples = contacts.dents * state.friction_forces[:, None]
@@ -87,17 +117,7 @@ class LoadedTubes:
             self._rates.flexibility[:, frame.whole],
             self._rates.rows,
         )
-        moved, ends = frame.rates(self._state, rates, loads)
-        still = self._state.displacements[nodes]
-        give = moved[nodes, 0] + 1j * moved[nodes, 1]
-        give = (give - 1j * self.spins * (still[:, 0] + 1j * still[:, 1])[:, None]) / axis
-        # The mean slope of both sides is that of the section, sheared by the mean force across.
-        sheared = 0.5 * (ends[frame.before, 4] - ends[frame.behind, 1])
-        own = self._state.end_forces
-        across = 0.5 * (own[frame.before, 4] - own[frame.behind, 1])
-        slope = moved[nodes, 2] + sheared / frame.members.shear[frame.before, None]
-        slope += across[:, None] * rates.flexibility[2, frame.before]
-        return give, slope, ends
+        return *frame.rates(self._state, rates, loads), rates.flexibility
 
     def utilisation(self, ends: Array) -> tuple[Array, Array]:
         """
