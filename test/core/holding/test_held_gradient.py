@@ -11,13 +11,13 @@
 
 from dataclasses import replace
 
+from carries import GRASPS, make_robot, place
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_joints import held_joints
 from isotruss_ros.core.holding.indentation import Indentation
 from isotruss_ros.core.holding.roll_grip import roll_contacts
-from carries import GRASPS, make_robot, place
 import numpy as np
 import pytest
 
@@ -44,9 +44,7 @@ def move(grip, values):
         indentation = Indentation(grip.statics.indentation._tables, scale)
         statics = replace(grip.statics, indentation=indentation)
         softened = replace(grip, tubes=tubes, statics=statics)
-    return roll_contacts(
-        softened, config, grip.contacts, values[10:], grip.angles, values[6:9]
-    )
+    return roll_contacts(softened, config, grip.contacts, values[10:], grip.angles, values[6:9])
 
 
 @pytest.mark.parametrize('name', GRASPS)
@@ -70,7 +68,7 @@ def test_the_gradient_is_that_of_differences(name):
     assert exact / size == pytest.approx(differences / size, abs=2e-4)
 
 
-@pytest.mark.parametrize('name', ('disc 0.2 m', 'box'))
+@pytest.mark.parametrize('name', ['disc 0.2 m', 'box'])
 def test_the_places_are_those_of_the_held_joints(name):
     grip = grip_of(name)
     assert held_gradient(grip).places.reshape(-1, 2) == pytest.approx(held_joints(grip), abs=1e-12)
