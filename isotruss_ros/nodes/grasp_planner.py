@@ -55,10 +55,12 @@ class PlannerInputs:
 
     :ivar timeout: largest age [s].
     :ivar rollers: StampedInput of the RollerState.
+    :ivar estimate: input of the `EstimatedTravel` whose offsets these have; None without one.
     """
 
     timeout: float
     rollers: Input = None
+    estimate: Input = None
 
 
 class GraspPlanner(ManagedNode):

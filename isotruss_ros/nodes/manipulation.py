@@ -215,7 +215,11 @@ class Manipulation(ManagedNode):
         else:
             details['grip module'] = servo.grip_module
         details |= describe_ages(
-            self.now(), twist=servo.twist, joint_states=servo.rollers, object_pose=servo.pose
+            self.now(),
+            twist=servo.twist,
+            joint_states=servo.rollers,
+            object_pose=servo.pose,
+            state_estimate=servo.estimate,
         )
         if servo.failed:
             details['failed rollers'] = ', '.join(sorted(servo.failed))

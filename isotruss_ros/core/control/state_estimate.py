@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array
 
@@ -80,3 +81,17 @@ class StateEstimate:
     used: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     slipping: tuple[str, ...] = ()
+
+
+class EstimatedTravel(NamedTuple):
+    """
+    What a control loop takes from an estimate.
+
+    :ivar offsets: (r,) to add to the readings of the encoders [m].
+    :ivar squeeze: mean normal force of the members [N]; no number where it is not known.
+    :ivar squeeze_deviation: its standard deviation [N].
+    """
+
+    offsets: Array
+    squeeze: float = math.nan
+    squeeze_deviation: float = math.nan

@@ -88,6 +88,7 @@ class GraspSequences:
     :ivar stage: constant of the feedback, where the present sequence is.
     :ivar timeout: largest age of an input [s].
     :ivar rollers: StampedInput of the RollerState.
+    :ivar estimate: input of the `EstimatedTravel` whose offsets these have; None without one.
     :ivar pose: StampedInput of the object's Pose.
     :ivar grasp: StampedInput of the GraspState.
     :param node: has the clients, until it is destroyed.
@@ -99,6 +100,7 @@ class GraspSequences:
         self.stage = 0
         self.timeout = node.values[common.COMMAND_TIMEOUT]
         self.rollers: Input = None
+        self.estimate: Input = None
         self.pose: Input = None
         self.grasp: Input = None
         self._described = common.read_described(node.values)

@@ -20,6 +20,8 @@ import pytest
 import scipy
 
 ALL = tuple(NAMES)
+#: Of a held object; each takes half a second.
+RUNS = 200
 
 
 def test_zeros_of_the_empty_robot_are_those_of_least_squares():
@@ -54,15 +56,15 @@ def test_errors_of_the_empty_robot_are_as_large_as_it_says():
 @pytest.mark.nightly
 def test_errors_of_a_held_object_are_as_large_as_it_says():
     surprises, squeezes, poses = [], [], []
-    for seed in range(200):
+    for seed in range(RUNS):
         drawn = DrawnRobot(seed, held=True)
-        found = drawn.run(1.5)
+        found = drawn.run(1.0)
         surprises.append(drawn.surprise(found))
         squeezes.append((found.squeeze - drawn.grip.squeeze) / found.squeeze_deviation)
         away = found.pose - drawn.grip.pose
         poses.append(away @ np.linalg.solve(found.pose_covariance, away))
     for size, values in ((6, surprises), (1, np.square(squeezes)), (3, poses)):
-        low, high = scipy.stats.chi2.ppf([0.025, 0.975], size * 200) / 200
+        low, high = scipy.stats.chi2.ppf([0.025, 0.975], size * RUNS) / RUNS
         assert low < np.mean(values) < high
 
 
