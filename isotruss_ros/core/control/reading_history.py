@@ -65,6 +65,6 @@ class ReadingHistory:
         return first + (time - start) / (end - start) * (second - first)
 
     @property
-    def range(self) -> Array:
+    def spread(self) -> Array:
         """Return by how much the readings differ (r,) [m]."""
         return np.ptp(np.array(self._readings), axis=0)

@@ -163,7 +163,7 @@ class StateEstimator:
             (measured - expected.values).reshape(-1, 2),
             self._belief.spread(expected.rates) + noise,
             expected.rates[:, self._model.rollers],
-            self._history.range,
+            self._history.spread,
         )
         if verdict.slips is not None:
             covariance = self._belief.covariance.copy()

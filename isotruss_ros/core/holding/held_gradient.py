@@ -59,10 +59,11 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     config, state, statics = grip.config, grip.state, grip.statics
     places, parameters = state.places, parameters_of(grip)
     rollers, count = len(config.roller_positions), len(grip.anchors)
+    stiffness, anchors = rollers + 3, slice(rollers + 4, None)
     chosen = np.zeros((parameters.size, rollers + 4 + count))
     chosen[parameters.rollers, :rollers] = np.eye(rollers)
-    chosen[parameters.wrench, rollers : rollers + 3] = np.diag([1.0, 1.0, grip.arm])
-    chosen[parameters.stiffness, rollers + 3] = 1.0
+    chosen[parameters.wrench, rollers:stiffness] = np.diag([1.0, 1.0, grip.arm])
+    chosen[parameters.stiffness, stiffness] = 1.0
     nodes = (config.node_jacobian @ chosen[parameters.rollers]).T
     moved = nodes.copy().view(np.complex128).T
     tubes = LoadedTubes(grip, moved, chosen[parameters.pressures])
@@ -72,7 +73,7 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     rolling = statics.rolling_rows(state.unknowns, state.normals)
     left[places.closure] = rolling[:, places.inclinations] @ tubes.spins
     left[places.closure, :rollers] += statics.sides[:, None] * travel_rates(grip)
-    left[places.closure, rollers + 4 :] -= np.eye(count)
+    left[places.closure, anchors] -= np.eye(count)
     change = solve_change(state.jacobian_with(rolling), -left)
     if change is None:
         raise GraspError('an indifferent equilibrium has no derivatives')
