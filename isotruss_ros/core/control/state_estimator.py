@@ -245,14 +245,22 @@ class StateEstimator:
         model.evaluate(readings, self._belief.mean)
 
     def _attach(self, readings: Array, pose: Pose) -> bool:
-        """Begin to hold the object where it was measured; tell whether the model can."""
+        """Begin to hold the object where it was measured; tell whether the model can for sure."""
+        model, belief = self._model, self._belief
         try:
-            held = self._model.attach(self._grip.moved_to(pose), readings, self._belief.mean)
+            held = model.attach(self._grip.moved_to(pose), readings, belief.mean)
         except GraspError:
             return False
-        if held:
-            self._begin()
-        return held
+        if not held:
+            return False
+        own = model.rollers
+        by_rollers = Belief(belief.mean[own], belief.covariance[own, own])
+        unsure = math.sqrt(by_rollers.spread(model.squeeze_rates[None, own])[0, 0])
+        if model.held.squeeze < unsure:  # it may not even touch
+            self._release()
+            return False
+        self._begin()
+        return True
 
     def _begin(self) -> None:
         """Begin with unknown anchors of contacts that are new to the model."""
