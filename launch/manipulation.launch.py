@@ -39,6 +39,12 @@ def generate_launch_description() -> LaunchDescription:
             ),
             'grasp_planner': (common.OBJECT,),
             'pick_and_place': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION),
+            'state_estimator': (
+                common.OBJECT_DIAMETER,
+                common.OBJECT,
+                common.GRIP_MODULE,
+                common.GRIP,
+            ),
             'viewer': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION, viewer.PORT),
         },
         required=(common.ROBOT, common.OBJECT_DIAMETER, common.GRIP_MODULE),

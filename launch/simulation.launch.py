@@ -53,6 +53,12 @@ def generate_launch_description() -> LaunchDescription:
             'path_follower': (*path_foresight.SPECS, common.USE_STAMPED_TWIST, common.RATE),
             'grasp_planner': (common.OBJECT,),
             'pick_and_place': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION),
+            'state_estimator': (
+                common.OBJECT_DIAMETER,
+                common.OBJECT,
+                common.GRIP_MODULE,
+                common.GRIP,
+            ),
             'viewer': (common.OBJECT_DIAMETER, common.OBJECT, common.FRICTION, viewer.PORT),
         },
         defaults=DEFAULTS,

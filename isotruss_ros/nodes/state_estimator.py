@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-import math
 import time
 
 from geometry_msgs.msg import PoseStamped
@@ -50,7 +49,7 @@ POSE_DEVIATION = params.Spec(
     'pose_deviation', 1e-3, 'Standard deviation of x and y of object_pose [m]', (1e-6, 1.0)
 )
 ANGLE_DEVIATION = params.Spec(
-    'angle_deviation', math.radians(0.5), 'Standard deviation of its angle [rad]', (1e-6, 1.0)
+    'angle_deviation', 0.009, 'Standard deviation of its angle [rad]', (1e-6, 1.0)
 )
 MARKER_DEVIATION = params.Spec(
     'marker_deviation', 1e-3, 'Standard deviation of x and y of joint_markers [m]', (1e-6, 1.0)
@@ -83,6 +82,7 @@ SPECS = (
     common.GRIP_MODULE,
     common.GRIP,
     RATE,
+    common.COMMAND_TIMEOUT,
     POSE_DEVIATION,
     ANGLE_DEVIATION,
     MARKER_DEVIATION,
@@ -201,10 +201,16 @@ class StateEstimatorNode(ManagedNode):
         joints, deviation = read_joint_markers(message, self._robot), self.values[MARKER_DEVIATION]
         self._estimator.take_markers(read_stamp(message.header), joints, deviation)
 
-    def _step(self, _now: Time) -> None:
+    def _step(self, now: Time) -> None:
         estimate = self._estimator.estimate()
         if estimate is None:
             self.diagnostics.set_status(Level.WARN, 'no joint_states received yet')
+            return
+        age, most = 1e-9 * now.nanoseconds - estimate.time, self.values[common.COMMAND_TIMEOUT]
+        if age > most:
+            self.diagnostics.set_status(
+                Level.ERROR, f'joint_states: {age:.3f} s old; must be at most {most} s'
+            )
             return
         self._estimates.publish(to_estimate_message(estimate, self._robot))
         doubts = _describe_doubts(estimate)

@@ -114,6 +114,16 @@ def test_without_encoders_nothing_is_published():
         assert last_estimate(w) is None
 
 
+def test_stale_encoders_give_no_estimate():
+    with world(estimator(command_timeout=0.2)) as w:
+        listen(w)
+        w.spin(0.5, w.probe.send_joints)
+        w.spin(0.5)
+        count = len(w.probe.seen['estimate'])
+        w.spin(0.5)
+        assert count == len(w.probe.seen['estimate']) > 20
+
+
 @pytest.mark.parametrize(
     ('make', 'holder'), [(GraspAnalysisNode, '_monitor'), (Manipulation, '_servo')]
 )
