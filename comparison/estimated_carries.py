@@ -50,6 +50,8 @@ SLIP, ZEROS, MEASURED = 0.02, 0.01, 0.03
 REST, LEGS, LEG_TIME, REACH = 3.0, 2, 4.0, np.array([0.03, 0.03, 0.1])
 #: The object begins this deep between the members [m].
 BEGIN = 0.004
+#: It is squeezed by no more than this, so that tubes do not wrinkle on the way [N].
+MOST = 40.0
 #: Kind, joints with markers, stiffness of the tubes, and whether the loop is told the estimate.
 CASES = (
     (DISC, THREE, 1.0, True),
@@ -155,7 +157,7 @@ def _draw_task(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip,
         poses = np.array(held.pose) + np.vstack([np.zeros(3), np.cumsum(legs, axis=0)])
         squeeze = held.squeeze
         if not foresee_path(held, FRICTION, squeeze, poses, LEFT_MARGIN * squeeze).why:
-            return grip, squeeze, legs
+            return grip, min(squeeze, MOST), legs
 
 
 class _Loop:

@@ -9,14 +9,12 @@
 
 """The loop in MuJoCo with zeros that are off and rollers that slip, by what is estimated."""
 
-import pytest
-
-pytest.importorskip('mujoco')
-
 from comparison.estimated_carries import carry, SIX, THREE
 from comparison.random_carries import BOX, DISC
+from mujoco_worlds import needs_mujoco
+import pytest
 
-pytestmark = pytest.mark.nightly
+pytestmark = [needs_mujoco, pytest.mark.nightly]
 
 
 @pytest.mark.parametrize('stiffness', [0.6, 1.0, 1.5])
