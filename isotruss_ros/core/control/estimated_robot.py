@@ -19,12 +19,16 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_joints import held_joints
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
+
+#: Derivatives of a held object serve for this travel of any roller [m].
+KEPT = 3e-3
 
 
 class EstimatedRobot:
@@ -55,6 +59,7 @@ class EstimatedRobot:
         self.stiffness, self.anchors = count + 3, slice(count + 4, None)
         self.state, self.readings = np.eye(1, count + 4, self.stiffness)[0], np.zeros(count)
         self.squeeze_rates = np.zeros(count + 4)
+        self._differentiated: HeldGrip | None = None  # whose derivatives are expected
         self._config, self._joints = robot.home, 2 * len(robot.topology.joint_names)
         self.evaluate(self.readings, self.state)
 
@@ -124,11 +129,19 @@ class EstimatedRobot:
         """Hold nothing."""
         if self.held is not None:
             self.held, self._config = None, self.held.config
+            self._differentiated = None
 
     def _take(self, held: HeldGrip, readings: Array, state: Array) -> None:
-        """Go on with an equilibrium."""
-        found = held_gradient(held)
-        self.held, self.squeeze_rates = held, found.squeeze
-        values = np.concatenate([found.places, held.state.unknowns[:3]])
-        self.expected = Expectation(values, np.vstack([found.joints, found.pose]))
+        """Go on with an equilibrium; derivatives are kept for a short way."""
+        at, pose = held.config.roller_positions, held.state.unknowns[:3]
+        known = self._differentiated
+        near = known is not None and known.contacts is held.contacts
+        if near and np.abs(at - known.config.roller_positions).max() < KEPT:
+            places, rates = held_joints(held).ravel(), self.expected.rates
+        else:
+            found, self._differentiated = held_gradient(held), held
+            places, rates = found.places, np.vstack([found.joints, found.pose])
+            self.squeeze_rates = found.squeeze
+        self.held = held
+        self.expected = Expectation(np.concatenate([places, pose]), rates)
         self.readings, self.state = readings, state
