@@ -160,3 +160,21 @@ def test_over_dds_the_estimate_comes():
         found = w.probe.last('estimate')
     assert found.header.frame_id == 'truss'
     assert len(found.offset_covariance) == N * N
+
+
+@pytest.mark.parametrize('estimated', [True, False])
+def test_the_squeeze_of_a_robot_with_wrong_zeros_is_regulated_by_the_estimate(estimated):
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
+    marked = {'zero_deviation': 0.006, 'marker_rate': 20.0, 'marker_noise': 2e-4, 'seed': 1}
+    loop = {'squeeze_force': 30.0, 'friction': 0.9, 'rate': 20.0}
+    nodes = [
+        lambda: Simulator(overrides(**plant | marked | {'rate': 20.0})),
+        lambda: Manipulation(overrides(**loop)),
+    ]
+    if estimated:
+        nodes.append(estimator(marker_deviation=2e-4))
+    with world(*nodes) as w:
+        w.spin(8.0, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        squeeze = w.nodes[1]._elastic.grasp.squeeze
+    off = abs(squeeze / 30.0 - 1.0)
+    assert off < 0.05 if estimated else off > 0.1
