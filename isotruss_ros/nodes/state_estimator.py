@@ -107,6 +107,7 @@ class StateEstimatorNode(ManagedNode):
         self._throttle = WarningThrottle(self.get_logger())
         self._cycle_times = CycleTimes()
         self._estimator: StateEstimator | None = None
+        self._last: StateEstimate | None = None
         self.start()
 
     def configure(self) -> None:
@@ -136,11 +137,11 @@ class StateEstimatorNode(ManagedNode):
 
     def cleanup(self) -> None:
         """Release the robot."""
-        self._estimator = None
+        self._estimator = self._last = None
 
     def details(self) -> dict[str, object]:
         """Return what is trusted, and how long updates take."""
-        estimate = None if self._estimator is None else self._estimator.estimate()
+        estimate = self._last
         if estimate is None:
             return {}
         details: dict[str, object] = {
@@ -161,7 +162,7 @@ class StateEstimatorNode(ManagedNode):
             slip=values[SLIP],
             stiffness=values[STIFFNESS_DEVIATION],
         )
-        self._estimator = StateEstimator(self._robot, settings)
+        self._estimator, self._last = StateEstimator(self._robot, settings), None
         self._apply_grip()
 
     def _apply(self) -> None:
@@ -202,7 +203,11 @@ class StateEstimatorNode(ManagedNode):
         self._estimator.take_markers(read_stamp(message.header), joints, deviation)
 
     def _step(self, now: Time) -> None:
-        estimate = self._estimator.estimate()
+        try:
+            estimate = self._estimator.estimate()
+        except IsotrussError as error:
+            self.diagnostics.set_status(Level.ERROR, str(error))
+            return
         if estimate is None:
             self.diagnostics.set_status(Level.WARN, 'no joint_states received yet')
             return
@@ -212,6 +217,7 @@ class StateEstimatorNode(ManagedNode):
                 Level.ERROR, f'joint_states: {age:.3f} s old; must be at most {most} s'
             )
             return
+        self._last = estimate
         self._estimates.publish(to_estimate_message(estimate, self._robot))
         doubts = _describe_doubts(estimate)
         if doubts:

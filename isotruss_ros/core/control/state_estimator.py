@@ -31,7 +31,7 @@ from isotruss_ros.core.control.marker_gate import fits, judge_markers
 from isotruss_ros.core.control.reading_history import ReadingHistory
 from isotruss_ros.core.control.slip_watch import SlipWatch
 from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEstimate
-from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.pose import Pose
@@ -41,8 +41,13 @@ import numpy as np
 
 #: Deviation of the anchors of contacts before the object's pose tells them [m].
 UNKNOWN = 0.05
-#: After so many poses in a row that do not fit, the object is held elsewhere.
+#: After so many poses in a row that do not fit, the object is held elsewhere; after so many
+#: messages of markers of which most do not fit, the zeros are elsewhere.
 LOST = 5
+#: The model serves to first order for this travel of any roller [m].
+NEAR = 3e-3
+#: What says that a state is none in which the object is held.
+NOT_HELD = (ConfigurationError, GraspError, StructureError)
 #: Slips are drawn anew over each such piece of travel [m].
 SLIP_LENGTH = 0.1
 
@@ -62,7 +67,8 @@ class StateEstimator:
         count = len(robot.roller_names)
         variances = [given.zeros**2] * count + [given.load**2] * 3 + [given.stiffness**2]
         self._belief = Belief(self._model.state, np.diag(variances))
-        self._history, self._slips, self._lost = ReadingHistory(), SlipWatch(count), 0
+        self._history, self._slips = ReadingHistory(), SlipWatch(count)
+        self._lost = self._strange = 0
         self._used: tuple[str, ...] = ()
         self._left_out: tuple[str, ...] = ()
 
@@ -137,7 +143,8 @@ class StateEstimator:
         self, time: float, joints: Mapping[str, tuple[float, float]], deviation: float
     ) -> bool:
         """
-        Take in where joints were measured; those that do not fit are left out.
+        Take in where joints were measured; those that do not fit are left out, and all if most do
+        not.
 
         :param time: of the measurement [s].
         :param joints: (x, y) by the name of the joint, robot frame [m].
@@ -166,12 +173,21 @@ class StateEstimator:
             self._history.spread,
         )
         if verdict.slips is not None:
-            covariance = self._belief.covariance.copy()
-            covariance[verdict.slips, verdict.slips] += verdict.slipped**2
-            self._belief = replace(self._belief, covariance=covariance)
+            self._doubt(verdict.slipped * np.eye(len(readings))[verdict.slips])
         told = np.array(list(joints))
         self._used = tuple(sorted(told[verdict.fits].tolist()))
         self._left_out = tuple(sorted(told[~verdict.fits].tolist()))
+        if 2 * len(self._used) < len(told):
+            self._strange, self._used, self._left_out = (
+                self._strange + 1,
+                (),
+                tuple(sorted(joints)),
+            )
+        else:
+            self._strange = 0
+        if self._strange >= LOST:  # such as after the encoders began anew
+            self._doubt(np.full(len(readings), self.settings.zeros))
+            self._strange = 0
         chosen = np.flatnonzero(np.repeat(verdict.fits, 2))
         if not self._used or not self._update(
             measured[chosen], noise[np.ix_(chosen, chosen)], rows[chosen]
@@ -182,11 +198,18 @@ class StateEstimator:
         self._slips.add(time, readings, self._belief.mean[own], variances)
         return True
 
+    @single_threaded
     def estimate(self) -> StateEstimate | None:
-        """Return what is believed at the last reading of the encoders; None before the first."""
+        """
+        Return what is believed at the last reading of the encoders; None before the first.
+
+        :raises ConfigurationError: no configuration of the robot fits the encoders.
+        """
         if self._history.last is None:
             return None
         time, readings = self._history.last
+        if np.abs(readings - self._model.readings).max() > NEAR:
+            self._go_to(readings)
         belief, given, model = self._belief, self.settings, self._model
         # To first order from where the model was last.
         beyond = belief.mean - model.state
@@ -232,6 +255,13 @@ class StateEstimator:
         more[wrench] = given.load**2 * (1.0 - left**2)
         self._belief = Belief(mean, covariance + np.diag(more))
 
+    def _doubt(self, deviations: Array) -> None:
+        """Be less sure of the zeros by standard deviations (r,) [m]."""
+        more = np.zeros(len(self._belief.mean))
+        more[self._model.rollers] = deviations**2
+        covariance = self._belief.covariance + np.diag(more)
+        self._belief = replace(self._belief, covariance=covariance)
+
     def _go_to(self, readings: Array) -> None:
         """Evaluate the model at a reading of the encoders; release what it cannot hold there."""
         model = self._model
@@ -240,7 +270,7 @@ class StateEstimator:
                 if not model.follow(readings, self._belief.mean):
                     self._begin()
                 return
-            except GraspError:
+            except NOT_HELD:
                 self._release()
         model.evaluate(readings, self._belief.mean)
 
@@ -249,7 +279,7 @@ class StateEstimator:
         model, belief = self._model, self._belief
         try:
             held = model.attach(self._grip.moved_to(pose), readings, belief.mean)
-        except GraspError:
+        except NOT_HELD:
             return False
         if not held:
             return False
@@ -294,7 +324,7 @@ class StateEstimator:
         first = self._expect(rows)
         try:
             self._belief = update_belief(self._belief, measured, noise, expect, first, considered)
-        except (ConfigurationError, GraspError):
+        except NOT_HELD:
             self._release()
             return False
         return True

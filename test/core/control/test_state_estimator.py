@@ -200,6 +200,25 @@ def test_an_object_that_is_gone_is_not_held():
     assert np.isnan(found.squeeze)
 
 
+def test_without_measurements_it_is_where_the_encoders_say():
+    estimator = StateEstimator(ROBOT)
+    for number, share in enumerate(np.linspace(0.0, 1.0, 20)):
+        readings = 0.15 * share * np.array([1.0, -0.5, 0.3, 0.8, -1.0, 0.2])
+        estimator.take_encoders(0.1 * number, readings)
+        found = estimator.estimate()
+    joints = ROBOT.configuration(readings).nodes[: len(NAMES)]
+    assert found.joints == pytest.approx(joints, abs=1e-9)
+
+
+def test_encoders_that_begin_anew_are_corrected():
+    drawn = DrawnRobot(13)
+    drawn.run(1.0, ALL)
+    jump = np.array([0.05, -0.03, 0.04, 0.0, -0.05, 0.02])
+    drawn.readings, drawn.offsets = drawn.readings - jump, drawn.offsets + jump
+    found = drawn.run(6.0, ALL)
+    assert found.offsets == pytest.approx(drawn.offsets, abs=3e-3)
+
+
 def test_nothing_is_estimated_before_the_first_reading():
     assert StateEstimator(ROBOT).estimate() is None
 
