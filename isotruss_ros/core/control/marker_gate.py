@@ -52,7 +52,8 @@ def judge_markers(
     Choose the markers that fit together, see `RARE`.
 
     Where they do not all fit, either one roller has slipped, by no more than it has turned; or
-    markers lie, and the worst are left out until the others fit. What explains more holds.
+    markers lie, and the worst are left out until the others fit: all, where most do not. What
+    explains more holds.
 
     :param innovation: (k, 2) measured minus expected joints [m].
     :param covariance: (2k, 2k) of these.
@@ -73,6 +74,8 @@ def judge_markers(
             for rest in (rows[rows // 2 != i] for i in np.flatnonzero(kept))
         ]
         kept[np.flatnonzero(kept)[int(np.argmin(left))]] = False
+    if 2 * np.count_nonzero(kept) < count:
+        kept[:] = False
     # A slip that explains all of them is likelier than two markers that lie at once.
     if slip is not None and (count - kept.sum() > 1 or not kept.any()):
         return slip

@@ -42,7 +42,7 @@ import numpy as np
 #: Deviation of the anchors of contacts before the object's pose tells them [m].
 UNKNOWN = 0.05
 #: After so many poses in a row that do not fit, the object is held elsewhere; after so many
-#: messages of markers of which most do not fit, the zeros are elsewhere.
+#: messages of markers of which none fits, the zeros are elsewhere.
 LOST = 5
 #: The model serves to first order for this travel of any roller [m].
 NEAR = 3e-3
@@ -177,14 +177,7 @@ class StateEstimator:
         told = np.array(list(joints))
         self._used = tuple(sorted(told[verdict.fits].tolist()))
         self._left_out = tuple(sorted(told[~verdict.fits].tolist()))
-        if 2 * len(self._used) < len(told):
-            self._strange, self._used, self._left_out = (
-                self._strange + 1,
-                (),
-                tuple(sorted(joints)),
-            )
-        else:
-            self._strange = 0
+        self._strange = 0 if self._used else self._strange + 1
         if self._strange >= LOST:  # such as after the encoders began anew
             self._doubt(np.full(len(readings), self.settings.zeros))
             self._strange = 0
