@@ -68,6 +68,7 @@ setup(
             'calibration = isotruss_ros.executables:calibration',
             'check_rollers = isotruss_ros.executables:check_rollers',
             'preflight = isotruss_ros.executables:preflight',
+            'state_estimator = isotruss_ros.executables:state_estimator',
             'view = isotruss_ros.demo.view:main',
             'replay = isotruss_ros.cli.replay:main',
             'demo = isotruss_ros.demo.__main__:main',

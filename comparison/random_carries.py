@@ -132,7 +132,7 @@ def run(robot: Robot, kind: str, seed: int, name: str) -> Outcome:
     :param name: of the plant.
     """
     rng = np.random.default_rng(seed)
-    grip, held = _draw_grip(robot, kind, rng)
+    grip, held = draw_grip(robot, kind, rng)
     start = np.array(held.pose)
     steps = rng.uniform(-1.0, 1.0, (LEGS, 3)) * REACH
     poses = np.vstack([start, start + np.cumsum(steps, axis=0)])
@@ -152,8 +152,14 @@ def run(robot: Robot, kind: str, seed: int, name: str) -> Outcome:
     return _judge(plant, steering, goal, held.squeeze)
 
 
-def _draw_grip(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, HeldGrip]:
-    """Return a grip that holds an object at home, and how."""
+def draw_grip(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, HeldGrip]:
+    """
+    Return a grip that holds an object at home, and how.
+
+    :param robot: with round tubes, at home.
+    :param kind: of the object.
+    :param rng: by which it is drawn.
+    """
     members = members_at(robot, MODULE)
     while True:
         if kind == DISC:

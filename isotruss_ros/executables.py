@@ -41,6 +41,7 @@ NODES = (
     'calibration',
     'check_rollers',
     'preflight',
+    'state_estimator',
 )
 
 

@@ -48,6 +48,12 @@ def generate_launch_description() -> LaunchDescription:
             'path_follower': (*common.OBJECT_SPECS, common.USE_STAMPED_TWIST, common.RATE),
             'grasp_planner': (common.OBJECT,),
             'pick_and_place': common.OBJECT_SPECS,
+            'state_estimator': (
+                common.OBJECT_DIAMETER,
+                common.OBJECT,
+                common.GRIP_MODULE,
+                common.GRIP,
+            ),
             'viewer': (*common.OBJECT_SPECS, viewer.PORT),
         },
         defaults=DEFAULTS,

@@ -222,6 +222,7 @@ class Manipulation(ManagedNode):
             joint_states=servo.rollers,
             object_pose=servo.pose,
             tube_pressures=servo.pressures,
+            state_estimate=servo.estimate,
         )
         if servo.failed:
             details['failed rollers'] = ', '.join(sorted(servo.failed))

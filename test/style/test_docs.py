@@ -39,7 +39,7 @@ def test_every_node_has_a_page():
 
 def test_managed_nodes_wait_for_what_they_declare():
     managed = {k: v for k, v in node_classes().items() if issubclass(v, ManagedNode)}
-    assert len(managed) == 6
+    assert len(managed) == 7
     for name, kind in managed.items():
         declared = all_interfaces()[name]
         assert kind.awaited

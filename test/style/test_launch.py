@@ -30,7 +30,13 @@ import pytest
 from ruamel.yaml import YAML
 
 #: Whether they are started unless an argument says otherwise.
-OPTIONAL = {'path_follower': True, 'grasp_planner': True, 'pick_and_place': True, 'viewer': False}
+OPTIONAL = {
+    'path_follower': True,
+    'grasp_planner': True,
+    'pick_and_place': True,
+    'state_estimator': False,
+    'viewer': False,
+}
 FOLDER = Path(__file__).parents[2] / 'launch'
 MODULES = (
     'launch',

@@ -79,6 +79,7 @@ class GraspMonitor:
     The latest input of each kind, and the analysis for them.
 
     :ivar rollers: input of the measured `RollerState`.
+    :ivar estimate: input of the `EstimatedTravel` whose offsets the rollers have; None without.
     :ivar pose: input of the measured `Pose` of the object, robot frame.
     :ivar wrench: input of (fx, fy, m), the external wrench on the object [N, N m]; zero if None.
     :ivar pressures: input of the (t,) gauge pressures of the tubes, in the order of the robot
@@ -113,6 +114,7 @@ class GraspMonitor:
         self.body = body
         self.flattening = flattening
         self.rollers: Input = None
+        self.estimate: Input = None
         self.pose: Input = None
         self.wrench: Input = None
         self.pressures: Input = None

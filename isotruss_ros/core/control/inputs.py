@@ -49,10 +49,13 @@ class RollerState(NamedTuple):
 
     :ivar positions: (r,) travel since home [m].
     :ivar velocities: (r,) speeds [m/s]; zeros where not measured.
+    :ivar offsets: (r,) what an estimate added to the readings of the encoders for the positions
+        [m].
     """
 
     positions: Array
     velocities: Array
+    offsets: Array | float = 0.0
 
 
 class RejectedInput(NamedTuple):

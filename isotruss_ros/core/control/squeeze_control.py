@@ -28,7 +28,9 @@ from isotruss_ros.core.control.grip_watch import GripFault, GripWatch, PoseCompa
 from isotruss_ros.core.control.held_model import attach_model, Sensitivity, sensitivity
 from isotruss_ros.core.control.load_estimate import LoadEstimate, LoadSettings
 from isotruss_ros.core.control.loop_gains import choose_gain, gains_of, LoopGains, SLOW
+from isotruss_ros.core.control.state_estimate import EstimatedTravel
 from isotruss_ros.core.control.travel_trend import TravelTrend
+from isotruss_ros.core.holding.held_gradient import travel_rates
 from isotruss_ros.core.holding.held_grip import HeldGrip, LEFT_MARGIN
 from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_utilisation, lowest_frequency
@@ -50,6 +52,12 @@ MARGIN_RATE = 2.0
 PRESSURE_CHANGE = 0.02
 #: After an oscillation the rollers stand still for as long as this [s], and the gain is halved.
 REST_TIME = 1.0
+#: The target moves by the difference to an estimated squeeze, behind this low-pass [s], ...
+TRIM_TIME = 0.5
+#: ... where its deviation is no larger share of the target than this.
+TRUSTED = 0.2
+#: Zeros that are corrected by more than this begin the model anew [m].
+RESTART = 2e-3
 #: The status in each fault.
 HALTS = {
     GripFault.SLIPPED: Status.HALT_SLIPPED,
@@ -132,6 +140,9 @@ class SqueezeControl:
         self._velocity, self._asked, self._elapsed = np.zeros(3), np.zeros(3), 0.0
         self._pose, self._squeeze, self._slope = np.zeros(3), 0.0, 0.0
         self._rows, self._drift = np.zeros((4, 0)), np.zeros(4)
+        self._estimate: EstimatedTravel | None = None
+        self._offsets: Array | float | None = None
+        self._trim = 0.0
 
     def lose(self) -> None:
         """Take note that the object is not between the members any more."""
@@ -153,6 +164,32 @@ class SqueezeControl:
             or not np.allclose(pressures, before, rtol=PRESSURE_CHANGE, atol=0.0)
         ):
             self._pressures = pressures
+
+    def take_estimate(self, estimate: EstimatedTravel | None, offsets: Array | float) -> None:
+        """
+        Regulate an estimated squeeze, and take corrected zeros of the rollers over.
+
+        What is corrected did not roll: the anchors move along, so that the contacts stay.
+
+        :param estimate: fresh; None without one.
+        :param offsets: (r,) in the positions of the rollers from now on [m].
+        """
+        self._estimate = estimate
+        before, self._offsets, grasp = self._offsets, offsets, self.grasp
+        if grasp is None or before is None or np.array_equal(offsets, before):
+            return
+        moved = np.broadcast_to(offsets - before, grasp.config.roller_positions.shape)
+        corrected = None
+        if np.abs(moved).max() <= RESTART:
+            config = grasp.config.moved_to(grasp.config.roller_positions + moved)
+            anchors = grasp.anchors + grasp.statics.sides * (travel_rates(grasp) @ moved)
+            corrected = roll_contacts(
+                grasp, config, grasp.contacts, anchors, grasp.angles, grasp.wrench
+            )
+        if corrected is None:
+            self.reset()
+        else:
+            self.grasp = replace(corrected, motion=grasp.motion)
 
     def note(self) -> str:
         """Return what is wrong with how the object is held; empty where nothing is."""
@@ -215,7 +252,7 @@ class SqueezeControl:
         if self.fault in STILL:
             still = np.zeros(len(self.grasp.config.roller_positions))
             return RollerCommand(still, np.zeros(3), 0.0, HALTS[self.fault])
-        missing = self.gains.squeeze * (self.settings.force - self._squeeze)
+        missing = self.gains.squeeze * (self.settings.force + self._trim - self._squeeze)
         most = self.settings.max_force_rate
         opening = (max(-most, min(missing, most)) - self._drift[3]) / self._slope
         if self.fault is not None:
@@ -363,12 +400,21 @@ class SqueezeControl:
         moved = given.pose @ self.load.wrench
         loaded = self.load.update(offset, given.pose, grasp.arm, elapsed, self.gains)
         self._take(grasp, given, loaded)
+        self._follow_estimate(elapsed)
         even, error = np.array([1.0, 1.0, grasp.arm]), np.zeros(3)
         if self.reference is not None:
             error = _difference(self.reference, np.array(measured))
         asked = elapsed * self._asked
         poses = PoseComparison(*(even * each for each in (offset + moved, offset, error, asked)))
         self._look_for_faults(poses, elapsed)
+
+    def _follow_estimate(self, elapsed: float) -> None:
+        """Move the target by what the model has more of the squeeze than an estimate."""
+        estimate = self._estimate
+        if estimate is None or not estimate.squeeze_deviation <= TRUSTED * self.settings.force:
+            return
+        passed = -math.expm1(-elapsed / TRIM_TIME)
+        self._trim += passed * (self._squeeze - estimate.squeeze - self._trim)
 
     def _look_for_faults(self, poses: PoseComparison, elapsed: float) -> None:
         """Watch the grip; after an oscillation stand still for a while, and go on more softly."""

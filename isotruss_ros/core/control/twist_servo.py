@@ -124,6 +124,8 @@ class TwistServo:
     :ivar pressures: input of the (t,) gauge pressures of the tubes, with which the squeeze is
         regulated; those of the robot file if None [Pa].
     :ivar pressure_timeout: pressures older than this are not used [s].
+    :ivar estimate: input of the `EstimatedTravel` whose offsets the rollers have and whose squeeze
+        is regulated while it is fresh; None without one.
     :ivar body: the held object, wherever; None for a disc of `object_diameter`.
     :ivar members: names of the members that hold it, two or three, in place of those that meet at
         `grip_module`; none for these.
@@ -166,6 +168,7 @@ class TwistServo:
         self.pose: Input = None
         self.pressures: Input = None
         self.pressure_timeout = PRESSURE_TIMEOUT
+        self.estimate: Input = None
         self.stopped: tuple[Status, str] | None = None
         self.guard: ShapeGuard | None = ShapeGuard(robot, ShapeBounds())
         self.limits: Sequence[Limit] = default_limits(robot)
@@ -310,7 +313,8 @@ class TwistServo:
         if before is not None and time > before:
             commanded = self._history.travel(before, time, commanded) / (time - before)
         self._detected = time
-        self.detector.update(state.positions, time, commanded)
+        # Zeros that are corrected are no travel.
+        self.detector.update(state.positions - state.offsets, time, commanded)
 
     def _solve(
         self,
@@ -346,7 +350,8 @@ class TwistServo:
             elif self.squeeze is None:
                 command = solve(twist, 0.0)
             else:
-                command = self._regulate(self.squeeze, config, grip, twist, solve, now)
+                offsets = rollers.value.offsets
+                command = self._regulate(self.squeeze, config, grip, twist, solve, now, offsets)
             return command if watch is None else watch.keep(command, last, self.period)
         except HaltError:
             raise
@@ -390,11 +395,15 @@ class TwistServo:
         twist: Array,
         solve: Solve,
         now: float,
+        offsets: Array | float,
     ) -> RollerCommand:
         """Solve for the squeeze as well, with the model of the held object."""
         # A loop that is late holds its commands for longer than its period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, self.timeout)
+        estimate = self.estimate
+        fresh = isinstance(estimate, StampedInput) and now - estimate.time <= self.timeout
+        squeeze.take_estimate(estimate.value if fresh else None, offsets)
         hold = squeeze.follow(config, grip, elapsed)
         if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
             why = f'the object is not held: {hold.value}'

@@ -87,9 +87,9 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     nodes = grip.config.node_jacobian.T.copy().view(np.complex128).T
     moved = nodes @ chosen[parameters.rollers]
     tubes = LoadedTubes(grip, moved, chosen[parameters.pressures])
-    dents, softened = _dent_rates(grip, chosen, parameters)
+    dents, softened = dent_rates(grip, chosen, parameters)
     state, statics, places = grip.state, grip.statics, grip.state.places
-    left = _equation_rates(grip, tubes, dents, chosen, parameters)
+    left = equation_rates(grip, tubes, dents, chosen, parameters)
     tangent = state.jacobian_with(statics.rolling_rows(state.unknowns, state.normals))
     change = -np.linalg.solve(state.jacobian, left)
     change[:, -3:] = -np.linalg.inv(tangent)[:, places.balance]
@@ -134,8 +134,15 @@ def _friction_rates(grip: HeldGrip, presses: Array, rubs: Array) -> tuple[int, A
     return most, (sign * rubs[most] - needs[most] * presses[most]) / grip.normal_forces[most]
 
 
-def _dent_rates(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> tuple[Array, Array]:
-    """Return how dents and their derivatives by the forces change, the forces as they are."""
+def dent_rates(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> tuple[Array, Array]:
+    """
+    Return how dents [m] and their derivatives by the forces [m/N] change, these as they are.
+
+    :param grip: how the object is held.
+    :param chosen: (n, p) how the parameters change in each column.
+    :param parameters: which row of these is which.
+    :return: (k, p) each.
+    """
     forces, scale = grip.state.normal_forces, grip.tubes.stiffness_scale
     indentation, topology = grip.statics.indentation, grip.config.robot.topology
     soft, (curves, dents, softened) = indentation(forces)[1], indentation.second_rates(forces)
@@ -147,14 +154,22 @@ def _dent_rates(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> t
     )
 
 
-def _equation_rates(
+def equation_rates(
     grip: HeldGrip,
     tubes: LoadedTubes,
     dents: Array,
     chosen: Array,
     parameters: GraspParameters,
 ) -> Array:
-    """Return how the residual of the equations changes while the unknowns stay, (3 + 4k, p)."""
+    """
+    Return how the residual of the equations changes while the unknowns stay, (3 + 4k, p).
+
+    :param grip: how the object is held.
+    :param tubes: its frame.
+    :param dents: (k, p) see `dent_rates` [m].
+    :param chosen: (n, p) how the parameters change in each column.
+    :param parameters: which row of these is which.
+    """
     statics, state, body = grip.statics, grip.state, grip.body
     places, axis = state.places, statics.compliance.axis[:, None]
     normals, scale = state.normals[:, None], grip.tubes.stiffness_scale

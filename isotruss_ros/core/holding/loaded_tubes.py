@@ -85,6 +85,11 @@ class LoadedTubes:
         couples = -self._skin * state.friction_forces
         self._state = self._frame.solve(self._loads(self._push[:, None], couples[:, None])[..., 0])
 
+    @property
+    def displacements(self) -> Array:
+        """Return those of the nodes of the cut frame, joints first, (n, 3) [m, rad]."""
+        return self._state.displacements
+
     def respond(self, contacts: ContactRates) -> TubeRates:
         """
         Return how the tubes give.

@@ -32,7 +32,13 @@ SHARED, MANAGED = (ROBOT, USE_SIM_TIME), (COMMAND_TIMEOUT, AUTOSTART)
 #: Nodes that are not managed.
 UNMANAGED = ('viewer',)
 #: Nodes that an argument of their name starts or leaves out, with its default.
-OPTIONAL = {'path_follower': True, 'grasp_planner': True, 'pick_and_place': True, 'viewer': False}
+OPTIONAL = {
+    'path_follower': True,
+    'grasp_planner': True,
+    'pick_and_place': True,
+    'state_estimator': False,
+    'viewer': False,
+}
 
 
 def describe_launch(

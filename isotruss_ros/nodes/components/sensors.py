@@ -16,9 +16,12 @@ from functools import partial
 from typing import Any, Protocol
 
 from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core import Pose, Robot
-from isotruss_ros.core.control.inputs import Input, RejectedInput, StampedInput
+from isotruss_ros.core.control.inputs import Input, RejectedInput, RollerState, StampedInput
+from isotruss_ros.core.control.state_estimate import EstimatedTravel
 from isotruss_ros.nodes.components.robot_frame import RobotFrame
+from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
 from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     read_object_pose,
@@ -27,6 +30,7 @@ from isotruss_ros.nodes.conversions.messages import (
 )
 from isotruss_ros.nodes.conversions.pressure_messages import read_tube_pressures
 from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
+import numpy as np
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
@@ -37,9 +41,11 @@ class InputHolder(Protocol):
     What keeps the latest inputs, as attributes, and decides by them.
 
     :ivar timeout: largest age of an input [s].
+    :ivar estimate: input of an `EstimatedTravel`; None without one.
     """
 
     timeout: float
+    estimate: Input
 
 
 def subscribe_input(
@@ -71,12 +77,28 @@ def subscribe_joint_states(node: Node, robot: Robot, holder: InputHolder) -> Non
     """
     Keep the state of the rollers, from `joint_states`, as `holder.rollers`.
 
+    Where a node publishes `state_estimate`, that is `holder.estimate`, and what it adds to the
+    encoders is in the positions of the rollers: the last one stays, as zeros do.
+
     :param node: subscribes.
     :param robot: whose rollers are read.
     :param holder: gets a StampedInput of a RollerState, or a RejectedInput.
     """
     reader = RollerStateReader(robot.roller_names)
-    subscribe_input(node, JointState, 'joint_states', reader.read, holder, 'rollers')
+    offsets = np.zeros(len(robot.roller_names))
+
+    def read(message: JointState) -> RollerState:
+        state = reader.read(message)
+        return RollerState(state.positions + offsets, state.velocities, offsets)
+
+    def read_offsets(message: StateEstimate) -> EstimatedTravel:
+        nonlocal offsets
+        found = read_estimate(message, robot)
+        offsets = found.offsets
+        return found
+
+    subscribe_input(node, JointState, 'joint_states', read, holder, 'rollers')
+    subscribe_input(node, StateEstimate, 'state_estimate', read_offsets, holder, 'estimate')
 
 
 def subscribe_object_pose(node: Node, robot: Robot, holder: InputHolder) -> None:

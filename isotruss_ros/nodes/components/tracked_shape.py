@@ -25,6 +25,7 @@ class TrackedShape:
 
     :ivar timeout: largest age of an input [s].
     :ivar rollers: the latest joint states, a StampedInput of a RollerState.
+    :ivar estimate: input of the `EstimatedTravel` whose offsets these have; None without one.
     :param robot: at home when the first joint states come.
     :param timeout: see above.
     """
@@ -32,6 +33,7 @@ class TrackedShape:
     def __init__(self, robot: Robot, timeout: float) -> None:
         self.timeout = timeout
         self.rollers: Input = None
+        self.estimate: Input = None
         self._shapes = ConfigurationTracker(robot.home)
         self._tracked: Input = None
 

@@ -27,7 +27,9 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.control.inputs import RollerState, StampedInput
 from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.control.state_estimate import EstimatedTravel
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_closures import find_anchors
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -74,6 +76,8 @@ class Loop:
         self.noise, self.rng, self.statuses = noise, np.random.default_rng(0), []
         self.reference = np.array(self.plant.object_pose)
         self.errors = []
+        #: What an estimator tells before each cycle; None without one.
+        self.told = None
 
     def error(self):
         """Return how far the object is from its reference: x, y [m], angle [rad]."""
@@ -95,6 +99,8 @@ class Loop:
                 return solve_twist(config, grasp, twist, opening_rate=opening_rate)
 
             command = solve(wanted, 0.0)
+            if self.told is not None:
+                self.control.take_estimate(self.told(), np.zeros(6))
             if self.regulated:
                 held = self.control.follow(config, grasp, self.period)
                 assert held is HoldStatus.HELD
@@ -198,6 +204,53 @@ def test_a_softer_plant_presses_less_and_goes_where_it_should():
     assert loop.squeeze == pytest.approx(0.7 * loop.target, rel=0.01)
     assert max(loop.errors) < 5e-4
     assert np.degrees(abs(loop.error()[2])) < 0.1
+
+
+def test_the_squeeze_that_is_estimated_is_regulated():
+    loop = Loop(scale=0.8)
+    loop.told = lambda: EstimatedTravel(np.zeros(6), loop.squeeze, 0.05 * loop.target)
+    loop.run((0.02, 0.01, 0.1), 6.0)
+    assert loop.squeeze == pytest.approx(loop.target, rel=0.01)
+
+
+@pytest.mark.parametrize('deviation', [0.3, math.nan])
+def test_an_estimate_that_is_not_sure_is_not_regulated(deviation):
+    loop = Loop()
+    loop.told = lambda: EstimatedTravel(np.zeros(6), 0.5 * loop.target, deviation * loop.target)
+    loop.run((0.0, 0.0, 0.0), 3.0)
+    assert loop.squeeze == pytest.approx(loop.target, rel=0.01)
+
+
+def _corrected(moved):
+    """Return a control whose zeros were corrected (r,) [m]."""
+    loop = Loop()
+    loop.run((0.0, 0.0, 0.0), 0.1)
+    loop.control.take_estimate(None, np.zeros(6))
+    before = loop.control.grasp
+    loop.control.take_estimate(None, moved)
+    return before, loop.control.grasp
+
+
+def test_an_object_does_not_roll_by_a_correction_of_zeros():
+    moved = 1.5e-3 * np.array([0.3, -0.5, 0.2, -0.8, 0.4, 1.0])
+    before, after = _corrected(moved)
+    travel = after.config.roller_positions - before.config.roller_positions
+    assert travel == pytest.approx(moved)
+    # Way on the members and on the surface together, as if the tubes had not moved.
+    ways = [
+        find_anchors(
+            grip.statics, grip.state.unknowns, grip.state.normals, np.zeros(2), grip.angles
+        )
+        for grip in (before, after, roll_grip(before, after.config))
+    ]
+    assert ways[1] == pytest.approx(ways[0], abs=1e-9)
+    assert np.abs(ways[2] - ways[0]).max() > 1e-3
+
+
+def test_a_large_correction_of_zeros_begins_the_model_anew():
+    before, after = _corrected(np.full(6, 2.5e-3))
+    assert before is not None
+    assert after is None
 
 
 def test_noise_of_the_measured_pose_is_not_followed():

@@ -1,0 +1,308 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+Objects carried in MuJoCo by a robot whose zeros are off and whose rollers slip.
+
+`python -m comparison.estimated_carries` prints what the state estimator makes of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+import sys
+import time
+
+from comparison.carrying import RATE
+from comparison.grips import round_robot
+from comparison.random_carries import BOX, DISC, draw_grip, FRICTION, NOISE
+from isotruss_ros.calibration.home import move_home
+from isotruss_ros.core import Grip, place_between, Pose, Robot, TwistServo
+from isotruss_ros.core.control.inputs import RollerState, StampedInput
+from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSettings
+from isotruss_ros.core.control.state_estimate import EstimatedTravel, EstimatorSettings
+from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.core.holding.held_grip import LEFT_MARGIN
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.foresee_path import foresee_path
+from isotruss_ros.core.statics.section import tube_pressures
+from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.mujoco_plant.options import PlantOptions
+from isotruss_ros.mujoco_plant.plant import MujocoPlant
+import numpy as np
+
+#: Three joints that determine all zeros of the nine-member robot in one posture; P, R and Z leave
+#: a combination free.
+THREE, SIX = ('Q', 'R', 'Z'), ('P', 'Q', 'R', 'X', 'Y', 'Z')
+#: Markers: noise [m], period [s], share that is lost; poses come as often.
+MARKER, PERIOD, LOST = 1e-3, 0.05, 0.3
+#: Share that rollers slip, deviation of their zeros [m], and of the measured stiffness [-].
+SLIP, ZEROS, MEASURED = 0.02, 0.01, 0.03
+#: Rest before and after the path, and each of its legs [s]; the largest step on one [m, rad].
+REST, LEGS, LEG_TIME, REACH = 3.0, 2, 4.0, np.array([0.03, 0.03, 0.1])
+#: The object begins this deep between the members [m].
+BEGIN = 0.004
+#: It is squeezed by no more than this, so that tubes do not wrinkle on the way [N].
+MOST = 40.0
+#: Kind, joints with markers, stiffness of the tubes, and whether the loop is told the estimate.
+CASES = (
+    (DISC, THREE, 1.0, True),
+    (DISC, THREE, 0.6, True),
+    (DISC, THREE, 1.5, True),
+    (BOX, THREE, 1.0, True),
+    (DISC, SIX, 1.0, True),
+    (DISC, (), 1.0, False),
+)
+
+
+@dataclass(frozen=True)
+class Carried:
+    """
+    What became of one object.
+
+    :ivar squeeze: of MuJoCo against the target, a second after the path [-].
+    :ivar worst: the same where it was farthest off on the path [-].
+    :ivar estimated: estimated squeeze against MuJoCo's, then [-].
+    :ivar surprise: error of that in its standard deviations.
+    :ivar encoders: how far joints were off by the encoders alone, the worst one [m].
+    :ivar joints: the same by the estimate [m].
+    :ivar joint_surprise: largest error of a coordinate in its standard deviations.
+    :ivar update: median time of an update, of the processor [s].
+    :ivar slips: names of the rollers that seemed to slip at some time.
+    """
+
+    squeeze: float
+    worst: float
+    estimated: float
+    surprise: float
+    encoders: float
+    joints: float
+    joint_surprise: float
+    update: float
+    slips: tuple[str, ...]
+
+
+def carry(
+    kind: str,
+    seed: int,
+    names: Sequence[str] = THREE,
+    stiffness: float = 1.0,
+    fed: bool = True,
+) -> Carried:
+    """
+    Carry one object along a random path.
+
+    :param kind: of the object.
+    :param seed: of everything that is drawn.
+    :param names: joints with markers.
+    :param stiffness: of the tubes against those of the robot file.
+    :param fed: whether the loop is told the estimate.
+    """
+    rng = np.random.default_rng(seed)
+    believed = soften(round_robot(), stiffness * (1.0 + MEASURED * rng.normal()))
+    zeros = ZEROS * rng.normal(size=len(believed.roller_names))
+    true = Robot(move_home(soften(round_robot(), stiffness), zeros))
+    grip, target, legs = _draw_task(true, kind, rng)
+    angle = grip.body.pose.angle
+    body = place_between(true.home, grip.members, grip.body.shape, angle, BEGIN).body
+    body = replace(body, mass=0.5, friction=FRICTION)
+    plant = MujocoPlant(true, [body], PlantOptions(friction=FRICTION, module_mass=1.0))
+    plant.hold_object(body.pose)
+    plant.settle(1.0)
+    plant.release_object()
+    plant.settle(1.0)
+    servo = TwistServo(believed, '', 1.0, 1.0 / RATE, 0.5)
+    servo.members, servo.body, servo.friction = grip.members, body, FRICTION
+    servo.squeeze = SqueezeControl(SqueezeSettings(target, FRICTION))
+    loop = _Loop(believed, plant, servo, rng)
+    loop.names, loop.fed = names, fed
+    loop.run(REST)
+    loop.moving = True
+    for leg in legs:
+        loop.run(LEG_TIME, leg)
+    loop.run(REST)
+    return loop.judge()
+
+
+def soften(robot: Robot, stiffness: float) -> Robot:
+    """
+    Return a robot whose tubes are as many times as stiff, the sections' flattening alike.
+
+    :param robot: the robot.
+    :param stiffness: against its own.
+    """
+    description = robot.description
+    rigidity = structure_of(robot.home).tube.section_stiffness(
+        robot.home.member_lengths[:1], np.array([tube_pressures(description, None)[0]])
+    )
+    names = ('axial_rigidity', 'flexural_rigidity', 'shear_rigidity')
+    block = {name: stiffness * float(each[0]) for name, each in zip(names, rigidity, strict=True)}
+    module = replace(description.module, mass=1.0)
+    return Robot(replace(description, module=module, stiffness={'model': 'section', **block}))
+
+
+def _draw_task(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, float, Array]:
+    """Return a grip, its squeeze [N] and legs (n, 3) on which the model loses nothing."""
+    while True:
+        grip, held = draw_grip(robot, kind, rng)
+        legs = rng.uniform(-1.0, 1.0, (LEGS, 3)) * REACH
+        poses = np.array(held.pose) + np.vstack([np.zeros(3), np.cumsum(legs, axis=0)])
+        squeeze = held.squeeze
+        if not foresee_path(held, FRICTION, squeeze, poses, LEFT_MARGIN * squeeze).why:
+            return grip, min(squeeze, MOST), legs
+
+
+class _Loop:
+    """The servo and the estimator, and what is measured for them."""
+
+    def __init__(
+        self, robot: Robot, plant: MujocoPlant, servo: TwistServo, rng: np.random.Generator
+    ) -> None:
+        self.robot, self.plant, self.servo, self.rng = robot, plant, servo, rng
+        self.names: Sequence[str] = THREE
+        self.fed = self.moving = False
+        self.estimator = StateEstimator(robot, EstimatorSettings(zeros=ZEROS, stiffness=MEASURED))
+        self.estimator.grip = servo.grip_at(plant.object_pose())
+        self.joints = robot.topology.joint_names
+        self.offsets = np.zeros(len(robot.roller_names))
+        self.squeezes: list[float] = []
+        self.times: list[float] = []
+        self.slips: set[str] = set()
+        self._measured = -1.0
+
+    def run(self, duration: float, leg: Array | None = None) -> None:
+        """Carry along a leg from rest to rest."""
+        count = round(duration * RATE)
+        for k in range(count):
+            rate = (1.0 - np.cos(2.0 * np.pi * (k + 0.5) / count)) / duration
+            self.step(np.zeros(3) if leg is None else rate * leg)
+
+    def step(self, twist: Array) -> None:
+        """Measure, estimate and command for one cycle."""
+        plant, servo, now = self.plant, self.servo, self.plant.time
+        readings = plant.travel / (1.0 - SLIP)
+        pose = Pose(*(np.array(plant.object_pose()) + self.rng.normal(size=3) * _spread()))
+        self.estimator.take_encoders(now, readings)
+        if now - self._measured >= PERIOD - 1e-6:
+            self._measured = now
+            self._measure(now, pose)
+        estimate = self.estimator.estimate()
+        self.slips.update(estimate.slipping)
+        if self.fed:
+            self.offsets = estimate.offsets
+            servo.estimate = StampedInput(
+                EstimatedTravel(estimate.offsets, estimate.squeeze, estimate.squeeze_deviation),
+                now,
+            )
+        state = RollerState(readings + self.offsets, plant.speeds, self.offsets)
+        servo.rollers, servo.pose = StampedInput(state, now), StampedInput(pose, now)
+        servo.twist = StampedInput(tuple(twist), now)
+        decision = servo.decide(now)
+        plant.advance(1.0 / RATE, (1.0 - SLIP) * decision.command.roller_velocities)
+        if self.moving:
+            self.squeezes.append(self.squeeze)
+
+    def _measure(self, now: float, pose: Pose) -> None:
+        """Tell the estimator pose and markers."""
+        joints = self.plant.nodes[: len(self.joints)]
+        begin = time.thread_time()
+        self.estimator.take_pose(now, pose, _spread())
+        between = time.thread_time()
+        self.times.append(between - begin)
+        if self.names and self.rng.random() > LOST:
+            seen = {
+                name: tuple(joints[self.joints.index(name)] + MARKER * self.rng.normal(size=2))
+                for name in self.names
+            }
+            begin = time.thread_time()
+            self.estimator.take_markers(now, seen, MARKER)
+            self.times.append(time.thread_time() - begin)
+
+    @property
+    def squeeze(self) -> float:
+        """Return the mean normal force in MuJoCo [N]."""
+        forces = [force.normal for force in self.plant.contact_forces().values()]
+        pressing = [force for force in forces if force > 0.1]
+        return float(np.mean(pressing)) if len(pressing) > 1 else 0.0
+
+    def judge(self) -> Carried:
+        """Return how far everything is off."""
+        found, truth, count = self.estimator.estimate(), self.squeeze, len(self.joints)
+        target = self.servo.squeeze.settings.force
+        joints = self.plant.nodes[:count]
+        blind = self.robot.home.moved_to(self.plant.travel / (1.0 - SLIP)).nodes[:count]
+        off = found.joints - joints
+        deviations = np.sqrt(np.diag(found.joint_covariance)).reshape(-1, 2)
+        moved = np.array(self.squeezes) / target - 1.0
+        # Noise and waves of the plant are not what the loop regulates.
+        window = np.full(round(0.2 * RATE), 5.0 / RATE)
+        return Carried(
+            float(np.mean(self.squeezes[-round(RATE) :])) / target - 1.0,
+            float(np.abs(np.convolve(moved, window, 'valid')).max()),
+            found.squeeze / truth - 1.0 if truth else np.nan,
+            (found.squeeze - truth) / found.squeeze_deviation,
+            float(np.hypot(*(blind - joints).T).max()),
+            float(np.hypot(*off.T).max()),
+            float(np.abs(off / deviations).max()),
+            float(np.median(self.times)),
+            tuple(sorted(self.slips)),
+        )
+
+
+def _spread() -> Array:
+    """Return the deviations of a measured pose (3,) [m, rad]."""
+    return np.array([NOISE[0], NOISE[0], NOISE[1]])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Print what becomes of random objects.
+
+    :param arguments: of the command line; those of the process if None.
+    :return: 0.
+    """
+    parser = argparse.ArgumentParser(
+        prog='python -m comparison.estimated_carries', description=__doc__
+    )
+    parser.add_argument('--discs', type=int, default=20, help='default: 20')
+    parser.add_argument('--boxes', type=int, default=10, help='default: 10')
+    options = parser.parse_args(arguments)
+    count = {DISC: options.discs, BOX: options.boxes}
+    headings = [
+        'what',
+        'joints',
+        'stiffness',
+        'squeeze [range] %',
+        'in motion %',
+        'joints mm',
+        'runs',
+    ]
+    print(f'| {" | ".join(headings)} |')
+    print(f'|{" --- |" * len(headings)}')
+    for kind, names, stiffness, fed in CASES:
+        found = [carry(kind, seed, names, stiffness, fed) for seed in range(count[kind])]
+        off = 100.0 * np.array([one.squeeze for one in found])
+        worst, joints = (
+            factor * max((getattr(one, name) for one in found), default=np.nan)
+            for name, factor in (('worst', 100.0), ('joints', 1e3))
+        )
+        told = ', '.join(names) or 'none'
+        print(
+            f'| {kind}{"" if fed else ", nothing fed"} | {told} | {stiffness:g} | '
+            f'{np.median(off):+.1f} [{off.min():+.1f}, {off.max():+.1f}] | {worst:.1f} | '
+            f'{joints:.1f} | {len(found)} |',
+            flush=True,
+        )
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,98 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""A mean and a covariance, and what measurements do to them: an iterated Kalman filter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from isotruss_ros.core.numerics.arrays import Array, Indices
+import numpy as np
+
+#: A step that changes no state by more than its new deviation times this is the last one ...
+SMALL = 1.0
+#: ... and so is this one.
+MOST_STEPS = 4
+
+
+class Expectation(NamedTuple):
+    """
+    What a measurement is expected to be in a state.
+
+    :ivar values: (m,).
+    :ivar rates: (m, n) derivatives by the state.
+    """
+
+    values: Array
+    rates: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """
+    What is believed of a state.
+
+    :ivar mean: (n,).
+    :ivar covariance: (n, n).
+    """
+
+    mean: Array
+    covariance: Array
+
+    def spread(self, rates: Array) -> Array:
+        """
+        Return the covariance of what depends on the state, (m, m).
+
+        :param rates: (m, n) its derivatives.
+        """
+        return rates @ self.covariance @ rates.T
+
+
+def update_belief(
+    prior: Belief,
+    measured: Array,
+    noise: Array,
+    expect: Callable[[Array], Expectation],
+    first: Expectation,
+    considered: Indices,
+) -> Belief:
+    """
+    Return what is believed after a measurement: the most probable state, by Gauss-Newton steps.
+
+    What is considered keeps its mean and its deviation, and the others are as unsure as it makes
+    them (Schmidt's consider filter).
+
+    :param prior: before.
+    :param measured: (m,).
+    :param noise: (m, m) covariance of the measurement.
+    :param expect: what it would be in a state (n,).
+    :param first: that in the mean of the prior.
+    :param considered: numbers of the states that are only considered.
+    """
+    mean, expected = prior.mean, first
+    for step in range(MOST_STEPS):
+        rates = expected.rates
+        crossed = prior.covariance @ rates.T
+        gain = np.linalg.solve(rates @ crossed + noise, crossed.T).T
+        gain[considered] = 0.0
+        missing = measured - expected.values - rates @ (prior.mean - mean)
+        moved = prior.mean + gain @ missing
+        left = np.eye(len(mean)) - gain @ rates
+        covariance = left @ prior.covariance @ left.T + gain @ noise @ gain.T
+        change, mean = moved - mean, moved
+        if (
+            step == MOST_STEPS - 1
+            or (np.abs(change) <= SMALL * np.sqrt(np.diag(covariance))).all()
+        ):
+            break
+        expected = expect(mean)
+    return Belief(mean, 0.5 * (covariance + covariance.T))

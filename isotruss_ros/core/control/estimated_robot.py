@@ -1,0 +1,147 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The robot and what it holds in an estimated state, and how both change with that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+from isotruss_ros.core.control.belief import Expectation
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.held_gradient import held_gradient
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.holding.roll_grip import roll_contacts, roll_grip
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+#: Derivatives of a held object serve for this travel of any roller [m].
+KEPT = 3e-3
+
+
+class EstimatedRobot:
+    """
+    The model of an estimated state x = (dphi, w, s, A).
+
+    These are the offsets of the r rollers [m], the wrench (fx, fy, m / arm) on the held object
+    [N], the stiffness against the model's [-], and the anchors of the k contacts [m]; without an
+    object there are none of these.
+
+    :ivar rollers: places of the offsets in the state.
+    :ivar wrench: places of the wrench.
+    :ivar stiffness: place of the stiffness.
+    :ivar anchors: places of the anchors.
+    :ivar held: how the object is held; None where it is not.
+    :ivar state: (n,) in which the model was evaluated last.
+    :ivar readings: (r,) of the encoders then [m].
+    :ivar expected: where the joints are then (x0, y0, x1, y1, ...), and behind them the pose of
+        the held object [m, rad].
+    :ivar squeeze_rates: (n,) derivatives of the squeeze.
+    :param robot: the robot.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        count = len(robot.roller_names)
+        self.robot, self.held = robot, None
+        self.rollers, self.wrench = slice(0, count), slice(count, count + 3)
+        self.stiffness, self.anchors = count + 3, slice(count + 4, None)
+        self.state, self.readings = np.eye(1, count + 4, self.stiffness)[0], np.zeros(count)
+        self.squeeze_rates = np.zeros(count + 4)
+        self._differentiated: HeldGrip | None = None  # whose derivatives are expected
+        self._config, self._joints = robot.home, 2 * len(robot.topology.joint_names)
+        self.evaluate(self.readings, self.state)
+
+    def evaluate(self, readings: Array, state: Array) -> None:
+        """
+        Find what is expected in a state; contacts stay those that there are.
+
+        :param readings: (r,) of the encoders [m].
+        :param state: (n,).
+        :raises ConfigurationError: there is no such configuration.
+        :raises GraspError: no equilibrium holds the object.
+        """
+        travel = readings + state[self.rollers]
+        if self.held is None:
+            config = self._config = self._config.moved_to(travel)
+            rates = np.zeros((self._joints, len(state)))
+            rates[:, self.rollers] = config.node_jacobian[: self._joints]
+            self.expected = Expectation(config.nodes.ravel()[: self._joints], rates)
+            self.readings, self.state = readings, state
+            return
+        held, config = self.held, self.held.config.moved_to(travel)
+        anchors, wrench = state[self.anchors], state[self.wrench]
+        rolled = roll_contacts(held, config, held.contacts, anchors, held.angles, wrench)
+        if rolled is None:
+            raise GraspError('no equilibrium holds the object in the estimated state')
+        self._take(rolled, readings, state)
+
+    def follow(self, readings: Array, state: Array) -> bool:
+        """
+        Evaluate the held object where the rollers have gone, ends of faces lifting and lying down.
+
+        :param readings: (r,) of the encoders [m].
+        :param state: (n,).
+        :return: whether the contacts are still the same; `held.anchors` are those there are now.
+        :raises ConfigurationError: there is no such configuration.
+        :raises GraspError: the object is not held there.
+        """
+        held = self.held
+        config = held.config.moved_to(readings + state[self.rollers])
+        wrench = state[self.wrench] * (1.0, 1.0, held.arm)
+        rolled = roll_grip(replace(held, anchors=state[self.anchors]), config, wrench)
+        if rolled is None or rolled.hold(math.inf) is not HoldStatus.HELD:
+            raise GraspError('the object is not held in the estimated state')
+        self._take(rolled, readings, np.append(state[: self.stiffness + 1], rolled.anchors))
+        return rolled.contacts is held.contacts
+
+    def attach(self, grip: Grip, readings: Array, state: Array) -> bool:
+        """
+        Begin to hold an object where it was measured.
+
+        :param grip: the object there, and the members that would hold it.
+        :param readings: (r,) of the encoders [m].
+        :param state: (n,) without anchors.
+        :return: whether the model can hold it.
+        :raises ConfigurationError: there is no such configuration.
+        :raises GraspError: the robot has no such members, or the equilibrium is indifferent.
+        """
+        members = find_members(self.robot, grip.members).members
+        config = self._config.moved_to(readings + state[self.rollers])
+        found = attach_grip(config, grip.body, members, quick=True)
+        if isinstance(found, HoldStatus) or found.hold(math.inf) is not HoldStatus.HELD:
+            return False
+        self._take(found, readings, np.append(state, found.anchors))
+        return True
+
+    def release(self) -> None:
+        """Hold nothing."""
+        if self.held is not None:
+            self.held, self._config = None, self.held.config
+            self._differentiated = None
+
+    def _take(self, held: HeldGrip, readings: Array, state: Array) -> None:
+        """Go on with an equilibrium; derivatives are kept for a short way."""
+        at, pose = held.config.roller_positions, held.state.unknowns[:3]
+        known = self._differentiated
+        near = known is not None and known.contacts is held.contacts
+        if near and np.abs(at - known.config.roller_positions).max() < KEPT:
+            places, rates = held_joints(held).ravel(), self.expected.rates
+        else:
+            found, self._differentiated = held_gradient(held), held
+            places, rates = found.places, np.vstack([found.joints, found.pose])
+            self.squeeze_rates = found.squeeze
+        self.held = held
+        self.expected = Expectation(np.concatenate([places, pose]), rates)
+        self.readings, self.state = readings, state

@@ -1,0 +1,104 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Which markers of joints fit, and whether those that do not tell of a roller that slips."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+from scipy.special import chdtri
+
+#: Markers that are farther off than one in so many is do not fit.
+RARE = 1e-4
+
+
+class Verdict(NamedTuple):
+    """
+    What becomes of the markers of one message.
+
+    :ivar fits: (k,) whether they are used.
+    :ivar slips: the roller that has slipped if they are to fit; None without one.
+    :ivar slipped: by that much [m].
+    """
+
+    fits: Array
+    slips: int | None = None
+    slipped: float = 0.0
+
+
+def fits(innovation: Array, covariance: Array) -> bool:
+    """
+    Tell whether a measurement is as near to its expectation as it should be.
+
+    :param innovation: (m,) measured minus expected.
+    :param covariance: (m, m) of that.
+    """
+    return _size(innovation, covariance) <= chdtri(len(innovation), RARE)
+
+
+def judge_markers(
+    innovation: Array, covariance: Array, by_rollers: Array, reach: Array
+) -> Verdict:
+    """
+    Choose the markers that fit together, see `RARE`.
+
+    Where they do not all fit, either one roller has slipped, by no more than it has turned; or
+    markers lie, and the worst are left out until the others fit: all, where most do not. What
+    explains more holds.
+
+    :param innovation: (k, 2) measured minus expected joints [m].
+    :param covariance: (2k, 2k) of these.
+    :param by_rollers: (2k, r) derivatives of the joints by the rollers.
+    :param reach: (r,) by how much each roller can have slipped at most [m].
+    """
+    count = len(innovation)
+    kept, off = np.ones(count, dtype=bool), innovation.ravel()
+    if fits(off, covariance):
+        return Verdict(kept)
+    slip = _find_slip(off, covariance, by_rollers, reach)
+    while kept.any():
+        rows = np.flatnonzero(np.repeat(kept, 2))
+        if fits(off[rows], covariance[np.ix_(rows, rows)]):
+            break
+        left = [
+            _size(off[rest], covariance[np.ix_(rest, rest)]) if len(rest) else 0.0
+            for rest in (rows[rows // 2 != i] for i in np.flatnonzero(kept))
+        ]
+        kept[np.flatnonzero(kept)[int(np.argmin(left))]] = False
+    if 2 * np.count_nonzero(kept) < count:
+        kept[:] = False
+    # A slip that explains all of them is likelier than two markers that lie at once.
+    if slip is not None and (count - kept.sum() > 1 or not kept.any()):
+        return slip
+    rows = np.flatnonzero(np.repeat(kept, 2))
+    if slip is None or not len(rows):
+        return Verdict(kept)
+    without = _size(off[rows], covariance[np.ix_(rows, rows)])
+    with_slip = _size(off - by_rollers[:, slip.slips] * slip.slipped, covariance)
+    return slip if with_slip / (2 * count - 1) < without / len(rows) else Verdict(kept)
+
+
+def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -> Verdict | None:
+    """Return the slip of one roller that makes all markers fit, if one does."""
+    weighted = np.linalg.solve(covariance, by_rollers)
+    size = np.einsum('ij,ij->j', by_rollers, weighted)
+    slipped = np.clip((weighted.T @ off) / np.maximum(size, 1e-12), -reach, reach)
+    left = [_size(off - by_rollers[:, i] * each, covariance) for i, each in enumerate(slipped)]
+    best = int(np.argmin(left))
+    if left[best] > chdtri(len(off), RARE):
+        return None
+    return Verdict(np.ones(len(off) // 2, dtype=bool), best, float(slipped[best]))
+
+
+def _size(off: Array, covariance: Array) -> float:
+    """Return the square of a deviation in units of its standard deviation."""
+    return float(off @ np.linalg.solve(covariance, off))

@@ -1,0 +1,97 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""What an estimator of the robot's state is told, and what it tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+from isotruss_ros.core.numerics.arrays import Array
+
+
+@dataclass(frozen=True)
+class EstimatorSettings:
+    """
+    What is known of the robot before anything is measured: standard deviations.
+
+    :ivar zeros: of the rollers' zeros; 1 mm after homing with markers [m].
+    :ivar slip: of the share of its travel that a roller slips, over each 0.1 m anew [-].
+    :ivar drift: of the zeros in a second, also at rest [m].
+    :ivar encoders: of a reading [m].
+    :ivar load: of the wrench on a held object, moments over its arm [N].
+    :ivar load_time: for so long the wrench stays about the same [s].
+    :ivar stiffness: of the stiffness of robot and tubes against the model's [-].
+    :ivar joint_error: of the model of the joints, and of where markers are mounted [m].
+    :ivar pose_error: of the model of the object's pose, turns times its arm [m].
+    :ivar squeeze_error: of the model of the squeeze, as a share of it [-].
+    """
+
+    zeros: float = 0.01
+    slip: float = 0.02
+    drift: float = 3e-4
+    encoders: float = 1e-4
+    load: float = 2.0
+    load_time: float = 0.3
+    stiffness: float = 0.05
+    joint_error: float = 5e-4
+    pose_error: float = 5e-4
+    squeeze_error: float = 0.04
+
+
+@dataclass(frozen=True, eq=False)
+class StateEstimate:
+    """
+    Where robot and object are, how hard it squeezes, and how sure that is.
+
+    :ivar time: of the encoders that it is for [s].
+    :ivar offsets: (r,) to add to the readings of the encoders for the roller travel [m].
+    :ivar offset_covariance: (r, r) [m^2].
+    :ivar travel: (r,) corrected roller travel [m].
+    :ivar joints: (j, 2) in `Topology.joint_names` order, displaced by what is held [m].
+    :ivar joint_covariance: (2j, 2j) of (x0, y0, x1, y1, ...) [m^2].
+    :ivar pose: (x, y, angle) of the held object [m, rad]; None where none is held in the model.
+    :ivar pose_covariance: (3, 3) [m^2, m rad, rad^2].
+    :ivar squeeze: mean normal force of the members [N]; no number where no object is held in the
+        model.
+    :ivar squeeze_deviation: its standard deviation, that of the stiffness included [N].
+    :ivar used: names of the joints whose last markers count, sorted.
+    :ivar left_out: of those whose last markers do not fit, sorted.
+    :ivar slipping: names of the rollers that seem to slip, in `Robot.roller_names` order.
+    """
+
+    time: float
+    offsets: Array
+    offset_covariance: Array
+    travel: Array
+    joints: Array
+    joint_covariance: Array
+    pose: Array | None = None
+    pose_covariance: Array | None = None
+    squeeze: float = math.nan
+    squeeze_deviation: float = math.nan
+    used: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    slipping: tuple[str, ...] = ()
+
+
+class EstimatedTravel(NamedTuple):
+    """
+    What a control loop takes from an estimate.
+
+    :ivar offsets: (r,) to add to the readings of the encoders [m].
+    :ivar squeeze: mean normal force of the members [N]; no number where it is not known.
+    :ivar squeeze_deviation: its standard deviation [N].
+    """
+
+    offsets: Array
+    squeeze: float = math.nan
+    squeeze_deviation: float = math.nan

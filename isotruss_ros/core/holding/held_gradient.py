@@ -1,0 +1,110 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""How a held object and the robot around it change with what an estimate corrects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isotruss_ros.core.contact.grasp_parameters import GraspParameters
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.grasp_gradient import dent_rates, equation_rates
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.loaded_tubes import ContactRates, LoadedTubes
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.blas_threads import single_threaded
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class HeldGradient:
+    """
+    Where object and joints are, how hard the members press, and the derivatives of these.
+
+    Columns are, in this order: travel of the r rollers [m], the wrench (fx, fy, m / arm) on the
+    object [N], the stiffness of robot and tubes against the model's [-], and the anchors of the k
+    contacts [m]: p = r + 4 + k.
+
+    :ivar pose: (3, p) of (x, y, angle).
+    :ivar squeeze: (p,) of the mean normal force of the members.
+    :ivar joints: (2j, p) of (x0, y0, x1, y1, ...), in the order of `Topology.joint_names`.
+    :ivar places: (2j,) where the joints are [m], see `held_joints`.
+    """
+
+    pose: Array
+    squeeze: Array
+    joints: Array
+    places: Array
+
+
+@single_threaded
+def held_gradient(grip: HeldGrip) -> HeldGradient:
+    """
+    Return the derivatives of a held grip whose contacts stick.
+
+    The equations of the equilibrium, F(y, x) = 0, give y' = -F_y^-1 F_x, see `grasp_gradient`. The
+    joints are those of the configuration, displaced by the frame under the contact forces.
+
+    :param grip: in equilibrium.
+    :raises GraspError: the equilibrium is indifferent.
+    :raises StructureError: see `structure_of`.
+    """
+    if grip.response is None:
+        raise GraspError('an indifferent equilibrium has no derivatives')
+    config, state, statics = grip.config, grip.state, grip.statics
+    places, parameters = state.places, GraspParameters.of(config)
+    rollers, count = len(config.roller_positions), len(grip.anchors)
+    stiffness, anchors = rollers + 3, slice(rollers + 4, None)
+    chosen = np.zeros((parameters.size, rollers + 4 + count))
+    chosen[parameters.rollers, :rollers] = np.eye(rollers)
+    chosen[parameters.wrench, rollers:stiffness] = np.diag([1.0, 1.0, grip.arm])
+    chosen[parameters.stiffness, stiffness] = 1.0
+    nodes = (config.node_jacobian @ chosen[parameters.rollers]).T
+    moved = nodes.copy().view(np.complex128).T
+    tubes = LoadedTubes(grip, moved, chosen[parameters.pressures])
+    dents, _ = dent_rates(grip, chosen, parameters)
+    left = equation_rates(grip, tubes, dents, chosen, parameters)
+    # What stays as contacts roll, see `stick`: normals turn with the members.
+    rolling = statics.rolling_rows(state.unknowns, state.normals)
+    left[places.closure] = rolling[:, places.inclinations] @ tubes.spins
+    left[places.closure, :rollers] += statics.sides[:, None] * travel_rates(grip)
+    left[places.closure, anchors] -= np.eye(count)
+    change = -np.linalg.solve(state.jacobian_with(rolling), left)
+    normal, friction = change[places.normal], change[places.friction]
+    soft = statics.indentation(state.normal_forces)[1]
+    given = tubes.respond(
+        ContactRates(
+            change[places.feet],
+            tubes.spins + change[places.inclinations],
+            normal + 1j * friction,
+            dents + soft[:, None] * normal,
+        )
+    )
+    joints, scale = len(config.robot.topology.joint_names), grip.tubes.stiffness_scale
+    displaced = tubes.displacements[:joints, :2].ravel() / scale
+    given = given.displacements[:joints, :2].reshape(2 * joints, -1)
+    by_state = nodes.T[: 2 * joints] + given / scale
+    by_state -= np.outer(displaced, chosen[parameters.stiffness]) / scale
+    return HeldGradient(
+        change[:3],
+        normal.sum(axis=0) / len(grip.members),
+        by_state,
+        config.nodes[:joints].ravel() + displaced,
+    )
+
+
+def travel_rates(grip: HeldGrip) -> Array:
+    """
+    Return the travel at the start of each contact's member by the rollers' travel, (k, r) [-].
+
+    :param grip: how the object is held.
+    """
+    topology = grip.config.robot.topology
+    return (grip.contacts.members[:, None] == topology.driven).astype(float)

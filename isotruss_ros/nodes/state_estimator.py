@@ -1,0 +1,239 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""Node `state_estimator`: where the robot is and how hard it squeezes, by all its sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+import time
+
+from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
+from isotruss_ros.core import ConvexObject, Disc, load_robot
+from isotruss_ros.core.control.state_estimate import EstimatorSettings, StateEstimate
+from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
+from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
+from isotruss_ros.nodes.conversions.messages import (
+    read_object_pose,
+    read_stamp,
+    RollerStateReader,
+)
+from isotruss_ros.nodes.framework import parameters as params
+from isotruss_ros.nodes.framework.cycle import Cycle, CycleTimes
+from isotruss_ros.nodes.framework.diagnostics import Level, WarningThrottle
+from isotruss_ros.nodes.framework.managed import ManagedNode
+from isotruss_ros.nodes.framework.qos import RELIABLE
+from isotruss_ros.nodes.framework.runner import run
+from isotruss_ros.nodes.framework.subscriptions import subscribe_newest
+from rclpy.parameter import Parameter
+from rclpy.time import Time
+from sensor_msgs.msg import JointState, MultiDOFJointState
+
+#: What is known of a robot that was not homed.
+KNOWN = EstimatorSettings()
+RATE = replace(common.RATE, default=50.0, bounds=(1.0, 1000.0))
+POSE_DEVIATION = params.Spec(
+    'pose_deviation', 1e-3, 'Standard deviation of x and y of object_pose [m]', (1e-6, 1.0)
+)
+ANGLE_DEVIATION = params.Spec(
+    'angle_deviation', 0.009, 'Standard deviation of its angle [rad]', (1e-6, 1.0)
+)
+MARKER_DEVIATION = params.Spec(
+    'marker_deviation', 1e-3, 'Standard deviation of x and y of joint_markers [m]', (1e-6, 1.0)
+)
+ZERO_DEVIATION = params.Spec(
+    'zero_deviation',
+    KNOWN.zeros,
+    "Standard deviation of the rollers' zeros; 0.001 after calibrate_home [m]",
+    bounds=(1e-6, 1.0),
+    read_only=True,
+)
+SLIP = params.Spec(
+    'slip',
+    KNOWN.slip,
+    'Share of its travel that a roller is expected to slip',
+    (0.0, 1.0),
+    read_only=True,
+)
+STIFFNESS_DEVIATION = params.Spec(
+    'stiffness_deviation',
+    KNOWN.stiffness,
+    'Standard deviation of the stiffness of the tubes, as a share of it',
+    bounds=(0.0, 1.0),
+    read_only=True,
+)
+SPECS = (
+    common.ROBOT,
+    common.OBJECT_DIAMETER,
+    common.OBJECT,
+    common.GRIP_MODULE,
+    common.GRIP,
+    RATE,
+    common.COMMAND_TIMEOUT,
+    POSE_DEVIATION,
+    ANGLE_DEVIATION,
+    MARKER_DEVIATION,
+    ZERO_DEVIATION,
+    SLIP,
+    STIFFNESS_DEVIATION,
+)
+
+
+class StateEstimatorNode(ManagedNode):
+    """
+    Take each measurement in as it comes, and publish the estimate in every cycle.
+
+    :param parameter_overrides: values of parameters other than the defaults.
+    :raises IsotrussError: a parameter is unusable; the text names it and what would be right.
+    """
+
+    awaited = ('joint_states',)
+
+    def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
+        super().__init__('state_estimator', SPECS, parameter_overrides)
+        self._throttle = WarningThrottle(self.get_logger())
+        self._cycle_times = CycleTimes()
+        self._estimator: StateEstimator | None = None
+        self._last: StateEstimate | None = None
+        self.start()
+
+    def configure(self) -> None:
+        """Load the robot, create publisher and subscriptions."""
+        self._robot = load_robot(self.values[common.ROBOT])
+        self.values.on_change(self._apply, partial(common.check_grip, self._robot))
+        self._reader = RollerStateReader(self._robot.roller_names)
+        self._begin()
+        self._estimates = self.create_lifecycle_publisher(
+            StateEstimateMessage, 'state_estimate', RELIABLE
+        )
+        for kind, topic, take in (
+            (JointState, 'joint_states', self._take_encoders),
+            (PoseStamped, 'object_pose', self._take_pose),
+            (MultiDOFJointState, 'joint_markers', self._take_markers),
+        ):
+            subscribe_newest(self, kind, topic, partial(self._receive, topic, take))
+        self.diagnostics.hardware_id = self._robot.name
+
+    def activate(self) -> None:
+        """Start the cycle."""
+        self.cycle = Cycle(self, self.values[RATE], self._step, self._begin)
+
+    def deactivate(self) -> None:
+        """Stop the cycle."""
+        self.cycle = None
+
+    def cleanup(self) -> None:
+        """Release the robot."""
+        self._estimator = self._last = None
+
+    def details(self) -> dict[str, object]:
+        """Return what is trusted, and how long updates take."""
+        estimate = self._last
+        if estimate is None:
+            return {}
+        details: dict[str, object] = {
+            'joints whose markers are used': ', '.join(estimate.used) or 'none',
+            'joints whose markers are left out': ', '.join(estimate.left_out) or 'none',
+            'rollers that seem to slip': ', '.join(estimate.slipping) or 'none',
+        }
+        if estimate.pose is not None:
+            spread = estimate.squeeze_deviation
+            details['squeeze [N]'] = f'{estimate.squeeze:.1f}, deviation {spread:.1f}'
+        return details | self._cycle_times.summary(1.0 / self.values[RATE])
+
+    def _begin(self) -> None:
+        """Begin with zeros that are not known: also after a jump of the clock."""
+        values = self.values
+        settings = EstimatorSettings(
+            zeros=values[ZERO_DEVIATION],
+            slip=values[SLIP],
+            stiffness=values[STIFFNESS_DEVIATION],
+        )
+        self._estimator, self._last = StateEstimator(self._robot, settings), None
+        self._apply_grip()
+
+    def _apply(self) -> None:
+        """Apply changed parameters from now on."""
+        self._apply_grip()
+        if self.cycle is not None:
+            self.cycle.change(self.values[RATE])
+
+    def _apply_grip(self) -> None:
+        """Expect the object between the members of the parameters."""
+        values = self.values
+        members = common.select_grip(self._robot, values[common.GRIP], values[common.GRIP_MODULE])
+        body = common.read_described(values) or ConvexObject(Disc(values[common.OBJECT_DIAMETER]))
+        grip = Grip(members, body)
+        if grip != self._estimator.grip:
+            self._estimator.grip = grip
+
+    def _receive(self, topic: str, take: object, message: object) -> None:
+        """Take a message in; one that is not usable is named and left."""
+        began = time.perf_counter()
+        try:
+            take(message)
+        except IsotrussError as error:
+            self._throttle.warn(topic, f'{topic}: {error}')
+        self._cycle_times.add(time.perf_counter() - began)
+
+    def _take_encoders(self, message: JointState) -> None:
+        state = self._reader.read(message)
+        self._estimator.take_encoders(read_stamp(message.header), state.positions)
+
+    def _take_pose(self, message: PoseStamped) -> None:
+        pose, values = read_object_pose(message, self._robot.frame), self.values
+        deviations = values[POSE_DEVIATION], values[POSE_DEVIATION], values[ANGLE_DEVIATION]
+        self._estimator.take_pose(read_stamp(message.header), pose, deviations)
+
+    def _take_markers(self, message: MultiDOFJointState) -> None:
+        joints, deviation = read_joint_markers(message, self._robot), self.values[MARKER_DEVIATION]
+        self._estimator.take_markers(read_stamp(message.header), joints, deviation)
+
+    def _step(self, now: Time) -> None:
+        try:
+            estimate = self._estimator.estimate()
+        except IsotrussError as error:
+            self.diagnostics.set_status(Level.ERROR, str(error))
+            return
+        if estimate is None:
+            self.diagnostics.set_status(Level.WARN, 'no joint_states received yet')
+            return
+        age, most = 1e-9 * now.nanoseconds - estimate.time, self.values[common.COMMAND_TIMEOUT]
+        if age > most:
+            self.diagnostics.set_status(
+                Level.ERROR, f'joint_states: {age:.3f} s old; must be at most {most} s'
+            )
+            return
+        self._last = estimate
+        self._estimates.publish(to_estimate_message(estimate, self._robot))
+        doubts = _describe_doubts(estimate)
+        if doubts:
+            self._throttle.warn('doubts', doubts)
+        self.diagnostics.set_status(Level.WARN if doubts else Level.OK, doubts or 'estimating')
+
+
+def _describe_doubts(estimate: StateEstimate) -> str:
+    """Return what seems to be wrong; empty where nothing does."""
+    doubts = []
+    if estimate.left_out:
+        doubts.append(f'markers that do not fit: {", ".join(estimate.left_out)}')
+    if estimate.slipping:
+        doubts.append(f'rollers that seem to slip: {", ".join(estimate.slipping)}')
+    return '; '.join(doubts)
+
+
+#: Run the estimator until it is interrupted.
+main = partial(run, StateEstimatorNode)

@@ -1,0 +1,234 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The state estimator against robots that are drawn from what it expects, and sensors that lie."""
+
+from dataclasses import replace
+
+from drawn_robots import DrawnRobot, EXACT, MARKER, NAMES, PERIOD, POSE, ROBOT, THREE
+from isotruss_ros.core import Pose
+from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.core.errors import GraspError
+import numpy as np
+import pytest
+import scipy
+
+ALL = tuple(NAMES)
+#: Of a held object; each takes half a second.
+RUNS = 200
+
+
+def test_zeros_of_the_empty_robot_are_those_of_least_squares():
+    drawn = DrawnRobot(1, settings=replace(EXACT, drift=0.0, slip=0.0), random_slip=False)
+    told = []
+    for _ in range(6):
+        drawn.move()
+        told.append((drawn.readings, drawn.markers(ALL)))
+        drawn.estimator.take_markers(drawn.time, told[-1][1], MARKER)
+
+    def misfit(zeros):
+        off = [zeros / EXACT.zeros]
+        for readings, markers in told:
+            joints = ROBOT.home.moved_to(readings + zeros).nodes[: len(NAMES)]
+            off.append((joints - np.array([markers[name] for name in NAMES])).ravel() / MARKER)
+        return np.concatenate(off)
+
+    best = scipy.optimize.least_squares(misfit, np.zeros(6), xtol=1e-12)
+    found = drawn.estimator.estimate()
+    deviations = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)))
+    assert found.offsets == pytest.approx(best.x, abs=0.1 * deviations.min())
+    assert np.sqrt(np.diag(found.offset_covariance)) == pytest.approx(deviations, rel=0.01)
+
+
+def test_errors_of_the_empty_robot_are_as_large_as_it_says():
+    runs = [DrawnRobot(seed) for seed in range(200)]
+    surprises = [drawn.surprise(drawn.run(1.0)) for drawn in runs]
+    low, high = scipy.stats.chi2.ppf([0.025, 0.975], 6 * len(runs)) / len(runs)
+    assert low < np.mean(surprises) < high
+
+
+@pytest.mark.nightly
+def test_errors_of_a_held_object_are_as_large_as_it_says():
+    surprises, squeezes, poses = [], [], []
+    for seed in range(RUNS):
+        drawn = DrawnRobot(seed, held=True)
+        found = drawn.run(1.0)
+        surprises.append(drawn.surprise(found))
+        squeezes.append((found.squeeze - drawn.grip.squeeze) / found.squeeze_deviation)
+        away = found.pose - drawn.grip.pose
+        poses.append(away @ np.linalg.solve(found.pose_covariance, away))
+    for size, values in ((6, surprises), (1, np.square(squeezes)), (3, poses)):
+        low, high = scipy.stats.chi2.ppf([0.025, 0.975], size * RUNS) / RUNS
+        assert low < np.mean(values) < high
+
+
+def test_markers_tell_the_squeeze():
+    drawn = DrawnRobot(3, held=True)
+    found, truth = drawn.run(2.0), drawn.grip.squeeze
+    assert found.squeeze == pytest.approx(truth, rel=0.05)
+    assert found.squeeze_deviation < 0.05 * truth
+
+
+def test_without_markers_the_squeeze_is_not_known():
+    drawn = DrawnRobot(3, held=True)
+    found = drawn.run(2.0, ())
+    assert found.squeeze_deviation > 0.2 * found.squeeze
+
+
+def test_what_is_not_known_of_the_stiffness_stays_unknown():
+    drawn = DrawnRobot(3, held=True, settings=replace(EXACT, stiffness=0.1))
+    found = drawn.run(2.0, ALL)
+    # Geometry does not tell it: (s, w, f) times anything moves nothing.
+    assert found.squeeze_deviation > 0.09 * found.squeeze
+
+
+@pytest.mark.parametrize('held', [False, True])
+def test_a_marker_that_lies_is_left_out_and_named(held):
+    drawn = DrawnRobot(5, held=held)
+    drawn.run(1.0)
+    for _ in range(20):
+        drawn.move()
+        markers = drawn.markers()
+        x, y = markers['R']
+        drawn.estimator.take_markers(drawn.time, markers | {'R': (x + 0.03, y - 0.04)}, MARKER)
+        found = drawn.estimator.estimate()
+        assert found.left_out == ('R',)
+    assert found.used == ('Q', 'Z')
+    # With two joints left one combination of zeros is free to drift.
+    assert drawn.surprise(found) < scipy.stats.chi2.ppf(0.999, 6)
+
+
+def test_markers_that_are_swapped_are_left_out():
+    drawn = DrawnRobot(6)
+    drawn.run(1.0, ALL)
+    drawn.move()
+    markers = drawn.markers(ALL)
+    swapped = markers | {'P': markers['Q'], 'Q': markers['P']}
+    drawn.estimator.take_markers(drawn.time, swapped, MARKER)
+    assert drawn.estimator.estimate().left_out == ('P', 'Q')
+
+
+def _turn(drawn, seconds, slips):
+    """Turn one roller at 50 mm/s while a share of its travel slips; tell when that is told."""
+    for number in range(round(seconds / PERIOD)):
+        step = np.zeros(6)
+        step[3] = 0.05 * PERIOD
+        drawn.offsets = drawn.offsets - slips * step
+        drawn.move(step)
+        drawn.tell(ALL)
+        if drawn.estimator.estimate().slipping:
+            return (number + 1) * PERIOD
+    return None
+
+
+@pytest.mark.parametrize('held', [False, True])
+@pytest.mark.parametrize(('share', 'limit'), [(0.02, 5.0), (1.0, 0.5)])
+def test_a_roller_that_slips_is_told_in_time(held, share, limit):
+    drawn = DrawnRobot(7, held=held, speed=0.0, random_slip=False)
+    drawn.run(2.0, ALL)
+    assert _turn(drawn, limit, share) is not None
+    assert drawn.estimator.estimate().slipping == (ROBOT.roller_names[3],)
+
+
+def test_a_roller_that_does_not_slip_is_not_told():
+    drawn = DrawnRobot(8, speed=0.0, random_slip=False)
+    drawn.run(2.0, ALL)
+    assert _turn(drawn, 5.0, 0.0) is None
+
+
+def test_after_a_slip_the_zeros_are_found_again():
+    drawn = DrawnRobot(7, speed=0.0, random_slip=False)
+    drawn.run(2.0, ALL)
+    _turn(drawn, 0.5, 1.0)
+    found = drawn.run(2.0, ALL)
+    assert found.offsets == pytest.approx(drawn.offsets, abs=2e-3)
+
+
+def _told_late(order):
+    """Return the estimate where markers of a moving robot come late, in some order."""
+    drawn = DrawnRobot(9)
+    kept = []
+    for _ in range(30):
+        drawn.move()
+        kept.append((drawn.time, drawn.markers(ALL)))
+        if len(kept) == 4:
+            for place in order:
+                drawn.estimator.take_markers(*kept[place], MARKER)
+            kept = []
+    return drawn, drawn.estimator.estimate()
+
+
+def test_late_markers_count_where_the_robot_was():
+    drawn, found = _told_late((0, 1, 2, 3))
+    assert drawn.surprise(found) < scipy.stats.chi2.ppf(0.99, 6)
+
+
+def test_markers_out_of_order_tell_the_same():
+    _, found = _told_late((0, 1, 2, 3))
+    _, other = _told_late((2, 0, 3, 1))
+    deviations = np.sqrt(np.diag(found.offset_covariance))
+    assert (np.abs(found.offsets - other.offsets) < 0.5 * deviations).all()
+
+
+def test_markers_from_long_ago_or_from_the_future_do_not_count():
+    drawn = DrawnRobot(10)
+    drawn.run(3.0)
+    for time in (drawn.time - 2.5, drawn.time + 0.5):
+        assert not drawn.estimator.take_markers(time, drawn.markers(), MARKER)
+
+
+def test_an_unknown_joint_is_refused_by_name():
+    drawn = DrawnRobot(10)
+    with pytest.raises(GraspError, match="joint 'W'"):
+        drawn.estimator.take_markers(0.0, {'W': (0.0, 0.0)}, MARKER)
+
+
+def test_an_object_that_is_gone_is_not_held():
+    drawn = DrawnRobot(11, held=True)
+    drawn.run(0.5)
+    for _ in range(10):
+        drawn.move()
+        drawn.estimator.take_pose(drawn.time, Pose(5.0, 5.0, 0.0), POSE)
+    found = drawn.estimator.estimate()
+    assert found.pose is None
+    assert np.isnan(found.squeeze)
+
+
+def test_without_measurements_it_is_where_the_encoders_say():
+    estimator = StateEstimator(ROBOT)
+    for number, share in enumerate(np.linspace(0.0, 1.0, 20)):
+        readings = 0.15 * share * np.array([1.0, -0.5, 0.3, 0.8, -1.0, 0.2])
+        estimator.take_encoders(0.1 * number, readings)
+        found = estimator.estimate()
+    joints = ROBOT.configuration(readings).nodes[: len(NAMES)]
+    assert found.joints == pytest.approx(joints, abs=1e-9)
+
+
+def test_encoders_that_begin_anew_are_corrected():
+    drawn = DrawnRobot(13)
+    drawn.run(1.0, ALL)
+    jump = np.array([0.05, -0.03, 0.04, 0.0, -0.05, 0.02])
+    drawn.readings, drawn.offsets = drawn.readings - jump, drawn.offsets + jump
+    found = drawn.run(6.0, ALL)
+    assert found.offsets == pytest.approx(drawn.offsets, abs=3e-3)
+
+
+def test_nothing_is_estimated_before_the_first_reading():
+    assert StateEstimator(ROBOT).estimate() is None
+
+
+def test_three_joints_can_leave_a_combination_of_zeros_free():
+    """P, R and Z do not tell all zeros in one posture; Q, R and Z do."""
+    spread = {}
+    for names in (THREE, ('P', 'R', 'Z')):
+        drawn = DrawnRobot(12, speed=0.0, random_slip=False)
+        found = drawn.run(2.0, names)
+        spread[names] = np.sqrt(np.linalg.eigvalsh(found.offset_covariance)[-1])
+    assert spread[THREE] < 2e-3
+    assert spread['P', 'R', 'Z'] > 4e-3

@@ -1,0 +1,33 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The loop in MuJoCo with zeros that are off and rollers that slip, by what is estimated."""
+
+from comparison.estimated_carries import carry, SIX, THREE
+from comparison.random_carries import BOX, DISC
+from mujoco_worlds import needs_mujoco
+import pytest
+
+pytestmark = [needs_mujoco, pytest.mark.nightly]
+
+
+@pytest.mark.parametrize('stiffness', [0.6, 1.0, 1.5])
+@pytest.mark.parametrize('kind', [DISC, BOX])
+@pytest.mark.parametrize('names', [THREE, SIX])
+def test_the_squeeze_is_what_it_should_be(kind, names, stiffness):
+    found = carry(kind, 2, names, stiffness)
+    assert abs(found.squeeze) < 0.1
+    assert found.worst < 0.2
+    assert abs(found.surprise) < 3.0
+    assert found.joints < (1.5e-3 if names is SIX else 4e-3)
+    assert found.encoders > 4.0 * found.joints
+
+
+def test_by_the_encoders_alone_it_is_not():
+    assert abs(carry(DISC, 2, (), fed=False).squeeze) > 0.1

@@ -1,0 +1,180 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""The node `state_estimator`, and the nodes that use what it publishes."""
+
+from isotruss_msgs.msg import StateEstimate
+from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
+from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
+from isotruss_ros.nodes.conversions.messages import MessageError, stamp_header
+from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.manipulation import Manipulation
+from isotruss_ros.nodes.simulator import Simulator
+from isotruss_ros.nodes.state_estimator import StateEstimatorNode
+from manual_world import world
+import numpy as np
+import probe
+from probe import N, overrides, ROBOT
+import pytest
+from sensor_msgs.msg import MultiDOFJointState
+
+NAMES = ROBOT.topology.joint_names
+#: Its encoders read zero where the tubes have run by this deviation, without an object nearby.
+PLANT = {
+    'object_is_free': True,
+    'object_y': 5.0,
+    'zero_deviation': 0.01,
+    'marker_rate': 20.0,
+    'marker_noise': 0.001,
+    'marker_dropouts': 0.3,
+    'seed': 4,
+}
+
+
+def estimator(**values):
+    """Return what makes the node."""
+    return lambda: StateEstimatorNode(overrides(**values))
+
+
+def last_estimate(w):
+    """Return the last message."""
+    return w.probe.last('estimate')
+
+
+def listen(w):
+    """Keep estimates, and return a publisher of markers."""
+    w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
+    return w.probe.create_publisher(MultiDOFJointState, 'joint_markers', 10)
+
+
+def send_markers(w, markers, joints, frame='truss', age=0.0):
+    """Publish joints by name."""
+    message = to_joint_markers(joints)
+    stamp_header(message.header, w.probe.past(age), frame)
+    markers.publish(message)
+
+
+def test_joints_of_a_robot_with_wrong_zeros_are_found():
+    with world(lambda: Simulator(overrides(**PLANT)), estimator()) as w:
+        listen(w)
+        w.spin(2.0)
+        found, truth = last_estimate(w), w.nodes[1]._robot.home.nodes[: len(NAMES)]
+    joints = np.array([(place.x, place.y) for place in found.joints])
+    assert np.abs(truth - ROBOT.home.nodes[: len(NAMES)]).max() > 0.01
+    assert joints == pytest.approx(truth, abs=2e-3)
+    assert found.used_joints
+    assert not found.left_out_joints
+    assert not found.held
+
+
+def test_late_swapped_and_missing_markers_do_not_spoil_it():
+    places = dict(zip(NAMES, ROBOT.home.nodes[: len(NAMES)].tolist(), strict=True))
+    with world(estimator()) as w:
+        markers = listen(w)
+
+        def feed(joints, age=0.0):
+            w.probe.send_joints()
+            send_markers(w, markers, joints, age=age)
+
+        w.spin(1.0, lambda: feed(places))
+        w.spin(0.2, lambda: feed(places | {'P': places['Q'], 'Q': places['P']}))
+        assert last_estimate(w).left_out_joints == ['P', 'Q']
+        w.spin(0.2, lambda: feed({}))
+        w.spin(0.2, lambda: feed(places, age=0.4))
+        found = last_estimate(w)
+    assert np.abs(found.offsets).max() < 2e-4
+    assert found.used_joints == sorted(NAMES)
+
+
+@pytest.mark.parametrize(
+    ('joints', 'frame'), [({'W': (0.0, 0.0)}, 'truss'), ({'P': (0.0, 0.0)}, 'elsewhere')]
+)
+def test_markers_that_are_not_usable_are_left(joints, frame):
+    with world(estimator()) as w:
+        markers = listen(w)
+
+        def feed():
+            w.probe.send_joints()
+            send_markers(w, markers, joints, frame)
+
+        w.spin(0.5, feed)
+        assert last_estimate(w).used_joints == []
+
+
+def test_without_encoders_nothing_is_published():
+    with world(estimator()) as w:
+        listen(w)
+        w.spin(0.5)
+        assert last_estimate(w) is None
+
+
+def test_stale_encoders_give_no_estimate():
+    with world(estimator(command_timeout=0.2)) as w:
+        listen(w)
+        w.spin(0.5, w.probe.send_joints)
+        w.spin(0.5)
+        count = len(w.probe.seen['estimate'])
+        w.spin(0.5)
+        assert count == len(w.probe.seen['estimate']) > 20
+
+
+@pytest.mark.parametrize(
+    ('make', 'holder'), [(GraspAnalysisNode, '_monitor'), (Manipulation, '_servo')]
+)
+def test_nodes_add_the_offsets_to_the_encoders(make, holder):
+    with world(make) as w:
+        sent = w.probe.create_publisher(StateEstimate, 'state_estimate', 10)
+        estimate = StateEstimate(roller_names=list(ROBOT.roller_names), offsets=[5e-3] * N)
+        stamp_header(estimate.header, w.probe.past(0.0), 'truss')
+        sent.publish(estimate)
+        w.spin(0.1)
+        w.spin(0.1, lambda: w.probe.send_joints(position=[0.01] * N))
+        rollers = getattr(w.nodes[1], holder).rollers.value
+    assert rollers.positions == pytest.approx([0.015] * N)
+    assert rollers.offsets == pytest.approx([5e-3] * N)
+
+
+@pytest.mark.parametrize(
+    'changes',
+    [{'roller_names': ['south/P']}, {'offsets': [float('nan')] * N}, {'offsets': [7.0] * N}],
+)
+def test_estimates_that_are_not_usable_are_refused(changes):
+    good = {'roller_names': list(ROBOT.roller_names), 'offsets': [0.0] * N}
+    estimate = StateEstimate(**(good | changes))
+    estimate.header.frame_id = 'truss'
+    with pytest.raises(MessageError, match='state estimate'):
+        read_estimate(estimate, ROBOT)
+
+
+def test_over_dds_the_estimate_comes():
+    plant = {'zero_deviation': 0.01, 'marker_rate': 20.0}
+    with probe.world(lambda: Simulator(overrides(**PLANT | plant)), estimator()) as w:
+        w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
+        w.until(lambda: w.probe.last('estimate') and w.probe.last('estimate').used_joints)
+        found = w.probe.last('estimate')
+    assert found.header.frame_id == 'truss'
+    assert len(found.offset_covariance) == N * N
+
+
+@pytest.mark.parametrize('estimated', [True, False])
+def test_the_squeeze_of_a_robot_with_wrong_zeros_is_regulated_by_the_estimate(estimated):
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
+    marked = {'zero_deviation': 0.006, 'marker_rate': 20.0, 'marker_noise': 2e-4, 'seed': 1}
+    loop = {'squeeze_force': 30.0, 'friction': 0.9, 'rate': 20.0}
+    nodes = [
+        lambda: Simulator(overrides(**plant | marked | {'rate': 20.0})),
+        lambda: Manipulation(overrides(**loop)),
+    ]
+    if estimated:
+        nodes.append(estimator(marker_deviation=2e-4))
+    with world(*nodes) as w:
+        w.spin(8.0, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        squeeze = w.nodes[1]._elastic.grasp.squeeze
+    off = abs(squeeze / 30.0 - 1.0)
+    assert off < 0.05 if estimated else off > 0.1
