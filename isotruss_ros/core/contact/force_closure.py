@@ -24,6 +24,11 @@ import functools
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.qp import (
+    find_nearest,
+    Nearest,
+    solve_least_squares,
+)
 import numpy as np
 import scipy
 
@@ -33,9 +38,11 @@ CLOSURE_TOLERANCE = 1e-6
 FACET_TOLERANCE = 1e-9
 #: Weight of small friction forces against a small residual: it makes them unique, and must not
 #: show in what is left.
-SMALL = 1e-8
+SMALL = 1e-6
 #: Precision of the shares, and steps of their search for each of them.
 PRECISION, MOST_STEPS = 1e-14, 10
+#: Segments that lean less than this against what is left are across it.
+ACROSS = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +93,7 @@ def check_force_closure(
     )
     facets = (_facets_of_cone if levers is None else _facets)(segments)
     required, margin = _extremes(facets, -load, friction, tolerance)
-    shares, residual = _balance(segments, load, friction)
+    shares, residual = _balance(segments, facets, load, friction)
     forces = np.zeros(len(normal_forces))
     forces[touching] = shares * normal_forces[touching]
     return Closure(residual <= tolerance, residual, tolerance, forces, required, margin)
@@ -130,22 +137,50 @@ def closure_margin_rates(
     return rates - side * (normal @ load_rates + load @ turned), side * normal
 
 
-def _balance(segments: Array, load: Array, friction: float) -> tuple[Array, float]:
+def _balance(
+    segments: Array, facets: tuple[Array, Array], load: Array, friction: float
+) -> tuple[Array, float]:
     """Return the shares (k,) in [-mu, mu] of the segments, and what they leave of the load."""
-    k = len(segments)
-    if k == 0 or friction == 0.0:
-        return np.zeros(k), float(np.linalg.norm(load))
+    shares, free = np.zeros(len(segments)), np.ones(len(segments), dtype=bool)
+    if len(segments) == 0 or friction == 0.0:
+        return shares, float(np.linalg.norm(load))
+    # What is left when all friction is used points away from all that could take more of it: only
+    # shares across it are open, few of all.
+    normals, support = facets
+    offs = normals @ load
+    room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
+    size = float(np.linalg.norm(load))
+    left = find_nearest(np.concatenate([normals, -normals]).T, room, size, 0.0)
+    if left is not None and len(left.active):
+        lever = segments @ left.point
+        reach = np.linalg.norm(segments, axis=1) * np.linalg.norm(left.point)
+        free = np.abs(lever) <= ACROSS * reach
+        shares[~free] = -friction * np.sign(lever[~free])
+    if free.any():
+        shares[free] = _smallest(segments[free], load + shares @ segments, friction, left)
+    return shares, float(np.linalg.norm(segments.T @ shares + load))
+
+
+def _smallest(segments: Array, load: Array, friction: float, left: Nearest | None) -> Array:
+    """Return the smallest shares (k,) in [-mu, mu] that leave the least of a load, if known."""
+    shares = solve_least_squares(segments.T, -load)
+    if np.abs(shares).max() <= friction:
+        return shares
     # A load beyond all friction must not overflow in the search either.
     size = max(float(np.abs(segments).max()), 1e-6 * float(np.abs(load).max()))
-    found = scipy.optimize.lsq_linear(
-        np.concatenate([segments.T / size, SMALL * np.eye(k)]),
-        np.concatenate([-load / size, np.zeros(k)]),
+    # Without what is left in any case, the smallest shares show.
+    across = load + shares @ segments
+    if left is not None and np.linalg.norm(across - left.point) <= ACROSS * size:
+        load = load - across
+    count = len(segments)
+    return scipy.optimize.lsq_linear(
+        np.concatenate([segments.T / size, SMALL * np.eye(count)]),
+        np.concatenate([-load / size, np.zeros(count)]),
         (-friction, friction),
         method='bvls',
         tol=PRECISION,
-        max_iter=MOST_STEPS * k,
+        max_iter=MOST_STEPS * count,
     ).x
-    return found, float(np.linalg.norm(segments.T @ found + load))
 
 
 def _extremes(

@@ -132,11 +132,6 @@ class ContactForces:
         """Return (k,) on the tubes, counter-clockwise around the object [N]."""
         return self.unknowns[self.places.friction]
 
-    @property
-    def forces(self) -> Array:
-        """Return normal and friction forces, (2k,) [N]."""
-        return self.unknowns[self.places.normal.start :]
-
     def jacobian_with(self, closing: Array) -> Array:
         """
         Return the Jacobian of the equations with another closure, (3 + 4k, 3 + 4k).

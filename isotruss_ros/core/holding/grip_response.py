@@ -127,7 +127,7 @@ def slip_margin(
     :return: negative where a member slips or a contact pulls already.
     """
     rows = slip_conditions(response.owners, friction)
-    reserve, slope = rows @ state.forces, rows @ response.forces
+    reserve, slope = rows @ forces_of(state), rows @ response.forces
     if more is not None:
         reserve = reserve + slope @ more
     return float((reserve / _sizes(slope)).min())
@@ -144,13 +144,22 @@ def weakest_direction(state: ContactForces, response: GripResponse, friction: fl
     rows = slip_conditions(response.owners, friction)
     slope = rows @ response.forces
     size = _sizes(slope)
-    nearest = int((rows @ state.forces / size).argmin())
+    nearest = int((rows @ forces_of(state) / size).argmin())
     return -slope[nearest] / size[nearest]
 
 
 def _sizes(slope: Array) -> Array:
     """Return the lengths of rows; of any friction, their squares may overflow."""
     return np.hypot.reduce(slope, axis=1)
+
+
+def forces_of(state: ContactForces) -> Array:
+    """
+    Return normal and friction forces, (2k,) [N].
+
+    :param state: the equilibrium.
+    """
+    return np.concatenate([state.normal_forces, state.friction_forces])
 
 
 def slip_conditions(owners: Indices, friction: float) -> Array:

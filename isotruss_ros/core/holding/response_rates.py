@@ -18,7 +18,7 @@ the response and by the change of the grasp, both of which stay.
 from __future__ import annotations
 
 from isotruss_ros.core.contact.grasp_parameters import GraspParameters
-from isotruss_ros.core.holding.grip_response import slip_conditions
+from isotruss_ros.core.holding.grip_response import forces_of, slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_tubes import ContactRates, LoadedTubes, TubeRates
 from isotruss_ros.core.holding.settle_grasp import SettledGrasp
@@ -119,14 +119,14 @@ def slip_margin_rates(
     grip = settled.equilibrium
     owners, response, begin = grip.contacts.owners, grip.response, grip.state.places.normal.start
     rows = slip_conditions(owners, settled.friction)
-    reserve, slope = rows @ grip.state.forces, rows @ response.forces
+    reserve, slope = rows @ forces_of(grip.state), rows @ response.forces
     size = np.hypot.reduce(slope, axis=1)
     nearest = int((reserve / size).argmin())
     row, way = rows[nearest], slope[nearest] / size[nearest]
     # With friction the conditions change, but not those of contacts that let go.
     presses = slip_conditions(owners, 1.0)[nearest] - slip_conditions(owners, 0.0)[nearest]
     left, longer = row @ change[begin:], np.einsum('a,apw,w->p', row, answer[begin:], way)
-    left[parameters.friction] += presses @ grip.state.forces
+    left[parameters.friction] += presses @ forces_of(grip.state)
     longer[parameters.friction] += presses @ response.forces @ way
     names = [*2 * grip.member_names, *(grip.member_names[i] for i in owners)]
     return (left - reserve[nearest] / size[nearest] * longer) / size[nearest], names[nearest]

@@ -278,6 +278,21 @@ def test_of_all_forces_that_balance_the_smallest_shares_are_found(rng, count, fr
     assert np.linalg.norm(shares) >= np.linalg.norm(smallest) - 1e-6
 
 
+@robots.examples(40)
+@given(generators, strategies.integers(2, 6), strategies.floats(0.05, 1.0))
+def test_contacts_that_are_alike_take_equal_shares(rng, count, friction):
+    angles = rng.uniform(0.0, 2.0 * np.pi, count)
+    tangents, forces = tangents_at(np.repeat(angles, 3)), rng.uniform(0.5, 2.0, 3 * count)
+    # More than friction can take, and less.
+    for size in (0.05, 5.0):
+        load = size * friction * forces.sum() * rng.uniform(-1.0, 1.0, 3)
+        closure = check_force_closure(tangents, forces, load, friction)
+        total = closure.friction_forces.reshape(-1, 3).sum(axis=1)
+        again = check_force_closure(tangents[::-1], forces[::-1], load, friction)
+        assert again.friction_forces[::-1] == pytest.approx(closure.friction_forces, abs=1e-5)
+        assert (np.abs(total) <= friction * forces.reshape(-1, 3).sum(axis=1) * (1 + 1e-12)).all()
+
+
 @pytest.mark.parametrize(
     ('places', 'forces', 'load', 'friction'),
     [

@@ -40,7 +40,9 @@ def test_an_equilibrium_is_stable_where_every_displacement_takes_work(one, other
 
 def test_a_member_slips_by_the_sums_over_its_contacts():
     # One end of the face rubs by more than its own normal force bears; the other one helps.
-    state = SimpleNamespace(forces=np.array([1.0, 3.0, 4.0, 0.9, 0.3, 0.2]))
+    state = SimpleNamespace(
+        normal_forces=np.array([1.0, 3.0, 4.0]), friction_forces=np.array([0.9, 0.3, 0.2])
+    )
     by_normal = np.tile([0.0, 0.0, 0.1], (3, 1))
     by_friction = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     response = response_of(np.eye(3), by_normal, by_friction, np.array([0, 0, 1]), 0.2)
@@ -50,7 +52,9 @@ def test_a_member_slips_by_the_sums_over_its_contacts():
     direction = np.array([2.0, 0.0, -0.1]) / size
     assert weakest_direction(state, response, 0.5) == pytest.approx(direction)
     # The other way round as well.
-    other_way = SimpleNamespace(forces=state.forces * [1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
+    other_way = SimpleNamespace(
+        normal_forces=state.normal_forces, friction_forces=-state.friction_forces
+    )
     assert slip_margin(other_way, response, 0.5) == pytest.approx(0.8 / size)
     assert weakest_direction(other_way, response, 0.5)[0] == pytest.approx(-direction[0])
     assert response.squeeze == pytest.approx([0.0, 0.0, 0.15])
