@@ -9,10 +9,11 @@
 
 """Where the joints of a robot that holds an object are."""
 
+from dataclasses import replace
+
 from carries import Carry, GRASPS, make_robot, place
 from isotruss_ros.core import deform
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_joints import held_joints
 from mujoco_worlds import needs_mujoco
 from nightly import some_now
@@ -28,7 +29,8 @@ def held(name, robot=ROBOT, scale=1.0):
     """Return how the object of a grasp is held at home."""
     body, members = place(robot, name, 0.5)
     numbers = np.array([robot.member_names.index(each) for each in members])
-    return attach_grip(robot.home, body, numbers, tubes=TubeModel(stiffness_scale=scale))
+    found = attach_grip(robot.home, body, numbers)
+    return replace(found, tubes=found.tubes._replace(stiffness_scale=scale))
 
 
 def give_at_feet(grip, loaded):
