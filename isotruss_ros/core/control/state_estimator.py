@@ -143,8 +143,7 @@ class StateEstimator:
         self, time: float, joints: Mapping[str, tuple[float, float]], deviation: float
     ) -> bool:
         """
-        Take in where joints were measured; those that do not fit are left out, and all if most do
-        not.
+        Take in where joints were measured; those that do not fit are left out.
 
         :param time: of the measurement [s].
         :param joints: (x, y) by the name of the joint, robot frame [m].
