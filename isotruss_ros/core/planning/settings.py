@@ -48,13 +48,9 @@ class SearchSettings:
     :ivar face_contact: the same where a face is to lie on a member: it is touched at both ends.
     :ivar max_displacement: of the object while a grip closes whose robot has not the rollers to
         keep it in place, against the tube's diameter.
-    :ivar first_depth: first indentation of the grasping members, against the tube's diameter.
-    :ivar depth_range: smallest and largest indentation, against the tube's diameter.
-    :ivar max_depths: number of mean indentations.
+    :ivar max_depth: deepest mean indentation on the ground, against the tube's diameter.
     :ivar max_balance_steps: number of steps that balance the members at one mean indentation.
     :ivar max_press_steps: number of steps to one set of indentations.
-    :ivar decrease: factor on an indentation that is too large.
-    :ivar increase: factor on one that is too small.
     :ivar max_share: largest indentation of a member against the mean one; the inverse is the
         smallest.
     :ivar same_share: grasps of the same members are the same where no roller differs by more than
@@ -94,13 +90,9 @@ class SearchSettings:
     first_contact: float = 1e-3
     face_contact: float = 1e-2
     max_displacement: float = 0.25
-    first_depth: float = 0.33
-    depth_range: tuple[float, float] = (0.03, 0.8)
-    max_depths: int = 6
+    max_depth: float = 0.8
     max_balance_steps: int = 6
     max_press_steps: int = 15
-    decrease: float = 0.6
-    increase: float = 1.5
     max_share: float = 10.0
     same_share: float = 0.02
     max_grips: int = 8

@@ -1,0 +1,130 @@
+# Copyright 2026 isotruss_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0 Unless required by applicable law or agreed to in
+# writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
+# WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
+# language governing permissions and limitations under the License.
+
+"""
+Closing on an object that the ground holds: the members press on it as it lies, as in the paper.
+
+They hold it only where their forces balance, so one is indented more and the other less until
+friction balances the rest: Newton's method, with secant updates of the slopes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
+from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.holding.settle_grasp import settle_grasp
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.planning.closed_grip import ClosedGrip, exceeded_bound, grasp_loads
+from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.closing_step import press
+from isotruss_ros.core.planning.force_balance import find_imbalance
+from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.requirements import GraspRequirements
+import numpy as np
+
+#: Members balance where their depths would change by less than this share [-].
+BALANCED = 0.03
+
+
+def close_on_ground(
+    touch: Configuration, closing: Closing, needs: GraspRequirements, tally: SearchTally
+) -> Iterator[ClosedGrip]:
+    """
+    Yield deeper and deeper grips, until a bound is reached.
+
+    :param touch: configuration in which the members touch the object.
+    :param closing: what closes.
+    :param needs: what the grasp must fulfil.
+    :param tally: of the search.
+    :raises SolverError: a quadratic program, or the contact, was not solved.
+    """
+    settings, config = closing.settings, touch
+    step = settings.closing_step * touch.robot.description.tube_diameter
+    shares = np.ones(len(closing.members))
+    for number in range(1, round(settings.max_depth / settings.closing_step) + 1):
+        found = _balance(config, closing, needs, tally, number * step, shares)
+        if found is None:
+            return
+        config, analysis, shares = found
+        settled = settle_grasp(config, closing.body, needs.friction, needs.external_wrench)
+        bears = settled.utilisation.values() if settled.hold.at_rest else ()
+        loads = grasp_loads(analysis, (), tuple(bears))
+        over = exceeded_bound(needs, loads)
+        if over is not None:
+            tally.record(*over, 1.0 - over[2] / over[1])
+            return
+        margin = None
+        if _closes(analysis, needs, tally):
+            margin = settled.slip_margin if settled.held else 0.0
+        mean = float(analysis.normal_forces.sum()) / len(shares)
+        yield ClosedGrip(config, closing.body, analysis, loads, mean, margin)
+
+
+def _balance(
+    config: Configuration,
+    closing: Closing,
+    needs: GraspRequirements,
+    tally: SearchTally,
+    depth: float,
+    shares: Array,
+) -> tuple[Configuration, GraspAnalysis, Array] | None:
+    """
+    Return the grip that balances best at a mean indentation, and its shares of that by member.
+
+    :param shares: (s,) where to begin.
+    :return: None where members cannot be brought to such indentations.
+    """
+    settings = closing.settings
+    free = np.linalg.svd(np.ones((1, len(shares))))[2][1:].T  # what leaves the mean as it is
+    slope: Array | None = None
+    last: tuple[Array, Array] | None = None
+    for _ in range(settings.max_balance_steps):
+        pressed = press(config, closing, depth * shares, tally)
+        if pressed is None:
+            return None
+        config = pressed
+        tally.analyses += 1
+        analysis = analyze_grasp(config, closing.body, needs.friction, needs.external_wrench)
+        found = config, analysis, shares
+        load = find_imbalance(config, closing, analysis, needs.external_wrench, depth * shares)
+        if load is None:
+            break
+        here = free.T @ (depth * shares)
+        if slope is None or last is None:
+            slope = load.slope @ free
+        else:
+            moved, secant = here - last[0], load.load - last[1]
+            slope = slope + np.outer(secant - slope @ moved, moved) / (moved @ moved)
+        last = here, load.load
+        move = np.linalg.lstsq(slope, -load.load, rcond=None)[0]
+        size = float(np.abs(move).max())
+        if size < BALANCED * depth:
+            break
+        shares = shares + free @ move * min(1.0, 0.5 * depth / size) / depth
+        if shares.min() < 1.0 / settings.max_share or shares.max() > settings.max_share:
+            break
+    return found
+
+
+def _closes(analysis: GraspAnalysis, needs: GraspRequirements, tally: SearchTally) -> bool:
+    """Tell whether friction closes a grip with the margin that is wanted."""
+    total = float(analysis.normal_forces.sum())
+    friction, margin, least = analysis.required_friction, analysis.closure_margin, needs.min_margin
+    if total == 0.0:
+        tally.record('force_closure', 0.0, 1.0, 30.0)
+    elif not analysis.force_closure or margin < 0.0:
+        tally.record('force_closure', friction, needs.friction, 1.0 - margin / total)
+    elif margin < least:
+        tally.record('min_margin', margin, least, 1.0 - margin / least)
+    else:
+        return True
+    return False
