@@ -25,7 +25,9 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.planning.closing import Closing, evaluate_state
+from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
+from isotruss_ros.core.planning.closing import Closing, evaluate_state, mean_member_length
+from isotruss_ros.core.planning.closing_step import bound_rows
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 import numpy as np
 
@@ -35,8 +37,12 @@ MAX_CORRECTIONS = 12
 SQUEEZE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE = 1e-3, 2e-5, 1e-3
 #: ... and each of three members presses as hard as balances without friction, to this share.
 EVEN_TOLERANCE = 0.02
-#: What counts most where the rollers cannot do all: squeeze, x, y, angle, and evenness.
-WEIGHTS = np.array([1e3, 1.0, 1.0, 0.03, 1.0, 1.0, 1.0])
+#: So many tolerances away the derivatives are computed anew.
+FAR = 100.0
+#: What counts most where the rollers cannot do all: x, y, angle, and evenness, in tolerances ...
+WEIGHTS = np.array([1.0, 1.0, 0.03, 1.0, 1.0, 1.0])
+#: ... against the rollers' motion [1/m^2].
+MOTION_WEIGHT = 3.0
 
 
 def squeeze_in_place(
@@ -52,17 +58,17 @@ def squeeze_in_place(
     :return: None where there is none; then the tally has the violation.
     :raises StructureError: see `structure_of`.
     """
+    bounds = _Bounds(grasp, force, closing)
+    rates: Array | None = None
     for _ in range(MAX_CORRECTIONS):
-        try:
-            missing, rates = _newton_rows(grasp, force, closing)
-        except GraspError:
-            break  # an indifferent equilibrium
-        weights = WEIGHTS[: len(missing)]
-        travel = np.linalg.lstsq(weights[:, None] * rates, weights * missing, rcond=1e-9)[0]
+        missing = bounds.missing(grasp)
+        if rates is None or np.abs(missing).max() > FAR:
+            rates = bounds.rates(grasp)
+        travel = None if rates is None else bounds.travel(missing, rates)
+        if travel is None:
+            break
         if abs(missing[0]) < 1.0 and np.abs(rates @ travel).max() < 1.0:
             return grasp if _stays(grasp, closing, tally) else None
-        if not _within_limits(grasp, closing, travel):
-            break
         tally.evaluations += 1
         try:
             config = grasp.config.moved_to(grasp.config.roller_positions + travel)
@@ -70,7 +76,7 @@ def squeeze_in_place(
             tally.record('rigidity', 0.0, closing.min_rigidity, 50.0)
             return None
         moved = roll_grip(grasp, config)
-        if moved is None:
+        if moved is None or len(moved.members) != len(grasp.members):
             tally.record('held', 0.0, 1.0, 10.0)
             return None
         grasp = moved
@@ -78,26 +84,68 @@ def squeeze_in_place(
     return None
 
 
-def _newton_rows(grasp: HeldGrip, force: float, closing: Closing) -> tuple[Array, Array]:
+class _Bounds:
     """
-    Return what is missing in squeeze, pose and evenness, (k,), and its rates by travel, (k, r).
+    Bounds of a motion, and errors: of squeeze, pose and, of three members, evenness, (k,).
 
-    In tolerances; evenness counts for three members only.
-
-    :raises GraspError: the equilibrium is indifferent.
+    Bounds are those where the motion begins; errors count in tolerances.
     """
-    pose, forces = rolling_rates(grasp)
-    away = np.subtract(closing.body.pose, grasp.pose)
-    away[2] = math.remainder(away[2], 2.0 * math.pi)
-    missing = [np.array([force - grasp.squeeze]), away]
-    rates = [forces.mean(axis=0)[None], pose]
-    bounds = [SQUEEZE_TOLERANCE * force, PLACE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE]
-    if len(forces) > 2:
-        missing.append(len(forces) * force * _shares(grasp) - grasp.normal_forces)
-        rates.append(forces)
-        bounds += [EVEN_TOLERANCE * force] * len(forces)
-    scale = np.array(bounds)
-    return np.concatenate(missing) / scale, np.concatenate(rates) / scale[:, None]
+
+    def __init__(self, grasp: HeldGrip, force: float, closing: Closing) -> None:
+        self._force, self._closing = force, closing
+        state = evaluate_state(grasp.config, grasp.body)
+        free = np.full(len(closing.members), -np.inf)
+        self._rows, self._least = bound_rows(state, closing, free)
+        size = closing.settings.max_step * mean_member_length(grasp.config)
+        self._longest = np.full(len(grasp.config.roller_positions), size)
+        bounds = [SQUEEZE_TOLERANCE * force, PLACE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE]
+        self._even = len(closing.members) > 2
+        if self._even:
+            bounds += [EVEN_TOLERANCE * force] * len(closing.members)
+        self._scale = np.array(bounds)
+
+    def rates(self, grasp: HeldGrip) -> Array | None:
+        """Return the rates of what is missing, (k, r); None where these are not finite."""
+        try:
+            pose, forces = rolling_rates(grasp)
+        except GraspError:
+            return None
+        all_rates = np.concatenate([forces.mean(axis=0)[None], pose, forces])
+        return all_rates[: len(self._scale)] / self._scale[:, None]
+
+    def missing(self, grasp: HeldGrip) -> Array:
+        """Return what is missing where a grip is."""
+        away = np.subtract(self._closing.body.pose, grasp.pose)
+        away[2] = math.remainder(away[2], 2.0 * math.pi)
+        missing = np.append(self._force - grasp.squeeze, away)
+        if self._even:
+            wanted = len(self._closing.members) * self._force * _shares(grasp)
+            missing = np.append(missing, wanted - grasp.normal_forces)
+        return missing / self._scale
+
+    def travel(self, missing: Array, rates: Array) -> Array | None:
+        """
+        Return the next motion of the rollers (r,); None where bounds leave none [m].
+
+        It brings the squeeze, and of the rest what it can.
+        """
+        weights = WEIGHTS[: len(missing) - 1]
+        others = weights[:, None] * rates[1:]
+        found = solve_qp(
+            QuadraticProgram(
+                others.T @ others + MOTION_WEIGHT * np.eye(others.shape[1]),
+                -others.T @ (weights * missing[1:]),
+                -self._rows,
+                -self._least,
+                -self._longest,
+                self._longest,
+                rates[:1],
+                missing[:1],
+            )
+        )
+        if found is not None:
+            self._least = self._least - self._rows @ found
+        return found
 
 
 def rolling_rates(grasp: HeldGrip) -> tuple[Array, Array]:
@@ -130,16 +178,6 @@ def _shares(grasp: HeldGrip) -> Array:
     ahead, behind = np.roll(normals, -1), np.roll(normals, -2)
     found = (ahead.conj() * behind).imag
     return found / found.sum()
-
-
-def _within_limits(grasp: HeldGrip, closing: Closing, travel: Array) -> bool:
-    """Tell whether a motion of the rollers keeps the limits."""
-    for limit in closing.limits:
-        matrix, lower, upper = limit.rows(grasp.config)
-        rates = matrix @ travel
-        if (rates < lower).any() or (rates > upper).any():
-            return False
-    return True
 
 
 def _stays(grasp: HeldGrip, closing: Closing, tally: SearchTally) -> bool:
