@@ -40,9 +40,9 @@ EVEN_TOLERANCE = 0.02
 #: So many tolerances away the derivatives are computed anew.
 FAR = 100.0
 #: What counts most where the rollers cannot do all: x, y, angle, and evenness, in tolerances ...
-WEIGHTS = np.array([1.0, 1.0, 0.03, 1.0, 1.0, 1.0])
+WEIGHTS = np.array([1.0, 1.0, 0.5, 1.0, 1.0, 1.0])
 #: ... against the rollers' motion [1/m^2].
-MOTION_WEIGHT = 3.0
+MOTION_WEIGHT = 1e5
 
 
 def squeeze_in_place(

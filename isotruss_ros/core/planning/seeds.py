@@ -40,7 +40,7 @@ def find_seeds(
     settings: SearchSettings = DEFAULT,
 ) -> list[Closing]:
     """
-    Return the seeds of one round, easiest first; none where members do not enclose the object.
+    Return the seeds of one round, pairs first, the easiest first; none where members do not enclose the object.
 
     :param config: configuration of the robot.
     :param body: the object.
@@ -73,7 +73,8 @@ def find_seeds(
         if len(normals) == 2:
             closing = replace(closing, facing=facing)
         found.append((effort, closing))
-    found.sort(key=lambda item: item[0])
+    # A tube that keeps its length seldom brings three members to an object at once.
+    found.sort(key=lambda item: (len(item[1].members), item[0]))
     return [closing for _, closing in found[: settings.max_grips]]
 
 
