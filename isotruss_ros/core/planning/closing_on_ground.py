@@ -31,8 +31,8 @@ from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
 
-#: Members balance where their depths would change by less than this share [-].
-BALANCED = 0.03
+#: Members balance where friction misses less than this share of their forces [-].
+BALANCED = 0.003
 
 
 def close_on_ground(
@@ -96,7 +96,8 @@ def _balance(
         analysis = analyze_grasp(config, closing.body, needs.friction, needs.external_wrench)
         found = config, analysis, shares
         load = find_imbalance(config, closing, analysis, needs.external_wrench, depth * shares)
-        if load is None:
+        total = float(analysis.normal_forces.sum())
+        if load is None or np.abs(load.load).max() < BALANCED * total:
             break
         here = free.T @ (depth * shares)
         if slope is None or last is None:
@@ -107,8 +108,6 @@ def _balance(
         last = here, load.load
         move = np.linalg.lstsq(slope, -load.load, rcond=None)[0]
         size = float(np.abs(move).max())
-        if size < BALANCED * depth:
-            break
         shares = shares + free @ move * min(1.0, 0.5 * depth / size) / depth
         if shares.min() < 1.0 / settings.max_share or shares.max() > settings.max_share:
             break
