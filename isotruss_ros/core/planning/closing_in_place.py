@@ -136,7 +136,9 @@ def _require(
     tally: SearchTally,
 ) -> float | None:
     """Return the slip margin of a grip [N], None if it does not bear what it must."""
-    loaded = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
+    loaded = grasp
+    if any(needs.external_wrench):
+        loaded = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
     if loaded is None:
         tally.record('held', 0.0, 1.0, 2.0)
         return None

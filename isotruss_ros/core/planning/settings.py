@@ -99,7 +99,7 @@ class SearchSettings:
     cone_share: float = 0.75
     used_share: float = 0.85
     turning_price: float = 0.3
-    closing_step: float = 0.08
+    closing_step: float = 0.1
     squeeze_growth: float = 2.0
     squeeze_rise: float = 4.0
     poll_interval: float = 0.05
