@@ -34,15 +34,16 @@ import numpy as np
 #: Newton steps with which a waypoint is brought to its squeeze and place ...
 MAX_CORRECTIONS = 12
 #: ... until the squeeze is right to this share, the place to this length [m], the angle [rad] ...
-SQUEEZE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE = 1e-3, 2e-5, 1e-3
+SQUEEZE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE = 1e-3, 2e-5, 1e-4
 #: ... and each of three members presses as hard as balances without friction, to this share.
 EVEN_TOLERANCE = 0.02
 #: So many tolerances away the derivatives are computed anew.
 FAR = 100.0
 #: What counts most where the rollers cannot do all: x, y, angle, and evenness, in tolerances ...
-WEIGHTS = np.array([1.0, 1.0, 0.5, 1.0, 1.0, 1.0])
+WEIGHTS = np.array([1.0, 1.0, 0.05, 10.0, 10.0, 10.0])
 #: ... against the rollers' motion [1/m^2].
 MOTION_WEIGHT = 1e5
+TURN = 3
 
 
 def squeeze_in_place(
@@ -67,7 +68,10 @@ def squeeze_in_place(
         travel = None if rates is None else bounds.travel(missing, rates)
         if travel is None:
             break
-        if abs(missing[0]) < 1.0 and np.abs(rates @ travel).max() < 1.0:
+        gain = np.abs(rates @ travel)
+        # A turn that takes long ways of the rollers is left.
+        gain[TURN] -= 0.5 * abs(missing[TURN])
+        if abs(missing[0]) < 1.0 and gain.max() < 1.0:
             return grasp if _stays(grasp, closing, tally) else None
         tally.evaluations += 1
         try:
