@@ -26,8 +26,7 @@ from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
-from isotruss_ros.core.planning.closing import Closing, evaluate_state, mean_member_length
-from isotruss_ros.core.planning.closing_step import bound_rows
+from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 import numpy as np
 
@@ -37,13 +36,14 @@ MAX_CORRECTIONS = 12
 SQUEEZE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE = 1e-3, 2e-5, 1e-4
 #: ... and each of three members presses as hard as balances without friction, to this share.
 EVEN_TOLERANCE = 0.02
-#: So many tolerances away the derivatives are computed anew.
-FAR = 100.0
+#: Derivatives are computed anew where a step leaves more than this share of the errors [-].
+RENEWED = 0.1
 #: What counts most where the rollers cannot do all: x, y, angle, and evenness, in tolerances ...
 WEIGHTS = np.array([1.0, 1.0, 0.05, 10.0, 10.0, 10.0])
 #: ... against the rollers' motion [1/m^2].
-MOTION_WEIGHT = 1e5
-TURN = 3
+MOTION_WEIGHT = 2e4
+#: What takes long ways of the rollers is left: a step that leaves more than this share of it [-].
+SLOW = 0.7
 
 
 def squeeze_in_place(
@@ -61,17 +61,18 @@ def squeeze_in_place(
     """
     bounds = _Bounds(grasp, force, closing)
     rates: Array | None = None
+    size = 0.0
     for _ in range(MAX_CORRECTIONS):
         missing = bounds.missing(grasp)
-        if rates is None or np.abs(missing).max() > FAR:
+        before, size = size, np.abs(missing).max()
+        if rates is None or size > RENEWED * before:
             rates = bounds.rates(grasp)
         travel = None if rates is None else bounds.travel(missing, rates)
         if travel is None:
             break
-        gain = np.abs(rates @ travel)
-        # A turn that takes long ways of the rollers is left.
-        gain[TURN] -= 0.5 * abs(missing[TURN])
-        if abs(missing[0]) < 1.0 and gain.max() < 1.0:
+        gain = rates @ travel
+        errors = [np.linalg.norm(bounds.weights * each[1:]) for each in (missing, missing - gain)]
+        if abs(missing[0]) < 1.0 and (np.abs(gain).max() < 1.0 or errors[1] > SLOW * errors[0]):
             return grasp if _stays(grasp, closing, tally) else None
         tally.evaluations += 1
         try:
@@ -97,16 +98,15 @@ class _Bounds:
 
     def __init__(self, grasp: HeldGrip, force: float, closing: Closing) -> None:
         self._force, self._closing = force, closing
-        state = evaluate_state(grasp.config, grasp.body)
-        free = np.full(len(closing.members), -np.inf)
-        self._rows, self._least = bound_rows(state, closing, free)
-        size = closing.settings.max_step * mean_member_length(grasp.config)
-        self._longest = np.full(len(grasp.config.roller_positions), size)
+        rows = [limit.rows(grasp.config) for limit in closing.limits]
+        self._rows = np.concatenate([part for row in rows for part in (row.matrix, -row.matrix)])
+        self._most = np.concatenate([part for row in rows for part in (row.upper, -row.lower)])
         bounds = [SQUEEZE_TOLERANCE * force, PLACE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE]
         self._even = len(closing.members) > 2
         if self._even:
             bounds += [EVEN_TOLERANCE * force] * len(closing.members)
         self._scale = np.array(bounds)
+        self.weights = WEIGHTS[: len(bounds) - 1]
 
     def rates(self, grasp: HeldGrip) -> Array | None:
         """Return the rates of what is missing, (k, r); None where these are not finite."""
@@ -114,8 +114,8 @@ class _Bounds:
             pose, forces = rolling_rates(grasp)
         except GraspError:
             return None
-        all_rates = np.concatenate([forces.mean(axis=0)[None], pose, forces])
-        return all_rates[: len(self._scale)] / self._scale[:, None]
+        rates = np.vstack([forces.mean(axis=0), pose, forces])
+        return rates[: len(self._scale)] / self._scale[:, None]
 
     def missing(self, grasp: HeldGrip) -> Array:
         """Return what is missing where a grip is."""
@@ -133,22 +133,19 @@ class _Bounds:
 
         It brings the squeeze, and of the rest what it can.
         """
-        weights = WEIGHTS[: len(missing) - 1]
-        others = weights[:, None] * rates[1:]
+        others = self.weights[:, None] * rates[1:]
         found = solve_qp(
             QuadraticProgram(
                 others.T @ others + MOTION_WEIGHT * np.eye(others.shape[1]),
-                -others.T @ (weights * missing[1:]),
-                -self._rows,
-                -self._least,
-                -self._longest,
-                self._longest,
-                rates[:1],
-                missing[:1],
+                -others.T @ (self.weights * missing[1:]),
+                self._rows,
+                self._most,
+                equality=rates[:1],
+                target=missing[:1],
             )
         )
         if found is not None:
-            self._least = self._least - self._rows @ found
+            self._most = self._most - self._rows @ found
         return found
 
 
