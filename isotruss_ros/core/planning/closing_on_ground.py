@@ -11,25 +11,28 @@
 Closing on an object that the ground holds: the members press on it as it lies, as in the paper.
 
 They hold it only where their forces balance, so one is indented more and the other less until
-friction balances the rest: Newton's method, with secant updates of the slopes.
+friction balances the rest: Newton's method, with secant updates of the slopes. Two places of
+contact: the wrenches that friction can bring about lie in a plane, next to flat, so what matters
+is the load across it. Three: the resultant force of all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, as_xy
 from isotruss_ros.core.planning.closed_grip import ClosedGrip, exceeded_bound, grasp_loads
-from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.closing import Closing, outward_normals
 from isotruss_ros.core.planning.closing_step import press
-from isotruss_ros.core.planning.force_balance import find_imbalance
 from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
+from numpy.typing import ArrayLike
 
 #: Members balance where friction misses less than this share of their forces [-].
 BALANCED = 0.003
@@ -127,3 +130,54 @@ def _closes(analysis: GraspAnalysis, needs: GraspRequirements, tally: SearchTall
     else:
         return True
     return False
+
+
+class Imbalance(NamedTuple):
+    """
+    What friction cannot take, in s - 1 directions for s members.
+
+    :ivar load: (s - 1,) in these directions [N], moments over the arm of the object.
+    :ivar slope: (s - 1, s) derivatives of the load by the indentations of the members [N/m].
+    """
+
+    load: Array
+    slope: Array
+
+
+def find_imbalance(
+    config: Configuration,
+    closing: Closing,
+    analysis: GraspAnalysis,
+    external_wrench: ArrayLike,
+    depths: Array,
+) -> Imbalance | None:
+    """
+    Return the load that friction cannot take, or None where a member does not press.
+
+    :param config: configuration of the robot.
+    :param closing: what presses on which object.
+    :param analysis: of the grasp.
+    :param external_wrench: (fx, fy, m) on the object [N, N m].
+    :param depths: (s,) indentation of each member, positive [m].
+    """
+    body, names = closing.body, config.robot.member_names
+    pressing = [analysis.contact_forces.get(names[i], 0.0) for i in closing.members]
+    if min(pressing) <= 0.0:
+        return None
+    # As if each member were a spring of its own; the caller's secants correct it.
+    stiffness = np.array(pressing) / depths
+    inward = -outward_normals(config, closing)
+    model = np.stack([inward.real * stiffness, inward.imag * stiffness, np.zeros(len(inward))])
+    wrench = np.asarray(external_wrench) + analysis.normal_wrench
+    load = wrench / (1.0, 1.0, body.arm)
+    if len(inward) > 2:
+        return Imbalance(load[:2], model[:2])
+    touching = analysis.normal_forces > 0.0
+    normals = analysis.normals[touching]
+    arms = analysis.points[touching] - as_xy(np.array([body.center]))
+    moments = (arms * normals).sum(axis=1) / body.arm
+    tangents = np.column_stack([-normals[:, 1], normals[:, 0], moments])
+    across = np.linalg.svd(analysis.normal_forces[touching, None] * tangents)[2][2]
+    slope = across @ model
+    turn = 1.0 if slope[0] >= slope[1] else -1.0  # an axis has no sign: always the same one
+    return Imbalance(turn * np.array([across @ load]), turn * slope[None])

@@ -91,7 +91,11 @@ def press(
 
 
 def take_closing_step(
-    state: SearchState, closing: Closing, targets: Sequence[float], share: float, tally: SearchTally
+    state: SearchState,
+    closing: Closing,
+    targets: Sequence[float],
+    share: float,
+    tally: SearchTally,
 ) -> Step:
     """
     Bring the gaps of the grasping members closer to their targets.

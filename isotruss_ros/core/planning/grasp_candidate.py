@@ -12,8 +12,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import functools
+import math
 import pickle
 from typing import NamedTuple
 
@@ -23,9 +24,11 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.approach import approach
-from isotruss_ros.core.planning.close_grip import close_grip
 from isotruss_ros.core.planning.closed_grip import ClosedGrip
 from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.closing_in_place import close_in_place
+from isotruss_ros.core.planning.closing_on_ground import close_on_ground
+from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, SearchTally
 from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
@@ -104,6 +107,42 @@ def judge_candidate(
     return Judged(grasp, tally)
 
 
+def close_grip(
+    opened: Configuration, closing: Closing, needs: GraspRequirements, tally: SearchTally
+) -> tuple[list[Configuration], ClosedGrip] | None:
+    """
+    Return the path from the touch to the best grip that fulfils the requirements, and that grip.
+
+    The members press harder and harder, until the grip gets no better or a bound is reached.
+
+    :param opened: configuration in which the members are close to the object.
+    :param closing: what closes.
+    :param needs: what the grasp must fulfil.
+    :param tally: of the search.
+    :return: None where there is none; then the tally has the closest violation.
+    :raises SolverError: a quadratic program, or the contact, was not solved.
+    :raises StructureError: see `structure_of`.
+    """
+    # A nominal posture would keep the gaps from their targets, by a little.
+    closing = replace(closing, nominal_posture=None, facing=None)
+    touch = press(opened, closing, np.zeros(len(closing.members)), tally)
+    if touch is None:
+        return None
+    rise = close_in_place if needs.object_is_free else close_on_ground
+    path, best, best_score = [touch], None, -math.inf
+    for grip in rise(touch, closing, needs, tally):
+        path.append(grip.config)
+        if grip.slip_margin is None:
+            continue
+        # The path as far as here is shorter than all of it.
+        total = grip.loads.max_total_force
+        score = rate_grasp(needs, grip.analysis, total, grip.slip_margin, -grip.squeeze)
+        if score <= best_score:
+            break
+        best, best_score = (path[:], grip), score
+    return best
+
+
 def _planned(
     closing: Closing,
     needs: GraspRequirements,
@@ -143,9 +182,7 @@ def _carrying(
     """Return a grasp if it carries the object along its path; None if it slips on it."""
     tally.closest = None
     try:
-        found = foresee_grip(
-            grasp.config, grasp.grip.body, needs.friction, np.array(needs.carry)
-        )
+        found = foresee_grip(grasp.config, grasp.grip.body, needs.friction, np.array(needs.carry))
     except (ConfigurationError, GraspError, SolverError) as error:
         tally.record(str(error), 0.0, 1.0, 1.0)
         return None

@@ -11,7 +11,7 @@
 Motion in place: the squeeze of a held object changes while its pose stays.
 
 The object is held and the contacts roll, by the mechanics of the elastic plant. Newton steps of
-the rollers, by the exact derivatives of the equilibrium, bring squeeze and place to what is wanted.
+the rollers, by exact derivatives of the equilibrium, bring squeeze and place to what is wanted.
 """
 
 from __future__ import annotations

@@ -40,7 +40,9 @@ def find_seeds(
     settings: SearchSettings = DEFAULT,
 ) -> list[Closing]:
     """
-    Return the seeds of one round, pairs first, the easiest first; none where members do not enclose the object.
+    Return the seeds of one round, pairs first, the easiest first.
+
+    There are none where members do not enclose the object.
 
     :param config: configuration of the robot.
     :param body: the object.
