@@ -72,7 +72,7 @@ def grasp_loads(
     return GraspLoads(
         max(pressing, default=0.0),
         max(float(analysis.normal_forces.sum()), float(sum(normal_forces))),
-        max(*analysis.utilisation.values(), *utilisation),
+        max([*analysis.utilisation.values(), *utilisation]),
     )
 
 

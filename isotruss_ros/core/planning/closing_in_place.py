@@ -114,7 +114,7 @@ def _hold(touch: Configuration, closing: Closing, tally: SearchTally) -> HeldGri
             break
         normals = outward_normals(config, closing)
         depths = np.maximum(depths + (away * normals.conj()).real, 0.0)
-    return found
+    return roll_grip(found, config)  # from here on contacts roll
 
 
 def _sticks(grasp: HeldGrip, friction: float, tally: SearchTally) -> bool:

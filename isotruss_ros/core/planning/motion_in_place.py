@@ -52,7 +52,7 @@ def squeeze_in_place(
     """
     Return a grasp with another squeeze, the object where it lay.
 
-    :param grasp: how the object is held.
+    :param grasp: how the object is held, from `roll_grip`.
     :param force: mean normal force of the members, positive [N].
     :param closing: the grip, where the object is to stay, and the bounds of the motion.
     :param tally: of the search.
@@ -153,7 +153,7 @@ def rolling_rates(grasp: HeldGrip) -> tuple[Array, Array]:
     """
     Return the rates of pose (3, r) and normal forces (m, r) of a grip as its contacts roll.
 
-    :param grasp: how the object is held.
+    :param grasp: how the object is held, from `roll_grip`.
     :raises GraspError: the equilibrium is indifferent.
     """
     gradient = grasp_gradient(assess_equilibrium(grasp.body.pose, grasp, FRICTION))

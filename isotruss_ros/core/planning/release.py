@@ -19,10 +19,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_members, Grip
@@ -126,8 +127,9 @@ def _unload(
     path, diameter = [config], config.robot.description.tube_diameter
     if float(member_depths(config, closing.body).max()) <= TOUCHING * diameter:
         return path, closing
-    grasp = attach_grip(config, closing.body, np.array(closing.members))
-    if isinstance(grasp, HoldStatus):
+    found = attach_grip(config, closing.body, np.array(closing.members))
+    grasp = None if isinstance(found, HoldStatus) else roll_grip(found, config)
+    if grasp is None:
         tally.record('held', 0.0, 1.0, 10.0)
         return None
     if grasp.normal_forces.min() <= LEAST_FORCE:
@@ -152,13 +154,14 @@ def _open(grasp: HeldGrip, distance: float, closing: Closing) -> Configuration |
 
     The object stays: members that merely moved away would roll it along as long as they touch it.
     """
-    grip = Grip(grasp.member_names, grasp.body)
-    command = solve_twist(
-        grasp.config, grip, np.zeros(3), limits=closing.limits, opening_rate=distance
-    )
+    grip, config = Grip(grasp.member_names, grasp.body), grasp.config
+    command = solve_twist(config, grip, np.zeros(3), limits=closing.limits, opening_rate=distance)
     if command.scale < MIN_SCALE:
         return None
-    return grasp.config.moved_to(grasp.config.roller_positions + command.roller_velocities)
+    try:
+        return config.moved_to(config.roller_positions + command.roller_velocities)
+    except ConfigurationError:
+        return None
 
 
 def _fail(config: Configuration, tally: SearchTally) -> Release:
