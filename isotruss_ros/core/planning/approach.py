@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 import math
+from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.planning.closing import (
@@ -32,21 +33,32 @@ from isotruss_ros.core.planning.grasp_plan import SearchTally
 import numpy as np
 
 
+class Approach(NamedTuple):
+    """
+    The path to an open grip.
+
+    :ivar path: configurations along it, the present one first; straight in roller travel between.
+    :ivar unmet: name and value of the requirement that is not met; None if all are.
+    """
+
+    path: tuple[Configuration, ...]
+    unmet: tuple[str, float] | None = None
+
+
 def approach(
     config: Configuration,
     closing: Closing,
     tally: SearchTally,
     should_stop: Callable[[], bool] | None = None,
-) -> tuple[Configuration, ...] | None:
+) -> Approach:
     """
     Bring the grasping members close to the object, facing it so that friction can hold it.
 
     :param config: configuration of the robot.
     :param closing: what closes.
     :param tally: of the search.
-    :param should_stop: called before every step.
-    :return: configurations along the path, the present one first, straight in roller travel
-        between them; None where a requirement is not met, or not met yet: the tally has it.
+    :param should_stop: called before every step; an approach that was stopped returns the
+        requirement that was not met yet.
     :raises SolverError: a quadratic program was not solved.
     """
     settings, diameter = closing.settings, config.robot.description.tube_diameter
@@ -58,7 +70,7 @@ def approach(
         gap = float(state.gaps[members].max()) - standoff
         missing = missing_turn(state, closing)
         if gap <= tolerance and missing <= 1e-3:
-            return tuple(path)
+            return Approach(tuple(path))
         left = max(gap, 0.0) / diameter + missing
         idle = 0 if left < best - settings.min_progress else idle + 1
         best = min(best, left) if idle else left
@@ -72,9 +84,7 @@ def approach(
                 path.append(state.config)
                 continue
             unmet = step.blocked
-        name, value = unmet
-        tally.record(name, value, closing.bound(name), 100.0)
-        return None
+        return Approach(tuple(path), unmet)
 
 
 def turned_closing(state: SearchState, closing: Closing, missing: float) -> Closing:

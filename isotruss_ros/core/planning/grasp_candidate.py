@@ -94,8 +94,12 @@ def judge_candidate(
     start = Configuration(_robot(candidate.robot), candidate.positions, candidate.points)
     closing, needs, tally, grasp = candidate.closing, candidate.requirements, SearchTally(), None
     try:
-        opened = approach(start, closing, tally, should_stop)
-        closed = None if opened is None else close_grip(opened[-1], closing, needs, tally)
+        opened, unmet = approach(start, closing, tally, should_stop)
+        closed = None
+        if unmet is None:
+            closed = close_grip(opened[-1], closing, needs, tally)
+        else:
+            tally.record(*unmet, closing.bound(unmet[0]), 100.0)
     except IsotrussError as error:
         # A candidate that cannot be computed is none; what was found out before still counts.
         tally.record(str(error), 0.0, 0.0, 100.0)
