@@ -58,40 +58,49 @@ def close_in_place(
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
     """
-    for grasp in _rise(touch, closing, needs, tally):
-        tally.analyses += 1
-        body = _placed(grasp, closing.body)
-        analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
-        loads = grasp_loads(analysis, grasp.normal_forces.tolist(), held_utilisation(grasp))
-        over = exceeded_bound(needs, loads)
-        if over is not None:
-            tally.record(*over, 1.0 - over[2] / over[1])
-            return
-        wanted = needs.squeeze is None or _reached(grasp, needs.squeeze)
-        margin = _require(grasp, closing, analysis, needs, tally) if wanted else None
-        yield ClosedGrip(grasp.config, body, analysis, loads, grasp.squeeze, margin)
-
-
-def _rise(
-    touch: Configuration, closing: Closing, needs: GraspRequirements, tally: SearchTally
-) -> Iterator[HeldGrip]:
-    """Yield how the object is held with larger and larger squeeze, until it is that wanted."""
     settings, wanted = closing.settings, needs.squeeze
-    closer = settings.closing_step * touch.robot.description.tube_diameter
-    pair = len(closing.members) == 2
-    first = grasp = _hold(touch, closing, tally)
-    while grasp is not None and _sticks(grasp, needs.friction, tally):
-        # Two members bring the object back to its place with the next step only.
-        if not (pair and grasp is first):
-            yield grasp
-        if wanted is not None and _reached(grasp, wanted):
-            return
-        force = grasp.squeeze - closer * grasp.squeeze_stiffness()
-        if not pair:
-            growth = grasp.squeeze * settings.squeeze_growth
-            force = min(growth, grasp.squeeze + settings.squeeze_rise)
-        force = force if wanted is None else min(wanted, force)
-        grasp = squeeze_in_place(grasp, force, closing, tally)
+    grasp, pair = _hold(touch, closing, tally), len(closing.members) == 2
+    if grasp is None or not _sticks(grasp, needs.friction, tally):
+        return
+    # Two members bring the object back to its place with the next step only.
+    if not pair and (first := _judge(grasp, closing, needs, tally)) is not None:
+        yield first
+    share = 1.0
+    while share > settings.least_share and not (wanted and _reached(grasp, wanted)):
+        rise = min(
+            (settings.squeeze_growth - 1.0) * grasp.squeeze,
+            settings.squeeze_rise,
+        )
+        if pair:
+            step = settings.closing_step * touch.robot.description.tube_diameter
+            rise = -step * grasp.squeeze_stiffness()
+        force = min(grasp.squeeze + share * rise, wanted or math.inf)
+        moved = squeeze_in_place(grasp, force, closing, tally)
+        found = None if moved is None else _judge(moved, closing, needs, tally)
+        if found is None:
+            share *= settings.refinement
+            continue
+        grasp = moved
+        yield found
+
+
+def _judge(
+    grasp: HeldGrip, closing: Closing, needs: GraspRequirements, tally: SearchTally
+) -> ClosedGrip | None:
+    """Return a grip with what it does; None where a contact slips or a bound is exceeded."""
+    if not _sticks(grasp, needs.friction, tally):
+        return None
+    tally.analyses += 1
+    body = _placed(grasp, closing.body)
+    analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
+    loads = grasp_loads(analysis, grasp.normal_forces.tolist(), held_utilisation(grasp))
+    over = exceeded_bound(needs, loads)
+    if over is not None:
+        tally.record(*over, 1.0 - over[2] / over[1])
+        return None
+    wanted = needs.squeeze is None or _reached(grasp, needs.squeeze)
+    margin = _require(grasp, closing, analysis, needs, tally) if wanted else None
+    return ClosedGrip(grasp.config, body, analysis, loads, grasp.squeeze, margin)
 
 
 def _hold(touch: Configuration, closing: Closing, tally: SearchTally) -> HeldGrip | None:

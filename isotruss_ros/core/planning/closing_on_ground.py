@@ -51,25 +51,40 @@ def close_on_ground(
     :raises SolverError: a quadratic program, or the contact, was not solved.
     """
     settings, config = closing.settings, touch
-    step = settings.closing_step * touch.robot.description.tube_diameter
+    tube, depth, share = touch.robot.description.tube_diameter, 0.0, 1.0
     shares = np.ones(len(closing.members))
-    for number in range(1, round(settings.max_depth / settings.closing_step) + 1):
-        found = _balance(config, closing, needs, tally, number * step, shares)
-        if found is None:
-            return
-        config, analysis, shares = found
-        settled = settle_grasp(config, closing.body, needs.friction, needs.external_wrench)
-        bears = settled.utilisation.values() if settled.hold.at_rest else ()
-        loads = grasp_loads(analysis, (), tuple(bears))
-        over = exceeded_bound(needs, loads)
-        if over is not None:
-            tally.record(*over, 1.0 - over[2] / over[1])
-            return
-        margin = None
-        if _closes(analysis, needs, tally):
-            margin = settled.slip_margin if settled.held else 0.0
-        mean = float(analysis.normal_forces.sum()) / len(shares)
-        yield ClosedGrip(config, closing.body, analysis, loads, mean, margin)
+    while share > settings.least_share and depth < settings.max_depth * tube:
+        deeper = depth + share * settings.closing_step * tube
+        found = _balance(config, closing, needs, tally, deeper, shares)
+        grip = None if found is None else _judge(found[0], found[1], closing, needs, tally)
+        if grip is None:
+            share *= settings.refinement
+            continue
+        config, _, shares = found
+        depth = deeper
+        yield grip
+
+
+def _judge(
+    config: Configuration,
+    analysis: GraspAnalysis,
+    closing: Closing,
+    needs: GraspRequirements,
+    tally: SearchTally,
+) -> ClosedGrip | None:
+    """Return a grip with what it does; None where a bound is exceeded."""
+    settled = settle_grasp(config, closing.body, needs.friction, needs.external_wrench)
+    bears = tuple(settled.utilisation.values()) if settled.hold.at_rest else ()
+    loads = grasp_loads(analysis, (), bears)
+    over = exceeded_bound(needs, loads)
+    if over is not None:
+        tally.record(*over, 1.0 - over[2] / over[1])
+        return None
+    margin = None
+    if _closes(analysis, needs, tally):
+        margin = settled.slip_margin if settled.held else 0.0
+    mean = float(analysis.normal_forces.sum()) / len(closing.members)
+    return ClosedGrip(config, closing.body, analysis, loads, mean, margin)
 
 
 def _balance(

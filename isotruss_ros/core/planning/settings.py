@@ -59,10 +59,12 @@ class SearchSettings:
     :ivar cone_share: of the friction cones that grips are to use at most as they close.
     :ivar used_share: of the friction cones that they use at most where they are open.
     :ivar turning_price: angle of friction that is given up for a smaller turn of the members [-].
-    :ivar closing_step: by how much two members close from waypoint to waypoint, against the
-        tube's diameter.
+    :ivar closing_step: by how much two members close from waypoint to waypoint, on the ground
+        every member, against the tube's diameter.
     :ivar squeeze_growth: of three members from waypoint to waypoint, at most this factor ...
     :ivar squeeze_rise: ... and this much more [N].
+    :ivar refinement: such steps become shorter by this factor where a bound ends them ...
+    :ivar least_share: ... while they are longer than this share of themselves.
     :ivar poll_interval: how often a request to stop is checked while workers compute [s].
     """
 
@@ -99,7 +101,9 @@ class SearchSettings:
     cone_share: float = 0.75
     used_share: float = 0.85
     turning_price: float = 0.3
-    closing_step: float = 0.1
+    closing_step: float = 0.12
+    refinement: float = 0.34
+    least_share: float = 0.3
     squeeze_growth: float = 2.0
     squeeze_rise: float = 4.0
     poll_interval: float = 0.05
