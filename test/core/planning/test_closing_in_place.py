@@ -55,7 +55,7 @@ def planned(**values):
 def opened():
     """Return an open grip, and what closes."""
     seed = find_seeds(HOME, BODY, GraspRequirements(module=MODULE), 0, 0)[0]
-    return approach(HOME, seed, SearchTally())[-1], seed
+    return approach(HOME, seed, SearchTally()).path[-1], seed
 
 
 def close(**values):

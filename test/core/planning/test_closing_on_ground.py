@@ -140,8 +140,9 @@ def test_way_leads_from_the_touch_to_the_grasp_all_sides_together(name):
     assert way[-1] is pressed.config
     assert side_gaps(way[0], closing) == pytest.approx(0.0, abs=2e-9)
     means = [-side_gaps(config, closing).mean() for config in way]
-    step = 0.1 * pressed.config.robot.description.tube_diameter
-    assert means == pytest.approx(step * np.arange(len(way)), abs=1e-6)
+    step = 0.12 * pressed.config.robot.description.tube_diameter
+    assert np.diff(means).min() > 0.0
+    assert np.diff(means).max() <= step + 1e-6
     tubes = closings.tube_lengths(pressed.config.robot.home)
     before = np.zeros(len(closing.members))
     for _, config in closings.between(way):
@@ -305,7 +306,7 @@ def test_what_is_missed_is_that_of_the_nearest_grip(
         recorded = recorded[-1:]
     nearest = measured(min((analysis for _, analysis in recorded), key=badness))
     # Tubes bear more where the object is free.
-    assert miss.value == nearest or missed == "max_utilisation" and miss.value > nearest
+    assert miss.value == nearest or missed == 'max_utilisation' and miss.value > nearest
 
 
 def test_what_the_ground_alone_holds_has_no_slip_margin(monkeypatch):
