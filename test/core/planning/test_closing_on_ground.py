@@ -306,7 +306,7 @@ def test_what_is_missed_is_that_of_the_nearest_grip(
         recorded = recorded[-1:]
     nearest = measured(min((analysis for _, analysis in recorded), key=badness))
     # Tubes bear more where the object is free.
-    assert miss.value == nearest or missed == 'max_utilisation' and miss.value > nearest
+    assert miss.value == nearest or (missed == 'max_utilisation' and miss.value > nearest)
 
 
 def test_what_the_ground_alone_holds_has_no_slip_margin(monkeypatch):
