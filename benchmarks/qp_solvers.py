@@ -33,7 +33,7 @@ from isotruss_ros.core import ConvexObject, load_robot, plan_grasps
 from isotruss_ros.core.manipulation import twist_qp
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
-from isotruss_ros.core.planning import closing_qp
+from isotruss_ros.core.planning import closing_step
 from measuring import print_machine, print_table
 import numpy as np
 import qpsolvers
@@ -42,7 +42,7 @@ import walks
 
 PROGRAMS, KEPT, WALKS = 20_000, 3000, 30
 PEERS = {'daqp': {'primal_tol': 1e-9}, 'quadprog': {}}
-SOURCES = {'twist': twist_qp, 'closing': closing_qp}
+SOURCES = {'twist': twist_qp, 'closing': closing_step}
 
 
 def harvest() -> dict[str, list[QuadraticProgram]]:

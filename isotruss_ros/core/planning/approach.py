@@ -16,8 +16,9 @@ Kinematics only: from the present configuration by admissible steps, so that the
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import math
+from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.planning.closing import (
@@ -26,43 +27,36 @@ from isotruss_ros.core.planning.closing import (
     outward_normals,
     SearchState,
 )
-from isotruss_ros.core.planning.closing_motion import take_closing_step
+from isotruss_ros.core.planning.closing_step import take_closing_step
 from isotruss_ros.core.planning.facing import balances, find_facing
+from isotruss_ros.core.planning.grasp_plan import SearchTally
 import numpy as np
 
 
-@dataclass(frozen=True, eq=False)
-class Approach:
+class Approach(NamedTuple):
     """
-    An open grip around the object, and the path to it.
+    The path to an open grip.
 
-    :ivar closing: what closes.
-    :ivar path: configurations along the path, the present one first; straight in roller travel
-        between them.
-    :ivar evaluations: number of configurations that were computed.
+    :ivar path: configurations along it, the present one first; straight in roller travel between.
     :ivar unmet: name and value of the requirement that is not met; None if all are.
     """
 
-    closing: Closing
     path: tuple[Configuration, ...]
-    evaluations: int
     unmet: tuple[str, float] | None = None
-
-    @property
-    def travel(self) -> float:
-        """Return the path length of the roller that travels furthest [m]."""
-        places = np.array([config.roller_positions for config in self.path])
-        return float(np.abs(np.diff(places, axis=0)).sum(axis=0).max(initial=0.0))
 
 
 def approach(
-    config: Configuration, closing: Closing, should_stop: Callable[[], bool] | None = None
+    config: Configuration,
+    closing: Closing,
+    tally: SearchTally,
+    should_stop: Callable[[], bool] | None = None,
 ) -> Approach:
     """
     Bring the grasping members close to the object, facing it so that friction can hold it.
 
     :param config: configuration of the robot.
     :param closing: what closes.
+    :param tally: of the search.
     :param should_stop: called before every step; an approach that was stopped returns the
         requirement that was not met yet.
     :raises SolverError: a quadratic program was not solved.
@@ -70,27 +64,27 @@ def approach(
     settings, diameter = closing.settings, config.robot.description.tube_diameter
     standoff, tolerance = settings.standoff * diameter, settings.standoff_tolerance * diameter
     members, targets = list(closing.members), [standoff] * len(closing.members)
-    path, evaluations = [config], 0
-    state = evaluate_state(config, closing.body)
+    path, state = [config], evaluate_state(config, closing.body)
     best, idle, share = np.inf, 0, 1.0
     while True:
         gap = float(state.gaps[members].max()) - standoff
         missing = missing_turn(state, closing)
         if gap <= tolerance and missing <= 1e-3:
-            return Approach(closing, tuple(path), evaluations)
+            return Approach(tuple(path))
         left = max(gap, 0.0) / diameter + missing
         idle = 0 if left < best - settings.min_progress else idle + 1
         best = min(best, left) if idle else left
         unmet = ('reach', gap) if gap > tolerance else ('facing', missing)
         aborted = idle > settings.max_idle_steps or len(path) > settings.max_approach_steps
-        if aborted or (should_stop is not None and should_stop()):
-            return Approach(closing, tuple(path), evaluations, unmet)
-        step = take_closing_step(state, turned_closing(state, closing, missing), targets, share)
-        evaluations += step.evaluations
-        if step.blocked:
-            return Approach(closing, tuple(path), evaluations, step.blocked)
-        state, share = step.state, step.share
-        path.append(state.config)
+        if not aborted and not (should_stop is not None and should_stop()):
+            turned = turned_closing(state, closing, missing)
+            step = take_closing_step(state, turned, targets, share, tally)
+            if step.blocked is None:
+                state, share = step.state, step.share
+                path.append(state.config)
+                continue
+            unmet = step.blocked
+        return Approach(tuple(path), unmet)
 
 
 def turned_closing(state: SearchState, closing: Closing, missing: float) -> Closing:

@@ -6,76 +6,85 @@
 # writing, software distributed under the License is distributed on an "AS IS" BASIS, WITHOUT
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
-"""A grip that holds the object, and the path on which it closes."""
+
+"""A grip that presses on an object: what it does to tubes and object, and the bounds on it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.planning.force_bounds import GraspLoads
-import numpy as np
+from isotruss_ros.core.planning.requirements import GraspRequirements
 
 
-@dataclass(frozen=True, eq=False)
-class ClosedGrip:
+class GraspLoads(NamedTuple):
     """
-    A grip that holds the object; nothing in it is tied to a process.
+    What a grasp does to tubes and object.
 
-    :ivar path: (k, r) roller positions from where all grasping members touch the object to the
-        grasp [m].
-    :ivar points: (n,) nodes in the grasp [m].
-    :ivar rigidity: the least along the path, 1 at home.
+    :ivar max_contact_force: largest normal force of one member [N].
+    :ivar max_total_force: sum of the normal forces [N].
+    :ivar max_utilisation: largest bending moment of a member over its wrinkling moment [-].
+    """
+
+    max_contact_force: float
+    max_total_force: float
+    max_utilisation: float
+
+
+class ClosedGrip(NamedTuple):
+    """
+    A grip that presses on the object.
+
+    :ivar config: configuration of the robot.
     :ivar body: the object where it lay, or where it went as the grip closed.
-    :ivar analysis: of the grasp, the object held fast.
-    :ivar loads: of the grasp.
+    :ivar analysis: of the object held fast.
+    :ivar loads: the larger ones of an object held fast and of the free one.
     :ivar squeeze: mean normal force of the grasping members [N].
-    :ivar slip_margin: see `SettledGrasp.slip_margin`: of the free object; zero where that would
-        not be held [N].
+    :ivar slip_margin: see `SettledGrasp.slip_margin`: of the free object, zero where that would
+        not be held; None where the grip does not fulfil the requirements [N].
     """
 
-    path: Array
-    points: Points
-    rigidity: float
+    config: Configuration
     body: ConvexObject
     analysis: GraspAnalysis
     loads: GraspLoads
     squeeze: float
-    slip_margin: float
+    slip_margin: float | None
 
-    @classmethod
-    def at_end(
-        cls,
-        path: Sequence[Configuration],
-        body: ConvexObject,
-        analysis: GraspAnalysis,
-        loads: GraspLoads,
-        squeeze: float,
-        slip_margin: float,
-    ) -> ClosedGrip:
-        """
-        Return the grip at the end of a path.
 
-        :param path: configurations along it, at least one.
-        :param body: see `ClosedGrip`, as are the others.
-        :param analysis: of the grasp.
-        :param loads: of the grasp.
-        :param squeeze: [N].
-        :param slip_margin: [N].
-        """
-        index = rigidity_index(path[0].robot)
-        return cls(
-            path=np.array([config.roller_positions for config in path]),
-            points=path[-1].points,
-            rigidity=min(float(index.modes(config).values[0]) for config in path),
-            body=body,
-            analysis=analysis,
-            loads=loads,
-            squeeze=squeeze,
-            slip_margin=slip_margin,
-        )
+def grasp_loads(
+    analysis: GraspAnalysis,
+    normal_forces: Sequence[float] = (),
+    utilisation: Sequence[float] = (),
+) -> GraspLoads:
+    """
+    Return the loads of a grasp, the larger ones of an object held fast and of the free one.
+
+    :param analysis: of the object held fast.
+    :param normal_forces: (m,) of the members on the free object [N]; none where the ground holds
+        it.
+    :param utilisation: (n,) of members under the forces of the free object [-].
+    """
+    pressing = (*analysis.contact_forces.values(), *normal_forces)
+    return GraspLoads(
+        max(pressing, default=0.0),
+        max(float(analysis.normal_forces.sum()), float(sum(normal_forces))),
+        max([*analysis.utilisation.values(), *utilisation]),
+    )
+
+
+def exceeded_bound(needs: GraspRequirements, loads: GraspLoads) -> tuple[str, float, float] | None:
+    """
+    Return name, value and bound of the first one that a grasp exceeds; None if none.
+
+    :param needs: what a grasp must fulfil.
+    :param loads: of the grasp.
+    """
+    for name, value in loads._asdict().items():
+        bound = getattr(needs, name)
+        if value > bound:
+            return name, value, bound
+    return None

@@ -19,7 +19,6 @@ would drag a free one along, by several centimetres.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 import math
 
 from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
@@ -27,19 +26,17 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.loaded_frame import held_utilisation
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.planning.closed_grip import ClosedGrip
+from isotruss_ros.core.planning.closed_grip import ClosedGrip, exceeded_bound, grasp_loads
 from isotruss_ros.core.planning.closing import Closing, outward_normals
-from isotruss_ros.core.planning.closing_motion import press
+from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import contact_ends
-from isotruss_ros.core.planning.force_bounds import exceeded_bound, grasp_loads
-from isotruss_ros.core.planning.grasp_plan import Violation
-from isotruss_ros.core.planning.motion_in_place import MotionInPlace, SQUEEZE_TOLERANCE
-from isotruss_ros.core.planning.requirements import GraspRequirements, rate_grasp
-from isotruss_ros.core.planning.surrounding import squeeze_around
+from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.motion_in_place import squeeze_in_place, SQUEEZE_TOLERANCE
+from isotruss_ros.core.planning.requirements import GraspRequirements
 import numpy as np
 
 #: An object that is nearer than this to where it lay has stayed there [m].
@@ -48,170 +45,135 @@ SAME_PLACE = 1e-4
 MAX_BALANCE_STEPS = 4
 
 
-class ClosingInPlace:
+def close_in_place(
+    touch: Configuration, closing: Closing, needs: GraspRequirements, tally: SearchTally
+) -> Iterator[ClosedGrip]:
     """
-    Searches the squeeze with which members hold a free object, and the path to it.
+    Yield grips that press harder and harder, until a bound is reached.
 
-    :ivar analyses: analyses so far.
-    :param opened: configuration in which the members are close to the object.
+    :param touch: configuration in which the members touch the object.
     :param closing: what closes.
-    :param requirements: what the grasp must fulfil.
+    :param needs: what the grasp must fulfil.
+    :param tally: of the search.
+    :raises SolverError: a quadratic program, or the contact, was not solved.
+    :raises StructureError: see `structure_of`.
     """
+    settings, wanted = closing.settings, needs.squeeze
+    grasp, pair = _hold(touch, closing, tally), len(closing.members) == 2
+    if grasp is None or not _sticks(grasp, needs.friction, tally):
+        return
+    # Two members bring the object back to its place with the next step only.
+    if not pair and (first := _judge(grasp, closing, needs, tally)) is not None:
+        yield first
+    share = 1.0
+    while share > settings.least_share and not (wanted and _reached(grasp, wanted)):
+        rise = min(
+            (settings.squeeze_growth - 1.0) * grasp.squeeze,
+            settings.squeeze_rise,
+        )
+        if pair:
+            step = settings.closing_step * touch.robot.description.tube_diameter
+            rise = -step * grasp.squeeze_stiffness()
+        force = min(grasp.squeeze + share * rise, wanted or math.inf)
+        moved = squeeze_in_place(grasp, force, closing, tally)
+        found = None if moved is None else _judge(moved, closing, needs, tally)
+        if found is None:
+            share *= settings.refinement
+            continue
+        grasp = moved
+        yield found
 
-    def __init__(
-        self, opened: Configuration, closing: Closing, requirements: GraspRequirements
-    ) -> None:
-        self._open, self._needs = opened, requirements
-        # A nominal posture would keep the gaps from their targets, by a little.
-        self._closing = replace(closing, nominal_posture=None, facing=None)
-        self._motion = MotionInPlace(self._closing)
-        self.analyses = 0
 
-    @property
-    def evaluations(self) -> int:
-        """Return how many configurations were computed so far."""
-        return self._motion.evaluations
+def _judge(
+    grasp: HeldGrip, closing: Closing, needs: GraspRequirements, tally: SearchTally
+) -> ClosedGrip | None:
+    """Return a grip with what it does; None where a contact slips or a bound is exceeded."""
+    if not _sticks(grasp, needs.friction, tally):
+        return None
+    tally.analyses += 1
+    body = _placed(grasp, closing.body)
+    analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
+    loads = grasp_loads(analysis, grasp.normal_forces.tolist(), held_utilisation(grasp))
+    over = exceeded_bound(needs, loads)
+    if over is not None:
+        tally.record(*over, 1.0 - over[2] / over[1])
+        return None
+    wanted = needs.squeeze is None or _reached(grasp, needs.squeeze)
+    margin = _require(grasp, closing, analysis, needs, tally) if wanted else None
+    return ClosedGrip(grasp.config, body, analysis, loads, grasp.squeeze, margin)
 
-    @property
-    def closest_violation(self) -> Violation | None:
-        """Return the violation of the best state so far."""
-        return self._motion.closest_violation
 
-    def close(self) -> ClosedGrip | None:
-        """
-        Return a grip that fulfils the requirements, or None; then see `closest_violation`.
-
-        :raises SolverError: a quadratic program, or the contact, was not solved.
-        :raises StructureError: see `structure_of`.
-        """
-        touch = self._press(self._open, np.zeros(len(self._closing.members)))
-        if touch is None:
+def _hold(touch: Configuration, closing: Closing, tally: SearchTally) -> HeldGrip | None:
+    """Return how the object is held first; three members press as deep as keeps it there."""
+    body, members = closing.body, np.array(closing.members)
+    settings, tube = closing.settings, touch.robot.description.tube_diameter
+    one, other = contact_ends(body, outward_normals(touch, closing))
+    depth = settings.first_contact if (one == other).all() else settings.face_contact
+    config, depths = touch, np.full(len(members), depth * tube)
+    for _ in range(MAX_BALANCE_STEPS):
+        pressed = press(config, closing, depths, tally)
+        if pressed is None:
             return None
-        needs, path = self._needs, [touch]
-        best, best_score = None, -math.inf
-        for grasp in self._rise(touch):
-            path.append(grasp.config)
-            self.analyses += 1
-            body = self._placed(grasp)
-            analysis = analyze_grasp(grasp.config, body, needs.friction, needs.external_wrench)
-            loads = grasp_loads(analysis, grasp)
-            over = exceeded_bound(needs, loads)
-            if over is not None:
-                self._motion.record(over)
-                break
-            if needs.squeeze is not None and not _reached(grasp, needs.squeeze):
-                continue
-            margin = self._require(grasp, analysis)
-            if margin is None:
-                continue
-            # The path as far as here is shorter than all of it.
-            score = rate_grasp(needs, analysis, loads.max_total_force, margin, -grasp.squeeze)
-            if score <= best_score:
-                break
-            best_score = score
-            best = (path[:], body, analysis, loads, grasp.squeeze, margin)
-        return None if best is None else ClosedGrip.at_end(*best)
+        config, found = pressed, attach_grip(pressed, body, members)
+        if isinstance(found, HoldStatus):
+            tally.record('held', 0.0, 1.0, 30.0)
+            return None
+        away = found.body.center - body.center
+        if len(members) == 2 or abs(away) < SAME_PLACE:
+            break
+        normals = outward_normals(config, closing)
+        depths = np.maximum(depths + (away * normals.conj()).real, 0.0)
+    return roll_grip(found, config)  # from here on contacts roll
 
-    def _rise(self, touch: Configuration) -> Iterator[HeldGrip]:
-        """Yield how the object is held with larger and larger squeeze, until it is that wanted."""
-        settings, wanted = self._closing.settings, self._needs.squeeze
-        closer = settings.closing_step * touch.robot.description.tube_diameter
-        pair = len(self._closing.members) == 2
-        first = grasp = self._hold(touch)
-        while grasp is not None and self._sticks(grasp):
-            # Two members bring the object back to its place with the next step only.
-            if not (pair and grasp is first):
-                yield grasp
-            if wanted is not None and _reached(grasp, wanted):
-                return
-            force = grasp.squeeze - closer * grasp.squeeze_stiffness()
-            if not pair:
-                force = min(
-                    grasp.squeeze * settings.squeeze_growth, grasp.squeeze + settings.squeeze_rise
-                )
-            force = force if wanted is None else min(wanted, force)
-            if pair:
-                grasp = self._motion.squeeze(grasp, force)
-            else:
-                grasp = squeeze_around(self._motion, grasp, force)
 
-    def _hold(self, touch: Configuration) -> HeldGrip | None:
-        """Return how the object is held first; three members press as deep as keeps it there."""
-        body, members = self._closing.body, np.array(self._closing.members)
-        settings, tube = self._closing.settings, touch.robot.description.tube_diameter
-        one, other = contact_ends(body, outward_normals(touch, self._closing))
-        depth = settings.first_contact if (one == other).all() else settings.face_contact
-        config, depths = touch, np.full(len(members), depth * tube)
-        for _ in range(MAX_BALANCE_STEPS):
-            pressed = self._press(config, depths)
-            if pressed is None:
-                return None
-            config, found = pressed, attach_grip(pressed, body, members)
-            if isinstance(found, HoldStatus):
-                self._motion.record(Violation('held', 0.0, 1.0, 30.0))
-                return None
-            away = found.body.center - body.center
-            if len(members) == 2 or abs(away) < SAME_PLACE:
-                break
-            normals = outward_normals(config, self._closing)
-            depths = np.maximum(depths + (away * normals.conj()).real, 0.0)
-        return found
+def _sticks(grasp: HeldGrip, friction: float, tally: SearchTally) -> bool:
+    """Return whether the contacts stick."""
+    hold = grasp.hold(friction)
+    if hold is HoldStatus.SLIPS:
+        needed = grasp.required_friction
+        tally.record('force_closure', needed, friction, 1.0 - friction / needed)
+    elif hold is not HoldStatus.HELD:
+        tally.record('held', 0.0, 1.0, 10.0)
+    return hold is HoldStatus.HELD
 
-    def _sticks(self, grasp: HeldGrip) -> bool:
-        """Return whether the contacts stick."""
-        friction = self._needs.friction
-        hold = grasp.hold(friction)
-        if hold is HoldStatus.SLIPS:
-            needed = grasp.required_friction
-            self._motion.record(
-                Violation('force_closure', needed, friction, 1.0 - friction / needed)
-            )
-        elif hold is not HoldStatus.HELD:
-            self._motion.record(Violation('held', 0.0, 1.0, 10.0))
-        return hold is HoldStatus.HELD
 
-    def _require(self, grasp: HeldGrip, analysis: GraspAnalysis) -> float | None:
-        """Return the slip margin of a grip [N], None if it does not bear what it must."""
-        needs = self._needs
+def _require(
+    grasp: HeldGrip,
+    closing: Closing,
+    analysis: GraspAnalysis,
+    needs: GraspRequirements,
+    tally: SearchTally,
+) -> float | None:
+    """Return the slip margin of a grip [N], None if it does not bear what it must."""
+    loaded = grasp
+    if any(needs.external_wrench):
         loaded = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
-        if loaded is None:
-            self._motion.record(Violation('held', 0.0, 1.0, 2.0))
+    if loaded is None:
+        tally.record('held', 0.0, 1.0, 2.0)
+        return None
+    if not _sticks(loaded, needs.friction, tally):
+        return None
+    names, count = grasp.config.robot.member_names, len(closing.members)
+    if set(analysis.contact_forces) != {names[i] for i in closing.members}:
+        # Friction deflects a soft structure by so much that without it one member lets go.
+        tally.record('grip', len(analysis.contact_forces), count, 15.0)
+        return None
+    slip, fast = loaded.slip_margin(needs.friction), analysis.closure_margin
+    for name, value, least in (
+        ('min_slip_margin', slip, needs.min_slip_margin),
+        ('min_margin', fast, needs.min_margin),
+    ):
+        if least is not None and value < least:
+            tally.record(name, value, least, 1.0 - max(0.0, value) / least if least else 1.0)
             return None
-        if not self._sticks(loaded):
-            return None
-        names = grasp.config.robot.member_names
-        if set(analysis.contact_forces) != {names[i] for i in self._closing.members}:
-            # Friction deflects a soft structure by so much that without it one member lets go.
-            count = float(len(self._closing.members))
-            self._motion.record(Violation('grip', len(analysis.contact_forces), count, 15.0))
-            return None
-        margin, fast = loaded.slip_margin(needs.friction), analysis.closure_margin
-        if margin < needs.min_slip_margin:
-            distance = 1.0 - margin / needs.min_slip_margin
-            self._motion.record(
-                Violation('min_slip_margin', margin, needs.min_slip_margin, distance)
-            )
-            return None
-        if needs.min_margin is not None and fast < needs.min_margin:
-            distance = 1.0 - max(0.0, fast) / needs.min_margin if needs.min_margin else 1.0
-            self._motion.record(Violation('min_margin', fast, needs.min_margin, distance))
-            return None
-        return margin
+    return slip
 
-    def _placed(self, grasp: HeldGrip) -> ConvexObject:
-        """Return the object where it is: where it lay, if it stayed there."""
-        lay = self._closing.body
-        moved = np.subtract(grasp.pose, lay.pose)
-        moved[2] = lay.arm * math.remainder(moved[2], 2.0 * math.pi)
-        return lay if np.abs(moved).max() < SAME_PLACE else lay.moved_to(grasp.pose)
 
-    def _press(self, config: Configuration, depths: Array) -> Configuration | None:
-        """Return the configuration with an indentation of each member, or None."""
-        pressed = press(config, self._closing, depths)
-        self._motion.evaluations += pressed.evaluations
-        if pressed.violation is not None:
-            self._motion.record(pressed.violation)
-        return pressed.config
+def _placed(grasp: HeldGrip, lay: ConvexObject) -> ConvexObject:
+    """Return the object where it is: where it lay, if it stayed there."""
+    moved = np.subtract(grasp.pose, lay.pose)
+    moved[2] = lay.arm * math.remainder(moved[2], 2.0 * math.pi)
+    return lay if np.abs(moved).max() < SAME_PLACE else lay.moved_to(grasp.pose)
 
 
 def _reached(grasp: HeldGrip, squeeze: float) -> bool:

@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -38,14 +38,42 @@ class Violation:
     distance: float
 
 
-def closer_violation(one: Violation | None, other: Violation) -> Violation:
+class SearchTally:
     """
-    Return the violation whose value is closer to its bound.
+    What a search has looked at so far.
 
-    :param one: the closest so far; None if there is none. It stays where both are as close.
-    :param other: another one.
+    :ivar evaluations: configurations that were computed, by kinematics or statics.
+    :ivar analyses: of them, how many by `analyze_grasp`.
+    :ivar closest: the violation whose value is closest to its bound, the first of such; None while
+        there is none.
     """
-    return other if one is None or other.distance < one.distance else one
+
+    def __init__(self) -> None:
+        self.evaluations = self.analyses = 0
+        self.closest: Violation | None = None
+
+    def record(self, requirement: str, value: float, bound: float, distance: float) -> None:
+        """
+        Keep a violation if it is the closest one.
+
+        :param requirement: see `Violation`, as for the others.
+        :param value: of the candidate.
+        :param bound: of the requirement.
+        :param distance: of the value from the bound [-].
+        """
+        if self.closest is None or distance < self.closest.distance:
+            self.closest = Violation(requirement, float(value), float(bound), float(distance))
+
+    def add(self, other: SearchTally) -> None:
+        """
+        Count what another search has looked at, too.
+
+        :param other: its tally.
+        """
+        self.evaluations += other.evaluations
+        self.analyses += other.analyses
+        if other.closest is not None:
+            self.record(*astuple(other.closest))
 
 
 @dataclass(frozen=True, eq=False)

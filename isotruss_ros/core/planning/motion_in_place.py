@@ -10,170 +10,192 @@
 """
 Motion in place: the squeeze of a held object changes while its pose stays.
 
-The object is held and the contacts roll, by the mechanics of the elastic plant; Newton steps of
-the rollers bring squeeze and place to what is wanted.
+The object is held and the contacts roll, by the mechanics of the elastic plant. Newton steps of
+the rollers, by exact derivatives of the equilibrium, bring squeeze and place to what is wanted.
 """
 
 from __future__ import annotations
 
 import math
 
+from isotruss_ros.core.contact.analyze_grasp import FRICTION
 from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core.holding.grasp_gradient import grasp_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.solve_twist import RollerCommand, solve_twist
-from isotruss_ros.core.manipulation.status import Status
+from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
-from isotruss_ros.core.planning.grasp_plan import closer_violation, Violation
+from isotruss_ros.core.planning.grasp_plan import SearchTally
 import numpy as np
 
 #: Newton steps with which a waypoint is brought to its squeeze and place ...
 MAX_CORRECTIONS = 12
-#: ... until the squeeze is right to this share, the place to this length [m], the angle [rad].
-SQUEEZE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE = 1e-3, 2e-5, 1e-3
-#: A command that limits scale down by more than this is not followed.
-MIN_SCALE = 0.999
+#: ... until the squeeze is right to this share, the place to this length [m], the angle [rad] ...
+SQUEEZE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE = 1e-3, 2e-5, 1e-4
+#: ... and each of three members presses as hard as balances without friction, to this share.
+EVEN_TOLERANCE = 0.02
+#: Derivatives are computed anew where a step leaves more than this share of the errors [-].
+RENEWED = 0.1
+#: What counts most where the rollers cannot do all: x, y, angle, and evenness, in tolerances ...
+WEIGHTS = np.array([1.0, 1.0, 0.05, 10.0, 10.0, 10.0])
+#: ... against the rollers' motion [1/m^2].
+MOTION_WEIGHT = 2e4
+#: What takes long ways of the rollers is left: a step that leaves more than this share of it [-].
+SLOW = 0.7
 
 
-class MotionInPlace:
+def squeeze_in_place(
+    grasp: HeldGrip, force: float, closing: Closing, tally: SearchTally
+) -> HeldGrip | None:
     """
-    Changes the squeeze, and keeps account of what did not work.
+    Return a grasp with another squeeze, the object where it lay.
 
-    :ivar closing: the grip, where the object is to stay, and the bounds of the motion.
-    :ivar evaluations: configurations that were computed so far.
-    :ivar closest_violation: the violation of the best state so far.
+    :param grasp: how the object is held, from `roll_grip`.
+    :param force: mean normal force of the members, positive [N].
     :param closing: the grip, where the object is to stay, and the bounds of the motion.
+    :param tally: of the search.
+    :return: None where there is none; then the tally has the violation.
+    :raises StructureError: see `structure_of`.
     """
-
-    def __init__(self, closing: Closing) -> None:
-        self.closing = closing
-        self.evaluations = 0
-        self.closest_violation: Violation | None = None
-
-    def record(self, violation: Violation) -> None:
-        """
-        Keep a violation if it is the closest one.
-
-        :param violation: of a state that is no grasp.
-        """
-        self.closest_violation = closer_violation(self.closest_violation, violation)
-
-    def squeeze(self, grasp: HeldGrip, force: float) -> HeldGrip | None:
-        """
-        Return the grasp with another squeeze, the object where it lay.
-
-        :param grasp: how the object is held.
-        :param force: mean normal force of the members, positive [N].
-        :return: None where there is none; then see `closest_violation`.
-        :raises SolverError: a quadratic program was not solved.
-        :raises StructureError: see `structure_of`.
-        """
-        scale, reachable = 1.0, True
-        place = self.closing.body.pose
-        center = np.array(place[:2])
-        for _ in range(MAX_CORRECTIONS):
-            away = center - grasp.pose[:2]
-            missing = force - grasp.squeeze
-            right = abs(missing) < SQUEEZE_TOLERANCE * force
-            turn = math.remainder(place.angle - grasp.pose.angle, 2.0 * math.pi)
-            # What has been turned is to come back if it can.
-            turned = reachable and abs(turn) > TURN_TOLERANCE
-            if right and np.hypot(*away) < PLACE_TOLERANCE and not turned:
-                return grasp
-            # The scale knows large steps: where only the place is left, it would overshoot.
-            rate = 0.0 if right else scale * missing / grasp.squeeze_stiffness()
-            command = self._command(grasp, np.append(away, turn), rate)
-            reachable = command is not None and command.status is not Status.UNREACHABLE
-            if command is None or command.scale < MIN_SCALE:
-                self.record(Violation('squeeze', grasp.squeeze, force, 5.0))
-                return None
-            moved = self.move(grasp, command.roller_velocities)
-            if moved is None:
-                return None
-            gained = moved.squeeze - grasp.squeeze
-            if not right and gained * missing > 0.0:
-                scale = float(np.clip(scale * missing / gained, 0.5, 2.0))
-            grasp = moved
-        # A robot of few rollers cannot close and keep the object in place: it goes along a little.
-        diameter = grasp.config.robot.description.tube_diameter
-        along = self.closing.settings.max_displacement * diameter
-        bound = PLACE_TOLERANCE if reachable else along
-        distance = float(np.hypot(*(center - grasp.pose[:2])))
-        if abs(force - grasp.squeeze) >= SQUEEZE_TOLERANCE * force:
-            self.record(Violation('squeeze', grasp.squeeze, force, 5.0))
-        elif distance > bound:
-            self.record(Violation('in_place', distance, bound, 20.0))
-        else:
-            return grasp
-        return None
-
-    def open_grip(self, grasp: HeldGrip, distance: float) -> Configuration | None:
-        """
-        Return the configuration in which the grip is open by so much more, the object in place.
-
-        Members that merely moved away would roll the object along as long as they touch it.
-
-        :param grasp: how the object is held, by a small squeeze.
-        :param distance: by which the members open, see `solve_twist` [m].
-        :return: None where limits end the motion; then see `closest_violation`.
-        :raises SolverError: a quadratic program was not solved.
-        """
-        self.evaluations += 1
-        command = self._command(grasp, np.zeros(3), distance)
-        before = grasp.config
-        if command is None or command.scale < MIN_SCALE:
-            self.record(Violation('squeeze', grasp.squeeze, 0.0, 5.0))
-            return None
+    bounds = _Bounds(grasp, force, closing)
+    rates: Array | None = None
+    size = 0.0
+    for _ in range(MAX_CORRECTIONS):
+        missing = bounds.missing(grasp)
+        before, size = size, np.abs(missing).max()
+        if rates is None or size > RENEWED * before:
+            rates = bounds.rates(grasp)
+        travel = None if rates is None else bounds.travel(missing, rates)
+        if travel is None:
+            break
+        gain = rates @ travel
+        errors = [np.linalg.norm(bounds.weights * each[1:]) for each in (missing, missing - gain)]
+        if abs(missing[0]) < 1.0 and (np.abs(gain).max() < 1.0 or errors[1] > SLOW * errors[0]):
+            return grasp if _stays(grasp, closing, tally) else None
+        tally.evaluations += 1
         try:
-            return before.moved_to(before.roller_positions + command.roller_velocities)
+            config = grasp.config.moved_to(grasp.config.roller_positions + travel)
         except ConfigurationError:
-            self.record(Violation('rigidity', 0.0, self.closing.min_rigidity, 50.0))
-            return None
-
-    def _command(self, grasp: HeldGrip, back: Array, rate: float) -> RollerCommand | None:
-        """Return the motion that closes the grip and brings the object back, if there is one."""
-        held, limits = Grip(grasp.member_names, grasp.body), self.closing.limits
-        # A grip at a passive module cannot turn the object: its place is what counts.
-        for twist in (back, np.append(back[:2], 0.0)):
-            try:
-                command = solve_twist(grasp.config, held, twist, limits=limits, opening_rate=rate)
-            except GraspError:
-                return None  # a member is deeper in the object than its tube is thick
-            if command.status is not Status.UNREACHABLE:
-                break
-        return command
-
-    def move(self, grasp: HeldGrip, travel: Array) -> HeldGrip | None:
-        """
-        Return the grasp after a motion of the rollers; None where a requirement is violated.
-
-        :param grasp: how the object is held.
-        :param travel: (r,) of the rollers [m].
-        :raises StructureError: see `structure_of`.
-        """
-        self.evaluations += 1
-        closing, before = self.closing, grasp.config
-        try:
-            config = before.moved_to(before.roller_positions + travel)
-        except ConfigurationError:
-            self.record(Violation('rigidity', 0.0, closing.min_rigidity, 50.0))
+            tally.record('rigidity', 0.0, closing.min_rigidity, 50.0)
             return None
         moved = roll_grip(grasp, config)
-        if moved is None:
-            self.record(Violation('held', 0.0, 1.0, 10.0))
+        if moved is None or len(moved.members) != len(grasp.members):
+            tally.record('held', 0.0, 1.0, 10.0)
             return None
-        state = evaluate_state(config, moved.body)
-        gaps = np.delete(state.gaps, closing.members)
-        values = {
-            'rigidity': (state.rigidity, closing.min_rigidity),
-            'self_clearance': (state.clearance, 0.0),
-            'object_clearance': (float(gaps.min()), 0.0),
-        }
-        for name, (value, bound) in values.items():
-            if value < bound:
-                self.record(Violation(name, value, bound, 50.0))
-                return None
-        return moved
+        grasp = moved
+    tally.record('squeeze', grasp.squeeze, force, 5.0)
+    return None
+
+
+class _Bounds:
+    """
+    Bounds of a motion, and errors: of squeeze, pose and, of three members, evenness, (k,).
+
+    Bounds are those where the motion begins; errors count in tolerances.
+    """
+
+    def __init__(self, grasp: HeldGrip, force: float, closing: Closing) -> None:
+        self._force, self._closing = force, closing
+        rows = [limit.rows(grasp.config) for limit in closing.limits]
+        self._rows = np.concatenate([part for row in rows for part in (row.matrix, -row.matrix)])
+        self._most = np.concatenate([part for row in rows for part in (row.upper, -row.lower)])
+        bounds = [SQUEEZE_TOLERANCE * force, PLACE_TOLERANCE, PLACE_TOLERANCE, TURN_TOLERANCE]
+        self._even = len(closing.members) > 2
+        if self._even:
+            bounds += [EVEN_TOLERANCE * force] * len(closing.members)
+        self._scale = np.array(bounds)
+        self.weights = WEIGHTS[: len(bounds) - 1]
+
+    def rates(self, grasp: HeldGrip) -> Array | None:
+        """Return the rates of what is missing, (k, r); None where these are not finite."""
+        try:
+            pose, forces = rolling_rates(grasp)
+        except GraspError:
+            return None
+        rates = np.vstack([forces.mean(axis=0), pose, forces])
+        return rates[: len(self._scale)] / self._scale[:, None]
+
+    def missing(self, grasp: HeldGrip) -> Array:
+        """Return what is missing where a grip is."""
+        away = np.subtract(self._closing.body.pose, grasp.pose)
+        away[2] = math.remainder(away[2], 2.0 * math.pi)
+        missing = np.append(self._force - grasp.squeeze, away)
+        if self._even:
+            wanted = len(self._closing.members) * self._force * _shares(grasp)
+            missing = np.append(missing, wanted - grasp.normal_forces)
+        return missing / self._scale
+
+    def travel(self, missing: Array, rates: Array) -> Array | None:
+        """
+        Return the next motion of the rollers (r,); None where bounds leave none [m].
+
+        It brings the squeeze, and of the rest what it can.
+        """
+        others = self.weights[:, None] * rates[1:]
+        found = solve_qp(
+            QuadraticProgram(
+                others.T @ others + MOTION_WEIGHT * np.eye(others.shape[1]),
+                -others.T @ (self.weights * missing[1:]),
+                self._rows,
+                self._most,
+                equality=rates[:1],
+                target=missing[:1],
+            )
+        )
+        if found is not None:
+            self._most = self._most - self._rows @ found
+        return found
+
+
+def rolling_rates(grasp: HeldGrip) -> tuple[Array, Array]:
+    """
+    Return the rates of pose (3, r) and normal forces (m, r) of a grip as its contacts roll.
+
+    :param grasp: how the object is held, from `roll_grip`.
+    :raises GraspError: the equilibrium is indifferent.
+    """
+    gradient = grasp_gradient(assess_equilibrium(grasp.body.pose, grasp, FRICTION))
+    state, topology = grasp.state, grasp.config.robot.topology
+    rollers = gradient.parameters.rollers
+    # The tube's material goes along with the rollers, and contacts that roll with it: (17).
+    drive = np.zeros((topology.n_modules, rollers.stop))
+    drive[topology.driven] = np.eye(rollers.stop)
+    left = np.zeros((state.places.size, rollers.stop))
+    left[state.places.closure] = grasp.statics.sides[:, None] * drive[grasp.contacts.members]
+    change = -np.linalg.solve(state.jacobian, left)
+    members = np.eye(len(grasp.members))[grasp.contacts.owners].T
+    return (
+        gradient.pose[:, rollers] + change[:3],
+        gradient.normal_forces[:, rollers] + members @ change[state.places.normal],
+    )
+
+
+def _shares(grasp: HeldGrip) -> Array:
+    """Return with which shares of the total three members press so that their forces balance."""
+    owners = grasp.contacts.owners
+    normals = grasp.state.normals[np.searchsorted(owners, np.arange(owners[-1] + 1))]
+    ahead, behind = np.roll(normals, -1), np.roll(normals, -2)
+    found = (ahead.conj() * behind).imag
+    return found / found.sum()
+
+
+def _stays(grasp: HeldGrip, closing: Closing, tally: SearchTally) -> bool:
+    """Tell whether a grip keeps the bounds, and the object in place, as far as rollers can."""
+    state, file = evaluate_state(grasp.config, grasp.body), grasp.config.robot.description
+    gaps = np.delete(state.gaps, closing.members)
+    for name, value, bound in (
+        ('rigidity', state.rigidity, closing.min_rigidity),
+        ('self_clearance', state.clearance, 0.0),
+        ('object_clearance', float(gaps.min()), 0.0),
+    ):
+        if value < bound:
+            tally.record(name, value, bound, 50.0)
+            return False
+    # A robot of few rollers cannot close and keep the object in place: it goes along a little.
+    bound = closing.settings.max_displacement * file.tube_diameter
+    distance = math.hypot(*np.subtract(closing.body.pose, grasp.pose)[:2])
+    if distance > bound:
+        tally.record('in_place', distance, bound, 20.0)
+    return distance <= bound

@@ -12,8 +12,8 @@ The search for grasps: first where the grip must be, then the indentations of it
 
 Each round has a number of seeds: the grasping members, the directions in which they are to face
 the object, and the nominal posture that the remaining freedom is drawn to. Kinematics brings every
-seed to an open grip, or shows that there is none; statics finds the indentations, shortest path
-first. The first round has the seeds that are usually good; the others have random postures.
+seed to an open grip, or shows that there is none; statics closes it. The first round has the seeds
+that are usually good; the others have random postures.
 """
 
 from __future__ import annotations
@@ -29,10 +29,14 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
 from isotruss_ros.core.planning.grasp_search import GraspSearch
 from isotruss_ros.core.planning.requirements import GraspRequirements
-from isotruss_ros.core.planning.seeds import find_seeds, required_members
+from isotruss_ros.core.planning.seeds import explain_no_seeds, find_seeds, required_members
 from isotruss_ros.core.planning.settings import DEFAULT, SearchSettings
+from isotruss_ros.core.safety.margins import object_distances
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
+
+#: An object that overlaps the robot by less than this does not yet touch it [m].
+OVERLAP = 1e-6
 
 
 @single_threaded
@@ -63,9 +67,10 @@ def plan_grasps(
     :param seed: of the random postures.
     :param executor: where candidates are computed: a process pool, or that of a Dask client; in
         this process if None.
-    :param on_progress: called when the open grips of a round are known, and after every candidate.
-    :param should_stop: called before every step toward an open grip, after every candidate and,
-        with an executor, at the poll interval; a plan that was stopped has the grasps so far.
+    :param on_progress: called when the seeds of a round are known, and after every candidate.
+    :param should_stop: called after every candidate, before every step toward an open grip and,
+        with an executor, at the poll interval instead; a plan that was stopped has the grasps so
+        far.
     :param thorough: whether all candidates of a round are computed before the best are chosen,
         or only until there are enough grasps.
     :param settings: of the search.
@@ -78,17 +83,17 @@ def plan_grasps(
         needs = replace(needs, friction=body.friction)
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise GraspError(f'seed {seed!r}: must be an integer, not negative')
-    search = GraspSearch(
-        config, body, needs, on_progress or _ignore, should_stop or _never, settings
-    )
+    search = GraspSearch(config, needs, on_progress or _ignore, should_stop or _never, settings)
     structure_of(config)  # contradictory stiffness laws are reported here, once
-    for number in range(settings.max_rounds if search.is_free() else 0):
+    gap = float(object_distances(config, body).min())
+    if gap < -OVERLAP:  # there is no path to a grasp
+        search.tally.record('free', gap, 0.0, 2000.0)
+        return search.plan()
+    for number in range(settings.max_rounds):
         seeds = find_seeds(config, body, needs, int(seed), number, settings)
-        opened = search.approach(seeds)
-        for reached, squeezed in search.squeeze(opened, executor):
-            search.add(reached, squeezed)
-            if not thorough and len(search.best()) >= needs.count:
-                break
+        if not seeds:
+            search.tally.record(*explain_no_seeds(config, body, needs))
+        search.judge(seeds, executor, thorough)
         if search.stopped or len(search.best()) >= needs.count:
             break
     return search.plan()

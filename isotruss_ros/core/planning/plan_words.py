@@ -35,7 +35,6 @@ SENTENCES = {
     'max_total_force': 'all members press with {value:.4g} N; must be at most {bound:.4g} N',
     'max_utilisation': 'a tube bears {value:.3g} of its wrinkling moment; at most {bound:.3g}',
     'carry': 'the object can be carried {value:.0%} of its path without slipping',
-    'path': 'there is no path from the touch to the grasp',
 }
 
 

@@ -19,20 +19,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.hold_status import HoldStatus
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
+from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.closing import Closing
-from isotruss_ros.core.planning.closing_motion import press
-from isotruss_ros.core.planning.grasp_plan import Violation
-from isotruss_ros.core.planning.motion_in_place import MotionInPlace
+from isotruss_ros.core.planning.closing_step import press
+from isotruss_ros.core.planning.grasp_plan import SearchTally, Violation
+from isotruss_ros.core.planning.motion_in_place import squeeze_in_place
 from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
 from isotruss_ros.core.planning.settings import DEFAULT
 import numpy as np
@@ -47,7 +50,8 @@ LEAST_FORCE = 0.01
 TOUCHING, FIRST_OPENING = 1e-3, 0.015
 #: Waypoints of the members' way from the object.
 OPENING_STEPS = 5
-NOT_HELD = Violation('held', 0.0, 1.0, 10.0)
+#: A command that limits scale down by more than this is not followed.
+MIN_SCALE = 0.999
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,48 +101,68 @@ def plan_release(
     numbers = find_members(config.robot, Grip(tuple(members), body).members).members
     limit = MemberLengthLimit(file.min_length, file.max_length, DEFAULT.bound_share)
     closing = Closing(body, tuple(numbers.tolist()), (limit,), min_rigidity)
-    path, closing, violation = _unload(config, closing)
-    if violation is not None:
-        return _fail(config, violation)
+    tally = SearchTally()
+    unloaded = _unload(config, closing, tally)
+    if unloaded is None:
+        return _fail(config, tally)
+    path, closing = unloaded
     apart = len(path) - 1 if len(path) > 1 else 1
     for gap in np.linspace(0.0, clearance, OPENING_STEPS + 1)[1:]:
-        opened = press(path[-1], closing, np.full(len(closing.members), -gap))
-        if opened.config is None:
-            return _fail(config, opened.violation)
-        path.append(opened.config)
+        opened = press(path[-1], closing, np.full(len(closing.members), -gap), tally)
+        if opened is None:
+            return _fail(config, tally)
+        path.append(opened)
     return Release(np.array([where.roller_positions for where in path]), apart)
 
 
 def _unload(
-    config: Configuration, closing: Closing
-) -> tuple[list[Configuration], Closing, Violation | None]:
+    config: Configuration, closing: Closing, tally: SearchTally
+) -> tuple[list[Configuration], Closing] | None:
     """
     Return the path on which the squeeze falls, only its beginning where nothing presses.
 
-    Also where the object is at its end, as a grip of few rollers takes it along a little, and what
-    ends the motion early.
+    Also where the object is at its end, as a grip of few rollers takes it along a little. None
+    where the motion ends early.
     """
     path, diameter = [config], config.robot.description.tube_diameter
     if float(member_depths(config, closing.body).max()) <= TOUCHING * diameter:
-        return path, closing, None
+        return path, closing
     found = attach_grip(config, closing.body, np.array(closing.members))
-    if isinstance(found, HoldStatus):
-        return path, closing, NOT_HELD
-    if found.normal_forces.min() <= LEAST_FORCE:
-        return path, closing, None
-    motion, grasp = MotionInPlace(closing), found
-    for share in UNLOADING:
-        moved = motion.squeeze(grasp, share * found.squeeze)
+    grasp = None if isinstance(found, HoldStatus) else roll_grip(found, config)
+    if grasp is None:
+        tally.record('held', 0.0, 1.0, 10.0)
+        return None
+    if grasp.normal_forces.min() <= LEAST_FORCE:
+        return path, closing
+    for force in grasp.squeeze * np.array(UNLOADING):
+        moved = squeeze_in_place(grasp, force, closing, tally)
         if moved is None:
-            return path, closing, motion.closest_violation or NOT_HELD
+            return None
         grasp = moved
         path.append(grasp.config)
-    opened = motion.open_grip(grasp, FIRST_OPENING * diameter)
+    opened = _open(grasp, FIRST_OPENING * diameter, closing)
     if opened is None:
-        return path, closing, motion.closest_violation or NOT_HELD
+        tally.record('squeeze', grasp.squeeze, 0.0, 5.0)
+        return None
     path.append(opened)
-    return path, replace(closing, body=grasp.body), None
+    return path, replace(closing, body=grasp.body)
 
 
-def _fail(config: Configuration, violation: Violation | None) -> Release:
-    return Release(np.empty((0, len(config.roller_positions))), 0, violation)
+def _open(grasp: HeldGrip, distance: float, closing: Closing) -> Configuration | None:
+    """
+    Return the configuration in which the grip is open by so much more; None where limits end that.
+
+    The object stays: members that merely moved away would roll it along as long as they touch it.
+    """
+    grip, config = Grip(grasp.member_names, grasp.body), grasp.config
+    command = solve_twist(config, grip, np.zeros(3), limits=closing.limits, opening_rate=distance)
+    if command.scale < MIN_SCALE:
+        return None
+    try:
+        return config.moved_to(config.roller_positions + command.roller_velocities)
+    except ConfigurationError:
+        return None
+
+
+def _fail(config: Configuration, tally: SearchTally) -> Release:
+    return Release(np.empty((0, len(config.roller_positions))), 0, tally.closest)

@@ -11,16 +11,21 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 import enum
+import math
+import threading
+import time
 import traceback
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.planning.background_search import BackgroundSearch
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
+from isotruss_ros.core.planning.plan_grasps import plan_grasps
 from isotruss_ros.core.planning.plan_words import plan_in_words
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.workers import WorkerPool
@@ -52,6 +57,28 @@ class Answer(NamedTuple):
     plan: GraspPlan | None = None
 
 
+class Stop:
+    """
+    Whether a search stops: on request, or at its time limit.
+
+    :ivar requested: whether it was requested.
+    :param time_limit: from now [s]; none if 0.
+    """
+
+    def __init__(self, time_limit: float = 0.0) -> None:
+        self._deadline = time.monotonic() + (time_limit or math.inf)
+        self.requested = False
+
+    @property
+    def time_left(self) -> float:
+        """Return the time until the limit [s]."""
+        return max(0.0, self._deadline - time.monotonic())
+
+    def __call__(self) -> bool:
+        """Return whether to stop now; what `plan_grasps` asks."""
+        return self.requested or self.time_left == 0.0
+
+
 class Searcher:
     """
     Searches without keeping the caller waiting; the processes are made at the first search.
@@ -62,7 +89,9 @@ class Searcher:
     def __init__(self, workers: int) -> None:
         self._workers = workers
         self._pool: WorkerPool | None = None
-        self._search: BackgroundSearch | None = None
+        self._search: Future[GraspPlan] | None = None
+        self._stop = Stop()
+        self._progress = Progress(0, 0, None, 0.0, None), 0.0
 
     def begin(
         self,
@@ -70,10 +99,10 @@ class Searcher:
         body: ConvexObject,
         requirements: GraspRequirements,
         seed: int,
-        time_limit: float,
+        time_limit: float = 0.0,
     ) -> None:
         """
-        Begin a search, while there is none; see `BackgroundSearch`.
+        Begin a search, while there is none.
 
         :param config: configuration of the robot.
         :param body: the object.
@@ -85,22 +114,28 @@ class Searcher:
             self._pool = WorkerPool(self._workers)
         # One of its own: a configuration keeps what is computed of it, in one thread only.
         own = Configuration(config.robot, config.roller_positions, config.points)
-        self._search = BackgroundSearch(
-            own, body, requirements, seed, self._pool.executor, time_limit
-        )
+        self._search, self._stop = Future(), Stop(time_limit)
+        self._progress = Progress(0, 0, None, 0.0, None), 0.0
+        arguments = (own, body, requirements, seed, self._pool.executor)
+        threading.Thread(target=self._run, args=(self._search, arguments), daemon=True).start()
 
     def progress(self) -> Progress | None:
-        """Return how far the search is; None where there is none."""
-        return None if self._search is None else self._search.progress()
+        """Return how far the search is, and how long it may still take; None without one."""
+        if self._search is None:
+            return None
+        progress, when = self._progress
+        if progress.time_left is None:
+            return progress
+        left = max(0.0, progress.time_left - (time.monotonic() - when))
+        return replace(progress, time_left=min(left, self._stop.time_left))
 
     def cancel(self) -> None:
         """Let the search end soon, with what it has found."""
-        if self._search is not None:
-            self._search.stop.requested = True
+        self._stop.requested = True
 
     def answer(self) -> Answer | None:
         """Return what the search came to, once; None while it goes on or there is none."""
-        if self._search is None or not self._search.done:
+        if self._search is None or not self._search.done():
             return None
         search, self._search = self._search, None
         try:
@@ -117,7 +152,7 @@ class Searcher:
             traceback.print_exception(error)
             self.close()
             return Answer(Outcome.FAILED, f'{type(error).__name__}: {error}')
-        if search.stop.requested:
+        if self._stop.requested:
             outcome = Outcome.CANCELLED
         elif plan.grasps:
             outcome = Outcome.FOUND
@@ -128,9 +163,18 @@ class Searcher:
     def close(self) -> None:
         """End the search, whose result is lost, and the processes."""
         if self._search is not None:
-            self._search.stop.requested = True
-            self._search.wait()
+            self.cancel()
+            self._search.exception()  # waits for its end
             self._search = None
         if self._pool is not None:
             self._pool.close()
             self._pool = None
+
+    def _run(self, search: Future[GraspPlan], arguments: tuple) -> None:
+        try:
+            search.set_result(plan_grasps(*arguments, self._take, self._stop))
+        except Exception as error:  # noqa: BLE001 - it is raised where the result is asked for
+            search.set_exception(error)
+
+    def _take(self, progress: Progress) -> None:
+        self._progress = progress, time.monotonic()

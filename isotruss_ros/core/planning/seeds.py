@@ -22,7 +22,6 @@ from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.closing import Closing, mean_member_length, outward_normals
 from isotruss_ros.core.planning.facing import balances, find_facing
-from isotruss_ros.core.planning.grasp_plan import Violation
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.settings import DEFAULT, SearchSettings
 import numpy as np
@@ -40,7 +39,9 @@ def find_seeds(
     settings: SearchSettings = DEFAULT,
 ) -> list[Closing]:
     """
-    Return the seeds of one round, easiest first; none where members do not enclose the object.
+    Return the seeds of one round, pairs first, the easiest first.
+
+    There are none where members do not enclose the object.
 
     :param config: configuration of the robot.
     :param body: the object.
@@ -73,15 +74,17 @@ def find_seeds(
         if len(normals) == 2:
             closing = replace(closing, facing=facing)
         found.append((effort, closing))
-    found.sort(key=lambda item: item[0])
+    # A tube that keeps its length seldom brings three members to an object at once.
+    found.sort(key=lambda item: (len(item[1].members), item[0]))
     return [closing for _, closing in found[: settings.max_grips]]
 
 
 def explain_no_seeds(
     config: Configuration, body: ConvexObject, requirements: GraspRequirements
-) -> Violation:
+) -> tuple[str, float, float, float]:
     """
-    Return why there is not even a seed: no members around the object, or not those required.
+    Return the violation where there is not even a seed: no members go around the object, or not
+    those required, as `SearchTally.record` takes it.
 
     :param config: configuration of the robot.
     :param body: the object.
@@ -90,11 +93,11 @@ def explain_no_seeds(
     """
     around = enclosing_members(config, body.middle)
     if not around:
-        return Violation('enclosed', 0.0, 1.0, 1000.0)
+        return 'enclosed', 0.0, 1.0, 1000.0
     wanted = required_members(config.robot, requirements)
     seen = len(wanted.intersection(around))
     name = 'members' if seen < len(wanted) else 'opposed'
-    return Violation(name, float(seen), float(len(wanted)), 1000.0)
+    return name, float(seen), float(len(wanted)), 1000.0
 
 
 def required_members(robot: Robot, requirements: GraspRequirements) -> frozenset[int]:

@@ -48,13 +48,9 @@ class SearchSettings:
     :ivar face_contact: the same where a face is to lie on a member: it is touched at both ends.
     :ivar max_displacement: of the object while a grip closes whose robot has not the rollers to
         keep it in place, against the tube's diameter.
-    :ivar first_depth: first indentation of the grasping members, against the tube's diameter.
-    :ivar depth_range: smallest and largest indentation, against the tube's diameter.
-    :ivar max_depths: number of mean indentations.
+    :ivar max_depth: deepest mean indentation on the ground, against the tube's diameter.
     :ivar max_balance_steps: number of steps that balance the members at one mean indentation.
     :ivar max_press_steps: number of steps to one set of indentations.
-    :ivar decrease: factor on an indentation that is too large.
-    :ivar increase: factor on one that is too small.
     :ivar max_share: largest indentation of a member against the mean one; the inverse is the
         smallest.
     :ivar same_share: grasps of the same members are the same where no roller differs by more than
@@ -63,10 +59,12 @@ class SearchSettings:
     :ivar cone_share: of the friction cones that grips are to use at most as they close.
     :ivar used_share: of the friction cones that they use at most where they are open.
     :ivar turning_price: angle of friction that is given up for a smaller turn of the members [-].
-    :ivar closing_step: by how much two members close from waypoint to waypoint, against the
-        tube's diameter.
+    :ivar closing_step: by how much two members close from waypoint to waypoint, on the ground
+        every member, against the tube's diameter.
     :ivar squeeze_growth: of three members from waypoint to waypoint, at most this factor ...
     :ivar squeeze_rise: ... and this much more [N].
+    :ivar refinement: such steps become shorter by this factor where a bound ends them ...
+    :ivar least_share: ... while they are longer than this share of themselves.
     :ivar poll_interval: how often a request to stop is checked while workers compute [s].
     """
 
@@ -94,20 +92,18 @@ class SearchSettings:
     first_contact: float = 1e-3
     face_contact: float = 1e-2
     max_displacement: float = 0.25
-    first_depth: float = 0.33
-    depth_range: tuple[float, float] = (0.03, 0.8)
-    max_depths: int = 6
+    max_depth: float = 0.8
     max_balance_steps: int = 6
     max_press_steps: int = 15
-    decrease: float = 0.6
-    increase: float = 1.5
     max_share: float = 10.0
     same_share: float = 0.02
     max_grips: int = 8
     cone_share: float = 0.75
     used_share: float = 0.85
     turning_price: float = 0.3
-    closing_step: float = 0.08
+    closing_step: float = 0.12
+    refinement: float = 0.34
+    least_share: float = 0.3
     squeeze_growth: float = 2.0
     squeeze_rise: float = 4.0
     poll_interval: float = 0.05

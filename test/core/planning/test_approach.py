@@ -13,6 +13,7 @@ from dataclasses import replace
 import functools
 import itertools
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import closings
 from isotruss_ros.core import (
@@ -23,9 +24,10 @@ from isotruss_ros.core import (
     plan_grasps,
 )
 from isotruss_ros.core.planning import approach as approaching
-from isotruss_ros.core.planning.approach import approach, missing_turn, turned_closing
+from isotruss_ros.core.planning.approach import missing_turn, turned_closing
 from isotruss_ros.core.planning.closing import Closing, evaluate_state, outward_normals
 from isotruss_ros.core.planning.facing import balances, friction_angles
+from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.settings import SearchSettings
 from isotruss_ros.core.safety.margins import shape_margins
@@ -36,6 +38,23 @@ import robots
 HOME = load_robot('nine_member').home
 SEEDS = range(5)
 NEEDS = GraspRequirements()
+
+
+class Way(NamedTuple):
+    """What closes, the path to it, what is not met, and how many configurations it took."""
+
+    closing: Closing
+    path: tuple
+    unmet: tuple | None
+    evaluations: int
+
+
+def approach(config, closing, should_stop=None):
+    """Approach an object."""
+    tally = SearchTally()
+    return Way(
+        closing, *approaching.approach(config, closing, tally, should_stop), tally.evaluations
+    )
 
 
 @functools.lru_cache(maxsize=64)
@@ -122,7 +141,6 @@ def test_steps_are_short_and_travel_is_their_sum():
         for one, other in itertools.pairwise(places):
             assert np.abs(other - one).max() <= longest * (1.0 + 1e-6)
             travel += np.abs(other - one)
-        assert way.travel == pytest.approx(travel.max())
         assert way.evaluations >= len(way.path) - 1
         # Each row is where the robot comes to by the way, and not another shape.
         config = way.path[0]
@@ -136,7 +154,7 @@ def test_way_begins_where_the_robot_is_and_is_nothing_where_it_is_there():
         again = approach(way.path[-1], way.closing)
         assert again.unmet is None
         assert again.path == (way.path[-1],)
-        assert (again.evaluations, again.travel) == (0, 0.0)
+        assert again.evaluations == 0
     for config, _, ways in map(reached, SEEDS):
         assert all(way.path[0] is config for way in ways)
 
@@ -328,9 +346,9 @@ def approach_places(places, closing, monkeypatch):
     """Return an approach whose steps lead from place to place, and the shares of its steps."""
     left, shares = list(places), []
 
-    def step(state, turned, targets, share):
+    def step(state, turned, targets, share, tally):
         shares.append(share)
-        return SimpleNamespace(state=left.pop(0), evaluations=1, share=0.5, blocked=None)
+        return SimpleNamespace(state=left.pop(0), share=0.5, blocked=None)
 
     monkeypatch.setattr(approaching, 'evaluate_state', lambda *_: left.pop(0))
     monkeypatch.setattr(approaching, 'missing_turn', lambda state, _: state.wide)

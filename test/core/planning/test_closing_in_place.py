@@ -10,6 +10,7 @@
 """Closing in place: on the elastic plant the planned path leaves a free object where it lies."""
 
 import dataclasses
+from dataclasses import replace
 import functools
 import itertools
 import math
@@ -30,7 +31,10 @@ from isotruss_ros.core.holding.hold_status import HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.planning import closing_in_place
 from isotruss_ros.core.planning.approach import approach
-from isotruss_ros.core.planning.closing_in_place import ClosingInPlace
+from isotruss_ros.core.planning.closing_in_place import close_in_place
+from isotruss_ros.core.planning.closing_step import press
+from isotruss_ros.core.planning.grasp_candidate import close_grip
+from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.planning.seeds import find_seeds
 from nightly import some_now
 import numpy as np
@@ -50,16 +54,16 @@ def planned(**values):
 
 @functools.lru_cache(maxsize=2)
 def opened():
-    """Return an open grip."""
+    """Return an open grip, and what closes."""
     seed = find_seeds(HOME, BODY, GraspRequirements(module=MODULE), 0, 0)[0]
-    reached = approach(HOME, seed)
-    assert reached.unmet is None
-    return reached
+    return approach(HOME, seed, SearchTally()).path[-1], seed
 
 
-def closing(**values):
-    """Return what closes an open grip."""
-    return ClosingInPlace(opened().path[-1], opened().closing, GraspRequirements(**values))
+def close(**values):
+    """Close an open grip; return the path, the grip, None without one, and the violation."""
+    tally = SearchTally()
+    found = close_grip(*opened(), GraspRequirements(**values), tally)
+    return (*(found or (None, None)), tally)
 
 
 def drive(path, parts=40, **plant):
@@ -115,13 +119,15 @@ def test_the_slip_margin_is_that_of_the_settled_grasp():
 
 
 def test_the_squeeze_rises_from_waypoint_to_waypoint_in_place():
-    search = closing(squeeze=16.0)
-    touch = search._press(search._open, np.zeros(2))
+    config, seed = opened()
+    seed = replace(seed, facing=None)
+    touch = press(config, seed, np.zeros(2), SearchTally())
     forces = []
-    for grasp in search._rise(touch):
-        assert grasp.required_friction < FRICTION
-        assert moved(grasp.pose) < 2e-5
-        forces.append(grasp.squeeze)
+    needs = GraspRequirements(squeeze=16.0)
+    for grip in close_in_place(touch, seed, needs, SearchTally()):
+        assert grip.body is BODY
+        assert settle_grasp(grip.config, BODY, FRICTION).required_friction < FRICTION
+        forces.append(grip.squeeze)
     assert forces == sorted(forces)
     assert forces[-1] == pytest.approx(16.0, rel=2e-3)
     assert len(forces) > 3
@@ -129,15 +135,14 @@ def test_the_squeeze_rises_from_waypoint_to_waypoint_in_place():
 
 @pytest.mark.parametrize('share', [0.5, 0.9])
 def test_members_press_only_where_friction_holds_the_wedge(share):
-    search = closing(friction=0.1 + 0.2 * share)
-    found = search.close()
+    _, found, tally = close(friction=0.1 + 0.2 * share)
     # This wedge opens by more than such friction holds: seeds for it are narrower.
     assert found is None
-    assert search.closest_violation.requirement == 'force_closure'
-    assert search.closest_violation.bound == pytest.approx(0.1 + 0.2 * share)
-    needed, friction = search.closest_violation.value, search.closest_violation.bound
+    assert tally.closest.requirement == 'force_closure'
+    needed, friction = tally.closest.value, tally.closest.bound
+    assert friction == pytest.approx(0.1 + 0.2 * share)
     assert needed > friction
-    assert search.closest_violation.distance == pytest.approx(1.0 - friction / needed)
+    assert tally.closest.distance == pytest.approx(1.0 - friction / needed)
 
 
 @pytest.mark.parametrize(
@@ -156,9 +161,9 @@ def test_members_press_only_where_friction_holds_the_wedge(share):
     ],
 )
 def test_what_cannot_be_reached_says_what_is_violated(values, name):
-    search = closing(**values)
-    assert search.close() is None
-    violation = search.closest_violation
+    _, found, tally = close(**values)
+    assert found is None
+    violation = tally.closest
     assert violation.distance > 0.0
     if name is not None:
         assert violation.requirement == name
@@ -182,9 +187,9 @@ def test_margins_that_are_too_small_are_compared_by_their_shares(
         return dataclasses.replace(analyze_grasp(*arguments), closure_margin=margin)
 
     monkeypatch.setattr(closing_in_place, 'analyze_grasp', held)
-    search = closing(squeeze=8.0, min_margin=least)
-    assert search.close() is None
-    violation = search.closest_violation
+    _, found, tally = close(squeeze=8.0, min_margin=least)
+    assert found is None
+    violation = tally.closest
     assert (violation.requirement, violation.value, violation.bound) == (
         'min_margin',
         margin,
@@ -202,9 +207,9 @@ def test_margins_that_are_too_small_are_compared_by_their_shares(
 )
 def test_what_has_no_equilibrium_or_an_unstable_one_is_not_held(place, name, found, monkeypatch):
     monkeypatch.setattr(place, name, lambda *_: found)
-    search = closing()
-    assert search.close() is None
-    violation = search.closest_violation
+    _, closed, tally = close()
+    assert closed is None
+    violation = tally.closest
     assert (violation.requirement, violation.value, violation.bound) == ('held', 0.0, 1.0)
 
 
@@ -215,26 +220,26 @@ def test_work_is_counted(monkeypatch):
         counted.append(positions)
         return move(config, positions)
 
-    search = closing(squeeze=8.0)
+    opened()
     monkeypatch.setattr(Configuration, 'moved_to', moved_to)
-    grip = search.close()
-    assert search.evaluations == len(counted) > 10
-    assert 1 <= search.analyses < len(grip.path)
+    path, _, tally = close(squeeze=8.0)
+    assert tally.evaluations == len(counted) > 5
+    assert 1 <= tally.analyses < len(path)
 
 
 def test_the_shortest_path_is_the_best_where_the_travel_counts():
-    near, firm = (closing(measure=measure).close() for measure in ('travel', 'slip_margin'))
-    assert len(near.path) < len(firm.path)
-    assert near.squeeze < 0.7 * firm.squeeze
+    near, firm = (close(measure=measure) for measure in ('travel', 'slip_margin'))
+    assert len(near[0]) < len(firm[0])
+    assert near[1].squeeze < 0.7 * firm[1].squeeze
 
 
 def test_an_object_that_stays_in_place_is_the_one_that_lay_there():
-    assert closing(squeeze=8.0).close().body is opened().closing.body
+    assert close(squeeze=8.0)[1].body is BODY
 
 
 def test_a_load_is_held_and_costs_margin():
     margins = [
-        closing(squeeze=15.0, external_wrench=(0.0, load, 0.0)).close().slip_margin
+        close(squeeze=15.0, external_wrench=(0.0, load, 0.0))[1].slip_margin
         for load in (0.0, -1.0, -2.0)
     ]
     assert margins == sorted(margins, reverse=True)

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, tangent_center
 from isotruss_ros.core.planning.closing import Closing
-from isotruss_ros.core.planning.force_balance import find_imbalance
+from isotruss_ros.core.planning.closing_on_ground import find_imbalance
 import numpy as np
 import pytest
 import robots

@@ -16,125 +16,94 @@ import closings
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.planning import grasp_candidate as candidates
-from isotruss_ros.core.planning.approach import approach
-from isotruss_ros.core.planning.closing_in_place import ClosingInPlace
-from isotruss_ros.core.planning.grasp_candidate import make_grasp_candidate, squeeze_candidate
-from isotruss_ros.core.planning.grasp_plan import Violation
+from isotruss_ros.core.planning.grasp_candidate import judge_candidate, make_grasp_candidate
 from isotruss_ros.core.planning.requirements import Measure, rate_grasp
 from isotruss_ros.core.planning.seeds import find_seeds
-from isotruss_ros.core.planning.squeeze import Squeeze
 import numpy as np
 import pytest
 
+HOME = load_robot('triangle').home
 BODY = ConvexObject.disc((0.716, 0.5), 0.4)
 DIRECTION = (1.0, 2.0, 0.5)
+SEED = find_seeds(HOME, BODY, GraspRequirements(module='main/T'), 0, 0)[0]
 
 
-@functools.lru_cache(maxsize=2)
-def opened():
-    """Return an open grip that can be squeezed."""
-    home = load_robot('triangle').home
-    needs = GraspRequirements(module='main/T')
-    reached = approach(home, find_seeds(home, BODY, needs, 0, 0)[0])
-    assert reached.unmet is None
-    return reached
-
-
-def sent(needs):
+def sent(**values):
     """Return a candidate that came from another process, as far as it can tell."""
-    return pickle.loads(pickle.dumps(make_grasp_candidate(opened(), needs)))
+    needs = GraspRequirements(**values)
+    return pickle.loads(pickle.dumps(make_grasp_candidate(HOME, SEED, needs)))
 
 
 @functools.lru_cache(maxsize=2)
-def squeezed():
-    """Return what became of a candidate that was sent, and sent back."""
-    return pickle.loads(pickle.dumps(squeeze_candidate(sent(GraspRequirements()))))
+def judged():
+    """Return the grasp of a candidate that was sent, and sent back."""
+    return pickle.loads(pickle.dumps(judge_candidate(sent())))
 
 
-def test_what_was_sent_is_squeezed_as_here():
-    needs, there, start = GraspRequirements(), squeezed(), opened().path[-1]
-    search = ClosingInPlace(start, opened().closing, needs)
-    closed = search.close()
-    assert there.violation is None
-    assert (there.grip.path == closed.path).all()
-    assert (there.grip.points == closed.points).all()
-    assert (there.grip.body, there.grip.squeeze) == (closed.body, closed.squeeze)
-    assert there.grip.slip_margin == closed.slip_margin > 0.0
-    assert (there.evaluations, there.analyses) == (search.evaluations, search.analyses)
-    assert (there.grip.analysis.normal_forces == closed.analysis.normal_forces).all()
+def test_what_was_sent_is_judged_as_here():
+    there = judged()
+    here = judge_candidate(make_grasp_candidate(HOME, SEED, GraspRequirements()))
+    assert (there.grasp.path == here.grasp.path).all()
+    assert (there.grasp.config.points == here.grasp.config.points).all()
+    assert there.grasp.slip_margin == here.grasp.slip_margin > 0.0
+    assert (there.tally.evaluations, there.tally.analyses) == (
+        here.tally.evaluations,
+        here.tally.analyses,
+    )
 
 
 def test_rows_go_from_the_touch_to_the_grasp_and_rigidity_is_the_least_of_them():
-    there, robot = squeezed().grip, load_robot('triangle')
-    configs = [opened().path[-1].moved_to(row) for row in there.path]
-    sides = list(opened().closing.members)
+    grasp = judged().grasp
+    configs = [HOME.moved_to(row) for row in grasp.path]
+    sides = list(SEED.members)
     gaps = np.array([closings.gaps(config, BODY)[0][sides] for config in configs])
-    assert gaps[0] == pytest.approx(0.0, abs=1e-5)
-    assert (np.diff(gaps.mean(axis=1)) < 0.0).all()
-    assert configs[-1].points == pytest.approx(there.points)
+    assert gaps[grasp.touch] == pytest.approx(0.0, abs=1e-5)
+    assert (np.diff(gaps[grasp.touch :].mean(axis=1)) < 0.0).all()
+    assert configs[-1].points == pytest.approx(grasp.config.points)
     rigidities = [closings.rigidity(config) for config in configs]
-    assert there.rigidity == pytest.approx(min(rigidities), rel=1e-3)
+    assert grasp.rigidity == pytest.approx(min(rigidities), rel=1e-3)
     assert np.ptp(rigidities) > 2e-3 * max(rigidities)
-    assert len(there.points) == len(robot.node_names)
 
 
 def test_what_is_no_grasp_says_what_it_misses_and_what_it_took():
-    needs = GraspRequirements(max_total_force=1e-3)
-    there = squeeze_candidate(sent(needs))
-    search = ClosingInPlace(opened().path[-1], opened().closing, needs)
-    assert search.close() is None
-    assert there.grip is None
-    assert (there.violation.requirement, there.violation.bound) == ('max_total_force', 1e-3)
-    assert there.violation.value == search.closest_violation.value
-    assert (there.evaluations, there.analyses) == (search.evaluations, search.analyses)
+    there = judge_candidate(sent(max_total_force=1e-3))
+    assert there.grasp is None
+    violation = there.tally.closest
+    assert (violation.requirement, violation.bound) == ('max_total_force', 1e-3)
+    assert violation.value > 1e-3
+    assert there.tally.evaluations > 0
 
 
-@pytest.mark.parametrize('known', [None, Violation('min_margin', 0.1, 0.2, 0.5)])
-def test_what_cannot_be_computed_is_no_grasp_and_ends_nothing(known, monkeypatch):
-    def close(self):
-        self._motion.closest_violation, self.analyses = known, 3
+def test_what_cannot_be_computed_is_no_grasp_and_ends_nothing(monkeypatch):
+    def close(opened, closing, needs, tally):
+        tally.analyses = 3
         raise SolverError('no solver found anything')
 
-    monkeypatch.setattr(ClosingInPlace, 'close', close)
-    there = squeeze_candidate(sent(GraspRequirements()))
-    assert there.grip is None
-    assert there.analyses == 3
-    # What was found out before is still the nearest.
-    expected = known or Violation('no solver found anything', 0.0, 0.0, 0.0)
-    for name in ('requirement', 'value', 'bound'):
-        assert getattr(there.violation, name) == getattr(expected, name)
-
-
-def test_a_grasp_without_a_path_is_none(monkeypatch):
-    monkeypatch.setattr(ClosingInPlace, 'close', lambda self: None)
-    there = squeeze_candidate(sent(GraspRequirements()))
-    assert there.grip is None
-    violation = there.violation
-    assert (violation.requirement, violation.value, violation.bound) == ('path', 0.0, 1.0)
+    monkeypatch.setattr(candidates, 'close_grip', close)
+    there = judge_candidate(sent())
+    assert there.grasp is None
+    assert there.tally.analyses == 3
+    assert there.tally.closest.requirement == 'no solver found anything'
 
 
 def test_an_object_that_the_ground_holds_is_pressed_on_as_it_lies():
-    needs = GraspRequirements(min_margin=0.0)
-    assert not needs.object_is_free
-    there = squeeze_candidate(sent(needs)).grip
-    closed = Squeeze(opened().path[-1], opened().closing, needs).close()
-    assert (there.path == closed.path).all()
+    there = judge_candidate(sent(min_margin=0.0)).grasp
     assert there.squeeze == pytest.approx(there.analysis.normal_forces.sum() / 2.0)
     assert there.analysis.force_closure
-    assert there.body == BODY
+    assert there.grip.body == BODY
 
 
 def test_other_errors_are_not_hidden(monkeypatch):
-    def close(self):
+    def close(*_arguments):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(ClosingInPlace, 'close', close)
+    monkeypatch.setattr(candidates, 'close_grip', close)
     with pytest.raises(ZeroDivisionError):
-        squeeze_candidate(sent(GraspRequirements()))
+        judge_candidate(sent())
 
 
 def test_scores_are_those_of_the_measure():
-    there = squeezed().grip
+    there = judged().grasp
     # Along the unit vector of the direction, by hand.
     x, y, turn = np.array(DIRECTION) / np.sqrt(1.0 + 4.0 + 0.25)
     k = there.analysis.stiffness
@@ -154,7 +123,7 @@ def test_scores_are_those_of_the_measure():
 
 
 def test_robots_are_made_once_in_a_process():
-    one, other = sent(GraspRequirements()), sent(GraspRequirements())
+    one, other = sent(), sent()
     assert candidates._robot(one.robot) is candidates._robot(other.robot)
-    assert candidates._robot(one.robot) is not opened().path[0].robot
-    assert candidates._robot(one.robot).description == opened().path[0].robot.description
+    assert candidates._robot(one.robot) is not HOME.robot
+    assert candidates._robot(one.robot).description == HOME.robot.description

@@ -7,12 +7,11 @@
 # WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific
 # language governing permissions and limitations under the License.
 
-"""What ends the motion of a held object in place, and what is said of it."""
+"""The squeeze of a held object changes in place, and what ends the motion is said."""
 
 from dataclasses import replace
 import functools
 import math
-from types import SimpleNamespace
 
 from isotruss_ros.core import (
     ConvexObject,
@@ -21,186 +20,152 @@ from isotruss_ros.core import (
     load_robot,
     plan_grasps,
     Polygon,
-    Status,
     tangent_center,
 )
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.grip import members_at
 from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
-from isotruss_ros.core.planning import motion_in_place, surrounding
+from isotruss_ros.core.planning import motion_in_place
 from isotruss_ros.core.planning.closing import Closing
-from isotruss_ros.core.planning.motion_in_place import MotionInPlace
+from isotruss_ros.core.planning.grasp_plan import SearchTally
+from isotruss_ros.core.planning.motion_in_place import rolling_rates, squeeze_in_place
 from isotruss_ros.core.planning.release import plan_release
 from isotruss_ros.core.planning.settings import DEFAULT
-from isotruss_ros.core.planning.surrounding import squeeze_around
 import numpy as np
 import pytest
 
 HOME = load_robot('nine_member').home
 MODULE = 'north/Z'
 BODY = ConvexObject.disc(tangent_center(HOME, MODULE, 0.3, 0.01), 0.3)
-SLOW = RollerSpeedLimit(1e-6)
+SLOW, FAST = RollerSpeedLimit(1e-6), RollerSpeedLimit(1.0)
 BOX = ((-0.12, -0.09), (0.12, -0.09), (0.12, 0.09), (-0.12, 0.09))
 
 
 def pair(**fields):
-    """Return a motion of a disc between two members, and how these hold it."""
+    """Return what closes on a disc between two members, and how these hold it."""
     number = HOME.robot.module_names.index(MODULE)
     members = (number, int(HOME.robot.topology.previous[number]))
-    closing = replace(Closing(BODY, members, (), 0.15), **fields)
-    grasp = attach_grip(HOME, BODY, np.array(members))
-    return MotionInPlace(replace(closing, body=grasp.body)), grasp
+    closing = replace(Closing(BODY, members, (FAST,), 0.15), **fields)
+    grasp = roll_grip(attach_grip(HOME, BODY, np.array(members)), HOME)
+    return replace(closing, body=grasp.body), grasp
 
 
 @functools.cache
-def planned():
-    """Plan a grip of a disc by three members of different tubes."""
-    body = ConvexObject(Disc(0.6), (0.716, -0.4134, 0.2))
-    needs = GraspRequirements(count=1, squeeze=12.0)
-    few = replace(DEFAULT, max_grips=1, max_rounds=1)
-    return plan_grasps(HOME, body, needs, settings=few)[0]
+def planned(shape, pose, **values):
+    """Plan a grip."""
+    needs = GraspRequirements(count=1, **values)
+    body = ConvexObject(shape, pose)
+    return plan_grasps(HOME, body, needs, settings=replace(DEFAULT, max_rounds=1))[0]
 
 
 def three(**fields):
-    """Return a motion of a disc between three members, and how these hold it."""
-    names, body = planned().grip.members, planned().grip.body
-    members = tuple(HOME.robot.member_names.index(name) for name in names)
-    closing = replace(Closing(body, members, (), 0.15), **fields)
-    grasp = attach_grip(planned().config, body, np.array(members))
-    return MotionInPlace(replace(closing, body=grasp.body)), grasp
+    """Return what closes on a disc between three members, and how these hold it."""
+    grasp = planned(Disc(0.6), (0.716, -0.4134, 0.2), squeeze=12.0)
+    return held_by(grasp, **fields)
 
 
-def said(motion):
+def held_by(grasp, **fields):
+    """Return what closes in a planned grasp, and how its members hold the object."""
+    members = tuple(HOME.robot.member_names.index(name) for name in grasp.grip.members)
+    held = attach_grip(grasp.config, grasp.grip.body, np.array(members))
+    held = roll_grip(held, grasp.config)
+    return replace(Closing(held.body, members, (FAST,), 0.15), **fields), held
+
+
+def said(tally):
     """Return requirement, value and bound of what ended a motion."""
-    violation = motion.closest_violation
-    return violation.requirement, violation.value, violation.bound
+    return tally.closest.requirement, tally.closest.value, tally.closest.bound
 
 
-def squeeze_pair(motion, grasp, force):
-    """Change the squeeze of two members."""
-    return motion.squeeze(grasp, force)
-
-
-BOTH = pytest.mark.parametrize(
-    ('held', 'squeeze'), [(pair, squeeze_pair), (three, squeeze_around)]
-)
+BOTH = pytest.mark.parametrize('held', [pair, three])
 
 
 @BOTH
-def test_the_squeeze_becomes_what_is_wanted_in_place(held, squeeze):
-    motion, grasp = held()
+def test_the_squeeze_becomes_what_is_wanted_in_place(held):
+    (closing, grasp), tally = held(), SearchTally()
     force = 1.1 * grasp.squeeze
-    found = squeeze(motion, grasp, force)
+    found = squeeze_in_place(grasp, force, closing, tally)
     assert found.squeeze == pytest.approx(force, rel=1e-3)
     assert math.dist(found.pose[:2], grasp.pose[:2]) < 2e-5
-    assert motion.evaluations > 0
-    assert motion.closest_violation is None
+    assert 0 < tally.evaluations <= 4
+    assert tally.closest is None
+
+
+def box():
+    """Return how two members hold a box, a face of which lies on one of them."""
+    pose = (0.6, 0.3, 0.3)
+    return held_by(planned(Polygon(BOX, 0.02), pose, module=MODULE, squeeze=10.0))
+
+
+@pytest.mark.parametrize('held', [pair, three, box])
+def test_rates_are_those_of_rolling_contacts(held):
+    _, grasp = held()
+    pose, forces = rolling_rates(grasp)
+    here, step = grasp.config.roller_positions, 1e-6
+    for roller, way in enumerate(step * np.eye(len(here))):
+        one, other = (roll_grip(grasp, grasp.config.moved_to(here + s * way)) for s in (-1, 1))
+        moved = np.subtract(other.pose, one.pose) / (2.0 * step)
+        assert pose[:, roller] == pytest.approx(moved, rel=1e-4, abs=1e-3)
+        pressed = (other.normal_forces - one.normal_forces) / (2.0 * step)
+        assert forces[:, roller] == pytest.approx(pressed, rel=1e-4, abs=0.1)
 
 
 @BOTH
-def test_a_squeeze_that_is_right_to_a_thousandth_is_left(held, squeeze):
-    motion, grasp = held()
-    assert squeeze(motion, grasp, 1.0008 * grasp.squeeze) is grasp
-    assert squeeze(motion, grasp, 1.0012 * grasp.squeeze) is not grasp
+def test_a_squeeze_that_is_right_to_a_thousandth_is_left(held):
+    closing, grasp = held()
+    near, far = 1.0008 * grasp.squeeze, 1.0012 * grasp.squeeze
+    assert squeeze_in_place(grasp, near, closing, SearchTally()).squeeze == grasp.squeeze
+    assert squeeze_in_place(grasp, far, closing, SearchTally()).squeeze != grasp.squeeze
 
 
-@pytest.mark.parametrize(
-    ('away', 'turned'), [(5e-4, False), (0.02, True), (2.0 * math.pi, False), (6.3, True)]
-)
-def test_what_has_been_turned_comes_back(away, turned):
-    body = ConvexObject(Polygon(BOX, 0.02), (0.6, 0.3, 0.3))
-    needs = GraspRequirements(module=MODULE, squeeze=10.0, count=1)
-    found = plan_grasps(HOME, body, needs, settings=replace(DEFAULT, max_rounds=1))[0]
-    members = tuple(HOME.robot.member_names.index(name) for name in found.grip.members)
-    closing = Closing(found.grip.body, members, (), 0.15)
-    grasp = attach_grip(found.config, found.grip.body, np.array(members))
+@pytest.mark.parametrize('away', [5e-5, 0.02, 2.0 * math.pi, 6.3])
+def test_what_has_been_turned_comes_back(away):
+    closing, grasp = box()
     x, y, angle = grasp.pose
-    motion = MotionInPlace(replace(closing, body=body.moved_to((x, y, angle + away))))
-    placed = motion.squeeze(grasp, grasp.squeeze)
-    assert (placed is not grasp) == turned
+    turned = replace(closing, body=grasp.body.moved_to((x, y, angle + away)))
+    placed = squeeze_in_place(grasp, grasp.squeeze, turned, SearchTally())
     assert math.remainder(placed.pose.angle - angle - away, 2.0 * math.pi) == pytest.approx(
         0.0, abs=1e-3
     )
 
 
-def test_a_command_that_limits_scale_down_is_not_followed(monkeypatch):
-    motion, grasp = pair()
-    still = np.zeros(len(HOME.roller_positions))
-    for scale, followed in ((0.9995, True), (0.95, False)):
-        command = SimpleNamespace(status=Status.OK, scale=scale, roller_velocities=still)
-        monkeypatch.setattr(MotionInPlace, '_command', lambda *_, own=command: own)
-        assert (motion.open_grip(grasp, 1e-3) is not None) == followed
-
-
-def test_where_the_object_cannot_be_turned_its_place_is_kept(monkeypatch):
-    motion, grasp = pair()
-    asked = []
-
-    def solve(config, held, twist, **options):
-        asked.append(np.array(twist))
-        status = Status.UNREACHABLE if twist[2] else Status.OK
-        return SimpleNamespace(status=status)
-
-    monkeypatch.setattr(motion_in_place, 'solve_twist', solve)
-    assert motion._command(grasp, np.array([1.0, 2.0, 3.0]), 0.1).status is Status.OK
-    assert [twist.tolist() for twist in asked] == [[1.0, 2.0, 3.0], [1.0, 2.0, 0.0]]
-
-
 @BOTH
-def test_limits_end_the_squeeze(held, squeeze):
-    motion, grasp = held(limits=(SLOW,))
+def test_limits_end_the_squeeze(held):
+    (closing, grasp), tally = held(), SearchTally()
     force = 1.1 * grasp.squeeze
-    assert squeeze(motion, grasp, force) is None
-    assert said(motion) == ('squeeze', pytest.approx(grasp.squeeze), force)
-    assert motion.evaluations == 0
+    closing = replace(closing, limits=(SLOW,))
+    assert squeeze_in_place(grasp, force, closing, tally) is None
+    assert said(tally) == ('squeeze', pytest.approx(grasp.squeeze), force)
+    assert tally.evaluations == 0
 
 
 @BOTH
-def test_a_squeeze_that_is_not_reached_is_told(held, squeeze, monkeypatch):
-    motion, grasp = held()
-    for module in (motion_in_place, surrounding):
-        monkeypatch.setattr(module, 'MAX_CORRECTIONS', 1)
+def test_a_squeeze_that_is_not_reached_is_told(held, monkeypatch):
+    (closing, grasp), tally = held(), SearchTally()
+    monkeypatch.setattr(motion_in_place, 'MAX_CORRECTIONS', 1)
     force = 0.7 * grasp.squeeze
-    assert squeeze(motion, grasp, force) is None
-    name, value, bound = said(motion)
+    assert squeeze_in_place(grasp, force, closing, tally) is None
+    name, value, bound = said(tally)
     assert (name, bound) == ('squeeze', force)
     assert value < grasp.squeeze
-    assert abs(value - force) > 1e-3 * force
-
-
-def test_a_place_that_is_not_reached_is_told(monkeypatch):
-    motion, grasp = pair()
-    monkeypatch.setattr(motion_in_place, 'MAX_CORRECTIONS', 0)
-    x, y, angle = grasp.pose
-    for away, found in ((1e-3, None), (1e-5, grasp)):
-        motion.closing = replace(motion.closing, body=grasp.body.moved_to((x + away, y, angle)))
-        assert motion.squeeze(grasp, grasp.squeeze) is found
-        assert said(motion) == ('in_place', pytest.approx(1e-3), 2e-5)
 
 
 @pytest.mark.parametrize('share', [0.2, 0.3])
-def test_a_grip_of_few_rollers_takes_the_object_along_a_little(share, monkeypatch):
-    motion, grasp = pair()
-    still = np.zeros(len(HOME.roller_positions))
-    unreachable = SimpleNamespace(status=Status.UNREACHABLE, scale=1.0, roller_velocities=still)
-    monkeypatch.setattr(MotionInPlace, '_command', lambda *_: unreachable)
+def test_what_rollers_cannot_bring_back_goes_along_a_little(share, monkeypatch):
+    (closing, grasp), tally = pair(), SearchTally()
+    monkeypatch.setattr(motion_in_place, 'SLOW', -1.0)  # as if all ways were long
     x, y, angle = grasp.pose
     tube = HOME.robot.description.tube_diameter
-    motion.closing = replace(
-        motion.closing, body=grasp.body.moved_to((x + share * tube, y, angle))
-    )
-    found = motion.squeeze(grasp, grasp.squeeze)
+    closing = replace(closing, body=grasp.body.moved_to((x + share * tube, y, angle)))
+    found = squeeze_in_place(grasp, grasp.squeeze, closing, tally)
     if share < 0.25:
-        assert found.pose == pytest.approx(grasp.pose)
+        assert found is grasp
     else:
         assert found is None
-        assert said(motion) == (
-            'in_place',
-            pytest.approx(share * tube),
-            pytest.approx(0.25 * tube),
-        )
+        bound = pytest.approx(0.25 * tube)
+        assert said(tally) == ('in_place', pytest.approx(share * tube), bound)
 
 
 def fail(*arguments):
@@ -209,40 +174,23 @@ def fail(*arguments):
 
 
 def test_what_is_beyond_a_bound_ends_the_motion(monkeypatch):
-    motion, grasp = pair()
-    still = np.zeros(len(HOME.roller_positions))
-    assert motion.move(grasp, still).squeeze == pytest.approx(grasp.squeeze)
-    assert motion.open_grip(grasp, 1e-3) is not None
-    assert motion.evaluations == 2
-    slow, _ = pair(limits=(SLOW,))
-    assert slow.open_grip(grasp, 0.1) is None
-    assert said(slow) == ('squeeze', grasp.squeeze, 0.0)
-    assert slow.evaluations == 1
-    stiff, _ = pair(min_rigidity=100.0)
-    assert stiff.move(grasp, still) is None
-    assert said(stiff) == ('rigidity', pytest.approx(1.0), 100.0)
+    (closing, grasp), tally = pair(min_rigidity=100.0), SearchTally()
+    assert squeeze_in_place(grasp, 1.1 * grasp.squeeze, closing, tally) is None
+    assert said(tally) == ('rigidity', pytest.approx(1.0, abs=0.05), 100.0)
+    closing, grasp = pair()
     with monkeypatch.context() as patched:
         patched.setattr(motion_in_place, 'roll_grip', lambda *_: None)
-        motion, _ = pair()
-        assert motion.move(grasp, still) is None
-        assert said(motion) == ('held', 0.0, 1.0)
+        tally = SearchTally()
+        assert squeeze_in_place(grasp, 1.1 * grasp.squeeze, closing, tally) is None
+        assert said(tally) == ('held', 0.0, 1.0)
     monkeypatch.setattr(Configuration, 'moved_to', fail)
-    for act in (lambda one: one.move(grasp, still), lambda one: one.open_grip(grasp, 1e-3)):
-        motion, _ = pair()
-        assert act(motion) is None
-        assert said(motion) == ('rigidity', 0.0, 0.15)
-
-
-@pytest.mark.parametrize('name', ['squeeze', 'open_grip'])
-def test_a_release_that_cannot_be_moved_says_so(name, monkeypatch):
-    monkeypatch.setattr(MotionInPlace, name, lambda *_: None)
-    found = plan_release(HOME, BODY, members_at(HOME.robot, MODULE), 0.05)
-    violation = found.violation
-    assert (violation.requirement, violation.value, violation.bound) == ('held', 0.0, 1.0)
-    assert found.path.shape == (0, len(HOME.roller_positions))
+    tally = SearchTally()
+    assert squeeze_in_place(grasp, 1.1 * grasp.squeeze, closing, tally) is None
+    assert said(tally) == ('rigidity', 0.0, 0.15)
 
 
 def test_what_is_not_held_cannot_be_let_go():
     aside = plan_release(HOME, BODY, ('south/P-Q', 'south/Q-X'), 0.05)
     assert aside.violation.requirement == 'held'
     assert (aside.violation.value, aside.violation.bound) == (0.0, 1.0)
+    assert aside.path.shape == (0, len(HOME.roller_positions))

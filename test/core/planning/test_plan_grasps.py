@@ -28,7 +28,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.core.errors import GraspError, SolverError
-from isotruss_ros.core.planning import grasp_search
+from isotruss_ros.core.planning import grasp_candidate, grasp_search
 from isotruss_ros.core.planning import plan_grasps as search
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.plan_words import plan_in_words, violation_in_words
@@ -296,24 +296,9 @@ def test_a_search_that_is_not_thorough_ends_with_the_first_grasp():
     assert judged[0] == 1 < judged[1]
 
 
-def fresh_search(body=OBJECTS['north'], needs=NEEDS):
-    """Return a search that has not begun."""
-    return grasp_search.GraspSearch(
-        ROBOT.home, body, needs, lambda _: None, lambda: False, DEFAULT
-    )
-
-
-def test_an_object_that_is_near_is_free():
-    near = ConvexObject.disc((0.716, 0.5), 0.4)
-    assert 0.0 < distances(ROBOT.home, near).min() < 0.08
-    begun = fresh_search(near)
-    assert begun.is_free()
-    assert begun.plan().closest_violation is None
-    assert begun.progress().share == 0.0
-
-
 def test_grasps_of_the_same_members_nearby_are_one():
-    begun, length = fresh_search(needs=replace(NEEDS, count=9)), ROBOT.home.member_lengths.mean()
+    needs, length = replace(NEEDS, count=9), ROBOT.home.member_lengths.mean()
+    begun = grasp_search.GraspSearch(ROBOT.home, needs, lambda _: None, lambda: False, DEFAULT)
     one, other = ('a', 'b'), ('a', 'c')
     for score, members, place in (
         (4.0, one, 0.3),
@@ -328,15 +313,15 @@ def test_grasps_of_the_same_members_nearby_are_one():
 
 @pytest.mark.parametrize(('number', 'found'), [(1, 0), (2, 1)])
 def test_a_seed_that_cannot_be_computed_is_skipped(number, found, monkeypatch):
-    seeds, approach = [], grasp_search.approach
+    seeds, approach = [], grasp_candidate.approach
 
-    def fail_last(config, closing, stop):
+    def fail_last(config, closing, *arguments):
         seeds.append(closing)
         if len(seeds) == number:
             raise SolverError('no solution')
-        return approach(config, closing, stop)
+        return approach(config, closing, *arguments)
 
-    monkeypatch.setattr(grasp_search, 'approach', fail_last)
+    monkeypatch.setattr(grasp_candidate, 'approach', fail_last)
     monkeypatch.setattr(search, 'find_seeds', lambda *given: find_seeds(*given) * number)
     settings = replace(DEFAULT, max_rounds=1)
     needs = GraspRequirements(module='north/Z', squeeze=10.0, count=1)
@@ -398,7 +383,7 @@ def test_time_left_is_that_of_the_candidates_so_far(monkeypatch):
         should_stop=lambda: len(told) >= 3,
     )
     assert plan.computing_time == len(told) + 1.0
-    # A tick with each report: first of open grips alone.
+    # A tick with each report: first of seeds alone.
     assert (told[0].share, told[0].time_left) == (0.0, None)
     assert told[2].share == 2.0 * told[1].share < 1.0
     for spent, one in enumerate(told[1:], 2):

@@ -40,7 +40,7 @@ HOME = ROBOT.home
 HOLE = (0.716, -0.4134)  # between the three tubes
 BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
 SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
-FEW = dataclasses.replace(DEFAULT, max_grips=1, max_rounds=1)
+FEW = dataclasses.replace(DEFAULT, max_rounds=1)
 
 
 @pytest.fixture(scope='module')

@@ -16,10 +16,9 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
 from isotruss_ros.core.errors import GraspError, SolverError, StructureError
-from isotruss_ros.core.planning import background_search
-from isotruss_ros.core.planning.background_search import BackgroundSearch, Stop
+from isotruss_ros.core.planning import searcher as searching
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
-from isotruss_ros.core.planning.searcher import Outcome, Searcher
+from isotruss_ros.core.planning.searcher import Outcome, Searcher, Stop
 import pytest
 
 #: What is searched for; no search of these tests computes anything.
@@ -46,7 +45,7 @@ def test_every_end_of_a_search_is_an_answer(ended_by, outcome, words, monkeypatc
     def plan(*_arguments):
         raise ended_by
 
-    monkeypatch.setattr(background_search, 'plan_grasps', plan)
+    monkeypatch.setattr(searching, 'plan_grasps', plan)
     searcher = Searcher(1)
     assert searcher.answer() is None
     searcher.begin(*SEARCH, 0.0)
@@ -69,7 +68,7 @@ class Clock:
 
     def __init__(self, monkeypatch):
         self.now = 100.0
-        monkeypatch.setattr(background_search, 'time', SimpleNamespace(monotonic=lambda: self.now))
+        monkeypatch.setattr(searching, 'time', SimpleNamespace(monotonic=lambda: self.now))
 
 
 def test_stops_when_asked_or_when_the_time_is_up(monkeypatch):
@@ -100,11 +99,14 @@ def test_the_time_left_passes_and_ends_at_the_limit(told, limit, passed, left, m
     def plan(config, body, needs, seed, executor, on_progress, stop):
         on_progress(Progress(5, 1, 2.0, 0.5, told))
 
-    monkeypatch.setattr(background_search, 'plan_grasps', plan)
-    search = BackgroundSearch(*SEARCH, None, limit) if limit else BackgroundSearch(*SEARCH, None)
-    search.wait()
+    monkeypatch.setattr(searching, 'plan_grasps', plan)
+    searcher = Searcher(1)
+    searcher.begin(*SEARCH, limit)
+    while searcher.progress().evaluations == 0:
+        pass
     clock.now += passed
-    found = search.progress()
+    found = searcher.progress()
+    searcher.close()
     assert (found.evaluations, found.found, found.best, found.share) == (5, 1, 2.0, 0.5)
     assert found.time_left == (left if left is None else pytest.approx(left))
 
@@ -119,7 +121,7 @@ def test_the_time_left_passes_and_ends_at_the_limit(told, limit, passed, left, m
 )
 def test_a_plan_without_grasps_says_why(complete, requested, outcome, monkeypatch):
     plan = GraspPlan((), complete, None, 7, 2, 0.1)
-    monkeypatch.setattr(background_search, 'plan_grasps', lambda *_: plan)
+    monkeypatch.setattr(searching, 'plan_grasps', lambda *_: plan)
     searcher = Searcher(1)
     searcher.begin(*SEARCH, 0.0)
     assert searcher.progress() == Progress(0, 0, None, 0.0, None)

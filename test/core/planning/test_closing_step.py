@@ -16,16 +16,15 @@ import closings
 from isotruss_ros.core import ConvexObject, load_robot
 from isotruss_ros.core.errors import ConfigurationError, SolverError
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
-from isotruss_ros.core.planning import closing_motion
-from isotruss_ros.core.planning import closing_qp as closing_program
+from isotruss_ros.core.planning import closing_step
 from isotruss_ros.core.planning.closing import (
     Closing,
     evaluate_state,
     mean_member_length,
     outward_normals,
 )
-from isotruss_ros.core.planning.closing_motion import press, take_closing_step
-from isotruss_ros.core.planning.closing_qp import solve_step
+from isotruss_ros.core.planning.closing_step import press, solve_step, take_closing_step
+from isotruss_ros.core.planning.grasp_plan import SearchTally
 from isotruss_ros.core.safety.distances import collision_model
 import numpy as np
 import pytest
@@ -184,7 +183,7 @@ def test_a_step_without_a_solution_is_an_error(monkeypatch):
         evaluate_state(config, closing.body),
         np.full(len(closing.members), STANDOFF),
     )
-    monkeypatch.setattr(closing_program, 'solve_qp', lambda problem: None)
+    monkeypatch.setattr(closing_step, 'solve_qp', lambda problem: None)
     with pytest.raises(SolverError, match='no step of the rollers keeps the bounds'):
         solve_step(place, closing, targets, 1.0)
 
@@ -241,7 +240,7 @@ def test_steps_lead_where_they_may_and_are_no_longer_than_they_may(seed):
         targets = np.full(len(closing.members), STANDOFF) - rng.uniform(0.0, 0.04)
         tubes, share = closings.tube_lengths(config), 1.0
         for _ in range(12):
-            made = take_closing_step(place, closing, targets, share)
+            made = take_closing_step(place, closing, targets, share, SearchTally())
             if made.blocked:
                 assert made.state is place
                 break
@@ -278,7 +277,7 @@ def test_sides_come_to_their_targets_where_nothing_else_is_near(preset, module):
     targets = np.array([0.007, 0.016])
     place, share = evaluate_state(config, body), 1.0
     for _ in range(20):
-        made = take_closing_step(place, closing, targets, share)
+        made = take_closing_step(place, closing, targets, share, SearchTally())
         place, share = made.state, made.share
     reached = closings.gaps(place.config, body)[0][list(sides)]
     assert reached == pytest.approx(targets, abs=1e-5)
@@ -314,8 +313,9 @@ def test_a_step_is_halved_until_it_leads_where_it_may(seed, monkeypatch):
             * mean_member_length(config)
             * rng.uniform(-1.0, 1.0, len(config.roller_positions))
         )
-        monkeypatch.setattr(closing_motion, 'solve_step', lambda *_, move=move: move)
-        made = take_closing_step(place, closing, targets, 0.3)
+        monkeypatch.setattr(closing_step, 'solve_step', lambda *_, move=move: move)
+        tally = SearchTally()
+        made = take_closing_step(place, closing, targets, 0.3, tally)
         for halving in range(5):
             goal = config.roller_positions + move / 2**halving
             try:
@@ -329,11 +329,11 @@ def test_a_step_is_halved_until_it_leads_where_it_may(seed, monkeypatch):
         if expected is None:
             assert made.blocked is None
             assert (made.state.config.roller_positions == goal).all()
-            assert made.evaluations == halving + 1
+            assert tally.evaluations == halving + 1
             assert made.share == (0.6 if halving == 0 else pytest.approx(0.3 * 0.5**halving))
         else:
             assert made.state is place
-            assert (made.evaluations, made.share) == (5, 0.3)
+            assert (tally.evaluations, made.share) == (5, 0.3)
             assert made.blocked[0] == expected[0]
             assert made.blocked[1] == pytest.approx(expected[1], abs=1e-3)
 
@@ -345,8 +345,10 @@ def test_where_there_is_no_shape_there_is_no_rigidity(monkeypatch):
         np.full(len(config.roller_positions), 1e3),
     )
     far[::2] *= -1.0
-    monkeypatch.setattr(closing_motion, 'solve_step', lambda *_: far)
-    made = take_closing_step(place, closing, np.full(len(closing.members), STANDOFF), 1.0)
+    monkeypatch.setattr(closing_step, 'solve_step', lambda *_: far)
+    made = take_closing_step(
+        place, closing, np.full(len(closing.members), STANDOFF), 1.0, SearchTally()
+    )
     assert made.blocked == ('rigidity', 0.0)
     assert made.state is place
 
@@ -358,9 +360,10 @@ def test_the_longest_step_is_not_made_longer(monkeypatch):
         np.full(len(closing.members), STANDOFF),
     )
     still = np.zeros(len(config.roller_positions))
-    monkeypatch.setattr(closing_motion, 'solve_step', lambda *_: still)
+    monkeypatch.setattr(closing_step, 'solve_step', lambda *_: still)
     shares = [
-        take_closing_step(place, closing, targets, share).share for share in (0.2, 0.5, 0.8, 1.0)
+        take_closing_step(place, closing, targets, share, SearchTally()).share
+        for share in (0.2, 0.5, 0.8, 1.0)
     ]
     assert shares == [0.4, 1.0, 1.0, 1.0]
 
@@ -369,9 +372,9 @@ def test_the_longest_step_is_not_made_longer(monkeypatch):
 def test_who_stands_still_is_not_blocked_wherever_that_is(seed, monkeypatch):
     config, closing, _ = crowded(seed)
     still = np.zeros(len(config.roller_positions))
-    monkeypatch.setattr(closing_motion, 'solve_step', lambda *_: still)
+    monkeypatch.setattr(closing_step, 'solve_step', lambda *_: still)
     place, targets = evaluate_state(config, closing.body), np.full(len(closing.members), STANDOFF)
-    assert take_closing_step(place, closing, targets, 1.0).blocked is None
+    assert take_closing_step(place, closing, targets, 1.0, SearchTally()).blocked is None
 
 
 @pytest.mark.parametrize('seed', SEEDS)
@@ -381,7 +384,9 @@ def test_who_is_beyond_a_bound_goes_no_further(seed):
     place, share = evaluate_state(config, closing.body), 1.0
     way = [closings.rigidity(config)]
     for _ in range(6):
-        made = take_closing_step(place, closing, np.full(len(closing.members), STANDOFF), share)
+        made = take_closing_step(
+            place, closing, np.full(len(closing.members), STANDOFF), share, SearchTally()
+        )
         if made.blocked:
             break
         place, share = made.state, made.share
@@ -393,10 +398,11 @@ def test_members_that_do_not_reach_say_how_far_they_are():
     config, (closing, _), _ = tasks(0)
     few = replace(closing, settings=replace(closing.settings, max_press_steps=1))
     gaps = closings.gaps(config, closing.body)[0][list(closing.members)]
-    found = [
-        press(config, few, np.full(len(closing.members), depth)).violation
-        for depth in (0.0, 0.01, 0.02)
-    ]
+    found = []
+    for depth in (0.0, 0.01, 0.02):
+        tally = SearchTally()
+        assert press(config, few, np.full(len(closing.members), depth), tally) is None
+        found.append(tally.closest)
     for violation, depth in zip(found, (0.0, 0.01, 0.02), strict=True):
         assert (violation.requirement, violation.bound) == ('reach', 0.0)
         assert violation.value == pytest.approx(np.abs(gaps + depth).max())
@@ -406,13 +412,13 @@ def test_members_that_do_not_reach_say_how_far_they_are():
 
 def test_members_press_by_the_longest_steps_at_first(monkeypatch):
     config, (closing, _), _ = tasks(0)
-    take, shares = closing_motion.take_closing_step, []
+    take, shares = closing_step.take_closing_step, []
 
-    def record(state, closing, targets, share):
+    def record(state, closing, targets, share, tally):
         shares.append(share)
-        return replace(take(state, closing, targets, share), share=0.5)
+        return replace(take(state, closing, targets, share, tally), share=0.5)
 
-    monkeypatch.setattr(closing_motion, 'take_closing_step', record)
-    press(config, closing, np.full(len(closing.members), 0.01))
+    monkeypatch.setattr(closing_step, 'take_closing_step', record)
+    press(config, closing, np.full(len(closing.members), 0.01), SearchTally())
     assert shares[0] == 1.0
     assert set(shares[1:]) == {0.5}
