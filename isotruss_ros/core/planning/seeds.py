@@ -83,8 +83,9 @@ def explain_no_seeds(
     config: Configuration, body: ConvexObject, requirements: GraspRequirements
 ) -> tuple[str, float, float, float]:
     """
-    Return the violation where there is not even a seed: no members go around the object, or not
-    those required, as `SearchTally.record` takes it.
+    Return why there is not even a seed, as `SearchTally.record` takes it.
+
+    No members go around the object, or not those required.
 
     :param config: configuration of the robot.
     :param body: the object.

@@ -58,7 +58,8 @@ def test_rows_go_from_the_touch_to_the_grasp_and_rigidity_is_the_least_of_them()
     sides = list(SEED.members)
     gaps = np.array([closings.gaps(config, BODY)[0][sides] for config in configs])
     assert gaps[grasp.touch] == pytest.approx(0.0, abs=1e-5)
-    assert (np.diff(gaps[grasp.touch :].mean(axis=1)) < 0.0).all()
+    touch = grasp.touch
+    assert (np.diff(gaps[touch:].mean(axis=1)) < 0.0).all()
     assert configs[-1].points == pytest.approx(grasp.config.points)
     rigidities = [closings.rigidity(config) for config in configs]
     assert grasp.rigidity == pytest.approx(min(rigidities), rel=1e-3)
