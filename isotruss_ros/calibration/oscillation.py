@@ -79,10 +79,12 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
     decay, damped = found.x
     frequency = float(np.hypot(decay, damped))
     rest = 2.0 * found.cost
-    if rest > LARGEST_REST or not 0.0 <= decay < LARGEST_DAMPING * frequency:
+    periods = abs(damped) * at[-1] / (2.0 * np.pi)
+    if rest > LARGEST_REST or periods < 1.0 or not 0.0 <= decay < LARGEST_DAMPING * frequency:
         raise MeasurementError(
             'the poses are not one damped oscillation: what is left of them is '
-            f'{rest:.0%}, the damping ratio {decay / frequency:.2g}'
+            f'{rest:.0%}, the damping ratio {decay / frequency:.2g}, and {periods:.2g} periods '
+            'were measured'
         )
     amplitude = float(np.hypot.reduce(split(found.x)[0], axis=1).max())
     return Oscillation(frequency, decay / frequency, amplitude)

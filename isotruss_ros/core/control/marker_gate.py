@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
-from scipy.special import chdtri
+import scipy
 
 #: Markers that are farther off than one in so many is do not fit.
 RARE = 1e-4
@@ -42,7 +42,7 @@ def fits(innovation: Array, covariance: Array) -> bool:
     :param innovation: (m,) measured minus expected.
     :param covariance: (m, m) of that.
     """
-    return _size(innovation, covariance) <= chdtri(len(innovation), RARE)
+    return _size(innovation, covariance) <= scipy.special.chdtri(len(innovation), RARE)
 
 
 def judge_markers(
@@ -94,7 +94,7 @@ def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -
     slipped = np.clip((weighted.T @ off) / np.maximum(size, 1e-12), -reach, reach)
     left = [_size(off - by_rollers[:, i] * each, covariance) for i, each in enumerate(slipped)]
     best = int(np.argmin(left))
-    if left[best] > chdtri(len(off), RARE):
+    if left[best] > scipy.special.chdtri(len(off), RARE):
         return None
     return Verdict(np.ones(len(off) // 2, dtype=bool), best, float(slipped[best]))
 

@@ -102,7 +102,7 @@ def members_at(robot: Robot, module: str) -> tuple[str, str]:
     """
     if module not in robot.module_names:
         raise GraspError(
-            f'module {quote(module)}: robot {robot.name} has no such module; '
+            f'module {quote(str(module))}: robot {robot.name} has no such module; '
             f'its modules are {", ".join(robot.module_names)}'
         )
     number, names = robot.module_names.index(module), robot.member_names

@@ -16,7 +16,7 @@ import math
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 #: A change of the friction by this share of its limit is none.
 NEGLIGIBLE = 1e-7
@@ -89,5 +89,5 @@ def limit_wrench(wanted: Array, compliance: Array, limit: float) -> Array:
 
     # It slides by `slid` times the friction; no further than where it is as soft as anywhere.
     most = values[-1] * (size / limit - 1.0)
-    slid = brentq(lambda slid: np.linalg.norm(left(slid)) - limit, 0.0, most)
+    slid = scipy.optimize.brentq(lambda slid: np.linalg.norm(left(slid)) - limit, 0.0, most)
     return axes @ left(slid)
