@@ -34,6 +34,8 @@ Check = Callable[[], None]
 PLANNING_DEADLINE = 120.0
 #: The rollers have arrived when all are this near to the end of the path [m].
 ARRIVED = 1e-4
+#: The same of travel that is estimated, which moves with each marker [m].
+NEARLY_ARRIVED = 2e-3
 
 
 def slow_down(grasp: PlannedGrasp, factor: float) -> None:
@@ -63,10 +65,11 @@ class Gripping:
             JointTrajectory, 'joint_trajectory_controller/joint_trajectory', RELIABLE
         )
 
-    def wait_until_ready(self) -> PhaseRecord:
+    def wait_until_ready(self, estimated: bool = False) -> PhaseRecord:
         """
         Wait until all nodes publish and nothing moves.
 
+        :param estimated: a node estimates the state.
         :raises DemoError: not in time.
         """
         client = self._client
@@ -77,6 +80,7 @@ class Gripping:
                 and bool(record.snapshots)
                 and client.measured is not None
                 and client.last_grasp() is not None
+                and (bool(record.estimates) or not estimated)
                 and self._planner.server_is_ready()
                 and self._trajectories.get_subscription_count() > 0
             ),
@@ -138,7 +142,7 @@ class Gripping:
         def arrived() -> bool:
             left = float(np.abs(end - client.rollers).max())
             progress(1.0 - min(1.0, left / travel))
-            return left <= ARRIVED and client.at_rest()
+            return left <= (NEARLY_ARRIVED if record.estimates else ARRIVED) and client.at_rest()
 
         deadline = 3.0 * read_duration(grasp.path.points[-1].time_from_start) + DEADLINE
         client.wait(arrived, self._check, 'arrival at the grasp', deadline)

@@ -27,14 +27,7 @@ from isotruss_ros.demo.gripping import Gripping, slow_down
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.demo.record import PhaseRecord
-from isotruss_ros.demo.sensors import (
-    ESTIMATOR,
-    HAS_ESTIMATOR,
-    PERFECT,
-    REAL,
-    sensor_faults,
-    truth_table,
-)
+from isotruss_ros.demo.sensors import PERFECT, REAL, sensor_faults, truth_table
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
 from isotruss_ros.mujoco_plant.options import ROUND
 from isotruss_ros.mujoco_plant.rendering import require_egl
@@ -169,8 +162,9 @@ def _play(
         ('grasp_analysis', shared | {'flattening': not simulated}),
         ('grasp_planner', common),
     ]
-    if real and HAS_ESTIMATOR:
-        started.append((ESTIMATOR, gripping))
+    if real:
+        held = {'object_diameter': OBJECT_DIAMETER, 'grip_module': GRIP_MODULE}
+        started.append(('state_estimator', common | held))
     names = ', '.join(name for name, _ in started)
     console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
     # Python's own: those of rclpy would close the context before the nodes are stopped.
@@ -186,7 +180,7 @@ def _play(
                 client.require_alone()
 
             gripper = Gripping(client, check)
-            records = [gripper.wait_until_ready()]
+            records = [gripper.wait_until_ready(real)]
             columns = (TextColumn('{task.description:18}'), BarColumn(), TimeElapsedColumn())
             with Progress(*columns, console=console) as progress:
 
