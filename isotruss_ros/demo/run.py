@@ -228,9 +228,19 @@ def _verdict_of_truth(records: Sequence[PhaseRecord], console: Console) -> int:
             faults.append(f'{record.name}: the object was not held')
         if record.position_error > MAX_REAL_ERROR + record.delay:
             faults.append(f'{record.name}: the error is larger than 1 cm')
+        _tell_refused(record, MAX_REAL_ERROR, console)
     for fault in faults:
         console.print(fault, style='red')
     return 1 if faults else 0
+
+
+def _tell_refused(record: PhaseRecord, limit: float, console: Console) -> None:
+    """Say how much of the commanded way was left out, where it is more than a limit [m]."""
+    if record.refused > limit + record.delay:
+        console.print(
+            f'{record.name}: limits left out {1e3 * record.refused:.1f} mm of what was commanded',
+            style='yellow',
+        )
 
 
 def _verdict(records: Sequence[PhaseRecord], console: Console) -> int:
@@ -248,12 +258,7 @@ def _verdict(records: Sequence[PhaseRecord], console: Console) -> int:
                 f'{1e3 * record.max_shift:.1f} mm, and it came back to '
                 f'{1e3 * record.position_error:.2f} mm'
             )
-        if record.refused > MAX_POSITION_ERROR + record.delay:
-            console.print(
-                f'{record.name}: limits left out {1e3 * record.refused:.1f} mm of what was '
-                'commanded',
-                style='yellow',
-            )
+        _tell_refused(record, MAX_POSITION_ERROR, console)
         faults = []
         if record.held < 1.0:
             faults.append(f'held in {100.0 * record.held:.1f} % of the analyses only')

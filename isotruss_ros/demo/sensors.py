@@ -59,8 +59,9 @@ def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) ->
     """
     table = Table(
         title=(
-            'True squeeze against its target; estimated squeeze and joints against the true\n'
-            'ones; joints that follow from the encoders alone; true object against the twists'
+            'True squeeze against its target; against the truth:\n'
+            'estimated squeeze, estimated joints and joints by encoders alone;\n'
+            'true object against the twists'
         ),
         box=None,
         pad_edge=False,

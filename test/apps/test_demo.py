@@ -35,7 +35,7 @@ from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSet
 from isotruss_ros.demo import processes
 from isotruss_ros.demo import run as demo
 from isotruss_ros.demo.figures import animate, draw_panels
-from isotruss_ros.demo.gripping import slow_down
+from isotruss_ros.demo.gripping import is_sure, slow_down, SURE
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.demo.run import (
@@ -294,6 +294,13 @@ def test_the_faults_of_real_sensors_are_parameters_of_the_simulator():
     assert sensor_faults('perfect') == {}
     assert sensor_faults('real')
     assert set(sensor_faults('real')) <= names
+
+
+@pytest.mark.parametrize(('share', 'sure'), [(0.9, True), (1.1, False)])
+def test_zeros_are_known_when_the_least_sure_of_them_is(share, sure):
+    covariance = np.diag([0.0, (share * SURE) ** 2]).ravel().tolist()
+    assert is_sure([StateEstimate(offsets=[0.0, 0.0], offset_covariance=covariance)]) == sure
+    assert not is_sure([])
 
 
 def test_the_table_of_the_truth_has_the_errors_of_squeeze_joints_and_pose():
