@@ -18,7 +18,7 @@ import os
 import time
 
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
-from isotruss_msgs.msg import GraspState, ManipulationStatus
+from isotruss_msgs.msg import GraspState, ManipulationStatus, StateEstimate
 from isotruss_ros.core import IsotrussError, Pose, Status
 from isotruss_ros.demo.path import Phase, Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
@@ -71,7 +71,8 @@ class DemoClient(Node):
     :ivar measured: last measured pose of the object.
     :param roller_names: the robot's rollers in its order.
     :param sim_time: go by `/clock`, as with a plant that has masses.
-    :param truth: record what is true of robot and object in place of what is measured.
+    :param truth: record what is true of robot and object in place of what is measured, and what is
+        estimated.
     """
 
     def __init__(
@@ -93,6 +94,7 @@ class DemoClient(Node):
         self._stamp = self._moved = self._ended = -math.inf
         self._rest: np.ndarray | None = None
         self._rollers: np.ndarray | None = None
+        self._offsets = np.zeros(len(roller_names))
         self._last_status: ManipulationStatus | None = None
         self._status_times: list[float] = []
         self._record = PhaseRecord('start')
@@ -104,6 +106,7 @@ class DemoClient(Node):
             for kind, topic, take in (
                 (JointState, 'truth/contact_forces', self._take_forces),
                 (MultiDOFJointState, 'truth/joint_markers', self._take_places),
+                (StateEstimate, 'state_estimate', self._take_estimate),
             ):
                 self.create_subscription(kind, topic, take, every)
         self.create_subscription(JointState, 'joint_states', self._take_joints, every)
@@ -121,7 +124,7 @@ class DemoClient(Node):
 
     @property
     def rollers(self) -> np.ndarray:
-        """Return the last measured roller positions (r,) [m]."""
+        """Return the last roller positions (r,) [m], corrected where they are estimated."""
         return self._rollers
 
     def _take_measured(self, message: PoseStamped) -> None:
@@ -135,6 +138,10 @@ class DemoClient(Node):
         places = [(each.translation.x, each.translation.y) for each in message.transforms]
         self._record.joints.append(np.array(places))
 
+    def _take_estimate(self, message: StateEstimate) -> None:
+        self._record.estimates.append(message)
+        self._offsets = np.array(message.offsets)
+
     def _take_pose(self, message: PoseStamped) -> None:
         before, self._pose = self._pose, read_pose('object pose', message.pose)
         if before is not None:
@@ -147,7 +154,7 @@ class DemoClient(Node):
                 self._rest, self._moved = here, self._stamp
 
     def _take_joints(self, message: JointState) -> None:
-        self._rollers = self._roller_states.read(message).positions
+        self._rollers = self._roller_states.read(message).positions + self._offsets
         speed = max(map(abs, message.velocity), default=0.0)
         self._record.max_roller_speed = max(self._record.max_roller_speed, speed)
 

@@ -11,13 +11,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import time
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import PlanGrasp
-from isotruss_msgs.msg import GraspState, PlannedGrasp
+from isotruss_msgs.msg import GraspState, PlannedGrasp, StateEstimate
+from isotruss_ros.core.control.roller_trajectory import DEFAULT
 from isotruss_ros.demo.client import DEADLINE, DemoClient, DemoError
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.nodes.conversions.messages import to_pose_message
@@ -34,6 +35,10 @@ Check = Callable[[], None]
 PLANNING_DEADLINE = 120.0
 #: The rollers have arrived when all are this near to the end of the path [m].
 ARRIVED = 1e-4
+#: The same of travel that is estimated, which moves with each marker [m].
+NEARLY_ARRIVED = 2e-3
+#: Largest standard deviation of the zeros of rollers with which a grasp is planned [m].
+SURE = 1e-3
 
 
 def slow_down(grasp: PlannedGrasp, factor: float) -> None:
@@ -46,6 +51,18 @@ def slow_down(grasp: PlannedGrasp, factor: float) -> None:
     for point in grasp.path.points:
         point.time_from_start = to_duration(factor * read_duration(point.time_from_start))
     grasp.touch = to_duration(factor * read_duration(grasp.touch))
+
+
+def is_sure(estimates: Sequence[StateEstimate]) -> bool:
+    """
+    Return whether the zeros of the rollers are known.
+
+    :param estimates: of the state, in time order.
+    """
+    if not estimates:
+        return False
+    covariance = np.reshape(estimates[-1].offset_covariance, 2 * [len(estimates[-1].offsets)])
+    return bool(np.diag(covariance).max() < SURE**2)
 
 
 class Gripping:
@@ -63,10 +80,11 @@ class Gripping:
             JointTrajectory, 'joint_trajectory_controller/joint_trajectory', RELIABLE
         )
 
-    def wait_until_ready(self) -> PhaseRecord:
+    def wait_until_ready(self, estimated: bool = False) -> PhaseRecord:
         """
         Wait until all nodes publish and nothing moves.
 
+        :param estimated: a node estimates the state.
         :raises DemoError: not in time.
         """
         client = self._client
@@ -77,6 +95,7 @@ class Gripping:
                 and bool(record.snapshots)
                 and client.measured is not None
                 and client.last_grasp() is not None
+                and (not estimated or is_sure(record.estimates))
                 and self._planner.server_is_ready()
                 and self._trajectories.get_subscription_count() > 0
             ),
@@ -101,12 +120,20 @@ class Gripping:
         goal.object_pose.header.frame_id = self._client.frame_id
         result = self._search(goal, progress)
         end = time.monotonic() + DEADLINE
-        while result.code == PlanGrasp.Result.NO_JOINT_STATES and time.monotonic() < end:
-            result = self._search(goal, progress)  # the planner has not discovered them yet
+        # The planner has not discovered the joint states yet, or what estimates their zeros.
+        while self._planned_blindly(result) and time.monotonic() < end:
+            result = self._search(goal, progress)
         if result.code != PlanGrasp.Result.FOUND:
             raise DemoError(f'no grasp was found: {result.message}')
         progress(1.0)
         return result.grasps[0], result
+
+    def _planned_blindly(self, result: PlanGrasp.Result) -> bool:
+        """Return whether a path does not begin where the rollers are, or nobody knows where."""
+        if result.code != PlanGrasp.Result.FOUND:
+            return result.code == PlanGrasp.Result.NO_JOINT_STATES
+        begin = np.array(result.grasps[0].path.points[0].positions)
+        return bool(np.abs(begin - self._client.rollers).max() > DEFAULT.start_tolerance)
 
     def _search(self, goal: PlanGrasp.Goal, progress: Callable[[float], None]) -> PlanGrasp.Result:
         """Send a goal to the planner and return its result."""
@@ -138,7 +165,7 @@ class Gripping:
         def arrived() -> bool:
             left = float(np.abs(end - client.rollers).max())
             progress(1.0 - min(1.0, left / travel))
-            return left <= ARRIVED and client.at_rest()
+            return left <= (NEARLY_ARRIVED if record.estimates else ARRIVED) and client.at_rest()
 
         deadline = 3.0 * read_duration(grasp.path.points[-1].time_from_start) + DEADLINE
         client.wait(arrived, self._check, 'arrival at the grasp', deadline)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import math
 from typing import NamedTuple
 
-from isotruss_msgs.msg import GraspState
+from isotruss_msgs.msg import GraspState, StateEstimate
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import read_stamp
 import numpy as np
@@ -52,6 +52,7 @@ class PhaseRecord:
     :ivar grasps: all results of the grasp analysis, in time order.
     :ivar squeezes: true mean normal forces of the members, in time order [N]; where that is heard.
     :ivar joints: true places (j, 2) of the joints, in time order [m]; where that is heard.
+    :ivar estimates: of the state, in time order; where the truth is heard.
     """
 
     name: str
@@ -70,6 +71,7 @@ class PhaseRecord:
     grasps: list[GraspState] = field(default_factory=list)
     squeezes: list[float] = field(default_factory=list)
     joints: list[np.ndarray] = field(default_factory=list)
+    estimates: list[StateEstimate] = field(default_factory=list)
 
     @property
     def position_error(self) -> float:
@@ -126,4 +128,5 @@ class PhaseRecord:
         for grasp in self.grasps:
             (before if read_stamp(grasp.header) <= time else after).grasps.append(grasp)
         after.squeezes, after.joints = self.squeezes, self.joints
+        after.estimates = self.estimates
         return before, after

@@ -27,14 +27,7 @@ from isotruss_ros.demo.gripping import Gripping, slow_down
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.demo.record import PhaseRecord
-from isotruss_ros.demo.sensors import (
-    ESTIMATOR,
-    HAS_ESTIMATOR,
-    PERFECT,
-    REAL,
-    sensor_faults,
-    truth_table,
-)
+from isotruss_ros.demo.sensors import PERFECT, REAL, sensor_faults, truth_table
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
 from isotruss_ros.mujoco_plant.options import ROUND
 from isotruss_ros.mujoco_plant.rendering import require_egl
@@ -169,8 +162,9 @@ def _play(
         ('grasp_analysis', shared | {'flattening': not simulated}),
         ('grasp_planner', common),
     ]
-    if real and HAS_ESTIMATOR:
-        started.append((ESTIMATOR, gripping))
+    if real:
+        held = {'object_diameter': OBJECT_DIAMETER, 'grip_module': GRIP_MODULE}
+        started.append(('state_estimator', common | held))
     names = ', '.join(name for name, _ in started)
     console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
     # Python's own: those of rclpy would close the context before the nodes are stopped.
@@ -186,7 +180,7 @@ def _play(
                 client.require_alone()
 
             gripper = Gripping(client, check)
-            records = [gripper.wait_until_ready()]
+            records = [gripper.wait_until_ready(real)]
             columns = (TextColumn('{task.description:18}'), BarColumn(), TimeElapsedColumn())
             with Progress(*columns, console=console) as progress:
 
@@ -234,9 +228,19 @@ def _verdict_of_truth(records: Sequence[PhaseRecord], console: Console) -> int:
             faults.append(f'{record.name}: the object was not held')
         if record.position_error > MAX_REAL_ERROR + record.delay:
             faults.append(f'{record.name}: the error is larger than 1 cm')
+        _tell_refused(record, MAX_REAL_ERROR, console)
     for fault in faults:
         console.print(fault, style='red')
     return 1 if faults else 0
+
+
+def _tell_refused(record: PhaseRecord, limit: float, console: Console) -> None:
+    """Say how much of the commanded way was left out, where it is more than a limit [m]."""
+    if record.refused > limit + record.delay:
+        console.print(
+            f'{record.name}: limits left out {1e3 * record.refused:.1f} mm of what was commanded',
+            style='yellow',
+        )
 
 
 def _verdict(records: Sequence[PhaseRecord], console: Console) -> int:
@@ -254,12 +258,7 @@ def _verdict(records: Sequence[PhaseRecord], console: Console) -> int:
                 f'{1e3 * record.max_shift:.1f} mm, and it came back to '
                 f'{1e3 * record.position_error:.2f} mm'
             )
-        if record.refused > MAX_POSITION_ERROR + record.delay:
-            console.print(
-                f'{record.name}: limits left out {1e3 * record.refused:.1f} mm of what was '
-                'commanded',
-                style='yellow',
-            )
+        _tell_refused(record, MAX_POSITION_ERROR, console)
         faults = []
         if record.held < 1.0:
             faults.append(f'held in {100.0 * record.held:.1f} % of the analyses only')

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 
 from isotruss_ros.core import Robot
 from isotruss_ros.demo.record import PhaseRecord
-from isotruss_ros.executables import NODES
 import numpy as np
 from rich.table import Table
 
@@ -33,24 +32,21 @@ REAL_SENSORS = {
     'marker_delay': 0.03,
     'marker_dropouts': 0.3,
     'marker_noise': 1e-3,
-    'marker_joints': ['P', 'R', 'Z'],
+    # Three that tell all zeros.
+    'marker_joints': ['Q', 'R', 'Z'],
+    # What encoders cannot tell.
+    'roller_slip': 0.02,
+    'zero_deviation': 0.01,
 }
-#: What encoders cannot tell: a loop that goes by them alone does not squeeze as it should.
-UNSEEN = {'roller_slip': 0.02, 'zero_deviation': 0.01}
-#: The node that estimates it from the markers.
-ESTIMATOR = 'state_estimator'
-HAS_ESTIMATOR = ESTIMATOR in NODES
 
 
 def sensor_faults(kind: str) -> dict[str, object]:
     """
-    Return the faults of the sensors that the loop bears, as parameters of `simulator`.
+    Return the faults of the sensors, as parameters of `simulator`.
 
     :param kind: of `PERFECT` and `REAL`.
     """
-    if kind == PERFECT:
-        return {}
-    return REAL_SENSORS | (UNSEEN if HAS_ESTIMATOR else {})
+    return REAL_SENSORS if kind == REAL else {}
 
 
 def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) -> Table:
@@ -63,8 +59,9 @@ def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) ->
     """
     table = Table(
         title=(
-            'True squeeze against its target; true joints, which tubes bend, against those\n'
-            'that follow from the encoders; true object against the twists'
+            'True squeeze against its target; against the truth:\n'
+            'estimated squeeze, estimated joints and joints by encoders alone;\n'
+            'true object against the twists'
         ),
         box=None,
         pad_edge=False,
@@ -73,21 +70,28 @@ def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) ->
     table.add_column('phase', no_wrap=True)
     for heading in (
         'squeeze, end\n%',
-        'squeeze, worst\n%',
+        'worst\n%',
+        'estimated\n%',
         'joints\nmm',
+        'by encoders\nmm',
         'pose\nmm',
         'pose\ndeg',
     ):
         table.add_column(heading, justify='right', no_wrap=True)
     for record in records:
         off = 100.0 * (np.array(record.squeezes) / squeeze - 1.0)
-        joints = record.joints[-1]
-        known = robot.configuration(record.snapshots[-1].rollers).nodes[: len(joints)]
+        joints, estimate = record.joints[-1], record.estimates[-1]
+        found = np.array([(place.x, place.y) for place in estimate.joints])
+        encoders = np.array(estimate.travel) - estimate.offsets
+        read = robot.configuration(encoders).nodes[: len(joints)]
+        missed = 100.0 * (estimate.squeeze - record.squeezes[-1]) / squeeze
         table.add_row(
             record.name,
             f'{off[-1]:+.0f}',
             f'{off[np.abs(off).argmax()]:+.0f}',
-            f'{1e3 * np.hypot(*(joints - known).T).max():.1f}',
+            f'{missed:+.0f}' if estimate.held else 'none',
+            f'{1e3 * np.hypot(*(joints - found).T).max():.1f}',
+            f'{1e3 * np.hypot(*(joints - read).T).max():.1f}',
             f'{1e3 * record.position_error:.1f}',
             f'{np.rad2deg(record.angle_error):.2f}',
         )

@@ -24,6 +24,7 @@ from isotruss_ros.core.control.state_estimator import StateEstimator
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.nodes.components import common_parameters as common
+from isotruss_ros.nodes.components.robot_frame import RobotFrame
 from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
 from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
@@ -115,6 +116,7 @@ class StateEstimatorNode(ManagedNode):
         self._robot = load_robot(self.values[common.ROBOT])
         self.values.on_change(self._apply, partial(common.check_grip, self._robot))
         self._reader = RollerStateReader(self._robot.roller_names)
+        self._frame = RobotFrame.heard_by(self, self._robot.frame)
         self._begin()
         self._estimates = self.create_lifecycle_publisher(
             StateEstimateMessage, 'state_estimate', RELIABLE
@@ -194,12 +196,14 @@ class StateEstimatorNode(ManagedNode):
         self._estimator.take_encoders(read_stamp(message.header), state.positions)
 
     def _take_pose(self, message: PoseStamped) -> None:
-        pose, values = read_object_pose(message, self._robot.frame), self.values
+        expressed, values = self._frame.express_pose(message), self.values
+        pose = read_object_pose(expressed, self._robot.frame)
         deviations = values[POSE_DEVIATION], values[POSE_DEVIATION], values[ANGLE_DEVIATION]
         self._estimator.take_pose(read_stamp(message.header), pose, deviations)
 
     def _take_markers(self, message: MultiDOFJointState) -> None:
-        joints, deviation = read_joint_markers(message, self._robot), self.values[MARKER_DEVIATION]
+        joints = read_joint_markers(self._frame.express_markers(message), self._robot)
+        deviation = self.values[MARKER_DEVIATION]
         self._estimator.take_markers(read_stamp(message.header), joints, deviation)
 
     def _step(self, now: Time) -> None:

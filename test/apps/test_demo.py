@@ -12,7 +12,8 @@
 import math
 import signal
 
-from isotruss_msgs.msg import PlannedGrasp
+from geometry_msgs.msg import Point
+from isotruss_msgs.msg import PlannedGrasp, StateEstimate
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
@@ -34,7 +35,7 @@ from isotruss_ros.core.control.squeeze_control import SqueezeControl, SqueezeSet
 from isotruss_ros.demo import processes
 from isotruss_ros.demo import run as demo
 from isotruss_ros.demo.figures import animate, draw_panels
-from isotruss_ros.demo.gripping import slow_down
+from isotruss_ros.demo.gripping import is_sure, slow_down, SURE
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.demo.run import (
@@ -47,7 +48,7 @@ from isotruss_ros.demo.run import (
     PULL,
     SQUEEZE,
 )
-from isotruss_ros.demo.sensors import sensor_faults, truth_table, UNSEEN
+from isotruss_ros.demo.sensors import sensor_faults, truth_table
 from isotruss_ros.nodes import simulator
 from isotruss_ros.nodes.conversions.trajectory_messages import (
     read_duration,
@@ -291,14 +292,23 @@ def test_a_signal_while_nodes_are_started_leaves_none_behind(monkeypatch, tmp_pa
 def test_the_faults_of_real_sensors_are_parameters_of_the_simulator():
     names = {spec.name for spec in simulator.SPECS}
     assert sensor_faults('perfect') == {}
+    assert sensor_faults('real')
     assert set(sensor_faults('real')) <= names
-    assert set(UNSEEN) <= names
+
+
+@pytest.mark.parametrize(('share', 'sure'), [(0.9, True), (1.1, False)])
+def test_zeros_are_known_when_the_least_sure_of_them_is(share, sure):
+    covariance = np.diag([0.0, (share * SURE) ** 2]).ravel().tolist()
+    assert is_sure([StateEstimate(offsets=[0.0, 0.0], offset_covariance=covariance)]) == sure
+    assert not is_sure([])
 
 
 def test_the_table_of_the_truth_has_the_errors_of_squeeze_joints_and_pose():
     rollers = np.full(len(ROBOT.roller_names), 0.01)
     joints = ROBOT.configuration(rollers).nodes[: len(ROBOT.topology.joint_names)].copy()
     joints[2] += (0.003, 0.004)
+    places = [Point(x=x, y=y) for x, y in joints.tolist()]
+    places[1].x += 0.001
     record = PhaseRecord(
         'up',
         accepted=np.array([0.1, 0.2, 0.3]),
@@ -306,7 +316,8 @@ def test_the_table_of_the_truth_has_the_errors_of_squeeze_joints_and_pose():
         snapshots=[Snapshot(1.0, rollers, None)],
         squeezes=[20.0, 14.0, 25.0, 22.0],
         joints=[joints],
+        estimates=[StateEstimate(joints=places, held=True, squeeze=21.0)],
     )
     table = truth_table([record], ROBOT, 20.0)
     cells = [next(iter(column.cells)) for column in table.columns]
-    assert cells == ['up', '+10', '-30', '5.0', '2.0', '1.50']
+    assert cells == ['up', '+10', '-30', '-5', '1.0', '5.0', '2.0', '1.50']

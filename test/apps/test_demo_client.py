@@ -10,12 +10,13 @@
 """The demonstration's node hears every topic, however many messages one of them has."""
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_msgs.msg import ManipulationStatus
+from isotruss_msgs.msg import ManipulationStatus, StateEstimate
 from isotruss_ros.core import load_robot
 from isotruss_ros.demo.client import DemoClient
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.framework.qos import RELIABLE
 from probe import begin_context
+import pytest
 import rclpy
 from sensor_msgs.msg import JointState
 
@@ -23,13 +24,16 @@ from sensor_msgs.msg import JointState
 def test_the_truth_is_recorded_beside_what_is_measured():
     begin_context()
     try:
-        client = DemoClient(load_robot('triangle').roller_names, truth=True)
+        names = load_robot('triangle').roller_names
+        client = DemoClient(names, truth=True)
         other = rclpy.create_node('other')
         topics = {
             'object_pose': PoseStamped(),
             'truth/object_pose': PoseStamped(),
             'truth/contact_forces': JointState(name=['a', 'b'], effort=[3.0, 5.0]),
             'truth/joint_markers': to_joint_markers({'A': (1.0, 2.0)}),
+            'state_estimate': StateEstimate(offsets=[0.1, 0.2]),
+            'joint_states': JointState(name=names, position=[1.0, 1.0]),
         }
         topics['object_pose'].pose.position.x = 1.0
         topics['truth/object_pose'].pose.position.x = 2.0
@@ -44,7 +48,14 @@ def test_the_truth_is_recorded_beside_what_is_measured():
                 made[topic].publish(message)
 
         client.wait(
-            lambda: client.pose and client.measured and record.squeezes and record.joints,
+            lambda: (
+                client.pose
+                and client.measured
+                and record.squeezes
+                and record.joints
+                and client.rollers is not None
+                and client.rollers[0] != 1.0
+            ),
             lambda: None,
             'all topics',
             meanwhile=publish,
@@ -52,6 +63,8 @@ def test_the_truth_is_recorded_beside_what_is_measured():
         assert (client.measured.x, client.pose.x) == (1.0, 2.0)
         assert record.squeezes[-1] == 4.0
         assert record.joints[-1].tolist() == [[1.0, 2.0]]
+        assert client.rollers == pytest.approx([1.1, 1.2])
+        assert record.estimates
         client.destroy_node()
         other.destroy_node()
     finally:

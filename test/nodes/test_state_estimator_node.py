@@ -9,7 +9,10 @@
 
 """The node `state_estimator`, and the nodes that use what it publishes."""
 
+from geometry_msgs.msg import PoseStamped, Transform, TransformStamped, Vector3
 from isotruss_msgs.msg import StateEstimate
+from isotruss_ros.core.control.state_estimator import StateEstimator
+from isotruss_ros.nodes.components import robot_frame
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import MessageError, stamp_header
@@ -105,6 +108,39 @@ def test_markers_that_are_not_usable_are_left(joints, frame):
 
         w.spin(0.5, feed)
         assert last_estimate(w).used_joints == []
+
+
+def test_markers_and_poses_are_taken_from_any_frame_that_is_connected(monkeypatch):
+    moved = Transform(translation=Vector3(x=0.1))
+
+    class Buffer:
+        """Transforms, as `tf2_ros.Buffer` has them; a fake, as tf2 has no wheels."""
+
+        def lookup_transform(self, _target, _source, _time):
+            return TransformStamped(transform=moved)
+
+    monkeypatch.setattr(robot_frame, 'Buffer', Buffer)
+    monkeypatch.setattr(robot_frame, 'TransformListener', lambda *made: made, raising=False)
+    places = dict(zip(NAMES, (ROBOT.home.nodes[: len(NAMES)] - (0.1, 0.0)).tolist(), strict=True))
+    taken = []
+    monkeypatch.setattr(StateEstimator, 'take_pose', lambda *given: taken.append(given[2]))
+    with world(estimator()) as w:
+        markers = listen(w)
+        poses = w.probe.create_publisher(PoseStamped, 'object_pose', 10)
+
+        def feed():
+            w.probe.send_joints()
+            send_markers(w, markers, places, 'camera')
+            placed = PoseStamped()
+            placed.pose.orientation.w = 1.0
+            stamp_header(placed.header, w.probe.past(0.0), 'camera')
+            poses.publish(placed)
+
+        w.spin(1.0, feed)
+        found = last_estimate(w)
+    assert found.used_joints == sorted(NAMES)
+    assert np.abs(found.offsets).max() < 2e-4
+    assert taken[-1] == pytest.approx((0.1, 0.0, 0.0))
 
 
 def test_without_encoders_nothing_is_published():

@@ -159,6 +159,7 @@ class RollerTrajectoryServo:
         self._trajectory: RollerTrajectory | None = None
         self._before = self._waited = 0.0
         self._near_since: float | None = None
+        self._offsets: Array | float = 0.0
 
     @property
     def busy(self) -> bool:
@@ -188,7 +189,7 @@ class RollerTrajectoryServo:
                 f'{self._robot.roller_names[worst]} is; must begin within '
                 f'{self.settings.start_tolerance} m'
             )
-        self._trajectory, self._before = trajectory, now
+        self._trajectory, self._before, self._offsets = trajectory, now, state.offsets
         self.time, self._waited, self._near_since = 0.0, 0.0, None
 
     def end(self) -> None:
@@ -213,7 +214,11 @@ class RollerTrajectoryServo:
         except IsotrussError as error:
             self._trajectory = None
             return RollerStep(still, True, str(error))
-        positions, ahead = measured.value.positions, min(self.time + elapsed, trajectory.duration)
+        state, ahead = measured.value, min(self.time + elapsed, trajectory.duration)
+        if self.time < trajectory.duration:
+            self._offsets = state.offsets
+        # Each marker moves an estimate by more than the tolerance: at the end the last one counts.
+        positions = state.positions - state.offsets + self._offsets
         wanted, behind = trajectory.at(ahead), trajectory.at(self.time).positions - positions
         error, speeds = wanted.positions - positions, wanted.speeds
         # Rollers at rest are behind, those under way are ahead by what they do in a cycle.

@@ -139,6 +139,24 @@ def test_arrives(faults, late):
         check_speeds(run.commands)
 
 
+def test_arrives_under_an_estimate_that_moves_by_more_than_the_tolerance():
+    run, rng = Run(), np.random.default_rng(0)
+    encoders = run.state
+    offset = 0.0
+
+    def estimated():
+        nonlocal offset
+        offset = 0.005 + rng.normal(scale=10.0 * TOLERANCE, size=N)
+        given = encoders()
+        state = RollerState(given.value.positions + offset, given.value.velocities, offset)
+        return StampedInput(state, given.time)
+
+    run.state = estimated
+    assert run.follow().failure == ''
+    end = PATH.at(PATH.duration).positions
+    assert run.robot.roller_positions + 0.005 == pytest.approx(end, abs=50.0 * TOLERANCE)
+
+
 def test_keeps_to_the_time_and_the_way():
     run = Run()
     run.follow()
