@@ -12,14 +12,19 @@
 from comparison.estimated_carries import carry, SIX, THREE
 from comparison.random_carries import BOX, DISC
 from mujoco_worlds import needs_mujoco
+from nightly import some_now
 import pytest
 
-pytestmark = [needs_mujoco, pytest.mark.nightly]
+pytestmark = needs_mujoco
+CASES = [
+    (kind, names, stiffness)
+    for stiffness in (1.0, 0.6, 1.5)
+    for names in (THREE, SIX)
+    for kind in (DISC, BOX)
+]
 
 
-@pytest.mark.parametrize('stiffness', [0.6, 1.0, 1.5])
-@pytest.mark.parametrize('kind', [DISC, BOX])
-@pytest.mark.parametrize('names', [THREE, SIX])
+@pytest.mark.parametrize(('kind', 'names', 'stiffness'), some_now(CASES, 1))
 def test_the_squeeze_is_what_it_should_be(kind, names, stiffness):
     found = carry(kind, 2, names, stiffness)
     assert abs(found.squeeze) < 0.1
@@ -29,5 +34,6 @@ def test_the_squeeze_is_what_it_should_be(kind, names, stiffness):
     assert found.encoders > 4.0 * found.joints
 
 
+@pytest.mark.nightly
 def test_by_the_encoders_alone_it_is_not():
     assert abs(carry(DISC, 2, (), fed=False).squeeze) > 0.1
