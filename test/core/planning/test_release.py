@@ -88,10 +88,10 @@ def test_the_object_stays_where_it_is_let_go(diameter, module, angle):
     shares = np.array(squeezes[1:10]) / squeezes[0]
     assert shares == pytest.approx(np.linspace(0.9, 0.1, 9), rel=0.03)
     assert squeezes[-1] < 0.01 * squeezes[0]
-    last = release.apart - 1
-    plant.drive(release.path[last : release.apart + 1])
+    apart = release.apart
+    plant.drive([release.path[apart - 1], release.path[apart]])
     assert plant.object.grasp is None
-    config = plant.drive(release.path[release.apart :])
+    config = plant.drive(release.path[apart:])
     lies = plant.robot.object_pose
     assert np.hypot(lies.x - held.x, lies.y - held.y) < 2e-4
     assert abs(lies.angle - held.angle) < 1e-3
